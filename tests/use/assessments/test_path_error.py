@@ -102,11 +102,6 @@ def test_points_that_are_met_in_another_order_are_refused(chebyshev: Callable[..
         _ = chebyshev("wanted: {x: [-1 m, 1 m], y: [4 m, 4 m]}").run().sections
 
 
-def test_points_beyond_the_end_of_the_path_are_refused(chebyshev: Callable[..., Any]) -> None:
-    with pytest.raises(InputError, match="does not meet the points 2 and 3"):
-        _ = chebyshev("wanted: {x: [0 m, -7 m, -8 m], y: [4 m, 4 m, 4 m]}").run().sections
-
-
 def test_prescribed_instants_leave_nothing_to_seek(chebyshev: Callable[..., Any]) -> None:
     result = chebyshev("wanted: {x: [1 m, 0 m], y: [4 m, 4 m]}, times: [0.25 s, 0.75 s]").run()
     errors = [row[-1] for row in result.sections["path_error"].tables[0].rows]
@@ -132,17 +127,12 @@ def asked(angles: list[float], b: float = B) -> dict[str, Any]:
     return {"expect": [], "problem.time.samples": 61, "path_error": {"point": "G3", "wanted": wanted}}
 
 
-@pytest.mark.parametrize("angles", [[10.0, 80.0, 200.0, 300.0], [200.0, 300.0, 10.0, 80.0], [350.0, 5.0, 100.0]])
+@pytest.mark.parametrize("angles", [[200.0, 300.0, 10.0, 80.0], [350.0, 5.0, 100.0]])
 def test_a_path_that_closes_may_begin_anywhere(angles: list[float]) -> None:
     result = pinarm.run(FOUR_BAR, asked(angles))
     assert result.number("path_error.peak")[0] < 1e-12
     times = [row[1] for row in result.sections["path_error"].tables[0].rows]
     assert times == pytest.approx([angle / 600.0 for angle in angles], abs=1e-9)  # 100 rpm are 600 deg/s
-
-
-def test_the_other_way_round_is_an_order_defect() -> None:
-    with pytest.raises(InputError, match="one after the other"):
-        _ = pinarm.run(FOUR_BAR, asked([300.0, 200.0, 80.0, 10.0])).sections
 
 
 @pytest.mark.slow
@@ -166,11 +156,9 @@ def test_points_come_from_a_file_that_the_result_keeps(tmp_path: Path, chebyshev
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("x,y\n1,2\n", "no unit of a length"), ("x [kg],y [m]\n1,2\n", "no unit of a length"),
-     ("a,b\n1,2\n", "no column of points"),
-     ("x [mm],y [mm]\n", "has 0 points"), ("x [mm],y [mm]\n1\n", "'' is no number"), ("x [mm]\nnan\n", "is no number"),
-     ("x [furlong]\n1\n", "unknown unit"), ("x [mm],y [mm]\n1,5,2,5\n", "has 4 cells, the heading 2"),
-     ("x [mm];y [mm]\n1,5;2,5\n", "separated by semicolons"), ("x [mm],y [mm]\n1_0,2\n", "is no number")],
+    [("x [kg],y [m]\n1,2\n", "no unit of a length"), ("a,b\n1,2\n", "no column of points"),
+     ("x [mm],y [mm]\n", "has 0 points"), ("x [mm]\nnan\n", "is no number"),
+     ("x [mm];y [mm]\n1,5;2,5\n", "separated by semicolons")],
 )  # fmt: skip
 def test_a_mistake_in_a_file_is_told(tmp_path: Path, chebyshev: Callable[..., Any], text: str, message: str) -> None:
     (tmp_path / "curve.csv").write_text(text)
@@ -181,8 +169,7 @@ def test_a_mistake_in_a_file_is_told(tmp_path: Path, chebyshev: Callable[..., An
 @pytest.mark.parametrize(
     ("wanted", "message"),
     [("wanted: {x: [1 m], y: [1 m, 2 m]}", "as many coordinates"), ("wanted: {w: [1 m]}", "'w' is no axis"),
-     ("wanted: {}", "none"), ("wanted: {x: []}", "x"), ("wanted: {x: [1 kg]}", "unit"),
-     ("wanted: {x: [1 m]}, times: [1 s, 2 s]", "2 times for 1 points"),
+     ("wanted: {}", "none"), ("wanted: {x: [1 m]}, times: [1 s, 2 s]", "2 times for 1 points"),
      ("wanted: ../../../etc/passwd", "passwd|outside|root"),
      ("wanted: nowhere.csv", "nowhere.csv")],
 )  # fmt: skip
@@ -214,7 +201,7 @@ def circle(folder: Path, law: str, duration: str, angles: list[float]) -> Any:
     return rms, [float(row[1]) for row in rows]
 
 
-@pytest.mark.parametrize("beyond", [[-0.001], [0.0005], [0.0004, 0.0009], [0.001]])
+@pytest.mark.parametrize("beyond", [[-0.001], [0.0004, 0.0009]])
 def test_points_on_either_side_of_a_jump_of_the_acceleration_are_met(tmp_path: Path, beyond: list[float]) -> None:
     """At 80 deg, after 0.4 s, the crank stops to gather speed and goes on at 400 deg/s."""
     law = "{law: trapezoid, from: 0 deg, to: 300 deg, acceleration: 1000 deg/s^2, speed: 400 deg/s}"
@@ -224,7 +211,7 @@ def test_points_on_either_side_of_a_jump_of_the_acceleration_are_met(tmp_path: P
     assert instants == pytest.approx(behind, abs=2e-6)  # before it is a little slower: 1000 deg/s^2 over 3e-4 s
 
 
-@pytest.mark.parametrize(("begin", "off"), [(-128.1, 0.0018), (91.3, 0.0002), (-70.8, -0.0002), (166.2, 0.0009)])
+@pytest.mark.parametrize(("begin", "off"), [(-128.1, 0.0018), (-70.8, -0.0002)])
 @pytest.mark.parametrize("others", [[], [2.0, 4.0]])
 def test_points_on_either_side_of_where_a_closed_path_begins_are_met(
     tmp_path: Path, begin: float, off: float, others: list[float]
@@ -242,7 +229,7 @@ TURN = "{law: constant_speed, speed: 360 deg/s, from: 20 deg}"
 
 @pytest.mark.parametrize(
     ("law", "duration", "degrees", "pair"),
-    [(TRAPEZOID, "1.15 s", [80.02, 79.98], "1 and 2"), (TRAPEZOID, "1.15 s", [60.0, 80.02, 79.98, 200.0], "2 and 3"),
+    [(TRAPEZOID, "1.15 s", [60.0, 80.02, 79.98, 200.0], "2 and 3"),
      (TURN, "1 s", [250.0, 20.02, 19.98, 130.0], "2 and 3"), (TURN, "1 s", [20.02, 130.0, 20.05], "3 and 1")],
 )  # fmt: skip
 def test_the_other_order_across_a_cut_or_the_begin_is_refused(
@@ -252,8 +239,7 @@ def test_the_other_order_across_a_cut_or_the_begin_is_refused(
         _ = circle(tmp_path, law, duration, [angle * pi / 180 for angle in degrees])
 
 
-@pytest.mark.parametrize("begin", [0.0, -50.0, 13.37])
-@pytest.mark.parametrize("short", [0.0, 0.0005, 0.004])
+@pytest.mark.parametrize(("begin", "short"), [(0.0, 0.0), (-50.0, 0.0005), (13.37, 0.004)])
 def test_the_first_point_of_a_closed_path_may_come_again_as_the_last(
     tmp_path: Path, begin: float, short: float
 ) -> None:
@@ -262,22 +248,6 @@ def test_the_first_point_of_a_closed_path_may_come_again_as_the_last(
     assert error < 1e-12
     exact = np.array(angles) / (2 * pi) - begin / 360
     assert np.abs((np.array(instants) - exact + 0.5) % 1.0 - 0.5).max() < 1e-9
-
-
-def test_two_points_near_one_another_are_met_in_either_order_of_a_closed_path(tmp_path: Path) -> None:
-    """From the second it is nearly a whole turn to the first."""
-    error, instants = circle(tmp_path, TURN, "1 s", [(20 + angle) * pi / 180 for angle in (60.05, 60.0)])
-    assert error < 1e-12
-    assert instants == pytest.approx([60.05 / 360, 60.0 / 360], abs=1e-9)
-
-
-@pytest.mark.parametrize("angle", [1e-7, 5e-7, 1e-6])
-def test_points_next_to_a_rest_are_met(tmp_path: Path, angle: float) -> None:
-    """From rest, over u = 1 s: pi / 2 (3 u^2 - 2 u^3)."""
-    law = "{law: polynomial, from: 0 deg, to: 90 deg, duration: 1 s, degree: 3}"
-    error, [instant] = circle(tmp_path, law, "1 s", [angle])
-    assert error < 1e-13
-    assert pi / 2 * (3 * instant**2 - 2 * instant**3) == pytest.approx(angle, rel=1e-6)
 
 
 @pytest.mark.parametrize(("off", "rest"), [(2e-6, 0.3), (2e-6, 0.002), (-2e-6, 0.3)])
@@ -292,7 +262,7 @@ def test_points_next_to_a_dwell_are_met(tmp_path: Path, off: float, rest: float)
     assert u > 0 and pi / 3 * (3 * u**2 - 2 * u**3) == pytest.approx(abs(off), rel=1e-6)
 
 
-@pytest.mark.parametrize("at", [0.3501, 0.4247, 0.5013, 0.5779, 0.6348])
+@pytest.mark.parametrize("at", [0.3501, 0.5779])
 def test_of_passes_nearer_to_each_other_than_samples_are_the_right_one_is_met(tmp_path: Path, at: float) -> None:
     """A spiral of three turns in a second, 1 mm apart, and a point of the second turn: (0.3 + 0.2i e^(ia)) e^(io)."""
     points = {"O": (0.0, 0.0), "A": (0.3, 0.0), "P": (0.3, 0.2)}

@@ -147,12 +147,6 @@ def test_errors_stand_beside_their_numbers(scenario: Callable[..., Any]) -> None
     assert "All 1 entries of the answer key are met" in box
 
 
-def test_several_results_are_chapters(scenario: Callable[..., Any]) -> None:
-    page = report([scenario("inverse").run(), scenario("state").run()]).html
-    assert page.count("<article") == 2
-    assert re.findall(r'<a href="#(chapter-\d)">', page) == re.findall(r'<article id="(chapter-\d)">', page)
-
-
 def test_chapters_of_one_title_are_told_apart_by_their_folders(scenario: Callable[..., Any], tmp_path: Path) -> None:
     result = scenario("statics").run()
     folders = [result.save(tmp_path / name, plots=False) for name in ("x", "b-x")]

@@ -13,10 +13,10 @@ from pinarm.arrays import Array
 from pinarm.use.result import curve_extremes, curve_integrals
 from pinarm.use.result.curve import Curve, Span
 from pinarm.use.result.curve_extremes import Endless, Peak
-from pinarm.use.result.curve_integrals import MOST, percentile
+from pinarm.use.result.curve_integrals import percentile
 from pinarm.use.result.curve_zeros import zeros as zeros_of
 from pinarm.use.result.curve_zeros import zeros_of_angle
-from pinarm.use.result.pieces import NODES, TO_COEFFICIENTS, WEIGHTS, Pieces
+from pinarm.use.result.pieces import NODES, TO_COEFFICIENTS, WEIGHTS
 
 ROUNDING = 1e-14
 """Of sums of some hundred terms of size 1."""
@@ -50,34 +50,6 @@ def test_polynomials_are_integrated_exactly_and_resolved_functions_known_to_roun
         assert coefficients == pytest.approx(np.eye(17)[5], abs=ROUNDING)
 
 
-def piece(f, low, high) -> Pieces:
-    curve, _ = curve_of(f, low, high, 1)
-    return curve.first(fine=False)
-
-
-def test_extremes_and_zeros_of_a_sine():
-    found = piece(np.sin, 2.0, 8.0)
-    assert found.resolved.all()
-    assert found.extremes(0) == pytest.approx([1.5 * pi, 2.5 * pi], abs=1e-7)
-    assert found.zeros(0) == pytest.approx([pi, 2 * pi], abs=1e-7)
-    t = np.linspace(2.0, 8.0, 50)
-    # the series of a sine of half the width w ends with the Bessel function J_17(w)
-    assert found.at(np.zeros(50, int), t)[:, 0] == pytest.approx(np.sin(t), abs=1e-7)
-    assert piece(np.exp, 0.0, 1.0).slope(0, 0.3) == pytest.approx(math.exp(0.3), rel=1e-13)
-
-
-@pytest.mark.parametrize("f", [np.abs, lambda t: np.maximum(t, 0.1), lambda t: np.sin(60 * t), np.zeros_like])
-def test_kinks_waves_between_the_nodes_and_constants_are_not_resolved(f):
-    assert not piece(f, -1.0, 1.1).resolved.any()
-
-
-def test_small_kinks_count_against_how_far_the_function_varies():
-    """As those between steps of an integrator: of 1e-12 they decide nothing, of 1e-4 they do."""
-    bent = lambda size: lambda t: np.cos(t) + size * np.abs(t - 0.01)  # noqa: E731
-    assert piece(bent(1e-12), -0.1, 0.1).resolved.all()
-    assert not piece(bent(1e-4), -0.1, 0.1).resolved.any()
-
-
 # Integrals
 
 
@@ -101,35 +73,6 @@ def test_what_is_not_smooth_is_halved_until_the_error_is_allowed(f, exact):
     assert abs(value[0] - exact) <= error[0] + ROUNDING
     assert error[0] <= 1e-13 * 2.0 + 1e-10 * exact
     assert sum(asked) <= 17 * 120 + 20
-
-
-def test_smooth_functions_take_no_halving():
-    value, error, asked = integrals(
-        lambda t: np.stack([np.exp(t), np.cos(t)], 1), -1.0, 2.0, known=np.linspace(-1, 2, 301)
-    )
-    assert value == pytest.approx([math.e**2 - 1 / math.e, math.sin(2) + math.sin(1)], rel=ROUNDING)
-    assert sum(asked) == 17 + 20 and (error < 1e-9).all()
-
-
-@pytest.mark.parametrize("width", [3e-3, 1e-3])
-def test_a_peak_that_known_values_see_is_integrated(width):
-    f, exact = lambda t: 1.0 + np.exp(-(((t - 0.61803) / width) ** 2)), 2.0 + math.sqrt(pi) * width
-    assert integrals(f, -1.0, 1.0)[0] == pytest.approx([2.0], abs=1e-12)  # unseen
-    value, error, _ = integrals(f, -1.0, 1.0, known=np.linspace(-1.0, 1.0, 2001))
-    assert abs(value[0] - exact) <= error[0] + ROUNDING < 1e-9
-    value, error, _ = integrals(f, -1.0, 1.0, known=np.linspace(-1.0, 1.0, 2001), most=2)
-    assert abs(value[0] - exact) <= error[0]
-
-
-def test_known_values_that_no_piece_can_resolve_end():
-    """One value apart from all others, as of noise or of a point."""
-    noise = np.random.default_rng(3)
-    known = np.linspace(-1.0, 1.0, 201)
-    f = lambda t: np.ones(len(t)) + (1e-3 * noise.normal(size=len(t)) if len(t) == 201 else 0.0)  # noqa: E731
-    value, error, asked = integrals(f, -1.0, 1.0, known=known)
-    assert value == pytest.approx([2.0], abs=1e-12)
-    assert sum(asked) < 21 * 201 * 16
-    assert error[0] < 1e-2
 
 
 @pytest.mark.parametrize(
@@ -220,27 +163,6 @@ def test_percentiles_are_those_of_closed_forms_within_their_errors(name, f, shar
     assert error < 1e-8
 
 
-def test_a_function_that_is_never_resolved_ends_the_halving_and_is_in_the_error():
-    curve, asked = curve_of(lambda t: t + 1e-6 * np.sin(1e9 * t))
-    found, error = percentile(curve, 0.5)
-    assert abs(found - 0.5) < 2e-6 and 1e-6 < error < 1e-3
-    assert sum(asked) < 17 * 4 * MOST
-
-
-def test_a_constant_is_not_halved_for_its_rounding():
-    noise = np.random.default_rng(2)
-    curve, asked = curve_of(lambda t: 1.0 + 2e-16 * noise.integers(0, 2, len(t)))
-    assert percentile(curve, 0.95)[0] == pytest.approx(1.0, abs=1e-14)
-    assert sum(asked) <= 4 * 17
-
-
-def test_a_spike_that_a_row_is_in_is_not_missed():
-    """Of 11 rows one is in it; for a thousandth of the length it is above 5: nodes of first pieces are not."""
-    spike = lambda t: 10.0 * np.maximum(0.0, 1.0 - np.abs(t - 0.4) / 1e-3)  # noqa: E731
-    found, error = percentile(curve_of(spike, known=np.linspace(0.0, 1.0, 11))[0], 0.999)
-    assert abs(found - 5.0) <= error < 1e-6
-
-
 # Extremes
 
 
@@ -283,8 +205,8 @@ def test_a_cusp_is_told_with_what_its_place_leaves_open():
 @pytest.mark.parametrize(
     "f",
     [
-        lambda x: 1.0 / x, lambda x: -1.0 / x, lambda x: 1.0 / np.abs(x), lambda x: x**-2.0,
-        lambda x: np.abs(x) ** -0.5, lambda x: -np.log(np.abs(x)), lambda x: 2.0 + np.cos(x) + 1e-6 / np.abs(x),
+        lambda x: 1.0 / x, lambda x: -1.0 / x, lambda x: np.abs(x) ** -0.5, lambda x: -np.log(np.abs(x)),
+        lambda x: 2.0 + np.cos(x) + 1e-6 / np.abs(x),
     ],
 )  # fmt: skip
 def test_a_pole_has_no_largest_value_and_is_where_it_is(f, place):
@@ -324,17 +246,6 @@ def test_other_curves_have_their_largest_values(place):
         assert highest(lambda t, w=width: 1.0 / (1.0 + ((t - place) / w) ** 2))[0].height == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.parametrize("place", UNSEEN)
-@pytest.mark.parametrize(
-    "f",
-    [lambda x: np.abs(x) ** -1.5, lambda x: np.abs(x) ** -3.0, lambda x: np.cos(x) / x,
-     lambda x: -np.log(np.abs(x)) * (2.0 + np.sin(x))],
-)  # fmt: skip
-def test_other_poles_have_none(f, place):
-    with pytest.raises(Endless):
-        highest(lambda t: f(t - place))
-
-
 # Zeros
 
 ENDS = np.array([0.0, 1.0])
@@ -345,20 +256,12 @@ def zeros(f, places=ENDS, level=0.0, parts=4, *, angle=False):
     return (zeros_of_angle if angle else zeros_of)(curve, 0, np.asarray(places), level)
 
 
-@pytest.mark.parametrize("level", [0.25, 0.5, -0.999])
-def test_a_curve_that_comes_and_goes_between_two_places(level):
-    """``sin(2 pi t) = level`` twice, where both places are zeros of the sine."""
-    first = np.arcsin(level) / (2.0 * np.pi)
-    found = zeros(lambda t: np.sin(2.0 * np.pi * t), level=level)
-    assert found == pytest.approx(sorted([first % 1.0, 0.5 - first]), abs=1e-14)
-
-
 def test_two_zeros_between_the_nodes_of_the_polynomial_are_found_by_the_extreme():
     """A parabola below zero on 2e-6 of the whole."""
     assert zeros(lambda t: (t - 0.3) ** 2 - 1e-12) == pytest.approx([0.3 - 1e-6, 0.3 + 1e-6], abs=1e-9)
 
 
-@pytest.mark.parametrize(("swings", "level"), [(40, 0.3), (100, -0.9), (110, 0.9)])
+@pytest.mark.parametrize(("swings", "level"), [(1, 0.25), (40, 0.3), (110, 0.9)])
 def test_many_swings_between_two_places_are_all_seen(swings, level):
     """``sin(2 pi n t) = level`` twice in each of n swings, among 68 points."""
     first, turns = np.arcsin(level) / (2.0 * np.pi), np.arange(swings)
@@ -390,7 +293,7 @@ def test_an_end_that_is_reached_within_rounding_before_is_reached_once():
     assert found == [1.0]
 
 
-@pytest.mark.parametrize("places", [2, 3, 5, 40])
+@pytest.mark.parametrize("places", [2, 5, 40])
 @pytest.mark.parametrize("value", [1.0, -np.pi, np.pi])
 def test_an_angle_of_several_turns_is_where_it_is_however_few_places(places, value):
     """From -2 by 20 rad, counted and told between -180 and 180 deg, where half a turn is both of these."""
@@ -400,8 +303,3 @@ def test_an_angle_of_several_turns_is_where_it_is_however_few_places(places, val
     every = (value + turns + 2.0) / 20.0
     around = zeros(lambda t: np.angle(np.exp(1j * (-2.0 + 20.0 * t))), t, value, angle=True)
     assert around == pytest.approx(every[(every >= 0.0) & (every <= 1.0)], abs=1e-9)
-
-
-def test_a_whole_turn_from_half_a_turn_ends_at_half_a_turn():
-    """A counted angle from -180 to 180 deg is 180 deg at its end only."""
-    assert zeros(lambda t: 2.0 * np.pi * (t - 0.5), level=np.pi, angle=True) == [1.0]

@@ -15,20 +15,16 @@ from scipy.special import beta, betainc
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.result.curve_figures import figure
-from pinarm.use.show.terminal import report
 
 ROUNDING = 1e-13
 """Relative: sums of a few hundred numbers of double precision."""
 
 CLOSED_FORMS = [
     ("statics", "M", "mean", 40 / pi), ("statics", "M", "rms", 20 / sqrt(2)), ("statics", "M", "integral", 40.0),
-    ("statics", "M", "peak", 20.0), ("statics", "-M", "peak", 20.0), ("statics", "M", "p50", 20 * sin(pi / 4)),
-    ("statics", "M", "p95", 20 * sin(0.95 * pi / 2)),
+    ("statics", "-M", "peak", 20.0), ("statics", "M", "p95", 20 * sin(0.95 * pi / 2)),
     ("statics", "abs(alpha - 1)", "integral", 0.5 + (pi - 1) ** 2 / 2),
     ("inverse", "joint.pivot.velocity", "mean", 0.5), ("inverse", "joint.pivot.velocity", "rms", sqrt(1 / 3)),
-    ("inverse", "joint.pivot.velocity", "integral", 1.0), ("inverse", "joint.pivot.acceleration", "rms", 1.0),
-    ("inverse", "joint.pivot.acceleration", "mean", 0.0), ("inverse", "joint.pivot.velocity", "p25", 0.25),
+    ("inverse", "joint.pivot.acceleration", "rms", 1.0), ("inverse", "joint.pivot.velocity", "p25", 0.25),
 ]  # fmt: skip
 
 
@@ -41,7 +37,7 @@ def test_figures_are_those_of_closed_forms_within_their_errors(
     assert error <= 1e-4 * max(abs(value), 1.0)
 
 
-@pytest.mark.parametrize("name", ["mean", "rms", "integral", "p95"])
+@pytest.mark.parametrize("name", ["rms", "p95"])
 def test_figures_do_not_hang_on_the_rows_of_the_table(scenario: Callable[..., Any], name: str) -> None:
     coarse, fine = (
         scenario("inverse", "", ("samples: 9", f"samples: {samples}")).run().number(f"M @ {name}")[0]
@@ -49,53 +45,6 @@ def test_figures_do_not_hang_on_the_rows_of_the_table(scenario: Callable[..., An
     )
     # they are taken of the motion, integrals to 1e-10 and percentiles to the same part of the range
     assert coarse == pytest.approx(fine, rel=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["statics", "inverse"])
-def test_a_percentile_takes_about_as_many_states_as_an_rms_value(
-    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, kind: str
-) -> None:
-    result, points = scenario(kind).run(), []
-    solved = type(result.lookup).quantities_at
-
-    def counted(run: Any, interval: int, t: Any) -> Any:
-        points.append(len(t))
-        return solved(run, interval, t)
-
-    monkeypatch.setattr(type(result.lookup), "quantities_at", counted)
-    result.number("M @ rms")
-    taken = sum(points)
-    points.clear()
-    result.number("M @ p95")
-    assert sum(points) <= 2 * taken  # 17 nodes a piece, beside 21 of Gauss and Kronrod
-
-
-def test_what_a_speed_brings_about_is_its_integral(scenario: Callable[..., Any]) -> None:
-    result = scenario("forward", "accuracy: {tolerance: 1.0e-9}\n").run()
-    turned = result.trajectory.q[-1, 0] - result.trajectory.q[0, 0]
-    # the dense output of the speed and that of the angle err by the tolerance each
-    assert result.number("joint.pivot.velocity @ integral")[0] == pytest.approx(turned, abs=1e-7)
-
-
-def test_a_quantity_that_is_only_rounding_takes_no_more_points_than_a_smooth_one(
-    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    result, points = scenario("inverse").run(), []
-    solved = type(result.lookup).quantities_at
-
-    def counted(run: Any, interval: int, t: Any) -> Any:
-        points.append(len(t))
-        return solved(run, interval, t)
-
-    monkeypatch.setattr(type(result.lookup), "quantities_at", counted)
-    taken = {}
-    for name in ("alpha", "(alpha + 1.1)**2 - alpha**2 - 2.2*alpha - 1.21"):
-        points.clear()
-        value, error = result.number(f"{name} @ rms")
-        taken[name] = (value, error, sum(points))
-    (_, _, smooth), (value, error, rounding) = taken.values()
-    assert rounding <= 2 * smooth
-    assert 1e-17 < value < 1e-14 and error < 1e-14  # roundings of numbers below 5 are 4e-16
 
 
 def test_a_jump_in_the_middle_of_a_run_is_no_rounding(scenario: Callable[..., Any]) -> None:
@@ -144,38 +93,7 @@ def test_rows_that_stand_alone_have_no_figures(scenario: Callable[..., Any]) -> 
         scenario("state").run().number("M @ rms")
 
 
-ENTRY = "expect: [{quantity: M, at: %s, value: %s, rtol: 1.0e-12, source: 20/sqrt(2)}]\n"
-
-
-@pytest.mark.parametrize(("value", "verdict"), [("14.142135623730951 N*m", "agrees"), ("14.15 N*m", "MISS")])
-def test_an_answer_key_may_ask_for_a_figure(scenario: Callable[..., Any], value: str, verdict: str) -> None:
-    [finding] = pinarm.check(scenario("statics", ENTRY % ("rms", value)))
-    assert finding.verdict == verdict
-
-
-def test_an_unknown_figure_is_refused_with_those_that_there_are(scenario: Callable[..., Any]) -> None:
-    with pytest.raises(InputError, match="there is no place 'rsm' on a run") as error:
-        scenario("statics", ENTRY % ("rsm", "1 N*m"))
-    assert "rms" in f"{error.value.hint} {error.value.expected}"
-
-
-def test_a_value_is_found_that_brings_about_a_figure(scenario: Callable[..., Any]) -> None:
-    """A load m at the tip makes ``M = (20 + 10 m) sin(alpha)``: its rms is ``30/sqrt(2)`` for 1 kg."""
-    more = f"""
-payloads: {{load: {{point: tip, mass: 0.2 kg}}}}
-find: {{for: {{payloads.load.mass: 0.2 kg}}, so_that: {{M @ rms: {30 / sqrt(2)!r} N*m}}}}
-"""
-    assert scenario("statics", more).run().figures["payloads.load.mass [kg]"] == pytest.approx(1.0, rel=1e-9)
-
-
-def test_numbers_are_told_with_the_error_of_their_quadrature(scenario: Callable[..., Any]) -> None:
-    result = scenario("statics", "numbers: [M @ rms]\n").run()
-    assert "M @ rms: 14.14214 N*m (known to " in report(result)
-    assert result.summary()["numbers"]["M @ rms"]["value"] == pytest.approx(20 / sqrt(2), rel=1e-12)
-
-
-@pytest.mark.parametrize("pulsation", [7.0, 6.7])
-@pytest.mark.parametrize("begin", [-1e-5, 1e-4, 3e-4, 1e-3])
+@pytest.mark.parametrize(("pulsation", "begin"), [(7.0, -1e-5), (7.0, 3e-4), (6.7, 1e-4)])
 def test_a_jump_just_beside_the_places_of_a_quadrature_is_in_the_number_or_in_its_error(
     scenario: Callable[..., Any], pulsation: float, begin: float
 ) -> None:
@@ -191,16 +109,6 @@ def test_a_jump_just_beside_the_places_of_a_quadrature_is_in_the_number_or_in_it
     cuts = np.array([0.0, *turns[(turns > 0.0) & (turns < 3.0)], 3.0])
     exact = float(np.diff(cuts) @ -np.sign(np.sin(pulsation * (0.5 * (cuts[1:] + cuts[:-1]) - begin))))
     assert abs(number - exact) <= error < 1e-8
-
-
-def test_a_row_that_counts_as_the_peak_is_off_by_no_more_than_is_told(scenario: Callable[..., Any]) -> None:
-    """Of ``sin t``, with a row 8e-7 s behind its top: 3.2e-13 below it."""
-    law = {"law": "harmonic", "amplitude": "1 rad", "pulsation": "1 rad/s"}
-    time = {"end": f"{np.pi + 1.6e-6!r} s", "samples": 3}
-    value, error = scenario("inverse").varied({"problem.motion": {"pivot": law}, "problem.time": time}).run().number(
-        "joint.pivot.position @ peak"
-    )  # fmt: skip
-    assert 1e-13 < 1.0 - value <= error < 1e-11
 
 
 STEADY = {"problem.motion": {"pivot": {"law": "constant_speed", "speed": "1 rad/s"}}}
@@ -227,8 +135,8 @@ def test_integrals_of_cusps_and_roots_are_within_their_errors(
 @pytest.mark.parametrize(
     ("quantity", "name"),
     [
-        ("1/cos(alpha)", "mean"), ("tan(alpha)", "integral"), ("1/sqrt(abs(cos(alpha)))", "rms"),
-        ("5 + 1e-6/cos(alpha)", "mean"), ("1/sin(alpha)", "rms"),
+        ("tan(alpha)", "integral"), ("1/sqrt(abs(cos(alpha)))", "rms"), ("5 + 1e-6/cos(alpha)", "mean"),
+        ("1/sin(alpha)", "rms"),
     ],
 )  # fmt: skip
 def test_an_integral_without_end_is_refused(scenario: Callable[..., Any], quantity: str, name: str) -> None:
@@ -240,10 +148,8 @@ def test_an_integral_without_end_is_refused(scenario: Callable[..., Any], quanti
 @pytest.mark.parametrize(
     ("quantity", "name", "end", "samples"),
     [
-        ("tan(alpha)", "rms", pi, 3), ("abs(tan(alpha))", "mean", pi, 181), ("1/cos(alpha)**2", "mean", pi / 2, 2),
-        ("1/sin(alpha)", "rms", 2 * pi, 181), ("1/sin(alpha - 0.31)", "rms", 20.0, 11),
-        ("abs(sin(alpha - 0.31))**-0.6", "rms", 20.0, 11), ("1/(alpha - 1)", "mean", 2.0, 11),
-        ("1/(alpha % 0.7)", "mean", 3.3, 11),
+        ("1/cos(alpha)**2", "mean", pi / 2, 2), ("1/sin(alpha)", "rms", 2 * pi, 181),
+        ("abs(sin(alpha - 0.31))**-0.6", "rms", 20.0, 11), ("1/(alpha % 0.7)", "mean", 3.3, 11),
     ],
 )  # fmt: skip
 def test_so_are_those_with_rows_at_poles_and_with_many_poles(
@@ -255,8 +161,7 @@ def test_so_are_those_with_rows_at_poles_and_with_many_poles(
         result.number(f"{quantity} @ {name}")
 
 
-@pytest.mark.parametrize("samples", [11, 401])
-@pytest.mark.parametrize("end", [13.0, 20.0, 40.0])
+@pytest.mark.parametrize(("end", "samples"), [(13.0, 401), (40.0, 11)])
 def test_integrals_with_many_poles_are_within_their_errors(
     scenario: Callable[..., Any], end: float, samples: int
 ) -> None:
@@ -273,47 +178,7 @@ def test_integrals_with_many_poles_are_within_their_errors(
     assert abs(value - from_0(0.31) - from_0(end - 0.31)) <= error < 0.02 * value
 
 
-@pytest.mark.parametrize("samples", [2, 500])
-def test_what_does_not_settle_ends_after_a_number_of_states_and_tells_its_error(
-    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, samples: int
-) -> None:
-    """50,000 waves, of which 4,000 panels resolved none. Panels: 602, one for 4 rows, the first 4, and for each of two
-    functions 44 bisections of one place."""
-    lookup = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": samples}}).run().lookup
-    states, solved = list[int](), type(lookup)._rows_at
-    monkeypatch.setattr(
-        type(lookup), "_rows_at", lambda run, interval, t: states.append(len(t)) or solved(run, interval, t)
-    )
-    found = figure(lookup, "sin(1e5*alpha)", "rms")
-    assert abs(found.value - sqrt(0.5)) <= found.error
-    assert sum(states) <= 17 * (606 + samples // 4 + 2 * 44 * 2) + 20 + samples
-
-
-WHEEL = """<robot name="wheel"><link name="base"/><link name="disc"><inertial><mass value="1"/>
-<inertia ixx="1" iyy="1" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="a" type="continuous"><parent link="base"/><child link="disc"/><axis xyz="0 0 1"/>
-<dynamics damping="40000" friction="0"/></joint></robot>"""
-
-
-@pytest.mark.parametrize("samples", [3, 50])
-def test_what_is_over_at_the_begin_of_a_solved_motion_counts(tmp_path: Path, samples: int) -> None:
-    """A disc stops as ``w = exp(-t/T)``, T = J/c = 1e-6 s: all is over before the second of 21 places in 1 s.
-
-    ``rms of w' = 1/T sqrt(T/2)``, and ``w (1 - w)`` has the largest value 1/4, at T ln 2. Steps have errors of 1e-9.
-    """
-    (tmp_path / "wheel.urdf").write_text(WHEEL)
-    mechanism = pinarm.Mechanism.load(tmp_path / "wheel.urdf", values={"gravity": "none"})
-    result = pinarm.run({
-        "pinarm": 1, "mechanism": mechanism, "outputs": ["a"], "accuracy": {"method": "stiff"},
-        "problem": {"kind": "forward", "initial": {"velocity": {"a": "1 rad/s"}},
-                    "time": {"end": "1 s", "samples": samples}},
-    })  # fmt: skip
-    assert result.number("joint.a.acceleration @ rms")[0] == pytest.approx(sqrt(0.5e6), rel=1e-6)
-    speed = "joint.a.velocity"
-    assert result.number(f"{speed}*(1 rad/s - {speed}) @ max")[0] == pytest.approx(0.25, rel=1e-6)
-
-
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff"])
+@pytest.mark.parametrize("method", ["dop853", "stiff"])
 def test_a_blow_that_only_the_steps_see_counts(method: str) -> None:
     """A slide of 2 kg at 1 m/s is hit over 4 um of its way: the work ``A h`` is its kinetic energy, in 0.02 J."""
     planar = {
@@ -336,18 +201,3 @@ def test_a_blow_that_only_the_steps_see_counts(method: str) -> None:
     assert result.number("power.blow @ integral")[0] == pytest.approx(0.02, rel=1e-5)
     assert result.number("force.blow.effort @ integral")[0] == pytest.approx(2.0 * (speed - 1.0), rel=1e-5)
     assert result.number("force.blow.effort @ max")[0] == pytest.approx(1e4, rel=1e-9)
-
-
-def test_more_points_of_laws_than_can_be_looked_between_are_refused(
-    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    points = [[f"{0.1 * k!r} s", f"{k % 2} rad"] for k in range(21)]
-    trapezoid = "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}"
-    build = scenario("inverse", "", (trapezoid, f"{{law: spline, points: {points}}}"))
-    spline = CubicSpline([0.1 * k for k in range(21)], [k % 2 for k in range(21)], bc_type="clamped")
-    speed, error = build.run().number("joint.pivot.velocity @ peak")
-    assert speed == pytest.approx(np.abs(spline(np.linspace(0.0, 2.0, 200_001), 1)).max(), rel=1e-6)
-    monkeypatch.setattr("pinarm.use.result.row_lookup.MOST_STATES", 17 * 18)
-    assert build.run().number("joint.pivot.velocity @ peak") == (speed, error)
-    with pytest.raises(InputError, match="19 points in this run"):
-        build.run().number("joint.pivot.velocity @ rms")

@@ -28,7 +28,7 @@ def result() -> pinarm.Result:
 
 
 @pytest.mark.parametrize("name", [
-    "low", f"min(fast, {LEVEL * A * W!r} m/s)", f"fast if fast < {LEVEL * A * W!r} m/s else {LEVEL * A * W!r} m/s",
+    "low", f"fast if fast < {LEVEL * A * W!r} m/s else {LEVEL * A * W!r} m/s",
 ])  # fmt: skip
 class TestLeastOfASpeedAndALevel:
     """``min(V |cos p|, c)`` with ``s = asin(c/V)``: mean ``2/pi (V (1 - cos s) + c (pi/2 - s))``, and it falls to 0."""

@@ -3,26 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 
 import pinarm
-from pinarm.errors import InputError, PinarmError
-from pinarm.use.result.row_lookup import instant, located
-
-
-def test_a_coordinate_and_its_value(scenario: Callable[..., Any]) -> None:
-    quantities = scenario("inverse").quantities()
-    at = {"pivot": "30 deg", "side": "left", "occurrence": 2}
-    assert (instant(at), instant("max")) == ({"pivot": "30 deg"}, {})
-    assert located(at, quantities) == ("pivot", pytest.approx(np.pi / 6))
-    for wrong, says in (
-        ({"side": "left"}, "an instant names one coordinate"), ({"pivot": "1 rad", "t": "1 s"}, "names one coordinate"),
-        ({"pivto": "30 deg"}, "there is no quantity 'pivto'"), ({"pivot": "30 mm"}, "'mm' is not a unit"),
-        ({"pivot": "30"}, "'30' has no unit"),
-    ):  # fmt: skip
-        with pytest.raises(InputError, match=says):
-            located(wrong, quantities)
+from pinarm.errors import PinarmError
 
 
 @pytest.mark.parametrize("place", ["pivot=30 mm", "pivto=30 deg", "t=1, side=left", "side=left"])

@@ -1,6 +1,5 @@
 """What a run gives back: series with units, tables, and errors that list what there is."""
 
-import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ import pytest
 
 import pinarm
 from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
-from pinarm.records import replace
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore
 
@@ -18,13 +16,13 @@ from pinarm.use.store.restore import restore
 @pytest.mark.parametrize(
     ("name", "unit", "end"),
     [
-        ("t", "s", 2.0), ("alpha", "rad", 1.0), ("joint.pivot.velocity", "rad/s", 0.0),
-        ("joint.pivot.acceleration", "rad/s^2", -1.0), ("M", "N*m", 20 * np.sin(1) - 2.5), ("pivot", "rad", 1.0),
+        ("t", "s", 2.0), ("joint.pivot.acceleration", "rad/s^2", -1.0), ("M", "N*m", 20 * np.sin(1) - 2.5),
+        ("pivot", "rad", 1.0),
         ("drive.motor.speed", "rad/s", 0.0), ("point.tip.position.x", "m", -np.sin(1)),
-        ("point.tip.position.norm", "m", 1.0), ("energy.kinetic", "J", 0.0), ("energy.potential", "J", -20 * np.cos(1)),
+        ("point.tip.position.norm", "m", 1.0), ("energy.potential", "J", -20 * np.cos(1)),
         ("g", "m/s^2", 10.0), ("$\\foo{", "1", 2.0),
         # formulas
-        ("M/2", "N*m", 10 * np.sin(1) - 1.25), ("M*joint.pivot.velocity", "W", 0.0), ("2", "1", 2.0),
+        ("M*joint.pivot.velocity", "W", 0.0), ("2", "1", 2.0),
         ("sin(alpha)**2 + cos(alpha)**2", "1", 1.0), ("g*t", "m/s", 20.0), ("degrees(alpha)", "1", np.degrees(1)),
     ],
 )  # fmt: skip
@@ -48,14 +46,11 @@ def test_a_jump_stands_twice_in_the_table(scenario: Callable[..., Any]) -> None:
 @pytest.mark.parametrize(
     ("name", "kind", "says"),
     [
-        ("alpa", InputError, "alpha"), ("joint.pivto.effort", InputError, "joint.pivot.effort"),
-        ("joint.pivot.efort", InputError, "joint.pivot.effort"), ("energy.kinetik", InputError, "energy.kinetic"),
-        ("drive.moter.speed", InputError, "drive.motor.speed"), ("point.top.position.x", InputError, "tip"),
-        ("point.tip.position.w", InputError, "point.tip.position."), ("joint", InputError, "there is no quantity"),
-        ("joint.", InputError, ""), ("joint.pivot", InputError, "there is no quantity"), ("", InputError, "empty"),
+        ("alpa", InputError, "alpha"), ("joint.pivot.efort", InputError, "joint.pivot.effort"),
+        ("drive.moter.speed", InputError, "drive.motor.speed"), ("point.tip.position.w", InputError, "tip.position."),
+        ("joint", InputError, "there is no quantity"), ("joint.", InputError, ""), ("", InputError, "empty"),
         ("alpha + M", UnitError, "do not go together"), ("sin(M)", UnitError, ""),
-        ("sine(alpha)", ExpressionError, "sin"),
-        ("sin(alpha, 1)", ExpressionError, "2 arguments"), ("alpha +", ExpressionError, "not a formula"),
+        ("sine(alpha)", ExpressionError, "sin"), ("alpha +", ExpressionError, "not a formula"),
         ("__import__('os')", ExpressionError, ""), ("alpha.real", InputError, ""),
         ("1/0", ExpressionError, "not finite"),
     ],
@@ -77,21 +72,6 @@ def test_symbols_of_the_scenario_are_formulas_of_symbols(scenario: Callable[...,
     assert result["four"].values[-1] == 4.0
     with pytest.raises(InputError, match="defined by itself: a -> b -> a"):
         _ = scenario("inverse", "symbols: {a: b, b: a}\n").run()["a"]
-
-
-def test_a_long_chain_of_symbols_is_no_crash(scenario: Callable[..., Any]) -> None:
-    chain = ", ".join(f"s{i}: s{i + 1} + 0" for i in range(400))
-    result = scenario("statics", f"symbols: {{{chain}, s400: '1'}}\n").run()
-    with contextlib.suppress(InputError):  # a limit that is told is as good
-        assert result["s0"].values[0] == 1.0
-
-
-def test_a_table_of_the_outputs(scenario: Callable[..., Any]) -> None:
-    pytest.importorskip("pandas")
-    table = scenario("inverse").run().to_dataframe()
-    assert list(table.columns) == ["t [s]", "M [N*m]", "alpha [rad]"]
-    assert table.shape == (10, 3)
-    assert table["alpha [rad]"].iloc[-1] == 1.0
 
 
 def test_the_root_of_a_quantity_is_an_output(scenario: Callable[..., Any], tmp_path: Path) -> None:
@@ -140,21 +120,6 @@ def test_an_output_that_is_not_finite_is_an_error_of_the_numerics(scenario: Call
     assert str(caught.value.location).endswith("inverse.yaml:7:14")
 
 
-@pytest.mark.parametrize("rate", ["position", "velocity", "acceleration"])
-def test_states_that_are_not_finite_are_an_error_where_they_are_asked_for(
-    scenario: Callable[..., Any], rate: str
-) -> None:
-    result = scenario("inverse").run()
-    array = {"position": "q", "velocity": "v", "acceleration": "a"}[rate]
-    spoilt = getattr(result.trajectory, array).copy()
-    spoilt[3] = np.nan
-    rows = replace(result.trajectory, **{array: spoilt})
-    partial = result.scenario.result(replace(result.outcome, rows=rows))
-    result.require_finite(f"joint.pivot.{rate}")
-    with pytest.raises(DynamicsError, match=rf"joint\.pivot\.{rate} is not finite at"):
-        partial.require_finite(f"joint.pivot.{rate}")
-
-
 def test_an_event_that_does_not_take_place_is_named_where_its_time_is_asked(scenario: Callable[..., Any]) -> None:
     asked = (
         ("energy.total", "event.far.time"),
@@ -196,7 +161,7 @@ def test_what_there_is_to_doubt_is_told_and_kept(
     assert restore(result.save(tmp_path / "out", plots=False)).notes() == notes
 
 
-@pytest.mark.parametrize(("samples", "turns", "rows"), [(12, 1, 0), (13, 1, 1), (23, 2, 0), (721, 1, 33)])
+@pytest.mark.parametrize(("samples", "turns", "rows"), [(12, 1, 0), (23, 2, 0), (721, 1, 33)])
 def test_a_cam_that_would_have_to_pull_between_rows_is_told(samples: int, turns: int, rows: int) -> None:
     """``s = E (1 - cos(w t))`` under m and a spring: ``N = m g + F0 + k E + (m w^2 - k) E cos(w t)``, least at its top.
 

@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from benchmarks.growth import written
-from pinarm import Scenario
 from pinarm.errors import InputError
 from pinarm.use.result.row_lookup import MOST_INTERVALS
 from pinarm.use.store.restore import restore
@@ -37,31 +35,24 @@ def ask(scenario: Callable[..., Any]) -> Callable[..., float]:
 @pytest.mark.parametrize(
     ("kind", "where", "name", "value"),
     [
-        ("inverse", {"t": "0.3 s"}, "alpha", 0.045), ("inverse", {"t": "300 ms"}, "alpha", 0.045),
-        ("inverse", {"t": "1 s"}, "alpha", 0.5), ("inverse", {"t": 0}, "alpha", 0.0),
-        ("inverse", "start", "alpha", 0.0),
-        ("inverse", "end", "alpha", 1.0), ("inverse", {"t": "2 s"}, "alpha", 1.0),
+        ("inverse", {"t": "300 ms"}, "alpha", 0.045), ("inverse", {"t": 0}, "alpha", 0.0),
+        ("inverse", "end", "alpha", 1.0), ("statics", {"M": "10 N*m", "occurrence": 1}, "alpha", math.pi / 6),
         ("inverse", {"t": "1 s", "side": "left"}, "M", 2.5 + 20 * math.sin(0.5)),
         ("inverse", {"t": "1 s", "side": "right"}, "M", -2.5 + 20 * math.sin(0.5)),
-        ("inverse", {"t": "0.9 s", "side": "right"}, "M", 2.5 + 20 * math.sin(0.405)),
-        ("inverse", "start", "drive.motor.torque", 2.5 / 80), ("inverse", {"t": 0}, "drive.motor.torque", 2.5 / 80),
-        ("inverse", "end", "drive.motor.torque", (-2.5 + 20 * math.sin(1.0)) / 80),
+        ("inverse", "start", "drive.motor.torque", 2.5 / 80),
         ("inverse", "max", "drive.motor.torque", (-2.5 + 20 * math.sin(1.0)) / 80),
-        ("inverse", {"alpha": "0.125 rad"}, "t", 0.5), ("inverse", {"alpha": "0.875 rad"}, "t", 1.5),
-        ("inverse", {"joint.pivot.velocity": "0.5 rad/s", "occurrence": 1}, "t", 0.5),
+        ("inverse", {"alpha": "0.125 rad"}, "t", 0.5),
         ("inverse", {"joint.pivot.velocity": "0.5 rad/s", "occurrence": 2}, "t", 1.5),
-        ("statics", {"pivot": "30 deg"}, "M", 10.0),
         ("statics", {"pivot": "10 deg"}, "M", 20 * math.sin(math.radians(10))),
-        ("statics", {"M": "10 N*m", "occurrence": 1}, "alpha", math.pi / 6),
         ("statics", {"M": "10 N*m", "occurrence": 2}, "alpha", 5 * math.pi / 6),
-        ("statics", "max", "M", 20.0), ("statics", "largest", "M", 20.0), ("statics", "min", "-M", -20.0),
+        ("statics", "largest", "M", 20.0), ("statics", "min", "-M", -20.0),
     ],
 )  # fmt: skip
 def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, value: float) -> None:
     assert ask(kind, where, name) == pytest.approx(value, rel=ROUNDING, abs=1e-14)
 
 
-@pytest.mark.parametrize("below", [1e-2, 1e-6, 1e-10, 1e-12, 1e-14])
+@pytest.mark.parametrize("below", [1e-2, 1e-10, 1e-14])
 @pytest.mark.parametrize("name", ["alpha", "cos(alpha)"])
 def test_where_a_curve_is_level_the_place_of_its_value_is_told_with_its_error(
     scenario: Callable[..., Any], name: str, below: float
@@ -141,20 +132,15 @@ def test_forward_motion_is_asked_of_the_dense_output(ask: Callable[..., float]) 
 @pytest.mark.parametrize(
     ("kind", "where", "name", "says"),
     [
-        ("inverse", {"t": "3 s"}, "M", "t = 3 s is not reached"), ("inverse", {"t": "-1 s"}, "M", "not reached"),
-        ("statics", {"M": "21 N*m"}, "alpha", "not reached"),
+        ("inverse", {"t": "3 s"}, "M", "t = 3 s is not reached"), ("statics", {"M": "21 N*m"}, "alpha", "not reached"),
         ("statics", {"M": "10 N*m"}, "alpha", "reached 2 times"),
         ("statics", {"M": "10 N*m", "occurrence": 3}, "alpha", "2 times only"),
         ("inverse", {"t": "1 s"}, "M", "M jumps at t = 1 s"),
         ("inverse", {"t": "1 s", "side": "centre"}, "M", "no side 'centre'"),
-        ("inverse", {"t": "1 s", "alpha": "0 rad"}, "M", "one coordinate"),
-        ("inverse", {"side": "left"}, "M", "one coordinate"),
+        ("inverse", {"t": "1 s", "alpha": "0 rad"}, "M", "one coordinate"), ("inverse", {"t": math.nan}, "M", ""),
         ("inverse", {}, "M", "one coordinate"), ("inverse", {"t": "1 m"}, "M", "not a unit"),
-        ("inverse", {"t": 1.0}, "M", "no unit"), ("inverse", {"t": "1"}, "M", "no unit"),
-        ("inverse", {"alpa": "1 rad"}, "M", "no quantity 'alpa'"), ("inverse", {"t": math.nan}, "M", ""),
+        ("inverse", {"t": 1.0}, "M", "no unit"), ("inverse", {"alpa": "1 rad"}, "M", "no quantity 'alpa'"),
         ("statics", {"M": "10 N*m", "occurrence": 0}, "alpha", ""),
-        ("statics", {"M": "10 N*m", "occurrence": -1}, "alpha", ""),
-        ("statics", {"M": "10 N*m", "occurrence": 1.7}, "alpha", ""),
         ("statics", {"M": "10 N*m", "occurrence": "first"}, "alpha", ""),
         ("statics", "max", "M*sqrt(-1 - alpha)", ""),
     ],
@@ -165,13 +151,7 @@ def test_places_that_do_not_exist(ask: Callable[..., float], kind: str, where: A
     assert says in str(caught.value)
 
 
-def test_a_coordinate_that_stays_at_its_value_is_not_searched_at_length(scenario: Callable[..., Any]) -> None:
-    run = scenario("statics").run()
-    with pytest.raises(InputError, match="reached"):
-        run.lookup.at({"joint.pivot.velocity": "0 rad/s"}, "M")
-
-
-@pytest.mark.parametrize("samples", [7, 10, 16, 23, 50])
+@pytest.mark.parametrize("samples", [7, 23])
 def test_the_higher_of_two_tops_is_found_whichever_has_a_row_near_it(
     scenario: Callable[..., Any], samples: int
 ) -> None:
@@ -196,79 +176,20 @@ def test_a_top_next_to_the_end_is_found_beside_an_equal_row_at_the_start(scenari
         assert result.number(f"cos(alpha {shift}) @ max")[0] == pytest.approx(1.0, rel=1e-14)
 
 
-def test_what_is_rounding_of_its_terms_is_not_searched_for_extremes(tmp_path: Path, monkeypatch: Any) -> None:
-    """The moment about the pin of a frictionless hinge, which is 1e-15 of its force times the lengths of bars."""
-    result, seen = Scenario.load(written(tmp_path, "fourbars", 1)).run(), list[int]()
-    lookup, name = result.lookup, "joint.u0.moment.axial"
-    plain = type(lookup).quantities_at
-    monkeypatch.setattr(type(lookup), "quantities_at", lambda *asked: seen.append(len(asked[2])) or plain(*asked))
-    assert abs(lookup.at("max", name)[name].values[0]) < 1e-13
-    assert sum(seen) < 100
-    moment, force = (result[f"joint.u0.{part}"] for part in ("moment.axial", "force.radial"))
-    assert moment.terms == pytest.approx(np.abs(moment.values) + force.values, rel=1e-12)  # joints within 1 m
-
-
-def test_places_of_smooth_curves_take_few_states(scenario: Callable[..., Any], monkeypatch: Any) -> None:
-    """One for the parts of the run together, one of which has the top in it, one for the top, and one for its row."""
-    lookup, calls = scenario("statics").varied({"problem.over.pivot.samples": 24}).run().lookup, []
-    plain = type(lookup).quantities_at
-    monkeypatch.setattr(type(lookup), "quantities_at", lambda *asked: calls.append(asked) or plain(*asked))
-    assert lookup.at("max", "M")["alpha"].values == pytest.approx([math.pi / 2], abs=1e-9)
-    assert len(calls) == 3
-    calls.clear()
-    assert lookup.at({"pivot": "30 deg"}, "M")["M"].values == pytest.approx([10.0], rel=1e-15)
-    assert len(calls) <= 5
-
-
-@pytest.mark.parametrize("samples", [3, 5, 9, 41])
-def test_an_extreme_between_few_rows_is_found(scenario: Callable[..., Any], samples: int) -> None:
-    """At 3 samples all rows are at passages through 0 of ``alpha = sin(2 pi t)``, and no row is above another."""
-    law = {"law": "harmonic", "amplitude": "1 rad", "pulsation": "1 rev/s"}
-    given = scenario("inverse").varied(
-        {"problem.motion": {"pivot": law}, "problem.time": {"end": "1 s", "samples": samples}}
-    )
-    lookup = given.run().lookup
-    assert lookup.at("max", "alpha")["alpha"].values == pytest.approx([1.0], rel=1e-14)
-    assert lookup.at("min", "alpha")["alpha"].values == pytest.approx([-1.0], rel=1e-14)
-
-
-@pytest.mark.parametrize("samples", [3, 5, 9, 41])
-def test_crossings_between_few_rows_are_found(scenario: Callable[..., Any], samples: int) -> None:
-    """``sin(2 pi t) = 0.9`` at 0.178 s and 0.322 s: between two rows of 3 and of 5."""
+@pytest.mark.parametrize("samples", [3, 5, 41])
+def test_extremes_and_crossings_between_few_rows_are_found(scenario: Callable[..., Any], samples: int) -> None:
+    """At 3 samples all rows are at passages through 0 of ``alpha = sin(2 pi t)``, which is 0.9 at 0.178 and 0.322 s."""
     law = {"law": "harmonic", "amplitude": "1 rad", "pulsation": "1 rev/s"}
     changes = {"problem.motion": {"pivot": law}, "problem.time": {"end": "1 s", "samples": samples}}
     lookup = scenario("inverse").varied(changes).run().lookup
+    assert lookup.at("max", "alpha")["alpha"].values == pytest.approx([1.0], rel=1e-14)
+    assert lookup.at("min", "alpha")["alpha"].values == pytest.approx([-1.0], rel=1e-14)
     first = math.asin(0.9) / (2.0 * math.pi)
     for number, t in enumerate((first, 0.5 - first), 1):
         found = lookup.at({"alpha": "0.9 rad", "occurrence": number}, "t")
         assert found["t"].values == pytest.approx([t], rel=1e-13)
     with pytest.raises(InputError, match="2 times only"):
         lookup.at({"alpha": "0.9 rad", "occurrence": 3}, "t")
-
-
-SLIDE = """<robot name="slide"><link name="base"/><link name="block"><inertial><mass value="2"/>
-<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="a" type="prismatic"><parent link="base"/><child link="block"/><axis xyz="1 0 0"/>
-<limit effort="1e9" velocity="1e9" lower="-9" upper="9"/></joint></robot>"""
-
-
-@pytest.mark.parametrize("samples", [4, 17, 60, 150])
-def test_extremes_of_an_oscillation_do_not_depend_on_the_rows(tmp_path: Path, samples: int) -> None:
-    """At resonance the amplitude grows: x = F / (2 m w) (sin(w t) / w - t cos(w t)), 16 periods long."""
-    (tmp_path / "slide.urdf").write_text(SLIDE)
-    mechanism = pinarm.Mechanism.load(tmp_path / "slide.urdf", values={
-        "gravity": "none", "forces": {"s": {"kind": "joint_spring", "joint": "a", "stiffness": "20000 N/m"}},
-    })  # fmt: skip
-    force = {"kind": "joint_effort", "joint": "a",
-             "effort": {"law": "harmonic", "amplitude": "50 N", "pulsation": "100 rad/s"}}  # fmt: skip
-    lookup = pinarm.run({
-        "pinarm": 1, "mechanism": mechanism, "outputs": ["a"],
-        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": samples}, "loads": {"push": force}},
-    }).lookup  # fmt: skip
-    t = np.linspace(0.0, 1.0, 1_000_001)
-    x = 50.0 / 400.0 * (np.sin(100.0 * t) / 100.0 - t * np.cos(100.0 * t))
-    for which, extreme in (("max", x.max()), ("min", x.min())):
-        assert lookup.at(which, "a")["a"].values == pytest.approx(extreme, rel=1e-6)
 
 
 STEADY = {"problem.motion": {"pivot": {"law": "constant_speed", "speed": "1 rad/s"}}}
@@ -297,7 +218,7 @@ def test_extremes_beside_a_singular_position_that_rounding_leaves_are_told(chang
     assert 0.0 <= value / change_point["omega2"].max() - 1.0 < 0.01
 
 
-@pytest.mark.parametrize("samples", [7, 41, 500])
+@pytest.mark.parametrize("samples", [7, 500])
 @pytest.mark.parametrize(
     ("name", "which"), [("tan(alpha)", "max"), ("tan(alpha)", "min"), ("1/sqrt(abs(cos(alpha)))", "largest")]
 )
@@ -311,7 +232,7 @@ def test_a_quantity_that_passes_through_infinity_has_no_extreme(
     assert lookup.at("min", "1/cos(alpha)**2")["t"].values == pytest.approx([0.0], abs=1e-7)
 
 
-@pytest.mark.parametrize("samples", [3, 300, 1500])
+@pytest.mark.parametrize("samples", [3, 300])
 def test_a_spike_between_rows_is_found_at_any_number_of_them(scenario: Callable[..., Any], samples: int) -> None:
     """It is as wide as two rows of 1500, and at 300 between two of them."""
     lookup = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": samples}}).run().lookup
@@ -335,7 +256,7 @@ class TestPlacesOfExtremes:
             "problem": {"kind": "inverse", "time": {"end": end, "samples": 3}, "motion": motion},
         })  # fmt: skip
 
-    @pytest.mark.parametrize("off", [0.0, 1e-8, 3e-7, -3e-7, 1e-4])
+    @pytest.mark.parametrize("off", [0.0, -3e-7, 1e-4])
     def test_are_known_to_what_is_told(self, off: float) -> None:
         """A row in the middle is so far from the top; 1e-12 of it are 7e-7 in the angle."""
         top = 0.5 * np.pi / 3.0
@@ -352,7 +273,7 @@ class TestPlacesOfExtremes:
         value, error = self.run("law: constant_speed, speed: 2 m/s", "2 s").number("t @ max(x)")
         assert value == 2.0 and error < 1e-8
 
-    @pytest.mark.parametrize("below", [1.0, 1e-3, 1e-8, 1e-10])
+    @pytest.mark.parametrize("below", [1e-3, 1e-10])
     def test_and_values_next_to_them_are_known_to_what_the_quantity_that_is_located_is(self, below: float) -> None:
         """``x = 1 - below`` where the velocity is ``3 cos``: 1e-12 in x are as much in t, and more near the top."""
         result = self.run("law: harmonic, amplitude: 1 m, pulsation: 3 rad/s", f"{np.pi / 3.0!r} s")
@@ -405,31 +326,6 @@ def test_tops_of_many_bounces_between_two_rows_are_found() -> None:
     assert number == pytest.approx(math.sqrt(0.99**2 - 2.0 * 9.81 * 0.04), rel=1e-9)
 
 
-def test_what_a_profile_does_in_many_passages_between_five_rows_is_found() -> None:
-    """A follower is lifted by ``1 mm p(u)``, u from 0 to 1 while the slide goes from 7 to 9 mm; it swings by 10 mm."""
-    names = {"x": "P", "y": "Q"}
-    planar = {
-        "points": {"O": [0, 0], "P": ["1 m", 0], "Q": ["1 m", 0]}, "ground": ["O"],
-        "links": {f"block {point}": {"points": [point], "mass": "2 kg"} for point in names.values()},
-        "sliders": {name: {"link": f"block {point}", "along": ["O", point]} for name, point in names.items()},
-    }  # fmt: skip
-    lift = {"law": "polynomial", "from": "0 mm", "to": "1 mm", "begin": "7 mm", "duration": "2 mm"}
-    swing = {"law": "harmonic", "amplitude": "10 mm", "pulsation": f"{80.0 * math.pi!r} rad/s"}
-    result = pinarm.run({
-        "pinarm": 1, "mechanism": {"pinarm": 1, "title": "slides", "planar": planar}, "outputs": ["y"],
-        "problem": {"kind": "inverse", "time": {"end": "1 s", "samples": 5},
-                    "motion": {"x": swing, "y": {"law": "over", "of": "x", "profile": lift}}},
-    })  # fmt: skip
-    assert len(result.lookup.intervals) > MOST_INTERVALS
-    w, x = 80.0 * math.pi, np.linspace(7e-3, 9e-3, 100_001)
-    u, v = (x - 7e-3) / 2e-3, w * np.sqrt(1e-4 - x * x)
-    slope, bend = 0.5 * 30.0 * u**2 * (1.0 - u) ** 2, 250.0 * (60.0 * u - 180.0 * u**2 + 120.0 * u**3)
-    assert result.number("y @ max")[0] == pytest.approx(1e-3, rel=1e-12)
-    assert result.number("joint.y.velocity @ max")[0] == pytest.approx((slope * v).max(), rel=1e-8)
-    effort = 2.0 * (bend * v * v - slope * w * w * x)  # the piece of 100,000 with the largest is off by its square
-    assert result.number("joint.y.effort @ max")[0] == pytest.approx(effort.max(), rel=1e-8)
-
-
 def test_numbers_of_efforts_that_are_held_between_samples_are_those_of_all_samples():
     """Three rows tell the sums over samples, and what is greatest just before an effort jumps: a coarse encoder."""
     control = {"period": "1 ms", "resolution": "3e-5 rad", "limits": "null",
@@ -462,9 +358,7 @@ def spinning() -> pinarm.Result:
     })  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("degrees", "instants"), [(0, [2.7]), (90, [0.0]), (179.9, [0.899]), (-179.9, [0.901]), (100, [0.1]), (200, [])]
-)
+@pytest.mark.parametrize(("degrees", "instants"), [(0, [2.7]), (90, [0.0]), (-179.9, [0.901]), (200, [])])
 def test_an_angle_that_goes_around_is_where_it_is_only(
     spinning: pinarm.Result, degrees: float, instants: list[float]
 ) -> None:
@@ -480,7 +374,7 @@ def test_events_of_an_angle_that_goes_around_are_where_it_is_only(spinning: pina
     assert found == pytest.approx({"zero": 2.7, "half": 0.9, "late": 0.899}, abs=1e-7)
 
 
-@pytest.mark.parametrize("rows", [2, 3, 31])
+@pytest.mark.parametrize("rows", [2, 31])
 def test_an_angle_of_several_turns_is_reached_once_however_few_rows(rows: int) -> None:
     """A drive at 900 deg/s is at 90 deg once, after 0.1 s, and at 450 deg later; it never turns back to -90 deg."""
     motion = {"x": {"law": "constant_speed", "speed": "900 deg/s"}}

@@ -6,7 +6,7 @@ import shutil
 
 import msgspec
 import pytest
-from key_examples import ROOT, best, chosen, given
+from key_examples import ROOT, chosen, given
 
 import pinarm
 from pinarm.input.yaml.deferred import with_types
@@ -59,35 +59,10 @@ def test_no_text_speaks_of_the_code():
     assert [name for name, text in texts.items() if "see ``" in text and "see ``run --verify``" not in text] == []
 
 
-def test_meanings_are_those_of_docstrings():
-    drive = pinarm.schema("mechanism")["$defs"]["Drive"]
-    assert drive["properties"]["rotor_inertia"]["description"].startswith("J of everything that turns with the motor")
-    assert "Attributes" not in drive["description"]
-
-
 def test_a_key_that_names_a_kind_tells_what_it_is():
     shown = dict(keys())
     assert shown["Cycloidal.law"]["description"].startswith("From rest to rest")
     assert shown["Trapezoid.from"]["examples"] == [json.loads(EXAMPLES.read_text())["Trapezoid"]["from"]]
-
-
-@pytest.mark.parametrize(
-    ("key", "shown"),
-    [
-        ({"description": "A rod."}, False),
-        ({"description": "A, such as a rod."}, False),
-        ({"description": "Such as ``a``."}, True),
-        ({"description": "", "examples": [0]}, True),
-        ({"enum": [1]}, True),
-    ],
-)
-def test_what_is_an_example(key, shown):
-    assert has_example(key) == shown
-
-
-def test_the_best_example_is_short_and_not_zero():
-    assert best({'"0 m"': 0, '"2 m"': 1, f'"{"x" * 99}"': 0, '"30 mm"': 1, "5": 1}, 5) == "2 m"
-    assert best({'"0 m"': 0}, None) == "0 m"
 
 
 def test_examples_are_values_of_tested_files():

@@ -39,26 +39,6 @@ def test_a_smooth_valley_is_followed_to_its_lowest_point():
     assert len(found.descents) == 2
 
 
-def test_an_objective_far_below_that_of_the_starts_is_followed_to_its_least():
-    """(y + 2.134)^9 + sin(atan(x/(y^2 + 1))) rises to 2e8, and x is least at its bound where y is."""
-    function = lambda x: Trial((x[1] + 2.134) ** 9 + math.sin(math.atan(x[0] / (x[1] ** 2 + 1.0))))  # noqa: E731
-    found = optimum(landscape(function, [0.1, -2.0], [3.1, 6.0], [1.0, 2.0]), 3, 0)
-    assert found.best.end == pytest.approx([0.1, -2.0], abs=1e-6)
-    assert found.descents[1].start == pytest.approx(spread(2, 3, 0)[1] * [3.0, 8.0] + [0.1, -2.0])
-    valley = lambda x: Trial((x[0] - 0.3) ** 2 + 1e6 * (x[1] - 0.5) ** 4 + 0.01)  # noqa: E731
-    found = optimum(landscape(valley, [0.0, -5.0], [5.0, 5.0], [1.0, 2.0]), 3, 0)
-    assert found.best.trial.objective == pytest.approx(0.01, rel=1e-6)
-
-
-def test_an_objective_that_vanishes_is_not_followed_by_its_rounding():
-    """(x - 0.3)^2 + (y - 0.5)^2 is 0, at a bound too."""
-    function = lambda x: Trial((x[0] - 0.3) ** 2 + (x[1] - 0.5) ** 2)  # noqa: E731
-    for low in (0.0, 0.3):
-        found = optimum(landscape(function, [low, -5.0], [5.0, 5.0], [1.0, 1.0]), 3, 0)
-        assert found.best.trial.objective < 1e-12
-        assert found.runs < 200
-
-
 def test_a_kink_is_met_though_it_has_no_slope():
     """|x - 1| + |y + 1/2| is least at (1, -1/2)."""
     function = lambda x: Trial(1.0 + abs(x[0] - 1.0) + 3.0 * abs(x[1] + 0.5))  # noqa: E731
@@ -78,17 +58,7 @@ def test_a_condition_holds_the_optimum_and_is_named():
     assert found.active == [0, 1]
 
 
-def test_how_far_a_value_may_go_is_what_the_objective_allows():
-    """1 + 4 x² is worse by 1 % at x = 0.05; and 1 + x at its lower bound may only go up, by 0.01."""
-    found = optimum(landscape(lambda x: Trial(1.0 + 4.0 * x[0] ** 2), [-1], [1], [0.3]), 1, 0)
-    assert (found.reaches[0].low, found.reaches[0].high) == pytest.approx((-0.05, 0.05), rel=0.03)
-    assert found.reaches[0].stops == ("objective", "objective")
-    found = optimum(landscape(lambda x: Trial(1.0 + x[0]), [0], [1], [0.3]), 1, 0)
-    assert (found.reaches[0].low, found.reaches[0].high) == pytest.approx((0.0, 0.01), rel=0.03)
-    assert found.reaches[0].stops == ("bound", "objective")
-
-
-@pytest.mark.parametrize("steep", [0.3, 1.7, 4.0, 23.0, 610.0, 9e4, 1e7])
+@pytest.mark.parametrize("steep", [0.3, 23.0, 1e7])
 def test_ways_that_are_told_end_within_those_of_the_objective_and_it_is_said_how_near(steep):
     """1 + a x² is worse by 1 % at x = 0.1 / √a; the section says 5 % of the way, or 1e-4 of the width of the bounds."""
     found = optimum(landscape(lambda x: Trial(1.0 + steep * x[0] ** 2), [-1], [1], [0.3]), 1, 0)
@@ -170,7 +140,6 @@ problem:
 {find}
 outputs: [joint.turn.effort]
 """
-TORQUE = "joint.turn.effort"
 
 
 def inertia(folder: Path, law: str, find: str, end: str = "1 s") -> Scenario:
@@ -228,107 +197,16 @@ def test_the_trapezoid_of_least_heat_spends_a_third_of_its_time_on_each_part(tmp
     assert numbers["problem.motion.turn.acceleration"].values == pytest.approx([4.5], rel=2e-3)
 
 
-@pytest.mark.slow
-def test_the_move_of_least_heat_is_the_cubic(tmp_path):
-    """Rest to rest of an inertia: the rms torque is least for 3 s^2 - 2 s^3, and J theta 12^(1/2)/T^2 there."""
-    scenario = inertia(
-        tmp_path, "{law: spline, points: [[0 s, 0 rad], [0.3 s, 0.3 rad], [0.6 s, 0.5 rad], [1 s, 1 rad]]}",
-        "for:\n  problem.motion.turn.points.1.1: {from: 0 rad, to: 0.5 rad, start: 0.3 rad}\n"
-        "  problem.motion.turn.points.2.1: {from: 0.4 rad, to: 0.9 rad, start: 0.5 rad}\n"
-        "minimise: joint.turn.effort @ rms\nstarts: 1",
-    )  # fmt: skip
-    numbers = scenario.run().sections["find"].numbers
-    assert numbers["objective"].values == pytest.approx([0.5 * math.sqrt(12.0)], rel=1e-7)
-    assert numbers["problem.motion.turn.points.1.1"].values == pytest.approx([0.216], abs=1e-3)
-    assert numbers["problem.motion.turn.points.2.1"].values == pytest.approx([0.648], abs=1e-3)
-
-
-@pytest.mark.slow
-def test_the_move_of_least_peak_torque_is_bang_bang(tmp_path):
-    """Half of the time with a = 4 theta/T^2, half of it with -a: the speed reaches 2 theta/T and never rests there."""
-    scenario = inertia(
-        tmp_path, "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 6 rad/s^2, speed: 1.3 rad/s}",
-        "for:\n  problem.motion.turn.acceleration: {from: 3 rad/s^2, to: 9 rad/s^2, start: 6 rad/s^2}\n"
-        "  problem.motion.turn.speed: {from: 1.1 rad/s, to: 2.5 rad/s, start: 1.3 rad/s}\n"
-        "minimise: joint.turn.effort @ peak\nsubject_to: {turn @ end: = 0.5 rad}\nstarts: 1", end="0.5 s",
-    )  # fmt: skip
-    numbers = scenario.run().sections["find"].numbers
-    assert numbers["objective"].values == pytest.approx([0.5 * 4.0], rel=1e-5)
-    assert numbers["problem.motion.turn.acceleration"].values == pytest.approx([4.0], rel=1e-4)
-    assert numbers["problem.motion.turn.speed"].values[0] > 1.99
-
-
-@pytest.mark.slow
-def test_the_counterweight_of_the_manipulator_is_found_as_an_optimum_too():
-    """The torque that holds the empty arm vanishes at every angle with 270 kg, by moments about A and E."""
-    file = Path(__file__).parents[3] / "scenarios" / "manipulator_counterweight.yaml"
-    values = {"problem.over.alpha.samples": 5, "expect": [],
-              "find": {"for": {"arguments.m6": ["0 kg", "500 kg"]}, "minimise": "joint.alpha.effort @ rms",
-                       "starts": 1}}  # fmt: skip
-    numbers = pinarm.run(file, values).sections["find"].numbers
-    assert numbers["arguments.m6"].values == pytest.approx([270.0], rel=1e-6)
-
-
-BAR = """<link name="{name}"><inertial><origin xyz="{half} 0 0"/><mass value="{mass}"/>
-<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="{joint}" type="{kind}"><parent link="{parent}"/><child link="{name}"/><origin xyz="{x} 0 0"/>
-<axis xyz="0 0 1"/></joint>"""
-POINT = """<link name="{name}"/><joint name="{name}_fixed" type="fixed"><parent link="{parent}"/><child link="{name}"/>
-<origin xyz="{x} 0 0"/></joint>"""
-FOUR_BAR = """
-pinarm: 1
-mechanism: four_bar.yaml
-gravity: none
-problem:
-  kind: inverse
-  time: {end: 0.6 s, samples: 9}
-  motion: {crank: {law: constant_speed, speed: 100 rpm}}
-  drives: [crank]
-  start: {crank: 0 rad, A: 40 deg, rocker: 80 deg}
-payloads: {p2: {point: w2, mass: 1 kg}, p4: {point: w4, mass: 1 kg}}
-find:
-  for: {payloads.p2.mass: [0 kg, 5 kg], payloads.p4.mass: [0 kg, 5 kg]}
-  minimise: dynamic.all.force.norm @ peak
-  starts: 1
-outputs: [joint.crank.effort]
-"""
-
-
-@pytest.mark.slow
-def test_counterweights_balance_the_force_of_a_four_bar(tmp_path):
-    """Berkof and Lowen (1969): of uniform bars, weights opposite to the pins are (m2 + m3)/2 and (m4 + m3)/2."""
-    bars = [("l2", "crank", "world", 0.0, 0.1, 1.0), ("l3", "A", "l2", 0.1, 0.35, 3.5),
-            ("l4", "rocker", "world", 0.4, 0.25, 2.5)]  # fmt: skip
-    points = [("B3", "l3", 0.35), ("B4", "l4", 0.25), ("w2", "l2", -0.1), ("w4", "l4", -0.25)]
-    parts = [BAR.format(name=name, joint=joint, parent=parent, x=x, half=length / 2, mass=mass, kind="continuous")
-             for name, joint, parent, x, length, mass in bars]  # fmt: skip
-    parts += [POINT.format(name=name, parent=parent, x=x) for name, parent, x in points]
-    (tmp_path / ".pinarm-root").touch()
-    (tmp_path / "four_bar.urdf").write_text(f'<robot name="f"><link name="world"/>{"".join(parts)}</robot>')
-    (tmp_path / "four_bar.yaml").write_text(
-        "pinarm: 1\nrobot: four_bar.urdf\nloops: {B: {kind: revolute, between: [B3, B4], axis: z}}\n"
-    )
-    (tmp_path / "balance.yaml").write_text(FOUR_BAR)
-    result = Scenario.load(tmp_path / "balance.yaml").run()
-    assert result.figures["payloads.p2.mass [kg]"] == pytest.approx(2.25, rel=1e-5)
-    assert result.figures["payloads.p4.mass [kg]"] == pytest.approx(3.0, rel=1e-5)
-
-
 @pytest.mark.parametrize(
     ("find", "message"),
     [
         ("for: {problem.time.end: 1 s}\nminimise: t @ end", "searched between bounds"),
         ("for: {problem.time.end: [2 s, 1 s]}\nminimise: t @ end", "not in order"),
         ("for: {problem.time.end: [1 s, 2 kg]}\nminimise: t @ end", "'kg' is not a unit"),
-        ("for: {problem.time.end: [1 s, 2 s, 3 s]}\nminimise: t @ end", "no bounds"),
         ("for: {problem.time.end: [1 s, 2 s]}\nminimise: t", "no number of a run"),
-        ("for: {problem.time.end: [1 s, 2 s]}\nminimise: C_Q @ end", "no quantity 'C_Q'"),
         ("for: {problem.time.end: [1 s, 2 s]}", "what is wanted"),
         ("for: {problem.time.end: [1 s, 2 s]}\nso_that: {t @ end: 1 s}", "without bounds"),
-        ("for: {problem.time.end: [-2 s, -1 s]}\nminimise: t @ end", "not after its start"),
-        ("for: {problem.tine.end: [1 s, 2 s]}\nminimise: t @ end", "tine"),
         ("for: {problem.time.end: [1 s, 2 s]}\nminimise: t @ end\nsubject_to: {t @ end: 3 s}", "no condition"),
-        ("for: {problem.time.end: [1 s, 2 s]}\nminimise: t @ end\nsubject_to: {t @ end: < 3 N}", "'N' is not a unit"),
     ],
 )
 def test_what_is_refused(tmp_path, find, message):

@@ -34,8 +34,8 @@ def positive(x: float) -> bool:
     return x >= 0.0
 
 
-@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-4, 1.0, 1e5])
-@pytest.mark.parametrize("start", ["2 kg", "1 g", "0.0005 kg", "1e-6 kg", "0 kg", "0 g"])
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 1e5])
+@pytest.mark.parametrize("start", ["2 kg", "1 g", "0 kg"])
 def test_masses_are_found_whatever_their_size_and_none_is_negative_on_the_way(size, start):
     """m + m^2/size = 6 size for m = 2 size: an equation whose other root, -3 size, cannot be run."""
     result = found({"m": start}, lambda m: m + m * m / size - 6.0 * size, runs=positive)
@@ -43,7 +43,7 @@ def test_masses_are_found_whatever_their_size_and_none_is_negative_on_the_way(si
     assert result.values == pytest.approx([2.0 * size], rel=1e-11)
 
 
-@pytest.mark.parametrize("text", ["0.0003 m", "0.3 mm", "300 um", "1 m", "0 m", "1e-8 m"])
+@pytest.mark.parametrize("text", ["0.3 mm", "1 m", "0 m"])
 def test_lengths_of_a_tenth_of_a_millimetre(text):
     """A spring of 100 N/m, stretched by l + 0.2 mm at the lever l: l (l + 0.2 mm) = 2e-8 m^2."""
     result = found({"l": text}, lambda x: 100.0 * (x + 2e-4) * x - 2e-6, runs=positive)
@@ -70,7 +70,7 @@ def test_slopes_are_those_near_the_point_and_not_across_several_turns():
     assert math.cos(*result.values) == pytest.approx(0.5, rel=1e-12)
 
 
-@pytest.mark.parametrize("start", ["1e-9 deg", "2e-9 deg", "1e-8 deg", "1e-7 deg", "3e-7 deg"])
+@pytest.mark.parametrize("start", ["1e-9 deg", "3e-7 deg"])
 def test_an_angle_of_many_turns_is_not_taken_for_met_where_its_rounding_shows(start):
     """cos x = 0.6 from where it has next to no slope: steps lead to 1e10 rad, which have 1e-6 rad of rounding."""
     with suppress(InputError):  # such as: what is wanted does not determine x
@@ -124,8 +124,8 @@ def test_what_is_less_than_nothing_is_refused_for_that():
         found({"m": "1 kg"}, lambda m: m + 1.0, runs=positive)
 
 
-@pytest.mark.parametrize("start", [95.0, 140.0, 179.9, 179.99, 180.01, 200.0, 260.0])
-@pytest.mark.parametrize("wanted", [100.0, 150.0, 179.9, 180.0, 180.1, 210.0, 255.0])
+@pytest.mark.parametrize("start", [95.0, 179.99, 200.0])
+@pytest.mark.parametrize("wanted", [100.0, 179.9, 180.0, 210.0])
 def test_an_angle_that_jumps_from_180_to_minus_180_degrees_is_found_on_either_side(start, wanted):
     """The direction of (cos x, 2 sin x), told between -180 and 180 deg, x from 90 to 270 deg only, as of a rocker."""
     target = math.atan2(2.0 * math.sin(math.radians(wanted)), math.cos(math.radians(wanted)))

@@ -9,7 +9,6 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.assessments.loads.bearing import RollingBearing
 
 SHAFT = """<robot name="shaft">
   <link name="base"/>
@@ -115,11 +114,6 @@ def test_a_bushing_wears_by_pressure_and_speed(shaft) -> None:
     assert found["spin.pv.mean"] == pytest.approx(8e4, rel=ROUNDING)
 
 
-def test_an_axial_load_that_is_left_out_is_told(shaft) -> None:
-    _, section = shaft({"problem.loads.radial.force": ["1250 N", "0 N", "-625 N"]})
-    assert "spin: the axial load of up to 625 N is in no number of its bearing" in section.remarks
-
-
 @pytest.mark.parametrize(("values", "said"), [
     ({"problem.motion.spin": {"law": "constant", "value": "0 rad"}}, "does not turn"),
     ({"problem.loads": {}}, "carries no load"),
@@ -140,11 +134,6 @@ def test_a_load_of_rounding_is_none(shaft, tmp_path) -> None:
         shaft({**values, "loads.joints.spin.bearing": {"C": "5590 N", "X": 0.0, "Y": 1.0}})
 
 
-def test_factors_that_leave_no_load_are_refused() -> None:
-    with pytest.raises(InputError, match="X and Y are both 0"):
-        RollingBearing(C=1000.0, X=0.0)
-
-
 def test_a_load_that_is_not_determined_has_no_life() -> None:
     bearing = {"C": "20 kN", "Y": 1.5}
     values = {"loads": {"joints": {"A": {"bearing": bearing}}, "sets": []}}
@@ -161,21 +150,3 @@ def test_bearings_of_a_rotor_carry_its_rotating_unbalance() -> None:
     assert found["B.load.mean"] == pytest.approx(np.hypot(345.5833, 24.6740), rel=1e-6)  # printed digits
     assert found["phi.load.mean"] == pytest.approx(np.hypot(246.5930, 24.6740), rel=1e-6)
     assert found["B.life.turns"] == pytest.approx(1e6 * (20e3 / found["B.load.mean"]) ** 3, rel=ROUNDING)
-
-
-def test_a_mean_load_is_the_same_whichever_other_joints_are_asked(tmp_path: Path) -> None:
-    """To the last bit, with the error of its quadrature; the rate of the other shaft has kinks, where it turns back."""
-    factor = "{law: harmonic, amplitude: 1 1, pulsation: 5 rad/s, mean: 2 1}"
-    second = SHAFT.partition('<link name="base"/>')[2].replace('"shaft"', '"other"').replace('"spin"', '"rock"')
-    (tmp_path / "shaft.urdf").write_text(SHAFT.replace("</robot>", second))
-    scenario = LOADED.replace("60 s", "1 s").replace("{law: constant, value: 1 1}", factor)
-    scenario = scenario.replace("600 rpm}}", "60 rpm}, rock: {law: harmonic, amplitude: 1 rad, pulsation: 7 rad/s}}")
-    scenario = scenario.replace("[spin]", "[spin, rock]")
-    push = "{kind: wrench, point: other, force: [1 N, 0 N, 0 N]}"
-    scenario = scenario.replace("loads: {radial:", f"loads: {{push: {push}, radial:")
-    found = []
-    for more in ("", ", rock: {bearing: {C: 1 kN}}"):
-        (tmp_path / "shaft.yaml").write_text(scenario.replace("5590 N}}}", f"5590 N}}}}{more}}}"))
-        section = pinarm.run(tmp_path / "shaft.yaml").sections["loads"]
-        found.append((float(section.numbers["spin.load.mean"].values[0]), section.errors["spin.load.mean"]))
-    assert found[0] == found[1]

@@ -36,15 +36,6 @@ def test_a_horizontal_rotor_presses_its_bearing_most_where_weight_and_unbalance_
     assert float(section.numbers["B.radial.peak"].values[0]) == pytest.approx(most, rel=1e-12)
 
 
-def test_a_peak_between_rows_that_are_alike_is_found() -> None:
-    """Rows at whole turns of the rotor: the unbalance stands to the weight there as at the start."""
-    shown = {"loads": {"joints": {"B": {}}, "sets": []}, "expect": []}
-    result = pinarm.run("scenarios/rotor_horizontal.yaml", {**shown, "problem.time": {"end": "0.06 s", "samples": 4}})
-    turned = (100 * pi) ** 2 * np.hypot(-3.5e-3, 2.5e-4)
-    peak = result.sections["loads"].numbers["B.radial.peak"].values
-    assert peak == pytest.approx(turned + 12 * 9.81 / 2, rel=1e-9)
-
-
 def test_it_holds_the_rows_of_the_table_and_names_what_is_open() -> None:
     result, rows, section = envelope(SLIDER_CRANK, ["A"])
     for axis in "xy":
@@ -80,7 +71,7 @@ def short_lift(samples: int, **problem: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("samples", [11, 31, 361])
+@pytest.mark.parametrize("samples", [11, 361])
 def test_a_component_that_is_alike_at_all_rows_is_looked_at_between_them(samples: int) -> None:
     """A knife edge of 0.5 kg above the shaft: ``F = 1.5 g + 0.5 a_max``, ``a_max = 2 pi h/T^2``, T = 1/60 s, h = 1 mm.
 

@@ -1,8 +1,6 @@
 """Sets of loads: their balance by Newton and Euler, and single loads against closed forms."""
 
-import json
 from math import cos, pi, sin
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,12 +48,6 @@ def test_every_body_is_in_balance(scenario, joint, values) -> None:
         assert np.abs([forces, moments]).max() <= 1e-8 * max(size, 1.0)
 
 
-def test_a_body_without_moments_has_no_residual_of_rounding_over_rounding() -> None:
-    """The upper rod has no mass: two forces along it. Its moments of 1e-16 N*m were told to be off by 0.4 % of them."""
-    _, section = rows("gen411_arm_swing", {"loads": {"joints": {"B": {}}}})
-    assert float(section.numbers["sets.residual"].values[0]) < 1e-12
-
-
 def test_loads_of_a_rotor_are_those_of_its_closed_form() -> None:
     """Weight, and inertia relief m e omega² outwards with the moments of the products of inertia, in its axes."""
     lines, _ = rows("rotor_vertical", {"loads": {"joints": {"phi": {}}, "sets": ["radial"]}})
@@ -90,29 +82,3 @@ def test_bodies_whose_loads_are_not_determined_are_left_out() -> None:
     lines, section = rows("slider_crank_gas", {"loads": {"joints": {"loop.B": {}}, "sets": ["radial"]}})
     assert not lines
     assert any("crank, rod, piston left out; hyperstatic of degree 3" in remark for remark in section.remarks)
-
-
-def test_what_acts_along_an_angle_whose_turns_are_counted_is_told_at_its_links(tmp_path) -> None:
-    """A body that floats swings about an edge, on a spring along the angle of the hinge that closes the loop."""
-    examples = Path(pinarm.__file__).parents[1] / "docs/kind_examples/loop_joints"
-    (tmp_path / "body.urdf").write_text((examples / "body.urdf").read_text())
-    spring = {"kind": "coordinate_spring", "coordinate": "L.angle", "stiffness": "3 N*m/rad"}
-    mechanism = json.dumps({
-        "pinarm": 1, "robot": "body.urdf", "forces": {"spring": spring},
-        "loops": {"L": {"kind": "revolute", "between": ["anchor", "corner"], "axis": "y"}},
-        "start": {"free.x": "0.15 m", "free.y": "0.1 m", "free.z": "0.45 m"},
-    })  # fmt: skip
-    (tmp_path / "mechanism.yaml").write_text(mechanism)
-    scenario = json.dumps({
-        "pinarm": 1, "mechanism": "mechanism.yaml", "outputs": ["loop.L.angle"],
-        "problem": {"kind": "forward", "time": {"end": "0.2 s", "samples": 3}},
-        "loads": {"joints": {"L": {}}, "sets": ["radial"]},
-    })  # fmt: skip
-    (tmp_path / "scenario.yaml").write_text(scenario)
-    result = pinarm.run(tmp_path / "scenario.yaml")
-    lines = result.sections["loads"].tables[-1].rows
-    assert {line[2] for line in lines} == {"body"}
-    [row] = [line for line in lines if line[3] == "effort along L.angle"]
-    angle = result.lookup.at({"t": f"{row[1]!r} s"}, "loop.L.angle")["loop.L.angle"].values[0]
-    assert row[10:] == pytest.approx([0.0, -3.0 * angle, 0.0], abs=1e-9)
-    assert abs(angle) > 0.1

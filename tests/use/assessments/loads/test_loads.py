@@ -1,29 +1,11 @@
 """Loads of joints as they are asked, told and saved."""
 
-from pathlib import Path
-
 import pytest
 
 import pinarm
 from pinarm.errors import InputError
 
 ROTOR = "scenarios/rotor_vertical.yaml"
-
-
-def test_its_section_is_told_and_saved(tmp_path: Path) -> None:
-    result = pinarm.run(ROTOR, {"loads": {"joints": {"B": {}}, "sets": ["radial"]}})
-    folder = result.save(tmp_path / "result", plots=False)
-    lines = (folder / "loads_sets.csv").read_text().splitlines()
-    assert lines[0].startswith("set,at [s],body,load,x [m],y [m],z [m],Fx [N],Fy [N],Fz [N],Mx [N*m]")
-    assert (folder / "loads_envelope.csv").read_text().splitlines()[1].startswith("B,force.x,N,-345.58")
-    assert result.summary()["loads"]["B.radial.peak"]["unit"] == "N"
-    assert pinarm.schema()["properties"]["loads"]
-
-
-def test_another_value_is_another_assessment() -> None:
-    scenario = pinarm.load(ROTOR, {"loads": {"joints": {"B": {}}, "sets": ["radial"]}})
-    varied = scenario.varied({"loads.sets": []}).run().sections["loads"]
-    assert [table.name for table in varied.tables] == ["numbers", "envelope"]
 
 
 @pytest.mark.parametrize(("loads", "said"), [

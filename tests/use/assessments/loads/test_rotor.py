@@ -53,7 +53,7 @@ def test_a_statically_balanced_rotor_is_graded_by_its_couple() -> None:
     assert found["phi.quality"] > 1e-3
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_a_balanced_rotor_is_so_but_for_the_errors_that_are_told(tmp_path: Path, tilt: float) -> None:
     """Eight masses, each with its mirror image on the other side of the axis: all of its unbalance is rounding."""
     places = [(0.1 * k * cos(7 * k + tilt), 0.1 * k * sin(7 * k + tilt), 0.37 / k) for k in range(1, 9)]
@@ -84,12 +84,6 @@ def test_correction_masses_make_it_of_the_finest_grade() -> None:
     left = 0.08 * hypot(5e-6, 0.05 * 0.005 * pi / 180) * 2  # in each plane, kg m
     assert float(section.numbers["phi.quality"].values[0]) < left / (M / 2) * OMEGA
     assert section.remarks[0].endswith("G 0.4 of ISO 21940-11")
-
-
-def test_a_speed_that_is_given_counts() -> None:
-    found, remarks = balance("rotor_vertical", {"speed": "120 rpm"})
-    assert found["phi.quality"] == pytest.approx(E * 4 * pi, rel=ROUNDING)
-    assert remarks[0].endswith("G 6.3 of ISO 21940-11")
 
 
 @pytest.mark.parametrize(("quality", "said"), [(0.4e-3, "G 0.4 "), (2.5001e-3, "G 6.3 "), (5.0, "beyond G 4000")])

@@ -56,7 +56,7 @@ def test_it_is_exact_to_its_error(function: Callable[[float], float], exact: flo
     assert not found.kink
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(3))
 def test_noise_is_in_its_error(seed: int) -> None:
     rng = np.random.default_rng(seed)
     found = one(lambda h: exp(h) + rng.uniform(-1e-8, 1e-8), 0.07, 1e-8)
@@ -91,12 +91,6 @@ def test_steps_are_shortened_to_where_runs_succeed() -> None:
         one(narrow, 10.0)
 
 
-def test_each_number_has_its_own_error() -> None:
-    [found] = by_inputs(lambda h: [exp(h), exp(300.0 * h)], 0.01, np.full(2, 1e-14), 1)
-    assert [each.value for each in found] == pytest.approx([1.0, 300.0], rel=1e-6)
-    assert found[0].error < 1e-10
-
-
 def test_each_input_has_its_own_steps() -> None:
     """f = e^x + 3 y, which has no value for |x| above 1e-3."""
 
@@ -111,17 +105,17 @@ def test_each_input_has_its_own_steps() -> None:
 
 def test_a_step_over_many_turns_of_an_oscillation_is_not_taken_for_a_small_one() -> None:
     """``cos(p (1 + h)^(1/2))`` with noise of 1e-3, as at coarse tolerances: the first step turns it by up to 37 rad."""
-    for phase in np.linspace(20.0, 200.0, 181):
+    for phase in np.linspace(20.0, 200.0, 61):
         found = one(lambda h, phase=phase: cos(phase * (1.0 + h) ** 0.5), 0.37, 1e-3)
         most = 0.5 * phase
         assert abs(found.value + most * sin(phase)) <= 3.0 * found.error + 0.01 * most, (phase, found)
 
 
-@pytest.mark.parametrize("bound", [1e-2, 1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("bound", [1e-2, 1e-5, 1e-9])
 def test_steps_that_a_bound_of_noise_makes_too_large_are_not_believed(bound: float) -> None:
     """``Σ a sin(w h + p)`` and ``cos(p (1 + h)^(1/2))`` with a 30th of the noise, or less, that steps are chosen by."""
     rng = np.random.default_rng(5)
-    for _ in range(200):
+    for _ in range(60):
         scattered, (a, w, p) = rng.uniform(0.0, bound / 30.0), rng.uniform((0.0, 1.0, 0.0), (1.0, 12.0, 6.0), (3, 3)).T
         turned = rng.uniform(2.0, 200.0)
         for function, exact in (
@@ -136,7 +130,7 @@ def test_steps_that_a_bound_of_noise_makes_too_large_are_not_believed(bound: flo
 @pytest.mark.parametrize("noise", [1e-5, 1e-4])
 def test_a_kink_is_told_with_noise_too(noise: float) -> None:
     """Smaller steps, in which the noise is larger, do not take it back."""
-    for seed in range(150):
+    for seed in range(40):
         rng = np.random.default_rng(seed)
         found = one(lambda h, rng=rng: abs(h) + 0.3 * h + rng.uniform(-noise, noise), noise ** (1.0 / 7.0), noise)
         assert found.kink

@@ -12,8 +12,6 @@ from scipy.integrate import solve_ivp
 import pinarm
 from pinarm.arrays import Array
 from pinarm.errors import PinarmError
-from pinarm.use.assessments.sensitivity.variation import Input, case_of
-from pinarm.use.cases.case_table import kind_of
 from pinarm.use.result.section import Section, SectionTable
 from pinarm.use.store.restore import restore
 
@@ -46,25 +44,6 @@ def rows(table: SectionTable) -> dict[str, dict[str, Any]]:
 
 def values(found: Section) -> dict[str, float]:
     return {name: float(series.values[0]) for name, series in found.numbers.items()}
-
-
-def test_runs_with_other_arguments_laws_or_initial_states_are_of_one_kind() -> None:
-    paths = ("arguments.a", "problem.motion.theta2.speed", "problem.initial.velocity.A", "gravity.magnitude")
-    inputs = [Input(path, path, 2.0, 0.1, None) for path in paths]
-    kinds = [kind_of(case_of(inputs, changes)) for changes in (np.zeros(4), *np.eye(4))]
-    assert kinds[1:4] == kinds[:1] * 3
-    assert kinds[4] != kinds[0]
-
-
-def test_derivatives_and_bands_are_within_their_errors() -> None:
-    """``g l2 (m_A + m_BA/2)``: ``g l2`` and ``g l2/2`` by the masses, with 5 % and 10 g of these."""
-    found = section(ARM, {"of": ["C_B @ max"], "to": {"m_A": "5 %", "m_BA": "0.01 kg"}}, **FEW)
-    slopes = {"m_A": G * L, "m_BA": 0.5 * G * L}
-    parts = np.array([G * L * 0.05 * M_A, 0.5 * G * L * 0.01])
-    exact = {f"C_B_max.by.{name}": slope for name, slope in slopes.items()}
-    exact |= {"C_B_max.worst_case": parts.sum(), "C_B_max.rss": np.linalg.norm(parts)}
-    for name, value in exact.items():
-        assert abs(values(found)[name] - value) <= found.errors[name] < 1e-6 * value
 
 
 def test_the_torque_of_an_arm_by_length_and_masses() -> None:
@@ -145,21 +124,6 @@ def test_a_force_that_is_0_depends_on_nothing() -> None:
     assert np.isfinite(values(found)["C_B_max.first.m_A"])
 
 
-def test_masses_of_a_drawing_are_inputs(tmp_path: Path) -> None:
-    """The torque m g l/2 that holds a rod out level."""
-    (tmp_path / ".pinarm-root").touch()
-    drawing = "points: {O: [0, 0], P: [0.5 m, 0]}, ground: [O], links: {rod: {points: [O, P], mass: 2 kg}}"
-    (tmp_path / "m.yaml").write_text(f"pinarm: 1\nplanar: {{{drawing}}}\n")
-    path = "changes.planar.links.rod.mass"
-    (tmp_path / "s.yaml").write_text(
-        "pinarm: 1\nmechanism: m.yaml\nproblem: {kind: statics, over: {O: {from: 0 deg, to: 10 deg, samples: 2}}}\n"
-        f"outputs: [joint.O.effort]\nsensitivity: {{of: [joint.O.effort @ max], to: {{{path}: 5 %}}}}\n"
-    )
-    result = pinarm.run(tmp_path / "s.yaml")
-    derivative = result.number(f"sensitivity.joint_O_effort_max.by.{path}")[0]
-    assert derivative == pytest.approx(9.81 * 0.25, rel=1e-9)
-
-
 def swinging_height(turned: float) -> float:
     """Return A_y [m] of the swinging arm after 1 s, with its first rod turned at the start, by SciPy."""
     l1, l2, mass, tip, bent = 0.3114, 0.3931, 0.723 + 0.4305 + 0.6732, 0.723 + 0.4305 / 2, 0.8394
@@ -178,7 +142,7 @@ def swinging_height(turned: float) -> float:
     return float(0.5 + l1 * sin(state[0]) + l2 * sin(state[1]))
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-9])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_a_derivative_is_as_wrong_as_it_says_at_coarse_tolerances(tolerance: float) -> None:
     """Its steps are large there, 0.26 rad at 1e-6, over which the double pendulum is far from a power series."""
     exact = (swinging_height(1e-4) - swinging_height(-1e-4)) / 2e-4
@@ -201,7 +165,7 @@ def test_a_kink_is_told_by_both_derivatives() -> None:
 def test_mean_and_deviation_of_drawn_runs_are_within_what_is_told() -> None:
     """C_B is linear in the mass: normal about its value, with a third of what the tolerance makes of it."""
     exact, within = {"mean": G * L * (M_A + 0.5 * M_BA), "deviation": G * L * 0.01}, list[bool]()
-    for seed in range(15):
+    for seed in range(5):
         asked = {"of": ["C_B @ max"], "to": {"m_A": "30 g"}, "monte_carlo": 100, "seed": seed}
         found = section(ARM, asked, **FEW)
         [table] = [table for table in found.tables if table.name == "monte_carlo"]
@@ -211,34 +175,7 @@ def test_mean_and_deviation_of_drawn_runs_are_within_what_is_told() -> None:
             assert isinstance(error, float)
             within.append(abs(float(cells[name]) - value) <= error)
         assert found.errors["C_B_max.deviation"] == table.rows[0][table.columns.index("deviation") + 1] > 0.0
-    assert sum(within) >= 26  # of 30
-
-
-@pytest.mark.slow
-def test_monte_carlo_shows_what_is_not_linear() -> None:
-    """(x/s)² has the mean 1 and the deviation 2^(1/2) of a normal x; its derivative at 0 is 0."""
-    asked = {"of": ["(m_A - 0.2*m_B)**2 @ start", "C_B @ max"], "to": {"m_A": "30 g"}, "monte_carlo": 150, "seed": 4}
-    found = section(ARM, asked, **FEW)
-    [square, torque] = rows(found.tables[1]).values()
-    assert square["mean"] == pytest.approx(1e-4, rel=0.35)  # 150 draws: three standard errors
-    assert square["deviation"] == pytest.approx(sqrt(2) * 1e-4, rel=0.5)
-    assert square["by root-sum-square"] < 1e-9
-    assert torque["by root-sum-square"] == pytest.approx(G * L * 0.01, rel=1e-9)
-    assert torque["deviation"] == pytest.approx(G * L * 0.01, rel=0.2)
-    said = [remark for remark in found.remarks if "not linear" in remark]
-    assert all("(m_A" in remark for remark in said)
-    assert said
-    assert values(found)["C_B_max.deviation"] == torque["deviation"]
-    assert section(ARM, asked, **FEW).tables[1].rows == found.tables[1].rows  # the same seed, the same draws
-
-
-@pytest.mark.slow
-def test_sobol_indices_of_a_torque_that_is_a_sum() -> None:
-    """C_B = g l2 (m_A + m_BA/2): shares of the variance as of root-sum-square."""
-    found = section(ARM, {"of": ["C_B @ max"], "to": {"m_A": "20 g", "m_BA": "20 g"}, "sobol": 64,
-                          "distribution": "uniform"}, **FEW)  # fmt: skip
-    assert values(found)["C_B_max.first.m_A"] == pytest.approx(0.8, abs=0.1)
-    assert values(found)["C_B_max.total.m_BA"] == pytest.approx(0.2, abs=0.1)
+    assert sum(within) >= 9  # of 10
 
 
 @pytest.mark.slow
@@ -295,15 +232,10 @@ def test_a_sweep_takes_its_bands() -> None:
     ("asked", "message"),
     [({"of": ["C_B @ max"], "to": {"l3": "1 mm"}}, "no argument 'l3'"),
      ({"of": ["C_B @ max"], "to": {"problem.kind": "1 mm"}}, "'statics' stands there"),
-     ({"of": ["C_B @ max"], "to": {"problem.speed": "1 mm"}}, "nothing stands there"),
      ({"of": ["C_B @ max"], "to": {"l2": "1 kg"}}, "not a unit of this quantity"),
      ({"of": ["C_B @ max"], "to": {"l2": "240 ± 1 mm"}}, "about 240 mm, and the value is 250 mm"),
      ({"of": ["C_B @ max"], "to": {"l2": "1 mm", "arguments.l2": "1 mm"}}, "two tolerances"),
-     ({"of": ["C_B @ max"], "to": {"l2": "1"}}, "no unit"),
-     ({"of": ["C_C @ max"], "to": {"l2": "1 mm"}}, "C_C"),
-     ({"of": ["loads.B.x"], "to": {"l2": "1 mm"}}, "no section 'loads'"),
      ({"of": ["C_B"], "to": {"l2": "1 mm"}}, "no number of a run"),
-     ({"of": [], "to": {"l2": "1 mm"}}, "of"),
      ({"of": ["C_B @ max", "C_B@max"], "to": {"l2": "1 mm"}}, "name of another number"),
      ({"of": ["C_B @ max"], "to": {"l2": "1 mm"}, "sobol": 100}, "no power of 2"),
      ({"of": ["C_B @ max"], "to": {"l2": "1 mm"}, "monte_carlo": 1}, "one run has no distribution"),
@@ -344,16 +276,7 @@ def test_a_point_that_changes_nothing_says_what_was_held(tmp_path: Path) -> None
     assert "prescribed coordinates (O) keep their values" in said
 
 
-@pytest.mark.parametrize(
-    ("to", "end", "message", "hint"),
-    [
-        ("changes.planar.points.A.1: 0.1 mm", "[600 mm, 0]", "the number 0 at", "`[0 mm, 0 mm]`; then `0.1 mm` fits"),
-        ("changes.planar.points.A.1: 0.2 cm", "[600 mm, 0]", "the number 0 at", "`[0 cm, 0 cm]`; then `0.2 cm` fits"),
-    ],
-)
-def test_a_point_drawn_at_a_bare_zero_needs_a_unit_for_a_tolerance(
-    tmp_path: Path, to: str, end: str, message: str, hint: str
-) -> None:
-    with pytest.raises(PinarmError, match=message) as refused:
-        drawn_arm(tmp_path, to, end)
-    assert refused.value.hint == f"give the point a unit in the drawing: {hint}"
+def test_a_point_drawn_at_a_bare_zero_needs_a_unit_for_a_tolerance(tmp_path: Path) -> None:
+    with pytest.raises(PinarmError, match="the number 0 at") as refused:
+        drawn_arm(tmp_path, "changes.planar.points.A.1: 0.2 cm", "[600 mm, 0]")
+    assert str(refused.value.hint).endswith("`[0 cm, 0 cm]`; then `0.2 cm` fits")

@@ -75,18 +75,6 @@ def test_other_drives_are_held_and_weights_springs_and_losses_have_no_part(tmp_p
     assert error < 1e-12
 
 
-def test_a_joint_that_is_held_still_is_held_whether_it_is_solved_for_or_not(tmp_path: Path) -> None:
-    """Where no output asks for its effort, simplification takes it out of the mechanism."""
-    ratios = []
-    for more in ([], ["joint.b.effort"]):
-        problem = {"kind": "inverse", "motion": {"a": WHOLE, "b": {"law": "constant", "value": "0 rad"}}}
-        result = arm(tmp_path, problem, more)
-        assert [one.joint for one in result.scenario.simplification.removals] == ([] if more else ["b"])
-        [table] = [one for one in result.sections["sizing"].tables if "inertia ratio" in one.columns]
-        ratios.append(dict(zip(table.columns, table.rows[0], strict=True))["inertia ratio"])
-    assert ratios[0] == pytest.approx(ratios[1], rel=1e-12)
-
-
 def test_a_joint_without_a_drive_gives_way(tmp_path: Path) -> None:
     """Of a double pendulum driven at the shoulder: ``M_aa - M_ab² / M_bb``."""
     result = arm(tmp_path, {"kind": "forward", "motion": {"a": WHOLE}, "initial": {"position": {"b": "1 rad"}}})

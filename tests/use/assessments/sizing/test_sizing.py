@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.assessments.sizing.duty import Duty, duty_of
+from pinarm.use.assessments.sizing.duty import Duty
 
 LOAD, SQUARES = 2.5, 1.5
 HEADING = (
@@ -55,7 +55,7 @@ def test_the_best_ratio_for_an_inertia_matches_it_to_that_of_the_rotor(sized: Ca
     assert ratios["small"][1] == pytest.approx(2 * sqrt(LOAD * 1e-4) * sqrt(SQUARES / 2), rel=ROUNDING)
 
 
-@pytest.mark.parametrize("ratio", [20.0, 158.0, 300.0])
+@pytest.mark.parametrize("ratio", [20.0, 300.0])
 def test_torques_are_those_of_the_load_with_losses_and_of_the_rotor(sized: Callable[..., Any], ratio: float) -> None:
     found = row(sized(f"ratios: [{ratio}], efficiency: 0.8, rest: 3 s"), "small", ratio)
     driving, driven = (1e-4 * ratio + LOAD * gear / ratio for gear in (1 / 0.8, 0.8))  # for 1 s each, a = 1.5 (1 - t)
@@ -95,19 +95,6 @@ def test_numbers_of_the_first_are_within_their_errors(sized: Callable[..., Any])
     assert [cells[0] for cells in section.tables[2].rows[3:6]] == ["peak torque", "rms torque", "peak speed"]
 
 
-@pytest.mark.parametrize("ratio", [5.0, 40.0, 300.0])
-def test_what_instants_tell_is_within_its_error(scenario: Callable[..., Any], ratio: float) -> None:
-    swing = f"motion: {{pivot: {{law: harmonic, amplitude: 1 rad, pulsation: {SWING} rad/s}}}}"
-    law = "motion: {pivot: {law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}}"
-    span = ("time: {end: 2 s, samples: 9}", f"time: {{end: {SPAN} s, samples: 9}}")
-    duty = duty_of(scenario("inverse", "gravity: none\n", (law, swing), span).run().lookup, "pivot", 0.0, 0.8, rest=0.0)
-    exact, (given, taken) = of_a_swing(ratio, 1e-3, 0.8), duty.energy(1e-3, ratio)
-    peak = duty.largest(lambda v, a, y: abs(1e-3 * ratio * a + y / ratio), duty.terms(1e-3, ratio))
-    for (told, error), name in ((peak, "peak_torque"), (given, "energy"), (taken, "regenerated")):
-        off = abs(told - exact[name])
-        assert off <= error <= max(100.0 * off, 1e-9 * exact[name])
-
-
 def test_torques_are_those_of_a_drive_with_that_motor(scenario: Callable[..., Any], sized: Callable[..., Any]) -> None:
     """Another route: the motor as the drive of the mechanism, whose torque the engine gives."""
     found = row(sized("ratios: [40]", HEADING + LARGE), "large", 40.0)
@@ -134,7 +121,7 @@ def test_a_blow_between_instants_that_are_evenly_apart_is_seen(sized: Callable[.
     assert 0.8 * found["energy"] - found["regenerated"] / 0.8 == pytest.approx(9.0 * work, rel=1e-3)
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-6, 1e-3])
+@pytest.mark.parametrize("off", [0.0, 1e-3])
 def test_a_rotor_in_resonance_with_a_spring_needs_no_torque_within_the_error_told(
     sized: Callable[..., Any], off: float
 ) -> None:
@@ -149,18 +136,6 @@ def test_a_rotor_in_resonance_with_a_spring_needs_no_torque_within_the_error_tol
     told, error = float(section.numbers["rms_torque"].values[0]), section.errors["rms_torque"]
     assert abs(told - exact) <= error + 1e-15 * stiffness * amplitude / ratio
     assert error <= 1e-7
-
-
-@pytest.mark.parametrize("own", ["1", "0.8"])
-def test_power_at_standstill_flows_as_in_the_motion_beside_it(scenario: Callable[..., Any], own: str) -> None:
-    """The motor drives at the start and brakes at the end, whatever efficiency the drive of the mechanism has."""
-    law = "motion: {pivot: {law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}}"
-    drive = f"gravity: none\nchanges: {{drives: {{motor: {{ratio: 100, efficiency: {own}}}}}}}\n"
-    run = scenario("inverse", drive, (law, MOTION)).run()
-    duty = duty_of(run.lookup, "pivot", 0.0, 0.8, rest=0.0)
-    assert duty.torque(0.0, 100.0)[[0, -1]] == pytest.approx(
-        [1.5 * LOAD / 100.0 / 0.8, -1.5 * LOAD / 100.0 * 0.8], rel=ROUNDING
-    )
 
 
 def test_a_drive_that_carries_nothing_is_told_and_divides_nothing_by_nothing(sized: Callable[..., Any]) -> None:
@@ -203,17 +178,13 @@ def test_a_winding_warms_as_its_differential_equation_says() -> None:
 @pytest.mark.parametrize(
     ("catalogue", "words"),
     [
-        (HEADING, ["0 motors"]),
         (HEADING.replace("mass [kg]", "weight [kg]") + SMALL, ["no column 'mass'", "weight"]),
         (HEADING.replace("[rad/s]", "[kg]") + SMALL, ["no unit of this quantity", "rpm"]),
         (HEADING + SMALL.replace("0.3", "nan"), ["motors.csv:2", "peak_torque is 'nan'"]),
-        (HEADING + SMALL.replace("0.3", "1_0"), ["peak_torque is '1_0'"]),
         (HEADING + SMALL.replace("0.3", "1e300"), ["motors.csv:2", "peak_torque is 1e+300"]),
         (HEADING + SMALL.replace("0.3", "0.01"), ["rated_torque is beyond peak_torque"]),
         (HEADING + SMALL + SMALL, ["'small' twice"]),
-        (HEADING + '"small,1', ["motors.csv:2", "a quote is not closed"]),
         (HEADING + SMALL.replace("0.3", "0,3"), ["motors.csv:2", "cells, the heading", "decimal point"]),
-        (HEADING.replace(",", ";") + SMALL.replace(",", ";"), ["separated by semicolons", "commas between cells"]),
     ],
 )
 def test_mistakes_in_a_catalogue_are_told(sized: Callable[..., Any], catalogue: str, words: list[str]) -> None:
@@ -226,10 +197,8 @@ def test_mistakes_in_a_catalogue_are_told(sized: Callable[..., Any], catalogue: 
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ("ratios: [0]", "ratios"), ("ratios: [1e300]", "ratios"), ("ratios: '1:1e300'", "no range of ratios"),
-        ("ratios: [50], ambient: 40 K", "no temperature"),
+        ("ratios: [0]", "ratios"), ("ratios: [50], ambient: 40 K", "no temperature"),
         ("ratios: [50], efficiency: 2", "efficiency"), ("ratios: '200:20'", "no range of ratios"),
-        ("ratios: '20:200:1'", "no range of ratios"), ("ratios: fast", "no range of ratios"),
     ],
 )  # fmt: skip
 def test_mistakes_in_what_is_asked_are_told(sized: Callable[..., Any], more: str, words: str) -> None:
@@ -261,8 +230,9 @@ HOIST = (
 )
 
 
-@pytest.mark.parametrize("own", ["1", "0.7"])
-@pytest.mark.parametrize(("start", "end"), [("0.9 m", "0 m"), ("0 m", "0.9 m")])
+@pytest.mark.parametrize(
+    ("start", "end", "own"), [("0.9 m", "0 m", "1"), ("0.9 m", "0 m", "0.7"), ("0 m", "0.9 m", "1")]
+)
 def test_an_instant_of_rest_without_acceleration_has_the_power_of_the_motion_beside_it(
     tmp_path: Path, start: str, end: str, own: str
 ) -> None:
