@@ -94,23 +94,13 @@ def test_files_of_one_name_have_results_of_their_own(here: Path, capsys: pytest.
     (here / "b/a.yaml").write_text(
         content.replace("title: Held", "title: Again").replace("mechanism: ", "mechanism: ../")
     )
-    varied = ["--over", "problem.over.pivot.to=90, 180 deg", "-j", "1"]
-    for command, kind, ending in [(["run"], "result", ""), (["sweep", *varied], "sweep", "-sweep")]:
-        assert main([*command, "a.yaml", "--no-plots"]) == 0
-        first = files(here / f"results/a{ending}")
-        assert main([*command, "b/a.yaml", "--no-plots"]) == 0
-        told = f"written to results/b-a{ending}, as results/a{ending} holds the {kind} of a.yaml\n"
-        assert capsys.readouterr().out.endswith(told)
-        assert files(here / f"results/a{ending}") == first
+    assert main(["run", "a.yaml", "--no-plots"]) == 0
+    first = files(here / "results/a")
+    assert main(["run", "b/a.yaml", "--no-plots"]) == 0
+    assert capsys.readouterr().out.endswith("written to results/b-a, as results/a holds the result of a.yaml\n")
+    assert files(here / "results/a") == first
     assert main(["run", "a.yaml", "-o", "results/b-a", "--no-plots"]) == 0
     assert capsys.readouterr().out.endswith("written to results/b-a, in place of the result of b/a.yaml\n")
-
-
-def test_run_elsewhere_without_plots(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "a.yaml", "-o", "there/deep", "--no-plots"]) == 0
-    assert (here / "there/deep/trajectory.csv").is_file()
-    assert not list(here.rglob("*.svg"))
-    assert not (here / "results").exists()
 
 
 def test_run_writes_plots_in_the_format_that_is_asked_for(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -124,11 +114,14 @@ def test_run_writes_plots_in_the_format_that_is_asked_for(here: Path, capsys: py
     assert "'0' is no resolution: expected a whole number from 20 to 1200" in capsys.readouterr().err
 
 
-def test_run_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "a.yaml", "--json", "--no-plots", "-o", "out"]) == 0
+def test_run_json_elsewhere_without_plots(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "a.yaml", "--json", "--no-plots", "-o", "there/deep"]) == 0
     summary = strict_json(capsys.readouterr().out)
     assert summary["outputs"]["M"]["max"] == pytest.approx(20.0, rel=1e-14)  # rounding
-    assert summary["folder"] == "out"
+    assert summary["folder"] == "there/deep"
+    assert (here / "there/deep/trajectory.csv").is_file()
+    assert not list(here.rglob("*.svg"))
+    assert not (here / "results").exists()
 
 
 JSON = {
@@ -166,44 +159,32 @@ def test_set_replaces_values(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "a.yaml", *wanted[:2]]) == 1
 
 
-@pytest.mark.parametrize("command", ["run", "check", "validate"])
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["bad.yaml"], ["nofile.yaml"], ["."], ["a.yaml", "--set", "title"], ["a.yaml", "--set", "titel=x"],
-        ["a.yaml", "--set", "outputs.7=M"], ["a.yaml", "--set", "outputs.--1=M"], ["a.yaml", "--set", "outputs.²=M"],
-        ["a.yaml", "--set", "problem.over.pivot.to=1"], ["a.yaml", "--set", "mechanism=../../etc/passwd.yaml"],
-        ["a.yaml", "--set", "outputs.0=N"], ["a.yaml", "--set", "problem.over.pivot.to=1 h^99"],
-        ["a.yaml", "--set", "expect.0.value=1 kg"],
-        ["a.yaml", "--set", "problem.over={pivto: {from: 0 deg, to: 1 deg}}"],
-    ],
-)  # fmt: skip
-def test_bad_input_is_exit_2_and_nothing_is_written(
-    here: Path, capsys: pytest.CaptureFixture[str], command: str, arguments: list[str]
-) -> None:
-    if command != "check" and "expect.0.value=1 kg" in arguments:
-        pytest.skip("only a check compares the answer key with what comes out")
-    if command != "run" and arguments == ["."]:
-        arguments = ["bad.yaml", "a.yaml"]
+@pytest.mark.parametrize("words", [
+    "run bad.yaml", "run nofile.yaml", "run missing.urdf", "run .", "run a.yaml --set title",
+    "run a.yaml --set titel=x", "run a.yaml --set outputs.7=M", "run a.yaml --set outputs.²=M",
+    "run a.yaml --set mechanism=../../etc/passwd.yaml", "run a.yaml --set problem.over.pivot.to='1 h^99'",
+    "run a.yaml --set outputs.0=N", "check a.yaml --set expect.0.value='1 kg'", "check bad.yaml a.yaml",
+    "validate a.yaml --set problem.over.pivot.to=1", "validate nofile.yaml", "report a.yaml -o report.docx",
+    "report nothing",
+])  # fmt: skip
+def test_bad_input_is_exit_2_and_nothing_is_written(here: Path, capsys: pytest.CaptureFixture[str], words: str) -> None:
     before = files(here)
-    assert main([command, *arguments]) == 2
+    assert main(shlex.split(words)) == 2
     err = capsys.readouterr().err
     assert err.startswith("error: ")
     assert "Traceback" not in err
     assert files(here) == before
 
 
-def test_bad_input_leaves_an_older_result_alone(here: Path) -> None:
-    main(["run", "a.yaml"])
-    before = files(here / "results")
-    assert main(["run", "a.yaml", "--set", "outputs.0=N"]) == 2
-    assert files(here / "results") == before
+def test_a_traceback_only_where_it_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["run", "bad.yaml", "--traceback"])
+    assert "Traceback" in capsys.readouterr().err
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_failed_numerics_are_exit_3_and_the_rest_is_kept(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A torque that grows to 1e306 N*m from 0.1 s on: the first row beyond is told, and all rows are kept."""
-    assert main(["run", "blow.yaml", "-o", "out"]) == 3
+    assert main(["run", "blow.yaml", "-o", "out", "--no-plots"]) == 3
     out, err = capsys.readouterr()
     assert out == ""
     assert "too large to be checked, from t = 0.18 s" in err
@@ -221,10 +202,12 @@ def test_failed_numerics_are_told_once() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_failed_numerics_leave_an_older_result_alone(here: Path) -> None:
-    main(["run", "a.yaml", "-o", "out"])
+def test_failures_leave_an_older_result_alone(here: Path) -> None:
+    main(["run", "a.yaml", "-o", "out", "--no-plots"])
     before = files(here / "out")
-    assert main(["run", "blow.yaml", "-o", "out"]) == 3
+    assert main(["run", "a.yaml", "-o", "out", "--set", "outputs.0=N"]) == 2
+    assert files(here / "out") == before
+    assert main(["run", "blow.yaml", "-o", "out", "--no-plots"]) == 3
     assert {name: text for name, text in files(here / "out").items() if not name.startswith("partial/")} == before
 
 
@@ -232,10 +215,8 @@ def test_failed_numerics_leave_an_older_result_alone(here: Path) -> None:
 @pytest.mark.parametrize(
     "effort",
     [
-        "{law: constant, value: 1e300 N*m}", "{law: constant_acceleration, acceleration: 1e300 N*m/s^2}",
         "{law: constant, value: 1e308 N*m}", "{law: harmonic, amplitude: 1 N*m, pulsation: 1e200 rad/s}",
         "{law: polynomial, from: 0 N*m, to: 1 N*m, duration: 1e-100 s}",
-        "{law: trapezoid, from: 0 N*m, to: 1 N*m, acceleration: 0 N*m/s^2}",
         "{law: trapezoid, from: 0 N*m, to: 1e300 N*m, acceleration: 1e-300 N*m/s^2}",
     ],
 )  # fmt: skip
@@ -261,11 +242,6 @@ def test_a_body_without_mass_is_exit_3(here: Path, capsys: pytest.CaptureFixture
     assert "without mass" in capsys.readouterr().err
 
 
-def test_a_traceback_only_where_it_is_asked_for() -> None:
-    assert "Traceback" not in shell("run", "bad.yaml").stderr
-    assert "Traceback" in shell("run", "bad.yaml", "--traceback").stderr
-
-
 # ------------------------------------------------------------------------------------------------------- report
 
 
@@ -284,14 +260,6 @@ def test_report_writes_one_document_on_results(here: Path, capsys: pytest.Captur
     assert said == {"file": "both.html", "bytes": len(page.encode())}
 
 
-@pytest.mark.parametrize("arguments", [["out", "-o", "report.docx"], ["nothing"]])
-def test_report_says_what_cannot_be_written_or_read(
-    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
-) -> None:
-    assert main(["report", *arguments]) == 2
-    assert "error:" in capsys.readouterr().err
-
-
 # -------------------------------------------------------------------------------------------- check and validate
 
 
@@ -303,17 +271,6 @@ def test_check_is_exit_1_where_an_expectation_is_missed(capsys: pytest.CaptureFi
     assert "1 agrees; 1 MISS" in out
     assert "MISS miss: M" in out
     assert err == ""
-
-
-def test_check_of_a_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("one", "two"):
-        (here / "keys").mkdir(exist_ok=True)
-        (here / "keys" / f"{name}.yaml").write_text(SCENARIO.replace("pendulum.yaml", "../pendulum.yaml"))
-    assert main(["check", "keys"]) == 0
-    assert "2 agrees" in capsys.readouterr().out
-    (here / "empty").mkdir()
-    assert main(["check", "empty"]) == 2
-    assert "no scenarios in empty" in capsys.readouterr().err
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -340,9 +297,6 @@ def test_check_json(capsys: pytest.CaptureFixture[str]) -> None:
     read = strict_json(capsys.readouterr().out)
     assert [finding["verdict"] for finding in read["findings"]] == ["agrees", "MISS"]
     assert "unknown kind 'static'" in read["errors"][0]
-
-
-def test_check_json_of_what_is_not_a_number(capsys: pytest.CaptureFixture[str]) -> None:
     no_number = ["--set", "expect.0.quantity=M*sqrt(-1 - pivot)", "--set", "expect.0.at=all"]
     assert main(["check", "a.yaml", "--json", *no_number]) != 0
     strict_json(capsys.readouterr().out)
@@ -354,9 +308,7 @@ def test_validate_reports_every_file(capsys: pytest.CaptureFixture[str]) -> None
     assert out == "a.yaml: valid\n"
     assert err.count("error: ") == 2
     assert main(["validate", "a.yaml", "miss.yaml"]) == 0
-
-
-def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
     assert main(["validate", "a.yaml", "bad.yaml", "--json"]) == 2
     assert [mistake["file"] for mistake in strict_json(capsys.readouterr().out)["mistakes"]] == ["bad.yaml"]
 
@@ -381,22 +333,14 @@ def test_the_schema_is_a_json_schema(capsys: pytest.CaptureFixture[str], of: str
     assert keys <= set(schema["required"]) <= set(schema["properties"])
     assert references(schema)
     assert all(ref.startswith("#/$defs/") and ref[8:] in schema["$defs"] for ref in references(schema))
-
-
-def test_the_schema_knows_the_words_of_files(capsys: pytest.CaptureFixture[str]) -> None:
-    """``from``, not ``start``: what an editor offers must be what the reader takes."""
-    main(["schema"])
-    definitions = strict_json(capsys.readouterr().out)["$defs"]
-    assert {"from", "to"} <= set(definitions["Range"]["properties"])
-    assert {"from", "to"} <= set(definitions["Trapezoid"]["properties"])
+    if of == "scenario":  # ``from``, not ``start``: what an editor offers must be what the reader takes
+        assert all({"from", "to"} <= set(schema["$defs"][name]["properties"]) for name in ("Range", "Trapezoid"))
 
 
 @pytest.mark.parametrize(("line", "offered"), [
-    ("pinarm ru", {"run"}), ("pinarm sweep s.yaml --ov", {"--over"}), ("pinarm schema m", {"mechanism"}),
     ("pinarm re", {"replay", "report"}), ("pinarm new s", {"scissor_lift", "slider_crank"}),
     ("pinarm quantities panda --like joint.panda_joint7.lin", {"joint.panda_joint7.link_effort"}),
     ("pinarm run q.yaml --set problem.time.", {"problem.time.end=", "problem.time.samples=", "problem.time.start="}),
-    ("pinarm sweep q.yaml --over accuracy.to", {"accuracy.tolerance="}),
 ])  # fmt: skip
 def test_the_shell_is_told_how_a_line_may_go_on(line: str, offered: set[str], tmp_path: Path) -> None:
     pytest.importorskip("argcomplete")
@@ -412,13 +356,12 @@ def test_the_shell_is_told_how_a_line_may_go_on(line: str, offered: set[str], tm
 # ------------------------------------------------------------------------------------------------------ streams
 
 
-@pytest.mark.parametrize("arguments", [["schema"], ["run", "a.yaml", "--no-plots"]])
-def test_a_reader_that_leaves_is_no_error(arguments: list[str]) -> None:
+def test_a_reader_that_leaves_is_no_error() -> None:
     """As in ``pinarm check ... | head -1``: not a traceback, and not the exit code of a missed expectation."""
     end, start = os.pipe()
     os.close(end)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    command = [sys.executable, "-m", "pinarm", *arguments]
+    command = [sys.executable, "-m", "pinarm", "run", "a.yaml", "--no-plots"]
     done = subprocess.run(command, stdout=start, stderr=subprocess.PIPE, env=environment, timeout=60, check=False)
     os.close(start)
     assert done.returncode == 0
@@ -427,9 +370,8 @@ def test_a_reader_that_leaves_is_no_error(arguments: list[str]) -> None:
 
 def test_a_terminal_without_unicode_is_no_error(here: Path) -> None:
     (here / "u.yaml").write_text(SCENARIO.replace("Held", "Größe 力"), encoding="utf-8")
-    for command in (["run", "u.yaml", "--no-plots"], ["check", "u.yaml"]):
-        done = shell(*command, PYTHONIOENCODING="ascii")
-        assert done.returncode == 0, done.stderr
+    done = shell("run", "u.yaml", "--no-plots", PYTHONIOENCODING="ascii")
+    assert done.returncode == 0, done.stderr
 
 
 def test_nothing_steers_the_terminal(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -448,7 +390,7 @@ def test_nothing_steers_the_terminal(here: Path, capsys: pytest.CaptureFixture[s
         assert "\x07" not in out + err
 
 
-@pytest.mark.parametrize("title", ["[/]", "[red]x[/red]", "[link=file:///etc]x[/link]", ":smile:"])
+@pytest.mark.parametrize("title", ["[/]", "[link=file:///etc]x[/link]", ":smile:"])
 def test_markup_is_shown_as_it_stands(here: Path, capsys: pytest.CaptureFixture[str], title: str) -> None:
     symbol = f'symbols: {{"{title}": M}}\n'
     (here / "m.yaml").write_text(SCENARIO.replace("quantity: M,", f'quantity: "{title}",') + symbol)
@@ -456,9 +398,7 @@ def test_markup_is_shown_as_it_stands(here: Path, capsys: pytest.CaptureFixture[
     assert title in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["fly"], ["run"], ["run", "a.yaml", "b.yaml"], ["schema", "robot"], ["check"]]
-)
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["run"], ["run", "a.yaml", "b.yaml"], ["schema", "robot"]])
 def test_wrong_usage_is_exit_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(arguments)
@@ -471,9 +411,8 @@ def test_wrong_usage_is_exit_2(arguments: list[str], capsys: pytest.CaptureFixtu
 
 @pytest.mark.parametrize(
     ("command", "file", "said"),
-    [(command, *kind) for command in ["run", "check", "validate", "sweep", "tradeoff"]
-     for kind in [("pendulum.urdf", "a model"), ("pendulum.yaml", "a mechanism file")]
-     if (command, kind[0]) != ("validate", "pendulum.yaml")],
+    [("run", "pendulum.urdf", "a model"), ("check", "pendulum.yaml", "a mechanism file"),
+     ("validate", "pendulum.urdf", "a model"), ("sweep", "pendulum.yaml", "a mechanism file")],
 )  # fmt: skip
 def test_what_is_no_scenario_is_told_with_what_to_do(
     capsys: pytest.CaptureFixture[str], command: str, file: str, said: str
@@ -496,15 +435,15 @@ def test_a_mechanism_file_is_validated_as_one(here: Path, capsys: pytest.Capture
     assert "pivto" in err and "try: pivot" in err
 
 
-@pytest.mark.parametrize(("formula", "said"), [
-    ("joint.QQ.velocity", "there is no quantity 'joint.QQ.velocity'"),
-    ("w + 1 rad/s", "the symbol 'w' is defined by itself"),
-    ("joint.O.position + joint.O.velocity", "do not go together"),
-    ("1/0", "not finite"),
-    ("joint.O.effort", ""),
-    ("joint.A.friction", ""),
+@pytest.mark.parametrize(("file", "formula", "said"), [
+    ("mechanism.yaml", "joint.QQ.velocity", "there is no quantity 'joint.QQ.velocity'"),
+    ("mechanism.yaml", "w + 1 rad/s", "the symbol 'w' is defined by itself"),
+    ("scenario.yaml", "joint.O.position + joint.O.velocity", "do not go together"),
+    ("mechanism.yaml", "1/0", "not finite"),
+    ("scenario.yaml", "1/0", "not finite"),
+    ("scenario.yaml", "joint.O.effort", ""),
+    ("mechanism.yaml", "joint.A.friction", ""),
 ])  # fmt: skip
-@pytest.mark.parametrize("file", ["mechanism.yaml", "scenario.yaml"])
 def test_symbols_are_validated_though_nothing_asks_for_them(
     here: Path, capsys: pytest.CaptureFixture[str], file: str, formula: str, said: str
 ) -> None:
@@ -516,14 +455,8 @@ def test_symbols_are_validated_though_nothing_asks_for_them(
         json.dumps({"pinarm": 1, "planar": planar, "friction": {"A": {"mu": 0.2, "radius": "9 mm"}}, **own})
     )
     motion = {name: {"law": "constant_speed", "speed": "1 rad/s"} for name in "OA"}
-    problem = {"kind": "kinematics", "time": {"end": "1 s"}, "motion": motion}
-    scenario = {
-        "pinarm": 1,
-        "mechanism": "mechanism.yaml",
-        "problem": problem,
-        "outputs": ["joint.O.position"],
-        **symbols,
-    }
+    problem = {"problem": {"kind": "kinematics", "time": {"end": "1 s"}, "motion": motion}}
+    scenario = {"pinarm": 1, "mechanism": "mechanism.yaml", **problem, "outputs": ["joint.O.position"], **symbols}
     (here / "scenario.yaml").write_text(json.dumps(scenario))
     assert main(["validate", str(here / file)]) == (2 if said else 0)
     told = capsys.readouterr().err
@@ -550,7 +483,9 @@ def test_folders_are_validated_with_those_below_them(here: Path, capsys: pytest.
     assert (said["files"], said["passed over"], len(said["mistakes"])) == (1, 1, 1)
 
 
-def test_folders_of_results_are_validated_where_they_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folders_of_results_are_read_where_they_are_named_and_mechanism_files_are_not_checked(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
         (here / name).unlink()
     assert main(["run", "a.yaml", "--no-plots"]) == 0
@@ -561,6 +496,12 @@ def test_folders_of_results_are_validated_where_they_are_named(here: Path, capsy
     ]  # fmt: skip
     assert main(["validate", "results/a"]) == 0
     assert "2 scenarios and mechanism files" in capsys.readouterr().out
+    (here / "empty").mkdir()
+    assert main(["check", "empty", "."]) == 0
+    assert "1 agrees" in capsys.readouterr().out
+    (here / "a.yaml").unlink()
+    assert main(["check", ".", "empty"]) == 2
+    assert "there are no scenarios in ., empty" in capsys.readouterr().err
 
 
 def test_a_file_with_a_mistake_is_not_nothing_to_check(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -571,22 +512,6 @@ def test_a_file_with_a_mistake_is_not_nothing_to_check(here: Path, capsys: pytes
     (here / "free.yaml").write_text(SCENARIO.partition("expect:")[0])
     assert main(["check", "free.yaml"]) == 0
     assert capsys.readouterr().out == "nothing to check\n"
-
-
-def test_mechanism_files_of_a_folder_are_not_checked(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
-        (here / name).unlink()
-    (here / "empty").mkdir()
-    assert main(["validate", "empty", "."]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "a.yaml: valid"
-    assert lines[1].startswith("pendulum.yaml: valid mechanism file")
-    assert lines[2:] == ["2 scenarios and mechanism files, 0 with mistakes; 0 other files passed over"]
-    assert main(["check", "empty", "."]) == 0
-    assert "1 agrees" in capsys.readouterr().out
-    (here / "a.yaml").unlink()
-    assert main(["check", ".", "empty"]) == 2
-    assert "there are no scenarios in ., empty" in capsys.readouterr().err
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -670,9 +595,8 @@ def test_an_interrupt_that_comes_where_nothing_can_be_raised_comes_again() -> No
 
 @pytest.mark.parametrize(
     ("template", "key", "drives"),
-    [("four_bar", "drives: [O]", "drives: [O, C]"), ("slider_crank", "drives: [O]", "drives: [O, x]"),
-     ("scissor_lift", "drives: [spindle]", "drives: [spindle, O]"),
-     ("arm", "  motion:", "  drives: [elbow]\n  motion:"), ("cam", "  motion:", "  drives: [O, lift]\n  motion:")],
+    [("scissor_lift", "drives: [spindle]", "drives: [spindle, O]"),
+     ("arm", "  motion:", "  drives: [elbow]\n  motion:")],
 )  # fmt: skip
 def test_too_many_and_too_few_drives_are_the_same_mistake_at_their_line(
     here: Path, capsys: pytest.CaptureFixture[str], template: str, key: str, drives: str
@@ -688,7 +612,7 @@ def test_too_many_and_too_few_drives_are_the_same_mistake_at_their_line(
     assert "drives" in err.splitlines()[0]
 
 
-@pytest.mark.parametrize("command", ["explain", "quantities", "run", "sweep"])
+@pytest.mark.parametrize("command", ["explain", "sweep"])
 def test_a_folder_in_place_of_a_file_is_called_a_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
@@ -706,12 +630,12 @@ def test_a_folder_in_place_of_a_file_is_called_a_folder(
     assert "try: for the saved result, the commands replay and report, or pinarm.restore in" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["explain", "quantities", "run", "sweep"])
+@pytest.mark.parametrize("command", ["explain", "sweep"])
 def test_the_name_of_a_robot_that_stands_for_something_else_too_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    if command in ("run", "sweep"):
+    if command == "sweep":
         assert main([command, "panda"]) == 2
         said = capsys.readouterr().err
         assert said.startswith("error: 'panda' is the name of a robot, not a scenario\n")
@@ -725,7 +649,7 @@ def test_the_name_of_a_robot_that_stands_for_something_else_too_is_refused(
     assert "files in it: panda/scenario.yaml\n" in said
     assert main([command, "ur5"]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("error: ur5:1:1" if command in ("run", "sweep") else
+    assert said.startswith("error: ur5:1:1" if command == "sweep" else
                            "error: ur5: this is a file, and the name of a robot\n")  # fmt: skip
 
 
@@ -734,7 +658,6 @@ def test_the_name_of_a_robot_that_stands_for_something_else_too_is_refused(
     [
         (["run", "arm/scenario.yaml", "--set", "drives.w.ratio=3"], "try: changes.drives.w.ratio\n"),
         (["sweep", "arm/scenario.yaml", "--over", "links.a.mass=1, 2 kg"], "try: changes.planar.links.a.mass\n"),
-        (["quantities", "arm/mechanism.yaml", "--like", "tork"], "'tork' in its name or meaning"),
         (["quantities", "arm/mechanism.yaml", "--like", "Accelaration"], "try: acceleration\n"),
         (["check", "."], "try: the folders below: arm\n"),
     ],
@@ -747,11 +670,3 @@ def test_what_newcomers_write_is_answered_with_what_they_need(
     assert main(["new", "arm"]) == 0
     assert main(arguments) == 2
     assert said in capsys.readouterr().err
-
-
-def test_a_model_that_does_not_exist_is_not_taken_for_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["run", "missing.urdf"]) == 2
-    assert "there is no file missing.urdf" in capsys.readouterr().err

@@ -1,7 +1,6 @@
 """Whatever the command line does is one library call of the same name."""
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,8 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.cli.main import _parser, main
+from pinarm.cli.main import _parser
 from pinarm.errors import InputError
-
-ROOT = Path(pinarm.__file__).parents[1]
 
 
 def commands() -> set[str]:
@@ -25,6 +22,8 @@ def test_every_command_is_a_call() -> None:
     known = "new run check validate explain quantities sweep tradeoff replay report schema examples selftest"
     assert commands() == set(known.split())
     assert commands() <= set(pinarm.__all__)
+    with pytest.raises(InputError, match="no schema of 'result'"):
+        pinarm.schema("result")  # type: ignore[arg-type]
 
 
 def test_run_takes_a_file_or_a_scenario_and_replaces_values(scenario: Callable[..., Any], folder: Path) -> None:
@@ -90,17 +89,6 @@ def test_tradeoff_takes_a_file(scenario: Callable[..., Any], folder: Path) -> No
     assert trade.variants[1].relative["M"] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("of", ["scenario", "mechanism"])
-def test_schema_is_what_the_command_prints(of: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", of]) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(pinarm.schema(of)))
-
-
-def test_there_is_no_other_schema() -> None:
-    with pytest.raises(InputError, match="no schema of 'result'"):
-        pinarm.schema("result")  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(("file", "name"), [("...yaml", "scenario"), ("a.b.yaml", "a.b"), ("..a.yaml", "a")])
 def test_a_scenario_is_never_named_like_another_folder(
     scenario: Callable[..., Any], folder: Path, file: str, name: str
@@ -128,40 +116,20 @@ def test_a_scenario_may_be_plain_data():
     assert str(error.value.location) == "scenario: problem.hld"
 
 
-def test_reprs_are_one_short_line() -> None:
-    """What a console or a debugger shows of each: names and sizes, not fields."""
-    mechanism = pinarm.Mechanism.load(ROOT / "models" / "manipulator" / "mechanism.yaml")
-    scenario = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml")
-    result = scenario.run()
-    batch = pinarm.batch(ROOT / "scenarios" / "crank_rocker_free.yaml", {})
-    shown = [repr(each) for each in (mechanism, scenario, result, result["C_B"], batch)]
-    assert all(len(text) < 160 and "\n" not in text for text in shown), shown
-    assert f"{len(mechanism.constraints)} constraints, nv {mechanism.model.nv}>" in shown[0]
-    assert shown[1] == "<Scenario 'gen411_arm_static', statics of ../models/gen411_arm/mechanism.yaml; C_B, F_Bx, F_By>"
-    assert shown[2] == "<Result of 'gen411_arm_static', statics: 241 rows; C_B, F_Bx, F_By>"
-    assert shown[3] == "C_B [N*m]: 241 values, 0.73575 to 1.4715"
-    assert shown[4].startswith("<Batch of 'crank_rocker_free': 1 motions, ")
-
-
 def test_one_name_alone_is_a_list_of_one(scenario: Callable[..., Any]) -> None:
     held = scenario("statics")
     alone, listed = (pinarm.sweep(held, {"problem.over.pivot.samples": [3, 5]}, results=results, workers=1)
                      for results in ("M @ max", ["M @ max"]))  # fmt: skip
     assert np.array_equal(alone["M @ max"].values, listed["M @ max"].values)
-    result = held.run()
-    pages = [result.replay(traces=of, arrows=kinds, plots=plots)._repr_html_()
+    pages = [held.run().replay(traces=of, arrows=kinds, plots=plots)._repr_html_()
              for of, kinds, plots in (("rod", "torques", "M"), (["rod"], ["torques"], ["M"]))]  # fmt: skip
     assert pages[0] == pages[1]
-    mechanism, q = result.trajectory.mechanism, result.trajectory.q
-    efforts = [mechanism.inverse(q, 0.0 * q, 0.0 * q, drives=drives) for drives in ("pivot", ["pivot"])]
-    assert np.array_equal(*efforts)
 
 
 def test_what_is_asked_for_by_another_thing_than_a_name_is_told(scenario: Callable[..., Any]) -> None:
-    held, free = scenario("statics"), scenario("forward")
+    held = scenario("statics")
     sweep = pinarm.sweep(held, {"problem.over.pivot.samples": [3, 5]}, results=["M @ max"], workers=1)
-    batch = pinarm.batch(free, {"pivot": [0.1, 0.2]})
-    for told in (held.run(), sweep, batch, batch.reduced({"pivot": ["max"]})):
+    for told in (held.run(), sweep):
         for ask in (list, lambda told: "M" in told, lambda told: told[0], lambda told: told[["M"]]):
             with pytest.raises(InputError, match="is no name"):
                 ask(told)

@@ -131,7 +131,7 @@ def whole(kind: str, scenario: Callable[..., Any], folder: Path) -> Any:
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numpy, where numbers overflow
 @pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind in ("forward", "equilibria") else ()) for kind in AT]
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind not in ("statics", "inverse") else ()) for kind in AT]
 )
 @settings(
     max_examples=25, deadline=None, derandomize=True, database=None,
