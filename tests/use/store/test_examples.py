@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.cli.main import main
 from pinarm.errors import InputError
 from pinarm.use.store import examples as module
 
@@ -25,21 +24,17 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "shipped"
 
 
-def test_a_scenario_runs_in_the_copy_whatever_folder_that_is_in(tmp_path: Path) -> None:
+def test_all_is_copied_as_it_is_and_a_scenario_runs_whatever_folder_that_is_in(tmp_path: Path) -> None:
     (tmp_path / "pyproject.toml").touch()
     copied = pinarm.examples(tmp_path / "deep" / "mine")
     assert copied == tmp_path / "deep" / "mine"
-    torque = pinarm.run(copied / "scenarios" / "gen411_arm_static.yaml")["C_B"].values
-    assert torque.max() == pytest.approx(1.4715, abs=1e-12)  # g l2 (m_A + m_BA / 2)
-
-
-def test_every_scenario_and_model_is_copied_as_it_is(tmp_path: Path) -> None:
-    copied = pinarm.examples(tmp_path)
     for pattern in ("models/*/*.*", "scenarios/*.yaml", "examples/*.*"):
         originals = sorted(ROOT.glob(pattern))
         assert originals
         for original in originals:
             assert (copied / original.relative_to(ROOT)).read_bytes() == original.read_bytes()
+    torque = pinarm.run(copied / "scenarios" / "gen411_arm_static.yaml")["C_B"].values
+    assert torque.max() == pytest.approx(1.4715, abs=1e-12)  # g l2 (m_A + m_BA / 2)
 
 
 def test_what_runs_have_left_is_not_copied(tmp_path: Path, shipped: Path) -> None:
@@ -57,22 +52,11 @@ def test_a_file_that_exists_is_left_as_it_is(tmp_path: Path, shipped: Path) -> N
     assert (tmp_path / "mine" / "examples" / "01.py").is_file()
 
 
-def test_the_command_says_where_they_are(tmp_path: Path, shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["examples", "-o", str(tmp_path / "mine")]) == 0
-    assert capsys.readouterr().out == f"written to {tmp_path / 'mine'}\n"
-
-
 def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path: Path, shipped: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"examples cannot be written to .*file") as caught:
         pinarm.examples(tmp_path / "file")
     assert "-o DIR" in str(caught.value)
-
-
-def test_an_installation_without_them_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "FOLDERS", ("nowhere",))
-    with pytest.raises(InputError, match="has no example files"):
-        pinarm.examples(tmp_path / "mine")
 
 
 def test_a_full_disk_leaves_no_half_a_file_which_the_next_copy_would_keep(shipped: Path, tmp_path: Path) -> None:

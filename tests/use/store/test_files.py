@@ -37,8 +37,3 @@ def test_numbers_and_what_is_empty_are_read_as_they_were():
 def test_a_name_that_is_no_unicode_is_refused_in_words():
     with pytest.raises(InputError, match="is no text that a file of results can hold"):
         yaml_text({"mechanism": os.fsdecode(b"../\xff\xfe/arm.yaml")})
-
-
-def test_what_needs_no_quotes_has_none():
-    lines = yaml_text({"time": {"end": "2 s"}, "outputs": ["C_B", "F_By"], "rtol": 1e-10}).splitlines()
-    assert lines == ["time:", "  end: 2 s", "outputs:", "- C_B", "- F_By", "rtol: 1.0e-10"]

@@ -26,18 +26,15 @@ def columns(series):
 
 
 def test_every_digit_and_every_reason_is_read_back(columns):
+    found = arrays(columns, ERRORS)
+    assert found["=x"].tolist() == list(range(6))
+    assert found["units"].tolist() == [["C_B", "N*m"], ["=x", "N*m"]]
+    assert found["error"][4] == "another reason"
     rows = list(reader.reader(io.StringIO(LineTable("s", columns, ERRORS).csv())))
     assert rows[0] == ["motion", "C_B [N*m]", "'=x [N*m]", "error"]
     assert [row[0] for row in rows[1:]] == list("012345")
     assert [float(row[1]) if row[1] else None for row in rows[1:]] == [0.1 + 0.2, None, 1e-300, None, None, -7.0]
     assert {int(row[0]): row[3] for row in rows[1:] if row[3]} == ERRORS
-
-
-def test_arrays_have_their_units_beside_them(columns):
-    found = arrays(columns, ERRORS)
-    assert found["=x"].tolist() == list(range(6))
-    assert found["units"].tolist() == [["C_B", "N*m"], ["=x", "N*m"]]
-    assert found["error"][4] == "another reason"
 
 
 def test_reasons_of_many_cases_take_bounded_memory(series):
