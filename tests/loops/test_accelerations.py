@@ -71,27 +71,20 @@ def compare(linkage, run, dependent=1e-9, accuracy=1e-10):
                 assert found == pytest.approx(right.wrench[name], abs=accuracy * force)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", [*range(10), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 100))])
 def test_a_random_mechanism_moves_as_newton_and_euler_say(seed, tmp_path):
     linkage = random_linkage(seed)
     compare(linkage, moving(linkage, tmp_path, seed))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20, 300))
-def test_many_more_do(seed, tmp_path):
-    linkage = random_linkage(seed)
-    compare(linkage, moving(linkage, tmp_path, seed))
-
-
 @EXTENDED
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_masses_may_differ_by_six_orders(seed, tmp_path):
     linkage = random_linkage(1000 + seed, spread=3.0)
     compare(linkage, moving(linkage, tmp_path, seed, end=1e-3), accuracy=1e-8)
 
 
-@pytest.mark.parametrize(("seed", "loops", "spread"), [(3004, BALLS, 2.5), (3008, BALLS, 2.5), (1012, LOOP, 3.5)])
+@pytest.mark.parametrize(("seed", "loops", "spread"), [(3004, BALLS, 2.5), (1012, LOOP, 3.5)])
 def test_velocities_are_the_integral_of_the_accelerations_also_where_masses_differ(seed, loops, spread, tmp_path):
     """The steps and the table have different routes to the acceleration where loops are closed by points.
 
@@ -108,7 +101,7 @@ def test_velocities_are_the_integral_of_the_accelerations_also_where_masses_diff
 class TestConstraintDynamics:
     """Ball joints and rigid connections are Pinocchio's own constraints."""
 
-    @pytest.mark.parametrize("seed", range(12))
+    @pytest.mark.parametrize("seed", range(6))
     def test_accelerations_and_forces_are_the_same(self, seed, tmp_path):
         linkage = random_linkage(2000 + seed, ("spherical", "fixed"))
         run = moving(linkage, tmp_path, seed)

@@ -10,12 +10,11 @@ from scipy.linalg import expm
 from pinarm.engine.checks.limits import excesses
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.laws import Constant, ConstantAcceleration, ConstantSpeed
+from pinarm.mechanics.laws import Constant, ConstantAcceleration
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop
 from pinarm.problems.states import Statics
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.study.explain import explain
 
 G = 9.81
 
@@ -63,14 +62,6 @@ class TestAtwoodsMachine:
         assert length == pytest.approx(5.0, rel=1e-13)
         assert outcome.figures["energy"] < 1e-12
 
-    def test_without_a_length_it_is_taut_as_it_is_drawn(self, machine):
-        """1 m from A up to P, 2 m to Q, 2 m down to B."""
-        undrawn = {"kind": "cable", "through": ["A", "P", "Q", "B"]}
-        it = weights(machine, 3.0, 2.0, undrawn)
-        run = freely(it, end=0.5).rows
-        assert asked(run, "loop.rope.length")[0] == pytest.approx(5.0, rel=1e-13)
-        assert "rope: cable through A, P, Q, B, 5 m long, as with all joint coordinates at 0" in str(explain(it))
-
     def test_a_path_without_length_gives_a_cable_none(self, machine):
         points = {"O": (0, 0), "A": (0, 0), "B": (0, 1)}
         slide = {"y": {"link": "a", "along": ["A", "B"]}}
@@ -78,12 +69,6 @@ class TestAtwoodsMachine:
             machine(points, ["O"], {"a": {"points": ["A", "B"], "mass": "1 kg"}}, slide,
                     loops={"rope": {"kind": "cable", "through": ["O", "A"]}})  # fmt: skip
         assert caught.value.hint == "length: 2 m"
-
-    def test_a_drive_lifts_by_the_cable(self, machine):
-        run = driven(weights(machine, 3.0, 2.0, ROPE), {"ya": ConstantSpeed(speed=0.3)})
-        effort, tension = asked(run, "joint.ya.effort", "loop.rope.tension")
-        assert tension == pytest.approx(2.0 * G, rel=1e-12)
-        assert effort == pytest.approx(3.0 * G - 2.0 * G, rel=1e-12)
 
     def test_where_it_would_have_to_push_this_is_told(self, machine):
         """One weight is lifted with 2 g: the other one does not fall so fast by itself."""
@@ -158,7 +143,8 @@ class TestPendulumThatGoesSlack:
 
     def test_slow_enough_it_swings_and_fast_enough_it_goes_round(self, machine):
         for v0 in (np.sqrt(2.0 * G) - 0.01, np.sqrt(5.0 * G) + 0.01):
-            outcome = freely(ball(machine), end=1.0, position={"x": 0.0, "y": 0.0}, velocity={"x": v0})
+            start = {"position": {"x": 0.0, "y": 0.0}, "velocity": {"x": v0}}
+            outcome = freely(ball(machine), end=1.0, tolerance=1e-8, **start)
             assert not outcome.events
 
     def test_a_ball_within_the_circle_falls_until_the_string_is_taut(self, machine):
@@ -212,7 +198,7 @@ class TestElasticCable:
         assert (length > 1.0).any()
         assert higher.figures["energy"] < 1e-10
 
-    @pytest.mark.parametrize("damping", [0.01, 1.0, 30.0])
+    @pytest.mark.parametrize("damping", [0.01, 30.0])
     @pytest.mark.parametrize("motion", [{}, {"x": Constant(value=0.0)}], ids=["free", "held beside"])
     def test_a_damper_acts_from_the_instant_on_at_which_the_cable_is_taut(self, machine, damping, motion):
         """After a fall of 0.1 m its tension jumps to ``c v``; from there on it is a damped oscillator.
@@ -253,19 +239,16 @@ class TestRod:
 
 class TestBadInput:
     @pytest.mark.parametrize(("cable", "message"), [
-        ({**ROPE, "through": ["A"]}, "through"),
         ({**ROPE, "through": ["A", "A", "P"]}, "A follows itself"),
         ({**ROPE, "through": ["A", "A2"]}, "one rigid body"),
-        ({**ROPE, "through": ["A", "nobody"]}, "no link 'nobody'"),
         ({**ROPE, "length": "0 m"}, "length"),
-        ({**ROPE, "length": "5 kg"}, "kg"),
     ])  # fmt: skip
     def test_what_is_wrong_is_said(self, machine, cable, message):
         with pytest.raises(InputError, match=message):
             weights(machine, 3.0, 2.0, cable)
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-6, 1e-10, 1e6])
+@pytest.mark.parametrize("size", [1e-10, 1e6])
 def test_weights_of_any_size_bounce_go_slack_and_pull_again(machine, size):
     """The heavier falls by 1/2 on a stop and bounces there, while the other flies on and falls back for 2 v / g."""
     cable = {"kind": "cable", "through": ["A", "P", "Q", "B"], "length": f"{5.0 * size!r} m"}

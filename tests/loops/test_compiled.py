@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from catalogue import bennett, five_bar, four_bar, rssr, scissor, screw_jack, slider_crank
 from linkage import GROUND, Linkage, random_body, random_joint
-from motions import anywhere, freely
+from motions import freely
 from test_accelerations import random_linkage
 
 import pinarm
@@ -16,21 +16,13 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kernel import tree as kernel_tree
-from pinarm.engine.kernel.laws import laws_of
 from pinarm.engine.kernel.library import absence, library, pointer
 from pinarm.engine.kernel.links import links_of
-from pinarm.engine.kernel.loops import CompiledLoops
 from pinarm.engine.kernel.structures import SkylineStructure
-from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems import Initial, compiled_loops, loop_motion, system_of
 from pinarm.engine.motion.systems.loop_motion import Place, Regularity
 from pinarm.engine.motion.systems.loop_system import LoopSystem
-from pinarm.mechanics.laws import Harmonic
-from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.forward import Forward, InitialState
-from pinarm.problems.time_grid import TimeGrid
-from pinarm.records import replace
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
 
@@ -38,7 +30,6 @@ ROOT = Path(__file__).parents[2]
 FREE = PrescribedCoordinates((), (), ())
 KINDS = ("spherical", "rod", "point_on_line", "point_on_plane", "universal", "cylindrical", "revolute", "planar",
          "prismatic", "fixed")  # fmt: skip
-SEEDS = range(2)
 SHARP = 1e-9
 """Relative to the largest acceleration. The Python route takes the rows apart by singular values: what it loses by
 rounding grows with their condition, 1e4 in these linkages of no special kind."""
@@ -73,9 +64,8 @@ def compare(flow, closure, states):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", SEEDS)
-def test_accelerations_of_every_kind_are_those_of_the_singular_values(kind, seed, tmp_path):
-    linkage = random_linkage(seed, loops=(kind,))
+def test_accelerations_of_every_kind_are_those_of_the_singular_values(kind, tmp_path):
+    linkage = random_linkage(0, loops=(kind,))
     mechanism = linkage.build(tmp_path, [name for name in linkage.joints if name.startswith("loop")])
     closure, dynamics = mechanism.closure, Dynamics.of(mechanism.model)
     near = pin.neutral(mechanism.model)
@@ -103,7 +93,7 @@ def nested(seed):
     return Linkage({name: random_body(random, 1.0) for name in names}, joints)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_accelerations_of_loops_within_loops_are_those_of_the_singular_values(seed, tmp_path):
     """Their multipliers are eliminated where they end, one after the other."""
     linkage = nested(seed)
@@ -118,7 +108,7 @@ def test_accelerations_of_loops_within_loops_are_those_of_the_singular_values(se
     compare(interval.compiled, closure, closed_states(general))
 
 
-@pytest.mark.parametrize("linkage", [scissor(3), bennett(), four_bar()])
+@pytest.mark.parametrize("linkage", [scissor(3), four_bar()])
 def test_states_that_are_no_numbers_leave_nothing_behind(linkage, tmp_path):
     """As a step that is rejected may try."""
     loops = [name for name in linkage.joints if name.startswith("loop")] or [next(reversed(linkage.joints))]
@@ -132,39 +122,9 @@ def test_states_that_are_no_numbers_leave_nothing_behind(linkage, tmp_path):
     assert np.array_equal(flow.slope(0.0, y), first)
 
 
-def test_motion_of_a_scissor_on_a_hinge_is_that_of_python(tmp_path, calls, without):
-    """Its loops end at bars; states are closed, and regularity is looked at, in compiled code."""
-    linkage = scissor(4)
-    mechanism = linkage.build(tmp_path, [name for name in linkage.joints if name.startswith("loop")])
-    run = lambda: freely(mechanism, 0.5, 6, velocity={"tree_1": 1.0}, tolerance=1e-9)  # noqa: E731
-    found = run()
-    assert calls
-    expected = without(run)
-    assert found.figures["evaluations"] == pytest.approx(expected.figures["evaluations"], rel=0.2)
-    for one, other in zip((found.rows.q, found.rows.v), (expected.rows.q, expected.rows.v), strict=True):
-        assert np.abs(one - other).max() <= 1e-8 * np.abs(other).max()
-
-
-def test_a_wide_linkage_is_judged_in_states_that_are_closed_to_rounding():
-    """Forty four-bars are 41 m wide, their joints 860 m from the origin taken together."""
-    mechanism = pinarm.Mechanism.load(ROOT / "models" / "forty_four_bars" / "mechanism.yaml")
-    still = np.zeros(mechanism.model.nv)
-    dynamics = Dynamics.of(mechanism.model)
-    system = system_of(mechanism.closure, dynamics, FREE, Initial(pin.neutral(mechanism.model), still))
-    interval = system.interval(dynamics, 0.0, 1.0)
-    assert interval.compiled, interval.remark
-
-
-def test_accelerations_of_a_screw_are_those_of_the_singular_values(tmp_path):
-    mechanism = screw_jack().build(tmp_path, ["S"])
-    closure, dynamics = mechanism.closure, Dynamics.of(mechanism.model)
-    general = LoopSystem.of(closure, dynamics, FREE, pin.neutral(mechanism.model))
-    compare(general.interval(dynamics, 0.0, 1.0).compiled, closure, closed_states(general))
-
-
 MOTIONS = [
-    (four_bar(), "A"), (four_bar(), "O"), (five_bar(), "M"), (rssr(), "A"), (rssr(), "B"), (bennett(), "axis_3"),
-    (slider_crank(), "C"), (slider_crank(), "A"),
+    (four_bar(), "O"), (five_bar(), "M"), (rssr(), "A"), (rssr(), "B"), (bennett(), "axis_3"), (slider_crank(), "C"),
+    (screw_jack(), "S"),
 ]  # fmt: skip
 
 
@@ -172,7 +132,8 @@ MOTIONS = [
 def test_motions_are_those_of_python(linkage, cut, tmp_path, calls, without):
     mechanism = linkage.build(tmp_path, [cut])
     first = next(iter(mechanism.joints))
-    run = lambda: freely(mechanism, 0.5, 6, velocity={first: 4.0}, tolerance=1e-9)  # noqa: E731
+    end = 0.1 if cut == "S" else 0.5
+    run = lambda: freely(mechanism, end, 6, velocity={first: 4.0}, tolerance=1e-9)  # noqa: E731
     found = run()
     assert calls
     taken, expected = len(calls), without(run)
@@ -182,8 +143,8 @@ def test_motions_are_those_of_python(linkage, cut, tmp_path, calls, without):
         assert np.abs(one - other).max() <= 1e-7 * np.abs(other).max()  # Python closes all stages of Bennett's linkage
 
 
-SCENARIOS = ["andrews_squeezing", "bricard_falling", "change_point_four_bar_free", "crank_rocker_free",
-             "four_bar_equal_rods", "rssr_free", "two_four_bars_equal_rods"]  # fmt: skip
+SCENARIOS = ["rssr_free", *(pytest.param(name, marks=pytest.mark.slow) for name in (
+    "andrews_squeezing", "change_point_four_bar_free"))]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -204,7 +165,7 @@ EQUAL = "scenarios/four_bar_equal_rods.yaml"
 class TestSingularPositions:
     """A four-bar of equal rods passes positions with all rods in line; on its branch the uprights are parallel."""
 
-    @pytest.mark.parametrize("tolerance", np.geomspace(1e-4, 1e-12, 9).tolist())
+    @pytest.mark.parametrize("tolerance", [1e-4, 1e-8, 1e-12])
     def test_are_passed_on_the_branch(self, tolerance, calls):
         found = pinarm.run(EQUAL, {"accuracy.tolerance": tolerance})
         assert calls
@@ -212,7 +173,7 @@ class TestSingularPositions:
         assert np.abs(q[:, 0]).max() > 3.0 * np.pi  # it has turned past them
         assert np.abs(q[:, 0] - q[:, 2]).max() < 1e-2 or np.abs(q[:, 0] + q[:, 1]).max() < 1e-2
 
-    @pytest.mark.parametrize("tolerance", np.geomspace(1e-3, 1e-11, 17).tolist())
+    @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7, 1e-10])
     def test_are_in_no_step_that_is_clear_of_them(self, tolerance):
         """Where the crank has turned by a quarter from its start, all rods are in line."""
         clear, passing, count = self.steps({"accuracy.tolerance": tolerance})
@@ -221,7 +182,7 @@ class TestSingularPositions:
         if tolerance < 1e-9:
             assert len(clear) > 0.3 * count
 
-    @pytest.mark.parametrize("amplitude", [0.3, 0.75, 1.4])
+    @pytest.mark.parametrize("amplitude", [0.3, 1.4])
     def test_are_in_no_step_that_swings_across_them_from_rest_to_rest(self, amplitude):
         """On a spring about the flat position steps are as long as half a period, and slow at both ends."""
         angle = 0.5 * np.pi - amplitude
@@ -244,23 +205,6 @@ class TestSingularPositions:
         passed = np.diff(np.floor(turned / np.pi - 0.5)) != 0.0
         return solution.intervals[0].compiled.motion.clear, set(solution.steps.t[passed].tolist()), len(passed)
 
-    def test_differ_from_python_no_more_than_rounding_does(self, without, monkeypatch):
-        """A change of 1e-15 of the start grows as much in Python alone."""
-        settings = {"accuracy.tolerance": 1e-6}
-        found, expected = pinarm.run(EQUAL, settings), without(lambda: pinarm.run(EQUAL, settings))
-        begin = LoopSystem.begin
-        monkeypatch.setattr(LoopSystem, "begin", lambda *given: _nudged(begin(*given)))
-        moved = without(lambda: pinarm.run(EQUAL, settings))
-        apart, grown = (np.abs(one.trajectory.q - expected.trajectory.q).max(axis=1) for one in (found, moved))
-        late = slice(len(apart) // 2, None)
-        assert grown[late].max() > 1e-10
-        assert apart[late].max() <= 100.0 * grown[late].max()
-
-
-def _nudged(state):
-    q, v = state
-    return q, v * (1.0 + 1e-15)
-
 
 class TestClosing:
     """States as the motion in Python closes them, and as it goes on from them, of four equal rods."""
@@ -279,9 +223,8 @@ class TestClosing:
         crank = np.array([1.0, -1.0, 1.0])
         return angle * crank + open_by * np.array([1.0, 2.0, -3.0]), speed * crank + open_by * np.array([2.0, 1.0, 5.0])
 
-    @pytest.mark.parametrize("angle", [0.7, 1.4, 0.5 * np.pi, 0.5 * np.pi + 1e-3, 0.5 * np.pi - 0.03, 3.0])
-    @pytest.mark.parametrize("open_by", [1e-3, 1e-6])
-    def test_closes_the_same_states_and_goes_on_from_them_alike(self, motion, angle, open_by):
+    @pytest.mark.parametrize("angle", [0.7, 0.5 * np.pi, 0.5 * np.pi + 1e-3, 3.0])
+    def test_closes_the_same_states_and_goes_on_from_them_alike(self, motion, angle, open_by=1e-3):
         python, flow = motion
         python.settle(0.5, *self.state(angle - 0.2, 0.0))
         flow.ready()
@@ -296,62 +239,7 @@ class TestClosing:
         assert structure.floor == pytest.approx(python.least, abs=1e-12)
         assert slope[3:] == pytest.approx(python.acceleration(0.9, closed, rate), rel=1e-4, abs=1e-6)
 
-    def test_chooses_alike_how_to_go_on(self, motion):
-        """By the regularity, by a fall of it over one step, and by both; the least steps follow."""
-        python, flow = motion
-        chosen, clear = set(), set()
-        for begin in np.linspace(0.0, 1.55, 12):
-            for angle in np.linspace(0.05, 1.57, 24):
-                for t, before in ((0.3, begin - 0.01), (0.5, begin)):
-                    python.acceleration(t, *python.settle(t, *self.state(before, 0.0, speed=0.3)))
-                flow.ready()
-                q, v = self.state(angle, 0.0, speed=0.3)
-                y = np.concatenate([q, v])
-                assert settle(flow, 1.0, y, np.zeros(6)) == 1
-                earlier = python.regular
-                python.clear.clear()
-                python.acceleration(1.0, *python.settle(1.0, q, v))
-                assert bool(flow.system.structure.near) == python.near
-                assert flow.system.structure.clear == (0.5 in python.clear)
-                assert flow.system.structure.floor == pytest.approx(python.least, abs=1e-12)
-                chosen.add((python.near, python.singular, earlier - python.regular > 0.65, python.least > 0.0))
-                most = 0.5 * (0.3 + 0.125 * python.largest)  # of all velocities alike, and of equal accelerations
-                clear.add((0.5 in python.clear, 0.5 * min(1.0, earlier, python.regular) > most))
-        assert {(False, False, False, False), (True, True, False, True), (True, False, True, False)} <= chosen
-        assert (True, True) in clear
-        assert (True, False) not in clear
-
-    @pytest.mark.parametrize(("angle", "clear"), [(0.3, True), (0.5 * np.pi, False)])
-    def test_a_step_at_whose_start_a_rank_is_missing_is_not_clear(self, motion, angle, clear):
-        """Though the rows that are left are regular there, and it seems too slow to get anywhere."""
-        python, _ = motion
-        python.acceleration(0.5, *self.state(angle, 0.0, speed=1e-3))
-        assert python.regular > 0.3
-        python.acceleration(0.6, *python.settle(0.6, *self.state(0.3, 0.0, speed=1e-3)))
-        assert python.outlook(0.5)[0] is clear
-
-    def test_a_step_is_not_clear_if_the_rank_has_grown_since(self, motion):
-        python, flow = motion
-        rank = python.rank = python.measure.rank
-        python.clear.update((0.4, 0.5))
-        python.ranks |= {0.4: rank - 1, 0.5: rank}
-        assert (python.outlook(0.4), python.outlook(0.5)) == ((False, rank - 1), (True, rank))
-        assert flow.way(0.4)[0] and not flow.way(0.5)[0]
-
-    @pytest.mark.parametrize("angle", [0.3, 0.5 * np.pi, 0.5 * np.pi + 1e-6, 0.5 * np.pi + 1e-2])
-    def test_closes_stages_and_looks_past_singular_positions(self, motion, angle):
-        """Where the rods are in line the position says nothing; the acceleration comes from both sides."""
-        python, flow = motion
-        q, v = self.state(angle, 1e-6)
-        python.near = python.looked = True
-        python.rank = python.measure.rank
-        flow.take((True, python.rank))
-        flow.system.structure.limits.rank = python.rank
-        expected = python.acceleration(0.9, q, v)
-        found = flow.slope(0.0, np.concatenate([q, v]))[3:]
-        assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
-
-    @pytest.mark.parametrize("angle", 0.5 * np.pi + np.linspace(-4.6e-3, 4.6e-3, 93))
+    @pytest.mark.parametrize("angle", 0.5 * np.pi + np.linspace(-4.6e-3, 4.6e-3, 9))
     def test_passes_singular_positions_from_all_blind_states(self, motion, angle):
         """Those of stages, which are a little open: no position from which accelerations come is singular itself."""
         python, _ = motion
@@ -365,76 +253,11 @@ class TestClosing:
             assert python.open < 0.01 * loop_motion.PASSED * python.coarse
         assert found[1] == pytest.approx(found[0], abs=1e-5)
 
-    def test_closes_states_within_steps_that_have_been_taken(self, motion):
-        """As in Python, whatever the present step does."""
-        python, flow = motion
-        q, v = self.state(0.3, 1e-3)
-        python.looked, python.near, python.rank = True, False, python.measure.rank
-        open_, closed = (each(0.9, q, v)[:3] for each in (python.acceleration, python.since(0.5)))
-        assert np.abs(open_ - closed).max() > 1e-4
-        y = np.concatenate([q, v])
-        assert flow.slopes(np.array([0.5]), np.array([0.5]), y[None])[0, 3:] == pytest.approx(
-            closed, rel=1e-9, abs=1e-9
-        )
-        assert flow.slope(0.0, y)[3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
-        python.clear.add(0.5)
-        assert python.since(0.5)(0.9, q, v)[:3] == pytest.approx(open_, rel=1e-12)
-        assert flow.slopes(np.array([0.5]), np.array([0.5]), y[None])[0, 3:] == pytest.approx(open_, rel=1e-9, abs=1e-9)
-
 
 def settle(flow, t, y, slope):
     """Let the library settle a state."""
     function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
     return function(flow.structure.settle)(flow.structure.system, t, pointer(y), pointer(slope))
-
-
-def test_states_that_are_handed_back_are_settled_in_python(tmp_path, monkeypatch, calls, without, forget_loops):
-    """Where the accelerations leave the constraints; here all of them do, beyond an impossible bound."""
-    mechanism = four_bar().build(tmp_path, ["A"])
-    run = lambda: freely(mechanism, 0.5, 6, velocity={"O": 4.0}, tolerance=1e-9)  # noqa: E731
-    expected = without(run)
-    few = len(calls)
-    run()
-    few, before = len(calls) - few, len(calls)
-    forget_loops()
-    monkeypatch.setattr(compiled_loops, "MET", 1e-40)
-    found = run()
-    assert len(calls) - before > 10 * few
-    assert found.figures["evaluations"] == expected.figures["evaluations"]
-    assert np.abs(found.rows.q - expected.rows.q).max() <= 1e-9
-
-
-@pytest.mark.parametrize(("linkage", "cut"), MOTIONS[:4])
-def test_states_between_steps_are_closed_as_in_python(linkage, cut, tmp_path, calls):
-    """To the nearest by the masses; how the motion goes on is not touched."""
-    mechanism = linkage.build(tmp_path, [cut])
-    run = freely(mechanism, 0.5, 6, velocity={next(iter(mechanism.joints)): 4.0}, tolerance=1e-5)
-    assert calls
-    (segment,), nothing = run.motion.motion.segments, np.zeros((9, 0))
-    flow, t = segment.solution.intervals[0].compiled, np.linspace(0.01, 0.49, 9)
-    q, v = segment.solution.states(t)
-    flow.ready()
-    before = bytes(flow.structure), bytes(flow.system.structure)
-    found = flow.settled(t, np.hstack([q, v]))
-    assert (bytes(flow.structure), bytes(flow.system.structure)) == before
-    expected = np.hstack(segment.system.settled(q, v, nothing, nothing, t)[:2])
-    opened = np.abs(expected - np.hstack([q, v])).max()
-    assert opened > 1e-9
-    assert np.abs(found - expected).max() <= 1e-3 * opened  # the way back, 1e-5, is curved
-
-
-@pytest.mark.parametrize("cut", ["A", "B"])
-def test_a_second_run_is_not_judged_again_and_has_the_same_digits(cut, tmp_path, monkeypatch, calls):
-    """By points, and by rows."""
-    mechanism, accuracy = rssr().build(tmp_path, [cut]), Accuracy(tolerance=1e-6)
-    problem = Forward(time=TimeGrid(end=0.5, samples=6), initial=InitialState(velocity={"O": 4.0}))
-    prepared = problem.prepare(mechanism, accuracy, anywhere)
-    first = problem.solve(mechanism, accuracy, anywhere, prepared).rows
-    few = len(calls)
-    monkeypatch.setattr(compiled_loops, "disagreement", None)
-    second = problem.solve(mechanism, accuracy, anywhere, prepared).rows
-    assert len(calls) == 2 * few > 0
-    assert np.array_equal(second.q, first.q) and np.array_equal(second.a, first.a)
 
 
 def test_loads_that_only_python_knows_get_compiled_accelerations(without):
@@ -450,22 +273,8 @@ def test_loads_that_only_python_knows_get_compiled_accelerations(without):
     assert np.abs(found.trajectory.q - expected.trajectory.q).max() < 1e-8
 
 
-def test_laws_that_only_python_knows_get_compiled_accelerations(tmp_path, monkeypatch, without):
-    """A five-bar one of whose cranks follows a law."""
-    mechanism = five_bar().build(tmp_path, ["M"])
-    monkeypatch.setattr(kernel_tree, "laws_of", lambda followed, steady: None if followed else laws_of((), steady))
-    motion = {"O": Harmonic(amplitude=0.3, pulsation=5.0)}
-    run = lambda: freely(mechanism, 0.5, 6, motion=motion, tolerance=1e-9)  # noqa: E731
-    found, expected = run(), without(run)
-    (segment,) = found.motion.motion.segments
-    assert isinstance(segment.solution.intervals[0].acceleration.__self__, compiled_loops.LoadedMotion)
-    assert np.abs(found.rows.q - expected.rows.q).max() < 1e-7
-
-
 class TestWrongKernel:
-    @pytest.mark.parametrize("cut", ["A", "B"])
-    def test_is_not_used_and_the_run_says_so(self, cut, tmp_path, monkeypatch, calls):
-        """By points, and by rows."""
+    def test_is_not_used_and_the_run_says_so(self, tmp_path, monkeypatch, calls):
 
         def heavier(model):
             known = links_of(model)
@@ -473,29 +282,16 @@ class TestWrongKernel:
             return known
 
         monkeypatch.setattr(kernel_tree, "links_of", heavier)
-        mechanism = rssr().build(tmp_path, [cut])
+        mechanism = rssr().build(tmp_path, ["A"])
         found = freely(mechanism, 0.1, 3, velocity={"O": 4.0}, tolerance=1e-9)
         assert not calls
         assert any("the compiled kernel is not used" in note for note in found.notes)
-
-    def test_numbers_that_are_none_are_refused(self, tmp_path):
-        mechanism = four_bar().build(tmp_path, ["A"])
-        tree = CompiledTree.of(mechanism.model)
-        measure, (one,) = Regularity.of(mechanism.closure, ()), mechanism.constraints
-        tied = [compiled_loops._tied(mechanism.model, one, measure.kept, slice(0, one.size))]
-        numbers = np.ones(mechanism.model.nv), np.ones(len(measure.kept))
-        loaded, nothing = tree.loaded(np.zeros(mechanism.model.nv), ()), np.full(3, np.nan)
-        assert CompiledLoops(tree, tied).loaded(loaded, *numbers) is not None
-        for broken in (replace(tied[0], along=tied[0].along * np.nan), replace(tied[0], about=tied[0].about + np.inf)):
-            assert CompiledLoops(tree, [broken]).loaded(loaded, *numbers) is None
-        moved = pin.SE3(np.eye(3), nothing)
-        assert CompiledLoops(tree, [replace(tied[0], places=(moved, moved))]).loaded(loaded, *numbers) is None
 
 
 class TestSkyline:
     """Rows of random lengths, against numpy."""
 
-    @pytest.fixture(params=range(5))
+    @pytest.fixture(params=range(3))
     def matrix(self, request):
         random = np.random.default_rng(request.param)
         n = int(random.integers(1, 30))

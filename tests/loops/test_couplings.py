@@ -63,10 +63,6 @@ class TestGear:
         assert angles(run, "two") == pytest.approx(RATIO * angles(run, "one"), abs=1e-12)
         assert outcome.figures["energy"] < 1e-11
 
-    def test_a_torque_on_the_second_disc_is_felt_by_the_ratio(self, train):
-        run = free(train, loads={"motor": JointEffort(joint="two", effort=Constant(value=4.0))})
-        assert rates(run, "one") == pytest.approx(RATIO * 4.0 / (J1 + RATIO**2 * J2), rel=1e-12)
-
     def test_the_motor_torque_of_a_given_motion(self, train):
         law = Harmonic(amplitude=0.7, pulsation=3.0)
         run = driven(train, {"one": law, "three": Constant(value=0.2)})
@@ -125,12 +121,6 @@ class TestTrain:
         run = free(mechanism(DISCS, couplings=rounded, **BESIDE[beside]), loads=load)
         assert rates(run, "one") == pytest.approx(4.0 / (J1 + RATIO**2 * J2 + (4.0 * RATIO) ** 2 * J3), rel=1e-11)
 
-    def test_one_that_all_but_says_it_again_is_named(self, mechanism, beside):
-        """With 1e-6 of the ratio too much the third wheel would be 3e-6 rad in two places."""
-        torn = {**self.round, "c": gear("one", "three", -4.0 * RATIO * (1.0 + 1e-6))}
-        with pytest.raises((InputError, AssemblyError), match=r"(a|b|c) stays open by .* rad, and with it"):
-            driven(mechanism(DISCS, couplings=torn, **BESIDE[beside]), {"one": Constant(value=0.3)})
-
     def test_offsets_that_contradict_are_named(self, mechanism, beside):
         torn = {**self.round, "c": gear("one", "three", -4.0 * RATIO, offset="0.1 rad")}
         train = mechanism(DISCS, couplings=torn, **BESIDE[beside])
@@ -157,11 +147,6 @@ class TestScrew:
         pitch = LEAD / (2 * np.pi)
         assert rates(run, "screw") == pytest.approx(-M * G * pitch / (J1 + M * pitch**2), rel=1e-12)
 
-    def test_a_screw_that_turns_the_left_way_lowers(self, mechanism):
-        left = {"thread": {**self.screw["thread"], "lead": f"-{LEAD} m"}}
-        run = Statics(hold={"screw": 0.4}).solve(mechanism(JACK, couplings=left), Accuracy(), anywhere).rows
-        assert Quantities(run)["joint.screw.effort"].values == pytest.approx(-M * G * LEAD / (2 * np.pi), rel=1e-14)
-
 
 class TestJointWithoutADrive:
     """A joint that a coupling moves tells what the coupling does along it, one that has a drive what that does."""
@@ -170,12 +155,6 @@ class TestJointWithoutADrive:
 
     def at_rest(self, mechanism, held, drives):
         return Statics(hold=held, drives=drives).solve(mechanism, Accuracy(), anywhere).rows
-
-    def test_the_nut_is_pushed_by_its_weight(self, mechanism):
-        jack = mechanism(JACK, couplings=self.screw)
-        found = Quantities(self.at_rest(jack, {"screw": 0.4}, ["screw"]))
-        assert found["joint.nut.effort"].values == pytest.approx(M * G, rel=1e-14)
-        assert found["coupling.thread.effort"].values == pytest.approx(M * G, rel=1e-14)
 
     def test_a_drive_on_the_nut_leaves_the_spindle_at_rest(self, mechanism):
         jack = mechanism(JACK, couplings=self.screw)
@@ -262,11 +241,10 @@ class TestGearedFiveBar:
 
     R1, R2, ALPHA = 0.2, 0.4, np.deg2rad(20.0)
 
-    @pytest.mark.parametrize("cut", ["M", *(pytest.param(cut, marks=pytest.mark.slow) for cut in "AB")])
-    def test_every_body_obeys_newton_and_euler_with_a_push_along_the_line_of_action(self, tmp_path, cut):
+    def test_every_body_obeys_newton_and_euler_with_a_push_along_the_line_of_action(self, tmp_path):
         linkage = five_bar()
         mesh = gear("O", "C", -self.R1 / self.R2, pressure_angle="20 deg")
-        run = free(linkage.build(tmp_path, [cut], couplings={"mesh": mesh}), 0.4, 4)
+        run = free(linkage.build(tmp_path, ["M"], couplings={"mesh": mesh}), 0.4, 4)
         found = Quantities(run)
         # both cranks turn about y; where the first one turns forwards it goes against z at the pitch point
         ways = [np.array([np.sin(self.ALPHA), 0.0, sign * np.cos(self.ALPHA)]) for sign in (1.0, -1.0)]

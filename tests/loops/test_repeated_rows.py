@@ -32,14 +32,11 @@ def test_a_loop_that_only_repeats_leaves_the_pendulum_that_the_shaft_is(tmp_path
     assert np.ptp(angles[0]) > 0.5
 
 
-@pytest.mark.parametrize(
-    ("name", "outputs"), [("crank_rocker_free", ["omega2", "theta4"]), ("rssr_free", ["phi", "w"])]
-)
-def test_steps_of_one_length_end_where_the_run_does(name, outputs):
+def test_steps_of_one_length_end_where_the_run_does():
     """A stage of the last step lies at the end of the run, beside the closed state there."""
-    scenario = pinarm.load(SHIPPED / f"{name}.yaml")
+    scenario = pinarm.load(SHIPPED / "crank_rocker_free.yaml")
     time = {"problem.time": {"end": "0.1 s", "samples": 5}}
     plain = scenario.varied(time).run()
     fixed = scenario.varied({**time, "accuracy": {"method": "rk4", "step": "0.5 ms"}}).run()
-    for output in outputs:
+    for output in ("omega2", "theta4"):
         assert fixed[output].values == pytest.approx(plain[output].values, rel=1e-7, abs=1e-7)
