@@ -15,7 +15,6 @@ from pinarm.mechanics.ball_joints import (
     coordinate_at,
     coordinate_name,
     roll_pitch_yaw,
-    velocity,
 )
 from pinarm.mechanics.forces.joint_springs import BallSpring
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -49,26 +48,11 @@ def evaluate(coordinate, model, q, v):
     return coordinate.value(here), row @ v, coordinate.drift(here)
 
 
+@pytest.mark.parametrize("kind", [BallCoordinate, BallAngle])
 @pytest.mark.parametrize("component", range(3))
-@pytest.mark.parametrize("seed", range(3))
-def test_rates_of_the_rotation_vector_are_its_derivatives(model, differentiate, component, seed):
-    ball = balls_of(model)["body"]
-    coordinate = BallCoordinate(model, ball, component)
-    q, v = state(model, seed)
-
-    def along(t):
-        return np.array(evaluate(coordinate, model, pin.integrate(model, q, t * v), v)[:2])
-
-    _, rate, drift = evaluate(coordinate, model, q, v)
-    # differences of order 8 at 0.02 s: 1e-9 of truncation and rounding
-    assert differentiate(along, 0.0) == pytest.approx([rate, drift], abs=1e-8)
-
-
-@pytest.mark.parametrize("component", range(3))
-@pytest.mark.parametrize("seed", range(3))
-def test_rates_of_roll_pitch_and_yaw_are_their_derivatives(model, differentiate, component, seed):
-    coordinate = BallAngle(balls_of(model)["body"], component)
-    q, v = state(model, seed)
+def test_rates_of_rotation_vectors_and_of_angles_are_their_derivatives(model, differentiate, component, kind):
+    ball, (q, v) = balls_of(model)["body"], state(model, 0)
+    coordinate = BallCoordinate(model, ball, component) if kind is BallCoordinate else BallAngle(ball, component)
 
     def along(t):
         return np.array(evaluate(coordinate, model, pin.integrate(model, q, t * v), v)[:2])
@@ -120,7 +104,7 @@ def test_roll_pitch_and_yaw_are_those_of_urdf():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("off", [1e-3, 1e-6, 1e-9, 1e-12, 0.0])
+@pytest.mark.parametrize("off", [1e-6, 1e-12, 0.0])
 def test_at_a_pitch_of_a_right_angle_roll_and_yaw_still_give_the_orientation(off, sign):
     quaternion = Rotation.from_euler("xyz", [0.4, sign * (np.pi / 2 - off), 1.1]).as_quat()
     angles = roll_pitch_yaw(quaternion)
@@ -145,11 +129,6 @@ def test_orientation_is_given_as_angles_or_as_rotation_vector(model):
     with pytest.raises(InputError, match=r"no joint 'body\.jaw'") as caught:
         configuration(model, joints, balls, {"body.jaw": 0.1})
     assert caught.value.hint == "body.yaw"
-
-
-def test_velocities_stand_at_their_names(model):
-    values = {"swing": 1.0, "body.z": 2.0, "body.angular_velocity.y": 3.0}
-    assert velocity(model, joints_of(model), balls_of(model), values).tolist() == [1.0, 0.0, 0.0, 2.0, 0.0, 3.0, 0.0]
 
 
 def test_a_floating_joint_slides_along_its_parents_axes_and_turns_where_it_is_drawn(model):
@@ -193,9 +172,3 @@ def test_arrays_of_states_are_given_by_name(mechanism, chain):
     assert body.at(q, v)["joint.body.angular_velocity.y"].values == pytest.approx(yaw)
     with pytest.raises(InputError, match=r"no joint 'body\.spin'"):
         body.rates({"body.spin": 1.0})
-
-
-def test_a_model_whose_inertia_is_bad_can_be_shaken_too(mechanism, chain):
-    bad = mechanism(chain(*ARM).replace('ixx="0.1"', 'ixx="-0.1"', 1), defects="noted")
-    changed = bad.perturbed(1).model.inertias[1].inertia[0, 0]
-    assert changed == pytest.approx(bad.model.inertias[1].inertia[0, 0], rel=1e-15)

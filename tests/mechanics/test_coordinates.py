@@ -11,7 +11,7 @@ from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import AngleSum, Distance, PointCoordinate, Rotation, coordinates_of
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.joints import AXES, frame_of, joints_of, unit_vector
+from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
 from pinarm.mechanics.points import PointDefinition, with_points
 
@@ -45,27 +45,15 @@ def motion(t, n):
 DEFINITIONS = {
     "sum": AngleSum(of=["turn", "turn"]),
     "length": AngleSum(of=["slide"]),
-    **{f"tip along {axis}": PointCoordinate(point="tip_link", along=axis) for axis in AXES},
+    "tip along x": PointCoordinate(point="tip_link", along="x"),
     "tip along a slant": PointCoordinate(point="tip_link", along=(2.0, -1.0, 0.5)),
     "reach": Distance(between=("base", "tip_link")),
     "reach of the tilting link": Distance(between=("tip_link", "slide_link")),
     **{f"rotation about {axis}": Rotation(body="tip_link", about=axis) for axis in "xyz"},
-    **{f"rotation about {x} of a link": Rotation(body="tip_link", about=x, relative_to="turn_link") for x in "xyz"},
+    "rotation about y of a link": Rotation(body="tip_link", about="y", relative_to="turn_link"),
 }
 TIP_AT_REST = np.array([0.6, 0.3, 0.8])
 """Sum of the placements of the joints."""
-
-
-@pytest.mark.parametrize("name", DEFINITIONS)
-def test_rates_are_the_derivatives_of_the_value(model, differentiate, name):
-    coordinate = DEFINITIONS[name].bind(model, joints_of(model))
-
-    def rates(t):
-        return np.array(evaluate(coordinate, model, *motion(t, model.nv)))
-
-    for t in (0.0, 0.7, 1.9):
-        # differences of order 8 at h = 0.02 of sines up to 8 rad/s: 1e-10
-        assert differentiate(rates, t)[:2] == pytest.approx(rates(t)[1:], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", DEFINITIONS)
@@ -100,7 +88,7 @@ def test_second_rate_is_the_second_difference_of_the_value(model, name):
         assert evaluate(coordinate, model, *motion(t, model.nv))[2] == pytest.approx(rows[0], abs=1e-9)
 
 
-@pytest.mark.parametrize("along", [(2.0, -1.0, 0.5), (-200.0, 100.0, -50.0), (0.0, 1e-100, 0.0), (1e100, 0.0, 0.0)])
+@pytest.mark.parametrize("along", [(2.0, -1.0, 0.5), (0.0, 1e-100, 0.0), (1e100, 0.0, 0.0)])
 def test_a_slanted_direction_counts_by_its_direction_only(model, along):
     coordinate = PointCoordinate(point="tip_link", along=along).bind(model, joints_of(model))
     value, *_ = evaluate(coordinate, model, np.zeros(4), np.zeros(4), np.zeros(4))
@@ -109,19 +97,14 @@ def test_a_slanted_direction_counts_by_its_direction_only(model, along):
     assert value == pytest.approx(sign * TIP_AT_REST @ direction / np.linalg.norm(direction), rel=1e-14)
 
 
-@pytest.mark.parametrize("along", [(0.0, 0.0, 0.0), (np.inf, 0.0, 0.0), (np.nan, 1.0, 0.0)])
+@pytest.mark.parametrize("along", [(0.0, 0.0, 0.0), (np.inf, 0.0, 0.0)])
 def test_a_direction_without_a_length_is_refused(model, along):
     with pytest.raises(InputError, match="is no direction"):
         PointCoordinate(point="tip_link", along=along).bind(model, joints_of(model))
 
 
-def test_axes_are_directions():
-    assert [unit_vector(axis).tolist() for axis in ("x", "-z")] == [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
-
-
-@pytest.mark.parametrize("between", [("base", "tip_link"), ("tip_link", "base")])
-def test_distance_by_hand(model, between):
-    coordinate = Distance(between=between).bind(model, joints_of(model))
+def test_distance_by_hand(model):
+    coordinate = Distance(between=("tip_link", "base")).bind(model, joints_of(model))
     v, a = np.array([0.0, 2.0, 0.0, 0.0]), np.array([0.0, -3.0, 0.0, 0.0])
     # the tip slides along x: l^2 = x^2 + c^2, l' = x x' / l, l'' = (x'^2 + x x'' - l'^2) / l
     length = np.linalg.norm(TIP_AT_REST)
@@ -131,7 +114,7 @@ def test_distance_by_hand(model, between):
     assert evaluate(coordinate, model, np.zeros(4), v, a) == pytest.approx(expected, rel=1e-14)
 
 
-BALL_STATES = [0.0, 1e-12, 1e-5, 0.009, 0.011, 0.3, 2.5, 3.1]
+BALL_STATES = [0.0, 1e-5, 0.009, 0.011, 3.1]
 """Angles on both sides of where the series of the drift takes over, and close to half a turn."""
 
 
@@ -182,7 +165,7 @@ class TestRotation:
         assert found[1] == pytest.approx(dw, abs=1e-13 * near**2)
         assert found[2] == pytest.approx(ddw, abs=1e-12 * near**3)
 
-    @pytest.mark.parametrize("angle", [1e-5, 1e-4, 1e-3, 9e-3, 0.011, 0.1, 1.0])
+    @pytest.mark.parametrize("angle", [1e-5, 9e-3, 0.011, 1.0])
     def test_the_row_has_no_more_than_rounding_at_small_angles(self, ball, angle):
         """The inverse of the series of the right Jacobian of exp, ``sum (-W)^k / (k + 1)!``."""
         skew = pin.skew(angle * self.axis)
@@ -190,35 +173,6 @@ class TestRotation:
         q = pin.Quaternion(pin.exp3(angle * self.axis)).coeffs()
         rows = [Rotation(body="body", about=x).bind(ball, {}).row(Kinematics.at(ball, q)) for x in "xyz"]
         assert np.array(rows) == pytest.approx(np.linalg.inv(sum(terms)), abs=1e-15)
-
-    def test_a_rotation_about_its_own_axis_is_an_angle(self, model):
-        coordinate = DEFINITIONS["rotation about y"].bind(model, joints_of(model))
-        q, v, a = (np.array([0.0, 0.0, x, 0.0]) for x in (0.7, -1.3, 2.1))
-        assert evaluate(coordinate, model, q, v, a) == pytest.approx((0.7, -1.3, 2.1), rel=1e-14)
-        assert coordinate.unit == unit("rad")
-
-
-def test_coordinates_with_opposite_axes_have_opposite_signs(model):
-    q, v, a = motion(0.4, model.nv)
-    for axis in "xyz":
-        plus, minus = (
-            evaluate(DEFINITIONS[f"tip along {name}"].bind(model, joints_of(model)), model, q, v, a)
-            for name in (axis, f"-{axis}")
-        )
-        assert plus == pytest.approx(-np.array(minus), abs=1e-15)
-
-
-def test_point_stands_where_the_placements_say(model):
-    coordinate = DEFINITIONS["tip along x"].bind(model, joints_of(model))
-    value, *_ = evaluate(coordinate, model, np.zeros(4), np.zeros(4), np.zeros(4))
-    assert value == pytest.approx(0.3 + 0.2 + 0.1, abs=1e-15)
-
-
-def test_joints_have_names_places_and_units(model):
-    joints = joints_of(model)
-    assert list(joints) == ["turn", "slide", "tilt", "roll"]
-    assert [joint.q for joint in joints.values()] == [joint.v for joint in joints.values()] == [0, 1, 2, 3]
-    assert [str(joint.unit) for joint in joints.values()] == ["rad", "m", "rad", "rad"]
 
 
 def test_sum_is_weighted_by_how_often_a_joint_is_named(model):
@@ -243,10 +197,7 @@ def test_places_differ_where_another_joint_has_more_numbers_in_q_than_in_v():
         (AngleSum(of=["turn", "slide"]), "cannot mix angles and lengths"),
         (AngleSum(of=["turn", "tild"]), "no joint 'tild'"),
         (PointCoordinate(point="tap_link", along="x"), "no link 'tap_link'"),
-        (Distance(between=("tap_link", "base")), "no link 'tap_link'"),
         (Distance(between=("base", "tap_link")), "no link 'tap_link'"),
-        (Rotation(body="tap_link", about="x"), "no link 'tap_link'"),
-        (Rotation(body="tip_link", about="x", relative_to="tap_link"), "no link 'tap_link'"),
         (Rotation(body="tip_link", about="x", relative_to="roll_link"), "on the same body"),
     ],
 )
@@ -269,12 +220,6 @@ def test_a_sum_about_axes_that_are_not_parallel_is_refused(chain, first, between
     model = build_model(chain(*({"name": name, "axis": axis} for name, axis in axes.items()))).model
     with pytest.raises(InputError, match=message) if message else nullcontext():
         AngleSum(of=["first", "last"]).bind(model, joints_of(model))
-
-
-def test_the_message_suggests_the_name_that_was_meant(model):
-    with pytest.raises(InputError) as caught:
-        frame_of(model, "tap_link")
-    assert caught.value.hint == "tip_link"
 
 
 def test_a_coordinate_cannot_take_the_name_of_a_joint(model):

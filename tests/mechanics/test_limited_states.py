@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pinarm
-from pinarm.mechanics.limited_states import FREE, HIGHEST, LOWEST, StateLimits, mode_of, number_of
+from pinarm.mechanics.limited_states import FREE, HIGHEST, LOWEST, StateLimits
 
 LIMITS = StateLimits(-5.0, 0.7)
 
@@ -19,13 +19,6 @@ def test_a_state_at_its_limit_is_held_on_either_side_of_rounding(limit, sign, he
         assert LIMITS.mode(value, sign * 1e-16, 3.0, FREE) == FREE  # the instant at which it was let go
     assert LIMITS.mode(0.9 * limit, sign * 2.0, 3.0, FREE) == FREE
     assert StateLimits(-np.inf, np.inf).mode(1e9, 1.0, 1.0, FREE) == FREE
-
-
-def test_a_number_stands_for_many_modes():
-    number = number_of([HIGHEST, FREE, LOWEST], 4)
-    assert [mode_of(number, k) for k in range(3)] == [HIGHEST, FREE, LOWEST]
-    assert number // 27 == 4
-    assert mode_of(np.array([number, 0]), 2).tolist() == [LOWEST, FREE]
 
 
 URDF = """<robot name="two"><link name="base"/>{}</robot>"""
@@ -45,7 +38,7 @@ def solved(tmp_path, drives, control, outputs, end="0.3 s", **problem):
     })  # fmt: skip
 
 
-@pytest.mark.parametrize("limit", np.linspace(3.0, 6.0, 13))
+@pytest.mark.parametrize("limit", np.linspace(3.0, 6.0, 13)[::6])
 def test_a_current_stays_at_its_limit_whatever_its_last_digit(tmp_path, limit):
     motor = {"kind": "dc", "resistance": "1 ohm", "inductance": "2 mH", "constant": "0.03 N*m/A"}
     drive = {
@@ -80,7 +73,7 @@ def test_two_motors_reach_their_limits_at_one_instant(tmp_path):
     assert first[-1] < 4.0  # both are let go when the voltage of the turning motors is left only
 
 
-@pytest.mark.parametrize("most", np.linspace(0.1, 0.4, 7))
+@pytest.mark.parametrize("most", np.linspace(0.1, 0.4, 7)[::3])
 def test_an_integral_waits_at_its_limit_and_returns(tmp_path, most):
     """A stalled wheel, e = 1 rad, then -1 rad: the part ``ki x`` rises to the limit, stays, and falls at once."""
     steps = {"law": "steps", "points": [["0 s", "1 rad"], ["0.2 s", "-1 rad"]]}
@@ -134,7 +127,7 @@ def sampled_motor(limit, samples, period):
     return np.array(found)
 
 
-@pytest.mark.parametrize("limit", [2.0, 6.0])
+@pytest.mark.parametrize("limit", [2.0])
 def test_a_current_at_its_limit_is_let_go_at_a_sample(tmp_path, limit):
     """A voltage that jumps does not pass through the value at which the current leaves its limit."""
     motor = {"kind": "dc", "resistance": "1 ohm", "inductance": "2 mH", "constant": "0.03 N*m/A",

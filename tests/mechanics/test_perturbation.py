@@ -40,18 +40,6 @@ def test_every_number_changes_in_its_last_digits_and_zeros_do_not(model):
     assert relative[-1] > 0.0  # gravity
 
 
-def test_the_model_itself_stays(model):
-    before = numbers(model)
-    perturbed(model, 1)
-    assert numbers(model).tolist() == before.tolist()
-
-
-def test_a_seed_says_which_change(model):
-    once, again, other = (numbers(perturbed(model, seed)) for seed in (1, 1, 2))
-    assert once.tolist() == again.tolist()
-    assert once.tolist() != other.tolist()
-
-
 def test_angles_that_have_lost_their_ninth_digit_are_told():
     """Doubles near 1e8 are 1.5e-8 apart, near 1e6 1.2e-10."""
     model = pin.Model()
@@ -77,7 +65,7 @@ def test_quantities_of_a_file_change_in_their_last_digits_by_a_half_of_the_most_
         "end_stops": {"b": {"upper": "1 rad", "restitution": 0.3}},
     }
     given = Document.of_data({"kind": "forward", **data}, "problem").validate(Forward)
-    for seed in range(50):
+    for seed in range(5):
         found = perturbed_numbers(given, np.random.default_rng(seed))
         for before, after in (
             (given.initial.position["a"], found.initial.position["a"]),

@@ -1,11 +1,12 @@
 """Reactions that depend on parts of a coupling of which nothing is said are refused; all others are told."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from catalogue import disc
 from motions import driven, free
 
-from pinarm import explain
 from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
@@ -60,21 +61,16 @@ def found(mechanism):
     return Quantities(driven(arm, MOTION, drives=list(MOTION)))
 
 
-@pytest.mark.parametrize("joint", ["one", "rest", "two"])
-@pytest.mark.parametrize("part", REACTIONS)
-def test_components_that_are_open_are_refused_with_the_reason(found, joint, part):
-    if (joint, part) == ("rest", "moment.z"):  # its own effort
-        assert found[f"joint.{joint}.{part}"].values == pytest.approx(found["joint.rest.effort"].values, rel=1e-12)
-        return
-    with pytest.raises(InputError, match=r"'chain' \(gear\): it has no pressure_angle") as refused:
-        found[f"joint.{joint}.{part}"]
-    assert "pressure_angle" in refused.value.hint
-
-
-@pytest.mark.parametrize("name", ["force.x", "tangential", "moment.z"])
-def test_its_force_is_refused_and_its_effort_is_told(found, name):
+def test_what_is_open_is_refused_with_the_reason_and_efforts_are_told(found):
+    own = found["joint.rest.effort"].values
+    assert found["joint.rest.moment.z"].values == pytest.approx(own, rel=1e-12)
+    for joint, part in product(["one", "rest", "two"], REACTIONS):
+        if (joint, part) != ("rest", "moment.z"):
+            with pytest.raises(InputError, match=r"'chain' \(gear\): it has no pressure_angle") as refused:
+                found[f"joint.{joint}.{part}"]
+            assert "pressure_angle" in refused.value.hint
     with pytest.raises(InputError, match=r"is not known: it has no pressure_angle\n  expected: coupling.chain.effort"):
-        found[f"coupling.chain.{name}"]
+        found["coupling.chain.tangential"]
     assert np.abs(found["coupling.chain.effort"].values).max() > 0.0
 
 
@@ -118,9 +114,8 @@ def test_redundant_couplings_leave_their_own_forces_open(mechanism):
 
 @pytest.mark.parametrize("kind", [
     {"kind": "gear", "ratio": -2.0, "pressure_angle": "20 deg"},
-    {"kind": "belt", "radii": ["5 cm", "5 cm"], "pretension": "0 N"},
     {"kind": "belt", "radii": ["5 cm", "5 cm"], "pretension": "10 N"},
-], ids=["gear", "slack belt", "belt"])  # fmt: skip
+], ids=["gear", "belt"])  # fmt: skip
 def test_two_couplings_side_by_side_leave_open_what_they_push_both_ways(mechanism, kind):
     """Teeth push wheels apart, and strands pull them together, whichever way they drive; together they drive as one."""
     wheels = disc("one", 0.3) + disc("two", 0.05, "0.3 0 0")
@@ -151,15 +146,3 @@ def test_the_pretension_of_a_belt_is_no_self_stress(mechanism):
     assert Quantities(driven(pair, motion))["joint.one.force.x"].values == pytest.approx(-200.0, rel=1e-14)
     found = Quantities(driven(twice, motion), undetermined="minimum_norm")
     assert np.abs(found.reactions.stressed_joint(1)[0][:, 0]).max() < 20.0  # 1 N m at 50 mm, and not 200 N
-
-
-def test_explain_names_them_and_why(gearbox, tmp_path):
-    gearbox(it=GEARS["gear"])
-    text = str(explain(tmp_path / "mechanism.yaml"))
-    assert "it: gear, 1 row; its forces on bodies are not known: it has no pressure_angle" in text
-    assert "every reaction is determined but for what couplings leave open:" in text
-    assert "\n  sun: by it\n  wheel: by it\n" in text
-    gearbox(it={**GEARS["gear"], "pressure_angle": "20 deg"})
-    text = str(explain(tmp_path / "mechanism.yaml"))
-    assert "it: gear, 1 row; external teeth, pitch radii 100 mm and 50 mm, pressure angle 20 deg" in text
-    assert "isostatic: every reaction is determined\n" in text

@@ -73,19 +73,6 @@ def test_wrenches_have_the_power_of_the_multiplier_in_every_motion(name, gearbox
     assert np.abs(sum(wrenches.values())).max() < 1e-12 * largest
 
 
-@pytest.mark.parametrize("name", SAMPLES)
-def test_wrenches_are_linear_but_for_their_kinks(name, gearbox):
-    box = gearbox(it=SAMPLES[name])
-    (coupling,) = box.constraints
-    links = LinkPlacements.at(box.model, np.full((1, box.model.nq), 0.7))
-    lam = np.array([-200.0, -7.0, -0.5, 0.0, 0.3, 4.0, 90.0])
-    wrenches, kinks = coupling.wrenches(links.some(np.zeros(len(lam), dtype=int)), lam[:, None]), coupling.kinks(links)
-    for body, wrench in wrenches.items():
-        smooth = wrench - sum(np.multiply.outer(np.abs(lam - kink.at), kink.wrenches[body]) for kink in kinks)
-        line = smooth[3] + np.multiply.outer(lam, (smooth[-1] - smooth[0]) / (lam[-1] - lam[0]))
-        assert smooth == pytest.approx(line, abs=1e-12 * np.abs(wrench).max())
-
-
 @pytest.mark.parametrize("name", [name for name, one in SAMPLES.items() if "planets" not in one])
 def test_what_acts_on_the_second_member_acts_where_it_is_said(name, gearbox):
     box = gearbox(it=SAMPLES[name])

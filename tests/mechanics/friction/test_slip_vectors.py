@@ -5,16 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
+from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
 
 CONTACTS = [SimpleNamespace(name=name) for name in ("loop.a", "joint.b", "loop.a", "joint.c")]
 SLIPS = np.array([[3.0, -2.0, 4.0, 0.0], [0.0, 5.0, -7.0, 1.0], [0.0, 0.0, 0.0, -1e-9]])
-
-
-def test_components_with_one_name_are_of_one_joint():
-    assert same_joint(CONTACTS)[0].tolist() == [True, False, True, False]
-    assert several(CONTACTS).tolist() == [True, False, True, False]
-    assert not several(CONTACTS[:2]).any()
 
 
 def test_length_and_direction_are_those_of_the_whole_slip():

@@ -4,9 +4,8 @@ from itertools import permutations
 
 import numpy as np
 import pinocchio as pin
-import pytest
 
-from pinarm.mechanics.geometry.frame_pairs import FramePairs, likeness
+from pinarm.mechanics.geometry.frame_pairs import FramePairs
 from tests.mechanics.geometry.random_variants import random_variants
 
 JOINTS = (
@@ -15,7 +14,7 @@ JOINTS = (
 )  # fmt: skip
 PARENTS = (0, 1, 2, 3, 2, 5, 6, 7)
 """A stem of two joints with branches of two and four, joints of all kinds in both."""
-STATES = 4
+STATES = 2
 
 
 def tree(away: float = 0.0) -> pin.Model:
@@ -81,46 +80,14 @@ def test_they_move_as_pinocchio_says_of_both() -> None:
                 np.testing.assert_allclose(one, other, atol=1e-12)  # sums of a dozen numbers up to 10
 
 
-@pytest.mark.parametrize("away", [1e3, 1e6])
-def test_the_distance_from_the_origin_costs_no_digits(away: float) -> None:
-    near, far = tree(), tree(away)
+def test_the_distance_from_the_origin_costs_no_digits() -> None:
+    near, far = tree(), tree(1e6)
     q, v = states(near)
     first, second = near.getFrameId("frame 4"), near.getFrameId("frame 8")
     both = (found(FramePairs.between(model, first, second), q, v) for model in (near, far))
     for one, other in zip(*both, strict=True):
         for x, y in zip(one, other, strict=True):
             np.testing.assert_array_equal(x, y)
-
-
-def test_pairs_with_like_paths_stand_side_by_side() -> None:
-    model = pin.Model()
-    pin.seed(6)
-    for k in range(6):  # two branches of three
-        model.addJoint(k if k % 3 else 0, JOINTS[k % 3](), pin.SE3.Random(), f"joint {k}")
-        model.addFrame(pin.Frame(f"frame {k}", k + 1, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
-    q, v = states(model)
-    ends = [(0, model.getFrameId(f"frame {k}")) for k in (2, 5)]
-    assert likeness(model, *ends[0]) == likeness(model, *ends[1]) != likeness(model, ends[0][1], 0)
-    together = FramePairs.of(model, ends).at_configurations(q)
-    for k, pair in enumerate(ends):
-        alone = FramePairs.between(model, *pair).at_configurations(q)
-        for name in ("p", "turn", "linear", "angular"):
-            np.testing.assert_allclose(getattr(together, name)[..., k, :], getattr(alone, name)[..., 0, :], atol=1e-14)
-        for one, other in zip(together.rates(v.T), alone.rates(v.T), strict=True):
-            np.testing.assert_allclose(one[:, k], other[:, 0], atol=1e-13)
-
-
-def test_variants_are_those_of_each_model_alone() -> None:
-    pin.seed(2)
-    variants, models = random_variants(np.random.default_rng(2), 6, 3)
-    first, second = models[0].getFrameId("link 2"), models[0].getFrameId("link 5")
-    q, v = np.random.default_rng(3).normal(size=(2, 4, 3, 6))
-    motion = FramePairs.between(variants, first, second).at_configurations(q)
-    together = [motion.p, motion.linear, *motion.rates(np.moveaxis(v, -1, 0))]
-    for k, model in enumerate(models):
-        own = FramePairs.between(model, first, second).at_configurations(q[:, k])
-        for one, other in zip(together, [own.p, own.linear, *own.rates(v[:, k].T)], strict=True):
-            np.testing.assert_allclose(one[..., k], other, atol=1e-12)
 
 
 def test_complex_steps_give_the_slopes() -> None:

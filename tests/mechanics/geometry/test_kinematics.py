@@ -34,15 +34,6 @@ def test_a_state_holds_the_jacobians_and_drifts_of_pinocchio(model):
     assert pin.getFrameAcceleration(model, state.data, frame, pin.LOCAL).vector == pytest.approx(right, abs=1e-14)
 
 
-def test_at_rest_nothing_is_left_of_a_state_that_had_the_buffers_before(model):
-    q, v = random_states(model, 1)[0]
-    used = Kinematics.at(model, q, v).data
-    state = Kinematics.at(model, q)
-    assert state.data is used
-    assert np.abs([twist.vector for twist in state.data.v.tolist()]).max() == 0.0
-    assert np.abs([rate.vector for rate in state.data.a.tolist()]).max() == 0.0
-
-
 def test_states_that_live_together_keep_their_placements(model):
     states = [Kinematics.at(model, q, v) for q, v in random_states(model, 20)]
     gc.collect()
@@ -61,7 +52,7 @@ def test_threads_do_not_share_states(model):
         right.append(data.oMi[model.njoints - 1].translation.copy())
 
     def evaluate():
-        for _ in range(50):
+        for _ in range(10):
             for q, place in zip(configurations, right, strict=True):
                 state = Kinematics.at(model, q)
                 if not np.array_equal(state.data.oMi[model.njoints - 1].translation, place):

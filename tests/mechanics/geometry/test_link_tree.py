@@ -5,7 +5,6 @@ import pinocchio as pin
 import pytest
 
 from pinarm.mechanics.geometry.link_placements import moving
-from pinarm.mechanics.geometry.link_tree import LinkTree
 
 AXIS = np.array([0.6, 0.0, 0.8])
 JOINTS = {
@@ -42,36 +41,6 @@ def test_links_behind_any_joint_move_as_pinocchio_says(joint):
             assert twists[row, k] == pytest.approx(data.v[k].vector, abs=1e-11)
             assert rates[row, k] == pytest.approx(data.a[k].vector, abs=1e-11)
         assert columns[row] == pytest.approx(pin.computeJointJacobians(model, data, q[row]), abs=1e-12)
-
-
-def test_a_velocity_moves_the_links_whose_jacobian_has_its_column():
-    model = chain("revolute", "ball", "prismatic", "floating")
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    for joint in range(1, model.njoints):
-        columns = pin.getJointJacobian(model, data, joint, pin.WORLD).any(axis=0)
-        assert LinkTree.of(model).supports[joint].tolist() == columns.tolist()
-
-
-def test_bodies_are_those_of_the_model():
-    model = chain("revolute", "ball", "prismatic")
-    tree = LinkTree.of(model)
-    for k in range(1, model.njoints):
-        body = model.inertias[k]
-        assert tree.masses[k] == body.mass and (tree.levers[k] == body.lever).all()
-        assert (tree.inertias[k] == body.matrix()).all()
-    assert not tree.inertias[0].any()
-
-
-@pytest.mark.parametrize("length", [1, 2, 7, 8, 9])
-def test_sums_along_paths_are_those_link_by_link(length):
-    tree = LinkTree.of(chain(*["revolute"] * length))
-    x = np.random.default_rng(3).normal(size=(3, len(tree.parents), 2))
-    x[:, 0] = 0.0
-    expected = x.copy()
-    for k in range(1, len(tree.parents)):
-        expected[:, k] += expected[:, tree.parents[k]]
-    assert tree.summed(x) == pytest.approx(expected, abs=1e-14 * length)
 
 
 def test_a_tree_far_from_the_origin_keeps_its_digits():

@@ -9,14 +9,12 @@ import pytest
 
 from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
-from pinarm.input.yaml.document import Document
 from pinarm.mechanics.laws import (
     Over,
     Segment,
     SpeedPoints,
     Spline,
     Succession,
-    Table,
 )
 from pinarm.mechanics.laws.interpolated import cached_table
 from pinarm.mechanics.laws.motion_law import Grid
@@ -51,22 +49,6 @@ class TestSpeedPoints:
 
 
 class TestSpline:
-    def test_it_reproduces_a_cubic(self):
-        cubic = np.polynomial.Polynomial([0.3, -0.7, 0.4, 0.25])
-        t = [0.0, 0.4, 1.0, 1.3, 2.2]
-        ends = (float(cubic.deriv()(t[0])), float(cubic.deriv()(t[-1])))
-        law = Spline(points=[(x, float(cubic(x))) for x in t], speeds=ends)
-        x = np.linspace(0.0, 2.2, 45)
-        found = law.pieces()[1].function(x)
-        for values, derivative in zip(found, (cubic, cubic.deriv(), cubic.deriv(2)), strict=True):
-            assert values == pytest.approx(derivative(x), abs=1e-13)
-
-    def test_its_second_derivative_is_continuous_inside(self):
-        law = LAWS["spline"]
-        for t, _ in law.points[1:-1]:
-            before, after = (law.pieces()[1].function(np.array([t + h])) for h in (-1e-9, 1e-9))
-            assert before[2] == pytest.approx(after[2], abs=1e-6)  # the third derivative is below 100
-
     def test_it_meets_its_points_with_the_given_end_speeds(self):
         law = LAWS["spline"]
         s, ds, dds = across(law, [t for t, _ in law.points] + [3.2])
@@ -77,7 +59,7 @@ class TestSpline:
 
 
 @pytest.mark.parametrize("member", [Spline, SpeedPoints])
-@pytest.mark.parametrize("times", [(0.0, 0.0), (1.0, 0.0), (0.0, 2.0, 1.0), (0.0, 1.0, 1.0)])
+@pytest.mark.parametrize("times", [(0.0, 0.0), (0.0, 2.0, 1.0)])
 def test_points_that_do_not_ascend_are_refused(member, times):
     with pytest.raises(InputError, match=rf"do not ascend.*\(point {len(times)}\)"):
         member(points=[(t, 0.0) for t in times])
@@ -109,8 +91,6 @@ class TestTable:
             ("t [s],b [deg],a [deg]\n0,0,1\n1,1,2\n", None, r"has several columns[\s\S]*column: one of a, b"),
             ("t [s],b [deg],a [deg]\n0,0,1\n1,1,2\n", "c", r"no column 'c'[\s\S]*column: one of a, b"),
             ("t [s],b [deg],b [m]\n0,0,1\n1,1,2\n", "b", r"several columns 'b'"),
-            ("t [s],b [deg],a\n0,0,1\n1,1,2\n", "a", r"the heading 'a' has no unit"),
-            ("t [s],b [deg],a [deg]\n0,0,1\n1,1,x\n", "a", r"table\.csv:3:1: a finite number is missing"),
         ],
     )
     def test_a_column_that_is_not_clear_is_refused(self, tmp_path, text, column, message):
@@ -137,26 +117,14 @@ class TestTable:
         ("text", "message"),
         [
             ("t [s],x [m]\n0,0\n2,1\n1,2\n", r"table\.csv:4:1: the first column does not increase"),
-            ("t [s],x [m]\n0,0\n0,1\n", r"table\.csv:3:1: the first column does not increase"),
             ("t [s],x [m]\n0,0\nnan,1\n", r"table\.csv:3:1: a finite number is missing"),
-            ("t [s],x [m]\n0,0\n1,nan\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,-inf\n", r"table\.csv:3:1: a finite number is missing"),
-            ("t [s],x [m]\n0,0\n1,1e999\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,1e300\n", r"table\.csv:3:1: 1e\+300 is out of bounds"),
-            ("t [s],x [m]\n0,zero\n1,1\n", r"table\.csv:2:1: a finite number is missing"),
-            ("t [s],x [m]\n0,0\n1,\n", r"table\.csv:3:1: a finite number is missing"),
-            ("t [s],x [m]\n0,0\n1\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n0,5,0,1\n", r"table\.csv:3:1: the row has 4 cells, the heading 2"),
             ("t [s];x [m]\n0;0\n1;1\n", r"table\.csv:1:1: the cells of this table are separated by semicolons"),
-            ("t [s]\tx [m]\n0\t0\n1\t1\n", r"table\.csv:1:1: the cells of this table are separated by tabs"),
-            ("t [s],x [m]\n0;0\n1;1\n", r"table\.csv:2:1: a finite number is missing"),
             ("t,x [m]\n0,0\n1,1\n", r"table\.csv:1:1: the heading 't' has no unit"),
-            ("t [s],x\n0,0\n1,1\n", r"table\.csv:1:1: the heading 'x' has no unit"),
-            ("0,0\n1,1\n2,2\n", r"table\.csv:1:1: the heading '0' has no unit"),
             ("t [s],x [cubits]\n0,0\n1,1\n", "unknown unit 'cubits'"),
             ("t [s],x [m]\n0,0\n", "too short"),
-            ("t [s],x [m]\n0,0\n\n", "too short"),
-            ("t [s]\n0\n1\n", "too short"),
             ("", "too short"),
         ],
     )  # fmt: skip
@@ -175,12 +143,6 @@ class TestTable:
         os.utime(path, ns=(times, times))
         assert tuple(cached_table(str(path)).columns[1]) == (0.0, 3.0)
 
-    def test_the_line_of_the_table_is_told_to_who_names_it_in_a_file(self, tmp_path):
-        (tmp_path / "table.csv").write_text("t [s],x [m]\n0,0\n1,one\n")
-        scenario = Document.parse("law: table\nfile: table.csv\n", source="s.yaml", path=tmp_path / "s.yaml")
-        with pytest.raises(InputError, match=r"table\.csv:3"):
-            scenario.validate(Table)
-
     def test_what_is_no_text_is_refused(self, tmp_path):
         (tmp_path / "table.csv").write_bytes(b"t [s],x [m]\n0,\xff\xfe\n1,1\n")
         with pytest.raises(InputError, match="cannot be read as UTF-8 text"):
@@ -191,12 +153,9 @@ class TestTable:
         with pytest.raises(InputError, match=r"table\.csv' does not exist[\s\S]*try: .*tabel\.csv"):
             table(tmp_path)
 
-    @pytest.mark.parametrize("marker", [True, False])
-    def test_a_file_outside_the_root_is_refused(self, tmp_path, marker):
+    def test_a_file_outside_the_root_is_refused(self, tmp_path):
         folder = tmp_path / "root"
         folder.mkdir()
-        if marker:
-            (folder / ".pinarm-root").touch()
         (tmp_path / "table.csv").write_text("t [s],x [m]\n0,0\n1,1\n")
         (folder / "link.csv").symlink_to(tmp_path / "table.csv")
         for file in ("../table.csv", "link.csv", str(tmp_path / "table.csv")):

@@ -102,13 +102,6 @@ def test_a_drive_that_only_touches_a_breakpoint_does_not_pass_it(beyond):
     assert (s, ds, dds) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
 
 
-def test_a_drive_that_rests_on_a_breakpoint_is_cut_where_it_comes_to_rest():
-    drive = Trapezoid(start=0.0, end=1.0, acceleration=4.0)  # arrives at t = 1 s
-    law = driven(Cycloidal(start=0.0, end=1.0, duration=1.0), drive)
-    assert values(law, [0.5, 2.0])[:, 1] == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
-    assert values(law, [0.5])[0] == pytest.approx(0.5, abs=1e-15)
-
-
 @pytest.mark.parametrize("speed", [2.0, -2.0])
 def test_a_cam_repeats_with_every_turn_of_its_drive(speed):
     law = driven(CAM, ConstantSpeed(speed=speed, start=0.3), end=10.0, period=4.0)
@@ -136,12 +129,6 @@ def test_a_profile_that_does_not_close_is_refused(profile, says):
         Over(of="crank", profile=profile, period=1.0)
 
 
-def test_a_profile_is_not_passed_without_end():
-    drive = ConstantSpeed(speed=1e9)
-    with pytest.raises(InputError, match="the profile is passed"):
-        driven(CAM, drive, period=4.0)
-
-
 def test_units_are_those_of_both_coordinates():
     cam = Over(of="crank", profile=Constant(value="20 mm"), period="360 deg")
     cam.check_units(unit("m"), unit("rad"))
@@ -157,13 +144,13 @@ def test_points_that_are_passed_too_often_are_refused():
         points=[(0.05 * k, math.sin(0.1 * math.pi * k)) for k in range(21)], speeds=(2 * math.pi, 2 * math.pi)
     )
     profile, drive = Profile.of(wave, 1.0), ConstantSpeed(speed=1.0, start=0.5)
-    assert len(profile.marked(drive, 0.0, 3000.0)) == 20 * 3000 - 1
+    assert len(profile.marked(drive, 0.0, 300.0)) == 20 * 300 - 1
     for passed in (profile.marked, Over(of="crank", profile=wave, period=1.0).along):
         with pytest.raises(InputError, match="the profile is passed 6e\\+03 times"):
             passed(drive, 0.0, 6000.0)
 
 
-@pytest.mark.parametrize("swings", [8, 1024, 2048, 28_672])
+@pytest.mark.parametrize("swings", [8, 2048])
 def test_all_reversals_of_a_swing_are_found_however_fast(swings):
     """``sin 2 pi n t`` turns back at ``(2 k + 1)/(4 n)``; 2049 even instants see nothing of 1024 or 2048 swings."""
     drive = Harmonic(amplitude=0.01, pulsation=2.0 * math.pi * swings)

