@@ -35,6 +35,9 @@ from pinarm.records import Record
 STEP = 1e-30
 """Imaginary step h: its square vanishes beside 1, and no difference is taken."""
 
+MOST_VELOCITIES = 250
+"""Largest number of velocities: Pinocchio's whole buffers take about 60 nv^3 bytes, 1 GB."""
+
 
 class EquationDerivatives(Record, frozen=True):
     """Derivatives of the equation of motion at one state; m rows of constraints.
@@ -84,8 +87,17 @@ def equation_derivatives(
 
 
 def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-    """Return M and the derivatives of ``M a + nle`` by q and by v, shape (nv, nv) each."""
-    data = model.createData()  # smaller buffers have no room for derivatives
+    """Return M and the derivatives of ``M a + nle`` by q and by v, shape (nv, nv) each.
+
+    Raises:
+        InputError: The model has more velocities than Pinocchio's buffers allow.
+    """
+    if model.nv > MOST_VELOCITIES:
+        raise InputError(
+            f"the linear analysis of {model.nv} velocities would take {60e-9 * model.nv**3:.0f} GB",
+            expected=f"a mechanism with {MOST_VELOCITIES} velocities at most",
+        )
+    data = model.createData()
     pin.computeRNEADerivatives(model, data, q, v, a)
     upper = np.triu(data.M)
     return upper + np.triu(upper, 1).T, data.dtau_dq.copy(), data.dtau_dv.copy()
