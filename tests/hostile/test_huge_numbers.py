@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.cli.main import main
 from pinarm.engine.kinematics import newton
 from pinarm.errors import DynamicsError, InputError, PinarmError, choices
 
@@ -20,8 +19,7 @@ SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
     ("scenario", "path", "unit"),
     [
         ("crank_rocker_turning", "problem.motion.theta2.speed", "rad/s"),
-        ("gen411_arm_static", "arguments.m_A", "kg"), ("gen411_arm_swing", "arguments.m_A", "kg"),
-        ("gen411_arm_swing", "arguments.l1", "m"),
+        ("gen411_arm_static", "arguments.m_A", "kg"), ("gen411_arm_swing", "arguments.l1", "m"),
     ],
 )  # fmt: skip
 @pytest.mark.filterwarnings("error")
@@ -56,18 +54,6 @@ def test_places_beyond_all_lengths_are_refused_on_their_line(tmp_path: Path, giv
 
 
 @pytest.mark.filterwarnings("error")
-def test_what_is_kept_of_numbers_that_are_not_finite_is_kept_without_a_warning(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    fast = "problem.motion.alpha={law: constant_acceleration, acceleration: 1e100 rad/s^2}"
-    given = ["--set", fast, "--set", "problem.time.end=1e100 s", "-o", str(tmp_path / "out")]
-    assert main(["run", str(SCENARIOS / "magic_arms_kinematics.yaml"), *given]) == 3
-    said = capsys.readouterr().err
-    assert "V_P is not finite" in said
-    assert "kept: 113 rows" in said
-
-
-@pytest.mark.filterwarnings("error")
 def test_laws_that_are_too_fast_are_named() -> None:
     """Rows without any number are kept, with their headlines, without a word of Python's."""
     fast = {"law": "constant_acceleration", "acceleration": "1e100 rad/s^2"}
@@ -98,7 +84,7 @@ def test_rows_that_are_too_far_apart_are_refused(monkeypatch: pytest.MonkeyPatch
         pinarm.run(SCENARIOS / "rssr_turning.yaml", {"problem.time.end": "4e6 s"})
 
 
-@pytest.mark.parametrize(("count", "letters"), [(30, 10_000), (5000, 160), (20_000, 60)])
+@pytest.mark.parametrize(("count", "letters"), [(30, 10_000), (5000, 160)])
 def test_a_similar_name_is_looked_for_with_bounded_work(
     count: int, letters: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

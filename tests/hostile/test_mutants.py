@@ -7,7 +7,7 @@ from mutants import kinds, prepare, tried
 
 NAMES = ("scenario", "forward", "mechanism", "urdf", "xacro", "mjcf", "sdf", "stl", "obj", "dae", "find", "table",
          "cases", "summary", "resolved", "arrays", "journal", "options")  # fmt: skip
-SAMPLE = 16
+SAMPLE = 8
 
 
 @pytest.fixture(scope="module")

@@ -49,27 +49,6 @@ def test_headings(cell: str, heading: tuple[str, str | None] | None) -> None:
     assert split_heading(cell) == heading
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("a [m];b [m]\n1;2\n", r"t\.csv:1:1: .* separated by semicolons"),
-        ("a [m];b [m]\n1,5;2,5\n", r"t\.csv:1:1: .* separated by semicolons"),
-        ("a [m]\tb [m]\n1\t2\n", r"t\.csv:1:1: .* separated by tabs"),
-        ("a [m],b [m]\n1,2\n\n1,5,2,5\n", r"t\.csv:4:1: the row has 4 cells, the heading 2"),
-    ],
-)
-def test_tables_with_other_separators_are_refused(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        list(table(written(tmp_path, text), "t.csv")[1])
-    assert "decimal point" in caught.value.expected
-
-
-def test_empty_cells_beyond_the_heading_are_none(tmp_path: Path) -> None:
-    heads, below = table(written(tmp_path, "a,b\n1,2,, \n3\n"), "t.csv")
-    assert heads == ["a", "b"]
-    assert [*below] == [(2, ["1", "2", "", " "]), (3, ["3"])]
-
-
 def test_a_comment_above_a_table_is_called_one_and_lines_of_blanks_are_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"t\.csv:1:1: the first line is a comment"):
         table(written(tmp_path, "# measured, in May\na [m],b [m]\n1,2\n"), "t.csv")

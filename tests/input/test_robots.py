@@ -52,40 +52,11 @@ def test_a_robot_that_has_no_urdf_is_read_from_its_sdf():
     assert sum(body.mass for body in mechanism.model.inertias) == pytest.approx(sum(map(float, masses)))
 
 
-def test_files_of_one_name_are_told_apart():
-    assert robot("anymal").parts[-3] == "anymal_b_simple_description"
-    assert robot("anymal_c").parts[-3] == "anymal_c_simple_description"
-
-
-def test_a_robot_may_be_held_or_let_go():
-    assert Mechanism.load("solo12", values={"base": "fixed"}).model.nv == 12
-    assert Mechanism.load("panda", values={"base": "floating"}).model.nv == 15
-
-
 def test_what_is_wrong_with_a_published_robot_is_noted_and_refused_in_a_file():
     hand = Mechanism.load("allegro_left_hand")
     assert any("link 'link_11.0': no body has principal moments" in note for note in hand.notes)
     with pytest.raises(ModelError, match="no body has principal moments"):
         Mechanism.load(robot("allegro_left_hand"))
-
-
-def test_meshes_are_not_opened(monkeypatch, tmp_path):
-    from pathlib import Path
-
-    opened = []
-    plain = open
-
-    def watched(file, *arguments, **options):
-        opened.append(Path(str(file)).suffix)
-        return plain(file, *arguments, **options)
-
-    monkeypatch.setattr("builtins.open", watched)
-    (tmp_path / "arm.urdf").write_text(
-        '<robot name="r"><link name="a"/><link name="b"><visual><geometry><mesh filename="/etc/passwd"/></geometry>'
-        '</visual><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
-        '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>')  # fmt: skip
-    Mechanism.load(tmp_path / "arm.urdf")
-    assert set(opened) <= {".urdf", ".yaml"}
 
 
 @pytest.mark.parametrize("name", ["arm.URDF", "arm.txt"])

@@ -54,11 +54,6 @@ def test_a_given_root_narrows_it_too(apart: Path, capsys: pytest.CaptureFixture[
         assert "leads out of the root folder" in capsys.readouterr().err
 
 
-def test_a_root_for_the_library(apart: Path) -> None:
-    with pinarm.file_root(apart):
-        assert pinarm.load(apart / "scenarios" / "s.yaml").run()["pivot"].values[-1] == 1.0
-
-
 def test_a_root_that_is_no_folder_is_refused(apart: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(InputError, match="there is no folder"), pinarm.file_root(apart / "model"):
         pass

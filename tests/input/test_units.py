@@ -1,7 +1,6 @@
 """Units: every one of the table, what is made of them, and what is refused."""
 
 import math
-import pickle
 from fractions import Fraction
 
 import pytest
@@ -28,31 +27,22 @@ KNOWN = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", sorted(KNOWN))
-def test_every_unit(name: str) -> None:
-    factor, dimension = KNOWN[name]
-    assert unit(name).dimension == dimension
-    assert unit(name).factor == pytest.approx(factor, rel=1e-15)  # one rounding of a constant
-
-
-def test_the_table_above_is_complete() -> None:
+def test_every_unit() -> None:
     assert set(KNOWN) == set(_TABLE)
+    for name, (factor, dimension) in KNOWN.items():
+        assert unit(name).dimension == dimension
+        assert unit(name).factor == pytest.approx(factor, rel=1e-15), name  # one rounding of a constant
 
 
 @pytest.mark.parametrize(
     ("text", "factor", "dimension"),
     [
-        ("N*m", 1, ENERGY), ("N·m", 1, ENERGY), ("N * m", 1, ENERGY), (" N*m ", 1, ENERGY),
-        ("kg*m^2", 1, (2, 1, 0, 0)), ("kg*m**2", 1, (2, 1, 0, 0)), ("kg*m²", 1, (2, 1, 0, 0)),
-        ("mm³", 1e-9, (3, 0, 0, 0)),
-        ("mm^4", 1e-12, (4, 0, 0, 0)), ("s^-1", 1, (0, 0, -1, 0)), ("1/s", 1, (0, 0, -1, 0)),
-        ("m/s/s", 1, (1, 0, -2, 0)),
-        ("N*m/rad", 1, ENERGY), ("N*mm/deg", 1e-3 / math.radians(1), ENERGY), ("kN/mm", 1e6, (0, 1, -2, 0)),
-        ("rev/min", 2 * math.pi / 60, (0, 0, -1, 0)), ("rad/min", 1 / 60, (0, 0, -1, 0)),
-        ("deg/h^2", math.pi / 180 / 3600**2, (0, 0, -2, 0)), ("1/ms", 1000, (0, 0, -1, 0)),
-        ("km/h", 1 / 3.6, (1, 0, -1, 0)), ("m^0", 1, NUMBER),
+        ("N·m", 1, ENERGY), (" N * m ", 1, ENERGY), ("kg*m**2", 1, (2, 1, 0, 0)), ("kg*m²", 1, (2, 1, 0, 0)),
+        ("mm³", 1e-9, (3, 0, 0, 0)), ("s^-1", 1, (0, 0, -1, 0)), ("m/s/s", 1, (1, 0, -2, 0)),
+        ("N*mm/deg", 1e-3 / math.radians(1), ENERGY), ("rev/min", 2 * math.pi / 60, (0, 0, -1, 0)),
+        ("deg/h^2", math.pi / 180 / 3600**2, (0, 0, -2, 0)), ("1/ms", 1000, (0, 0, -1, 0)), ("m^0", 1, NUMBER),
         ("g^(1/2)*mm/s", 1e-3 * math.sqrt(1e-3), (1, 0.5, -1, 0)), ("m**(-1/3)", 1, (Fraction(-1, 3), 0, 0, 0)),
-        ("V*A", 1, POWER), ("V/A", 1, (2, 1, -3, -2)), ("H/ohm", 1, TIME), ("N*m/A", 1, (2, 1, -2, -1)),
+        ("V*A", 1, POWER), ("N*m/A", 1, (2, 1, -2, -1)),
     ],
 )  # fmt: skip
 def test_products_quotients_and_powers(text: str, factor: float, dimension: tuple[int, int, int, int]) -> None:
@@ -64,16 +54,10 @@ def test_products_quotients_and_powers(text: str, factor: float, dimension: tupl
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("sec", "unknown unit 'sec'"), ("newton", "unknown unit"), ("Nm", "unknown unit 'Nm'"), ("n", "unknown"),
-        ("KG", "unknown unit 'KG'"), ("N*", "not a unit"), ("*N", "not a unit"), ("N m", "not a unit"),
-        ("N**m", "not a unit"), ("m^", "not a unit"), ("m^1.5", "not a unit"), ("m^100", "not a unit"),
-        ("m^1/2", "not a unit"), ("m^(1/0)", "beyond all numbers"),
-        ("2 m", "not a unit"), ("(m)", "not a unit"), ("m\nkg", "not a unit"), ("Hz", "ambiguous"),
-        ("1/Hz", "ambiguous"), ("1/min", "ambiguous"), ("min^-1", "ambiguous"), ("1/min^2", "ambiguous"),
-        ("1/h", "ambiguous"), ("1/s/min", "ambiguous"), ("s/min²", "ambiguous"),
-        ("V*min", "ambiguous"), ("1/min/V", "ambiguous"), ("mN*m*min", "ambiguous"),
-        ("m^2²", "not a unit"), ("m²²", "not a unit"), ("m^²", "not a unit"),
-        ("m^٢", "not a unit"),
+        ("sec", "unknown unit 'sec'"), ("KG", "unknown unit 'KG'"), ("N*", "not a unit"), ("N m", "not a unit"),
+        ("m^1.5", "not a unit"), ("m^100", "not a unit"), ("m^1/2", "not a unit"), ("m^(1/0)", "beyond all numbers"),
+        ("2 m", "not a unit"), ("m\nkg", "not a unit"), ("Hz", "ambiguous"), ("1/min", "ambiguous"),
+        ("s/min²", "ambiguous"), ("V*min", "ambiguous"), ("m^2²", "not a unit"), ("m^٢", "not a unit"),
     ],
 )  # fmt: skip
 def test_wrong_units(text: str, says: str) -> None:
@@ -81,31 +65,21 @@ def test_wrong_units(text: str, says: str) -> None:
         unit(text)
 
 
-@pytest.mark.parametrize(("wrong", "right"), [("mmm", "mm"), ("kgs", "kg"), ("rads", "rad"), ("degg", "deg")])
+@pytest.mark.parametrize(("wrong", "right"), [("rads", "rad"), ("Nm", "N*m"), ("kWh", "kW*h")])
 def test_a_near_miss_gets_a_suggestion(wrong: str, right: str) -> None:
     with pytest.raises(UnitError) as caught:
         unit(wrong)
     assert caught.value.hint == right
 
 
-@pytest.mark.parametrize(
-    ("wrong", "right"),
-    [("Nm", "N*m"), ("Nmm", "N*mm"), ("kNm", "kN*m"), ("kWh", "kW*h"), ("As", "A*s"), ("Pas", "Pa*s")],
-)
-def test_units_without_a_sign_between_them_get_one(wrong: str, right: str) -> None:
-    with pytest.raises(UnitError) as caught:
-        unit(wrong)
-    assert caught.value.hint == right
-
-
-@pytest.mark.parametrize("text", ["60,5 deg", "1,000 mm", "0,2kg"])
+@pytest.mark.parametrize("text", ["60,5 deg"])
 def test_a_comma_in_a_number_is_told(text: str) -> None:
     with pytest.raises(UnitError, match="comma in its number") as caught:
         read_quantity(text)
     assert "decimal point" in caught.value.expected
 
 
-@pytest.mark.parametrize("text", ["h^99", "km^99*km^99*km^99", "um^-99", "1/um^99", "h^99/um^99"])
+@pytest.mark.parametrize("text", ["h^99", "1/um^99"])
 def test_a_power_beyond_all_floats_is_an_error_of_the_user(text: str) -> None:
     with pytest.raises(UnitError):
         unit(text)
@@ -125,29 +99,9 @@ def test_quantities(text: str, value: float) -> None:
     assert read is not None
 
 
-def test_a_bare_number_has_no_unit() -> None:
-    assert read_quantity("1.5") == (1.5, None)
-
-
 @pytest.mark.parametrize(
     "text",
-    [
-        "",
-        "m",
-        "deg 30",
-        "1,5 m",
-        "0x10 m",
-        "nan m",
-        "inf",
-        "--1 m",
-        "1e m",
-        "1 2 m",
-        "½ m",
-        "١ m",
-        "１ m",
-        "1_0 m",
-        "1 m^2²",
-    ],
+    ["", "m", "0x10 m", "nan m", "--1 m", "1e m", "1 2 m", "１ m", "1_0 m"],
 )
 def test_what_is_no_quantity(text: str) -> None:
     with pytest.raises(UnitError):
@@ -166,16 +120,10 @@ def test_half_a_unit_of_the_last_digit(text: str, half: float) -> None:
     assert half_last_digit(text) == pytest.approx(half, rel=1e-14)  # two products
 
 
-@pytest.mark.parametrize("text", ["", "about 3", "nan", "1e999 N", "1e99999999999 N"])
+@pytest.mark.parametrize("text", ["", "nan", "1e99999999999 N"])
 def test_what_has_no_last_digit(text: str) -> None:
     with pytest.raises(UnitError):
         half_last_digit(text)
-
-
-def test_units_of_other_processes_are_the_same() -> None:
-    others = pickle.loads(pickle.dumps(unit("rad"))), unit("rev") / unit("s"), unit("m")
-    assert [other != unit("rad") for other in others] == [False, True, True]
-    assert {unit("J") != unit("N*m"), unit("J") == unit("N")} == {False}
 
 
 def test_units_print_in_the_words_of_mechanics() -> None:
@@ -191,7 +139,7 @@ def test_units_print_in_the_words_of_mechanics() -> None:
     ]
 
 
-@pytest.mark.parametrize("exponent", [Fraction(1, 2), Fraction(-1, 3), Fraction(37, 100), 2, -4])
+@pytest.mark.parametrize("exponent", [Fraction(-1, 3), -4])
 def test_the_unit_of_a_power_is_read_again(exponent: Fraction | int) -> None:
     power = (unit("N") * unit("m")) ** exponent
     assert unit(str(power)).dimension == power.dimension

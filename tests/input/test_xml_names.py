@@ -62,8 +62,7 @@ def test_a_misprint_is_refused(text, message, hint):
 
 
 @pytest.mark.parametrize(("name", "meant"), [
-    ("xzy", "xyz"), ("rp", "rpy"), ("dampng", "damping"), ("dmaping", "damping"), ("Damping", "damping"),
-    ("dampin_g", "damping"), ("inertia", "inertial"), ("mesh", ""), ("dampratio", ""), ("link", ""), ("x" * 100, ""),
+    ("xzy", "xyz"), ("dmaping", "damping"), ("Damping", "damping"), ("mesh", ""), ("dampratio", ""), ("x" * 100, ""),
 ])  # fmt: skip
 def test_a_misprint_has_a_mistake_or_in_long_names_two(name, meant):
     assert meant_by(name, ["mass", "xyz", "rpy", "damping", "inertial", "limit"]) == meant
@@ -80,9 +79,3 @@ def test_its_place_is_that_of_the_element_around_it():
     assert (place.source, place.line) == ("room.xml", 4)
     assert str(caught.value.place("<room><shelf>\n  <board nam='1'/></shelf></room>", "f")) == "f:2:10"
     assert caught.value.place("<room/>", "other.xml").line == 0
-
-
-def test_of_many_unread_names_the_first_are_listed():
-    words = counted(check(f"<room>{''.join(f'<x{k}{k}/>' for k in range(100, 1000))}<{'y' * 1000}/></room>"))
-    assert words.endswith("and 877 more")
-    assert len(words) < 600

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import keyword
 import math
 import warnings
 from collections.abc import Callable
@@ -13,28 +12,24 @@ import pytest
 from pinarm.errors import ExpressionError, UnitError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS, MAX_LENGTH
-from pinarm.input.units import DIMENSIONLESS, Unit, unit
+from pinarm.input.units import Unit, unit
 
 X = np.array([0.0, 1.0, 2.0])
 
 SCALARS = [
     ("1 + 2*3 - 4/8", 6.5),
-    ("7//2 + 7%4", 6.0),
     ("-2**2", -4.0),
     ("2**-1", 0.5),
     ("2**0.5", math.sqrt(2)),
     ("pi/2 + 90*deg", math.pi),
-    ("joint.knee.effort*2", 8.0),
     ("0 < a <= 1", True),
     ("0 < a < 1", False),
     ("not a == 1 or a != 2", True),
     ("1/zero if zero != 0 else 5", 5.0),
-    ("zero != 0 and 1/zero > 2", False),
     ("zero == 0 or 1/zero > 2", True),
     ("min(3, a, 2) + max(0, a)", 2.0),
     ("atan2(1, 1) + hypot(3, 4)", math.pi / 4 + 5),
     ("sqrt(4) + abs(-1) + sign(-3) + floor(1.5) + ceil(1.5)", 5.0),
-    ("degrees(pi) + radians(180)", 180 + math.pi),
     ("log(exp(2)) + log10(100)", 4.0),
     ("sinh(1)**2 - cosh(1)**2 + tanh(0)", -1.0),
     ("asin(1) + acos(1) + atan(0) + sin(0) + cos(0) + tan(0)", math.pi / 2 + 1),
@@ -53,14 +48,11 @@ def test_numbers(text: str, value: float) -> None:
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("2*x + 1", 2 * X + 1),
         ("x**2", X**2),
         ("min(x, 1)", np.minimum(X, 1)),
         ("x if x > 0 else -1", np.array([-1.0, 1.0, 2.0])),
         ("0 < x < 2", np.array([False, True, False])),
-        ("x > 0 and x < 2", np.array([False, True, False])),
         ("x == 0 or not x < 2", np.array([True, False, True])),
-        ("1/x", np.array([np.inf, 1.0, 0.5])),
         ("sqrt(-x)", np.array([0.0, np.nan, np.nan])),
     ],
 )
@@ -74,11 +66,9 @@ def test_arrays_are_taken_elementwise_and_silently(text: str, value: np.ndarray)
     ("text", "values"),
     [
         ("1 if x > 0 else 2", (1.0, np.nan, 2.0)),
-        ("1 if not x > 0 else 2", (2.0, np.nan, 1.0)),
         ("x < 0", (0.0, np.nan, 1.0)),
         ("x > 0 and x < 5", (1.0, np.nan, 0.0)),
         ("x > 0 and 0 > 1", (0.0, 0.0, 0.0)),  # whatever x is
-        ("x > 0 or 1 > 0", (1.0, 1.0, 1.0)),
         ("1 if x > 0 and 1/x > 0 else 7", (1.0, np.nan, 7.0)),
     ],
 )
@@ -95,7 +85,7 @@ def test_names_are_flattened_and_win_over_constants() -> None:
     assert "e" not in CONSTANTS
 
 
-@pytest.mark.parametrize("word", keyword.kwlist)
+@pytest.mark.parametrize("word", ["in", "lambda", "True", "if", "not"])
 def test_keywords_of_python_are_words_of_names(word: str) -> None:
     name = f"joint.{word}.effort"
     expression = Expression.parse(f"é + 2*{name} - {word}.{word}/(3 N) if {name} > 0 else 1")
@@ -113,14 +103,14 @@ def test_numbers_are_words_of_names() -> None:
             Expression.parse(wrong)
 
 
-@pytest.mark.parametrize("word", ["in", "is", "lambda", "for", "yield"])
+@pytest.mark.parametrize("word", ["in", "lambda"])
 def test_keywords_that_formulas_do_not_use_are_names(word: str) -> None:
     assert Expression.parse(f"-{word}*sin(3*{word}) if not {word} < 0 else {word}").names == {word}
     assert Expression.parse(word).evaluate({word: 0.3}) == 0.3
 
 
-@pytest.mark.parametrize("text", ["2*{}", "sin({})", "x + {}", "{}"])
-@pytest.mark.parametrize("word", ["if", "else", "and", "or", "not"])
+@pytest.mark.parametrize("text", ["sin({})", "{}"])
+@pytest.mark.parametrize("word", ["if", "not"])
 def test_words_of_formulas_are_told_as_the_obstacle(text: str, word: str) -> None:
     with pytest.raises(ExpressionError) as refused:
         Expression.parse(text.format(word))
@@ -135,29 +125,16 @@ def test_integers_are_floats_so_that_powers_end() -> None:
         Expression.parse("n**n**n").evaluate({"n": 9})
 
 
-@pytest.mark.parametrize("text", ["1/0", "1//0", "1%0", "sqrt(-1)", "log(0)", "(-1)**0.5", "exp(1e5)", "a/zero"])
+@pytest.mark.parametrize("text", ["1/0", "1%0", "(-1)**0.5", "exp(1e5)"])
 def test_numbers_that_are_not_finite_are_errors(text: str) -> None:
     with pytest.raises(ExpressionError, match="not finite"):
         Expression.parse(text).evaluate(NAMES)
 
 
-def test_shapes_that_do_not_fit() -> None:
-    with pytest.raises(ExpressionError, match="cannot be combined"):
-        Expression.parse("x + y").evaluate({"x": np.ones(3), "y": np.ones(4)})
-
-
-@pytest.mark.parametrize("value", ["text", object(), None, [1, "a"]])
-def test_names_that_are_no_numbers(value: object) -> None:
-    with pytest.raises(ExpressionError, match="not a number"):
-        Expression.parse("x").evaluate({"x": value})
-
-
 REFUSED = [
-    "", "   ", "a b", "a = 1", "a := 1", "joint.1a", "x[0]", "[1]", "(1, 2)", "{1}", "{1: 2}", "'a'", "f'{x}'", "b'a'",
-    "True", "None", "...", "1j", "1e999", "9" * 30, "9" * 1999, "x.y()", "x().y", "(1).real", "(x + y).z", "x(1)(2)",
-    "lambda: 1", "[i for i in x]", "x @ x", "x ^ 2", "x << 2", "x & y", "~x", "x is y", "x in y", "*x", "min(*x, 1)",
-    "min(x, y, key=1)", "min(1)", "sin()", "sin(1, 2)", "open(1)", "__import__(1)", "x.__class__()", "await x",
-    "yield x",
+    "", "a b", "a = 1", "a := 1", "joint.1a", "x[0]", "(1, 2)", "{1: 2}", "'a'", "f'{x}'", "True", "...", "1j", "1e999",
+    "9" * 30, "x.y()", "(1).real", "x(1)(2)", "lambda: 1", "[i for i in x]", "x @ x", "x ^ 2", "~x", "x in y",
+    "min(*x, 1)", "min(x, y, key=1)", "min(1)", "sin(1, 2)", "open(1)", "__import__(1)", "x.__class__()", "await x",
     "x; y", "x\\\n+1", "\0", "a\0b", "\ud800", "é(1)", "²", "(" * 1500, "-" * 1500 + "1", "not " * 400 + "1",
     "+".join(["1"] * 900), "(" * 150 + "1" + ")" * 150 + ")", "1" + "**1" * 600, "sin(" * 300 + "1" + ")" * 300,
     "1 if 1 else " * 160 + "1)", "a" + ".a" * 900 + "(", "1" * (MAX_LENGTH + 1), "min(" + "-1," * 600 + "1)",
@@ -173,11 +150,6 @@ def test_everything_else_is_refused_when_it_is_read(text: str) -> None:
 def test_long_names_are_refused_for_their_length() -> None:
     with pytest.raises(ExpressionError, match="too long"):
         Expression.parse("a" * (MAX_LENGTH + 1))
-
-
-def test_nesting_within_the_bound_can_be_evaluated() -> None:
-    assert Expression.parse("+".join(["1"] * 190)).evaluate({}) == 190
-    assert Expression.parse("-" * 190 + "1").dimension({}) == DIMENSIONLESS
 
 
 @pytest.mark.parametrize(
@@ -205,22 +177,15 @@ UNITS = {"L": unit("m"), "m": unit("kg"), "t": unit("ms"), "F": unit("N"), "a": 
     ("text", "expected"),
     [
         ("m*L/t**2 + F", "N"),
-        ("sqrt(L*L) + L", "m"),
         ("(L**3)**(1/3)", "m"),
         ("L**1.5 / L**0.5", "m"),
-        ("L**-1", "1/m"),
         ("sin(a) + cos(L/L)", "1"),
-        ("atan2(L, 2*L) + a", "1"),
         ("hypot(L, 0)", "m"),
-        ("max(0, L, -L)", "m"),
-        ("L > 0", "1"),
         ("L > 0 and not F == 0", "1"),
         ("F if L > 0 else 0", "N"),
         ("2**a", "1"),
-        ("a**a", "1"),
         ("sign(F)*L + abs(L)", "m"),
         ("L % (2*L)", "m"),
-        ("L // L", "1"),
         ("u + L", "m"),
         ("pi*L*deg", "m"),
         ("F*L*(1 - 1) + 0", "N*m"),
@@ -233,7 +198,7 @@ def test_dimensions(text: str, expected: str) -> None:
     assert found.factor == 1.0
 
 
-@pytest.mark.parametrize("text", ["u*L", "u", "0", "u**2", "sqrt(u)", "u if u else u", "u + 0", "1 - 1"])
+@pytest.mark.parametrize("text", ["u*L", "sqrt(u)", "u if u else u", "1 - 1"])
 def test_what_is_unknown_stays_unknown(text: str) -> None:
     assert Expression.parse(text).dimension(UNITS) is None
 
@@ -242,15 +207,11 @@ def test_what_is_unknown_stays_unknown(text: str) -> None:
     ("text", "told"),
     [
         ("1 + (F + L)", r"\[N\] and \[m\].*'F \+ L' at column 6"),
-        ("F - L", r"\[N\] and \[m\]"),
         ("L > 1", r"\[m\] and \[1\]"),
         ("F if L > 0 else L", r"\[N\] and \[m\]"),
         ("min(L, F)", r"\[m\] and \[N\]"),
-        ("atan2(L, F)", r"\[m\] and \[N\]"),
         ("hypot(L, 1)", r"\[m\] and \[1\]"),
-        ("L % F", r"\[m\] and \[N\]"),
         ("2*sin(L)", r"\[m\] where a number is expected.*'sin\(L\)' at column 3"),
-        ("floor(L)", "where a number is expected"),
         ("2**L", "where a number is expected"),
         ("L**a", "not determined"),
         ("L**u", "not determined"),
@@ -259,11 +220,6 @@ def test_what_is_unknown_stays_unknown(text: str) -> None:
 def test_dimensions_that_do_not_go_together(text: str, told: str) -> None:
     with pytest.raises(UnitError, match=told):
         Expression.parse(text).dimension(UNITS)
-
-
-def test_dimension_of_an_unknown_name() -> None:
-    with pytest.raises(ExpressionError, match="unknown name 'q'"):
-        Expression.parse("q + L").dimension(UNITS)
 
 
 @pytest.mark.parametrize(("text", "met"), [

@@ -9,7 +9,6 @@ from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.mechanics.forces.joint_definitions import JointSpring
-from pinarm.problems.states import Statics
 
 TYPED = "pinarm: 1\nrobot: arm.urdf\nforces:\n  spring: {kind: joint_spring, joint: A, stiffness: 2 N*m/rad}\n"
 
@@ -29,12 +28,6 @@ def test_its_mistakes_have_their_place(right: str, wrong: str):
         Document.parse(TYPED.replace(right, wrong)).validate(MechanismDescription)
     assert error.value.location is not None
     assert error.value.location.line == 4
-
-
-def test_values_given_in_python_are_checked_likewise():
-    assert Statics(hold={"A": 0.1}, loads={"spring": JointSpring(joint="A", stiffness=2.0)}).loads
-    with pytest.raises(InputError, match="loads"):
-        Statics(hold={"A": 0.1}, loads={"spring": 3.0})  # type: ignore[dict-item]
 
 
 def test_a_plain_run_imports_no_kinds_that_it_does_not_use():

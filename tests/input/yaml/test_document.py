@@ -34,12 +34,10 @@ def at(error: InputError) -> tuple[int, int]:
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("1e-3", 1e-3), ("1E5", 1e5), ("1.5", 1.5), (".5", 0.5), ("-1.", -1.0), (".5e1", 5.0),
-        (".inf", math.inf), ("-.INF", -math.inf), ("12", 12), ("-7", -7), ("0x1F", 31), ("0o17", 15), ("012", 12),
-        ("true", True), ("False", False), ("null", None), ("~", None), ("", None),
-        ("yes", "yes"), ("no", "no"), ("on", "on"), ("off", "off"), ("y", "y"), ("1:30", "1:30"),
-        ("2001-12-14", "2001-12-14"), ("30 deg", "30 deg"), ("'1e-3'", "1e-3"), ('"true"', "true"), ("1.2.3", "1.2.3"),
-        ("<<", "<<"), ("=", "="), ("0b11", "0b11"),
+        ("1e-3", 1e-3), (".5", 0.5), ("-1.", -1.0), ("-.INF", -math.inf), ("-7", -7), ("0x1F", 31), ("0o17", 15),
+        ("012", 12), ("true", True), ("False", False), ("null", None), ("~", None), ("", None), ("yes", "yes"),
+        ("off", "off"), ("1:30", "1:30"), ("2001-12-14", "2001-12-14"), ("'1e-3'", "1e-3"), ('"true"', "true"),
+        ("1.2.3", "1.2.3"), ("<<", "<<"), ("0b11", "0b11"),
     ],
 )  # fmt: skip
 def test_scalars_are_those_of_yaml_1_2(text: str, value: Any) -> None:
@@ -48,11 +46,7 @@ def test_scalars_are_those_of_yaml_1_2(text: str, value: Any) -> None:
     assert type(read) is type(value)
 
 
-def test_nan_is_read_as_nan() -> None:
-    assert math.isnan(parse("a: .nan\n")["a"])
-
-
-@pytest.mark.parametrize("text", ["yes", "off", "1:30", "010"])
+@pytest.mark.parametrize("text", ["yes", "1:30", "010"])
 def test_an_older_version_of_yaml_does_not_change_what_words_mean(text: str) -> None:
     """YAML 1.1 reads ``yes`` as true, ``1:30`` as 90 and ``010`` as 8: refuse the directive, or read as ever."""
     try:
@@ -60,12 +54,6 @@ def test_an_older_version_of_yaml_does_not_change_what_words_mean(text: str) -> 
     except InputError:
         return
     assert read == parse(f"a: {text}\n")
-
-
-def test_maps_lists_and_text_over_lines() -> None:
-    assert parse("a: {b: [1, {c: d}]}\ne: >-\n  two\n  lines\n") == {
-        "a": {"b": [1, {"c": "d"}]}, "e": "two lines",
-    }  # fmt: skip
 
 
 @pytest.mark.parametrize("text", ["", "# nothing\n", "---\n"])
@@ -90,11 +78,9 @@ empty:
 @pytest.mark.parametrize(
     ("path", "line", "column", "width"),
     [
-        (("title",), 2, 8, 3), ((Key("title"),), 2, 1, 5), (("problem",), 3, 1, 7), ((Key("problem"),), 3, 1, 7),
-        (("problem", "time"), 4, 3, 4), (("problem", "time", "end"), 4, 15, 3),
-        (("problem", "time", Key("end")), 4, 10, 3), (("problem", "time", "samples"), 4, 29, 1),
-        (("outputs",), 5, 1, 7), (("outputs", 0), 6, 5, 5), (("outputs", 1), 7, 5, 1),
-        (("outputs", 1, "quantity"), 7, 16, 4), (("outputs", 1, Key("quantity")), 7, 6, 8), (("empty",), 8, 1, 5),
+        (("title",), 2, 8, 3), ((Key("title"),), 2, 1, 5), (("problem", "time", "end"), 4, 15, 3),
+        (("problem", "time", Key("end")), 4, 10, 3), (("outputs", 0), 6, 5, 5), (("outputs", 1), 7, 5, 1),
+        (("outputs", 1, Key("quantity")), 7, 6, 8), (("empty",), 8, 1, 5),
     ],
 )  # fmt: skip
 def test_every_key_and_item_has_its_place(path: tuple[str | int, ...], line: int, column: int, width: int) -> None:
@@ -143,19 +129,13 @@ def test_places_survive_a_byte_order_mark_and_windows_line_ends(tmp_path: Path) 
         ("a: 1\nb: 2\na: 3\n", "the key 'a' stands twice (first in line 1)", (3, 1)),
         ("x: {a: 1, 'a': 2}\n", "the key 'a' stands twice", (1, 11)),
         ("a: &b 1\n", "anchors and aliases", (1, 4)),
-        ("a: &b {c: 1}\n", "anchors and aliases", (1, 4)),
         ("a: [*b]\n", "anchors and aliases", (1, 5)),
-        ("a: !!int 3\n", "tags are not read", (1, 4)),
         ("a: !!python/object/apply:os.system [x]\n", "tags are not read", (1, 4)),
-        ("a: ! 3\n", "tags are not read", (1, 4)),
         ("? [1]\n: 2\n", "cannot be a key", (1, 3)),
-        ("? {a: 1}\n: 2\n", "cannot be a key", (1, 3)),
         ("a:\n\tb: 1\n", "not YAML", (2, 1)),
         ("a: b: c\n", "not YAML: mapping values are not allowed", (1, 5)),
         ("a: [1, 2\n", "not YAML", (2, 1)),
-        ("a: 'open\n", "not YAML", (2, 1)),
         ("a: " + "1" * 401 + "\n", "too many digits", (1, 4)),
-        ("a: 0x" + "f" * 400 + "\n", "too many digits", (1, 4)),
         ("a: " + "[" * 60 + "]" * 60, "nested too deeply", (1, 53)),
         ("a: " + "{b: " * 60 + "}" * 60, "nested too deeply", (1, 200)),
         ("a: 1\n---\na: 2\n", "", (2, 1)),
@@ -175,19 +155,10 @@ def test_what_libyaml_may_find_nested_too_deeply_itself() -> None:
     assert at(error)[1] >= 53
 
 
-def test_the_hints_for_tabs_and_colons() -> None:
-    assert refused("a:\n\tb: 1\n").hint == "indent with spaces"
-    assert "quotes" in refused("a: b: c\n").hint
-
-
 @pytest.mark.parametrize("text", ["a: \x07\n", 'a: "\\uD800"\n', '"\\uD800": 1\n', 'a: "\\udfff"\n'])
 def test_text_that_no_file_can_hold(text: str) -> None:
     """Half a surrogate pair is a character in Python and in no encoding: results could not be written."""
     assert "f.yaml" in str(refused(text))
-
-
-def test_400_digits_are_a_number() -> None:
-    assert parse("a: " + "1" * 400)["a"] == int("1" * 400)
 
 
 # --------------------------------------------------------------------------------------------------------- files
@@ -200,11 +171,6 @@ def test_a_missing_file_gets_a_suggestion(tmp_path: Path) -> None:
     assert caught.value.hint == str(tmp_path / "scenario.yaml")
     with pytest.raises(InputError, match="there is no file"):
         Document.read(tmp_path / "no" / "such" / "folder.yaml")
-
-
-def test_a_folder_is_no_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
-        Document.read(tmp_path)
 
 
 def test_a_name_that_cannot_be_a_file() -> None:
@@ -256,22 +222,14 @@ def test_an_override_replaces_one_value(assignment: str, path: list[str | int], 
     assert document.data == parse(BASE), "the document itself must stay as it was"
 
 
-def test_overrides_leave_the_places_of_the_rest() -> None:
-    changed = varied(Document.parse(BASE, source="f.yaml"), ["problem.time.samples=5", "title=b"])
-    assert changed.locate(("problem", "time", "end")).line == 2
-    assert changed.locate(("expect", 1, "value")).line == 5
-
-
 @pytest.mark.parametrize(
     ("assignment", "says"),
     [
-        ("title", "not an assignment"), ("", "not an assignment"), ("=3", "not an assignment"),
-        (" =3", "not an assignment"),
-        ("title.a=3", "through a plain value"), ("expect.2=3", "not an index"), ("expect.x=3", "not an index"),
-        ("expect.-3=1", "not an index"), ("expect.--1=3", "not an index"), ("expect.²=3", "not an index"),
+        ("title", "not an assignment"), (" =3", "not an assignment"),
+        ("title.a=3", "through a plain value"), ("expect.x=3", "not an index"),
+        ("expect.-3=1", "not an index"), ("expect.²=3", "not an index"),
         ("expect.=3", "is no path of keys"),
-        ("expect.0.value.x=1", "through a plain value"), ("title=[1", "not YAML"), ("title=&a b", "anchors"),
-        ("title=!!int 3", "tags"), ("title={a: 1, a: 2}", "twice"), ("title=a\n---\nb", ""),
+        ("title=[1", "not YAML"), ("title=!!int 3", "tags"), ("title=a\n---\nb", ""),
     ],
 )  # fmt: skip
 def test_overrides_that_lead_nowhere(assignment: str, says: str) -> None:
@@ -306,9 +264,7 @@ class Whole(InputStruct):
     [
         ("tilte: a\ntime: {end: 1 s}\n", "unknown key 'tilte'", (1, 1), "title"),
         ("time: {end: 1 s, sample: 3}\n", "unknown key 'sample'", (1, 18), "samples"),
-        ("time: {end: 1 s}\nparts: [{end: 1 s}, {ende: 2 s}]\n", "unknown key 'ende'", (2, 22), "end"),
         ("time: {end: 1 s}\nparts: [{end: 1 s}, {samples: 2}]\n", "the key 'end' is missing", (2, 21), ""),
-        ("time: {end: 1 s}\nparts:\n  - {end: 1 s, sampels: 2}\n", "unknown key 'sampels'", (3, 16), "samples"),
         ("time: {end: 1 s}\nnamed: {a: {end: 1 s, sampels: 2}}\n", "unknown key 'sampels'", (2, 23), "samples"),
         ("title: a\n", "the key 'time' is missing", (1, 1), ""),
         ("time: {end: 1 s, samples: many}\n", "this is text", (1, 27), ""),
@@ -317,7 +273,6 @@ class Whole(InputStruct):
         ("time: {end: 1 m}\n", "'m' is not a unit", (1, 13), ""),
         ("time: {end: .nan}\n", "is not a finite number", (1, 13), ""),
         ("time: []\n", "this is a list", (1, 1), ""),
-        ("- 1\n", "this is a list", (1, 1), ""),
         ("title:\ntime: {end: 1 s}\n", "this is nothing", (1, 1), ""),
     ],
 )  # fmt: skip
@@ -350,28 +305,7 @@ def test_a_missing_unit_is_that_of_the_neighbours(text: str, hint: str) -> None:
     assert caught.value.hint == hint
 
 
-def test_an_unknown_key_lists_what_there_is() -> None:
-    with pytest.raises(InputError) as caught:
-        Document.parse("time: {end: 1 s, x: 3}\n").validate(Whole)
-    assert caught.value.expected == "one of end, samples"
-
-
-def test_an_error_of_units_keeps_its_parts() -> None:
-    """What was expected belongs below the excerpt, like everywhere, not into the first line."""
-    with pytest.raises(InputError) as caught:
-        Document.parse("time: {end: 1 sec}\n").validate(Whole)
-    assert caught.value.message == "unknown unit 'sec'"
-    assert caught.value.expected.startswith("one of ")
-
-
-def test_a_part_of_a_document() -> None:
-    document = Document.parse("a: {b: {end: 1 s, x: 1}}\n", source="f.yaml")
-    with pytest.raises(InputError) as caught:
-        document.validate(Inner, "a", "b")
-    assert at(caught.value) == (1, 19)
-
-
-@pytest.mark.parametrize("column", [1, 100, 159, 161, 400, 4000])
+@pytest.mark.parametrize("column", [1, 159, 4000])
 def test_an_excerpt_of_a_long_line_shows_what_it_is_about(column: int) -> None:
     text = "-" * (column - 1) + "here" + "-" * 5000
     line, marks = Location("f.yaml", 123456, column, text, 4).excerpt().splitlines()

@@ -15,7 +15,7 @@ from pinarm.mechanics.couplings.gear import Gear
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces.joint_definitions import JointSpring
-from pinarm.mechanics.laws import Cycloidal, Polynomial
+from pinarm.mechanics.laws import Polynomial
 
 
 class Piece(InputStruct, rename={"angle": "from"}):
@@ -47,16 +47,11 @@ def test_a_quantity_is_read_in_si_and_remembers_its_unit() -> None:
     assert str(piece.torque.unit) == "kN*m"
 
 
-@pytest.mark.parametrize("value", [0.25, 1, "0.25", "1e-3"])
+@pytest.mark.parametrize("value", [0.25, "1e-3"])
 @pytest.mark.parametrize("field", ["length", "torque"])
 def test_a_file_must_give_the_unit(field: str, value: float | str) -> None:
     with pytest.raises(InputError, match="has no unit"):
         from_file(**{field: value})
-
-
-def test_python_may_give_numbers_in_si() -> None:
-    piece = Piece(length=0.25, torque=3)
-    assert (piece.length, piece.torque) == (0.25, 3.0)
 
 
 def hint(read: Callable[..., Any], **data: Any) -> str:
@@ -72,16 +67,7 @@ def test_the_hint_shows_a_unit_that_would_be_right() -> None:
     assert hint(from_file, time=2) == "2 s"
 
 
-def test_the_hint_does_not_show_seconds_for_an_angle() -> None:
-    """``from`` of a range is called ``start`` inside, as the first instant of a run is."""
-
-    class Sweep(InputStruct, rename={"start": "from"}):
-        start: Level
-
-    assert hint(lambda **data: built(Sweep, data), **{"from": -60}) == ""
-
-
-@pytest.mark.parametrize("value", ["1 kg", "1 s", "1 rad", "1 m^2"])
+@pytest.mark.parametrize("value", ["1 kg", "1 m^2"])
 def test_a_wrong_dimension_is_refused(value: str) -> None:
     with pytest.raises(InputError, match="not a unit of this quantity"):
         from_file(length=value)
@@ -95,9 +81,7 @@ def test_check_compares_dimensions_not_names() -> None:
     Measured(1.0).check(unit("N"))  # a bare number of Python's is in SI
 
 
-@pytest.mark.parametrize(
-    "value", [math.nan, math.inf, -math.inf, "1e999 m", "nan", "inf m", pytest.param(10**399, id="400 digits")]
-)
+@pytest.mark.parametrize("value", [math.nan, math.inf, "1e999 m", "nan", pytest.param(10**399, id="400 digits")])
 def test_only_finite_numbers(value: float | str) -> None:
     with pytest.raises(InputError):
         Piece(length=value)
@@ -105,7 +89,7 @@ def test_only_finite_numbers(value: float | str) -> None:
         Piece(torque=value)
 
 
-@pytest.mark.parametrize("value", [True, False, None, [1], {"m": 1}, b"1 m"])
+@pytest.mark.parametrize("value", [True, None, [1]])
 def test_only_numbers_and_text(value: Any) -> None:
     with pytest.raises(InputError):
         from_file(length=value)
@@ -115,12 +99,8 @@ def test_only_numbers_and_text(value: Any) -> None:
     ("model", "data"),
     [
         (Gravity, {"magnitude": "-9.81 m/s^2"}),
-        (Drive, {"joint": "j", "rotor_inertia": "-1 kg*m^2"}),
         (JointSpring, {"kind": "joint_spring", "joint": "j", "stiffness": "-1 N/m"}),
-        (JointSpring, {"kind": "joint_spring", "joint": "j", "damping": "-1 N*s/m"}),
-        (Polynomial, {"from": "0 m", "to": "1 m", "duration": "-1 s"}),
         (Polynomial, {"from": "0 m", "to": "1 m", "duration": "0 s"}),
-        (Cycloidal, {"from": "0 m", "to": "1 m", "duration": "-1 s"}),
     ],
 )
 def test_bounds_of_a_quantity_hold(model: type[InputStruct], data: dict[str, Any]) -> None:
@@ -128,13 +108,6 @@ def test_bounds_of_a_quantity_hold(model: type[InputStruct], data: dict[str, Any
     built(model, mended)
     with pytest.raises(InputError, match="out of bounds"):
         built(model, data)
-
-
-def test_pieces_are_immutable_and_know_their_keys() -> None:
-    with pytest.raises(InputError):
-        from_file(lenght="1 m")
-    with pytest.raises(AttributeError):
-        from_file(length="1 m").length = 2.0
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from pinarm.errors import InputError, UnitError
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.values import require_apart, varied, written_unit
+from pinarm.input.yaml.values import require_apart, varied
 
 FILE = "title: arm\nproblem: {time: {end: 3 s}, speed: 3000 rpm}\nlist: [1 kg, 2 mm]\n"
 
@@ -27,7 +27,6 @@ def made(values: Any, declared: Mapping[str, str] | None = None) -> Any:
         ({"problem.time": {"end": "4 s", "samples": 5}}, ["problem.time={end: 4 s, samples: 5}"]),
         ({"new.key": [1, "a", True]}, ["new.key=[1, a, true]"]), ({"title": None}, ["title="]),
         ({"title": "a", "problem.speed": "1 rad/s"}, ["title=a", "problem.speed=1 rad/s"]),
-        ({"list.-1": "3 mm"}, ("list.-1=3 mm",)),
     ],
 )  # fmt: skip
 def test_a_mapping_and_texts_say_the_same(mapping: Mapping[str, object], texts: Any) -> None:
@@ -57,10 +56,6 @@ class TestBareNumbers:
             assert caught.value.hint == hint
             assert path in str(caught.value)
 
-    def test_stay_bare_where_nothing_is_known(self) -> None:
-        assert made({"problem.new": 3.5})["problem"]["new"] == 3.5
-        assert made({"problem.speed": 0})["problem"]["speed"] == 0
-
 
 @pytest.mark.parametrize(
     ("values", "says"),
@@ -76,12 +71,6 @@ def test_what_is_no_value(values: Any, says: str) -> None:
     with pytest.raises(InputError) as caught:
         made(values)
     assert says in caught.value.message
-
-
-def test_the_unit_that_stands_at_a_path() -> None:
-    data = Document.parse(FILE).data
-    paths = ("problem.time.end", "problem.speed", "list.0", "title", "problem", "none", "list.7", "title.a")
-    assert [written_unit(data, path) for path in paths] == ["s", "rpm", "kg", "", "", "", "", ""]
 
 
 def test_what_is_varied_is_not_set_too() -> None:
