@@ -6,17 +6,13 @@ import pytest
 from pinarm.use.show.chart import Line, Panel, extent, limits
 
 
-def test_limits_are_those_of_the_numbers_with_a_margin() -> None:
-    assert limits(np.array([0.0, 10.0, np.nan]), 0.1) == pytest.approx((-1.0, 11.0))
-
-
 @pytest.mark.parametrize("values", [np.ones(3) + 1e-15 * np.arange(3), np.full(3, 1e-30), np.zeros(0), -np.ones(1)])
 def test_rounding_is_not_blown_up(values: np.ndarray) -> None:
     low, high = limits(values)
     assert high - low >= 0.19
 
 
-@pytest.mark.parametrize("size", [1e-10, 1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("size", [1e-12, 1.0])
 def test_a_curve_of_any_size_has_an_axis_of_its_own(size: float) -> None:
     """A force of 10 to 20 pN is no constant: sizes depend on the unit."""
     assert limits(np.array([size, 2.0 * size]), 0.5) == pytest.approx((0.5 * size, 2.5 * size), rel=1e-12)
@@ -27,8 +23,3 @@ def test_the_extent_passes_over_gaps() -> None:
     low, high = extent([line, Line(np.full(1, np.nan), np.full(1, np.nan))])
     assert (low.tolist(), high.tolist()) == ([0.0, 1.0], [2.0, 5.0])
     assert Panel([line], equal=True, margin=0.0).extent() == ((0.0, 2.0), (1.0, 5.0))
-
-
-def test_a_drawing_on_a_line_has_room_for_names_across_it() -> None:
-    (x0, x1), (y0, y1) = Panel([Line(np.array([0.0, 2.0]), np.zeros(2))], equal=True, margin=0.0).extent()
-    assert (x1 - x0, y1 - y0) == pytest.approx((2.0, 0.5))

@@ -5,9 +5,7 @@ import os
 import re
 import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -50,25 +48,6 @@ def test_a_formula_that_cannot_be_read_is_written_by_its_characters(text: str, d
         figure(Chart(text, [Panel([Line(np.arange(2.0), np.arange(2.0))])], 5.0, 3.0)).encoded(form)
 
 
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("place", ["inside", "below"])
-def test_a_name_that_begins_with_an_underscore_is_in_the_legend(place: Literal["inside", "below"]) -> None:
-    """matplotlib hides such names in its legends."""
-    lines = [Line(np.arange(2.0), np.arange(2.0), label=name) for name in ("_hidden", "shown")]
-    texts, _ = elements(Chart("", [Panel(lines)], 5.0, 3.0, place))
-    assert {"_hidden", "shown"} <= {text.strip("\u200b") for text in texts}
-
-
-def test_png_has_two_hundred_pixels_an_inch_unless_asked_otherwise() -> None:
-    from PIL import Image
-
-    made = figure(Chart("", [Panel([Line(np.arange(2.0), np.arange(2.0))])], 3.0, 2.0))
-    for options, width in (({}, 600), ({"dpi": 50}, 150)):
-        stream = io.BytesIO()
-        made.savefig(stream, format="png", **options)
-        assert Image.open(stream).size[0] == width
-
-
 def elements(chart: Chart) -> tuple[list[str], list[np.ndarray]]:
     """Texts of the SVG of a chart, and the corners of its lines of colour #123456 [points]."""
     root = ElementTree.fromstring(svg(chart))
@@ -78,23 +57,12 @@ def elements(chart: Chart) -> tuple[list[str], list[np.ndarray]]:
     return ["".join(text.itertext()) for text in root.iter(f"{SVG}text")], corners
 
 
-@pytest.mark.parametrize(
-    "text", ["</svg><script>alert(1)</script>", "a & b < c", '"onload="x', "\x00\x1b[31m", "]]>", "a --> b"]
-)
+@pytest.mark.parametrize("text", ["</svg><script>alert(1)</script>", '"onload="x', "\x00\x1b[31m"])
 def test_texts_stay_texts(text: str) -> None:
     """Of a heading, a legend, three axes and a name in the drawing."""
     panel = Panel([Line(np.arange(2.0), np.arange(2.0), label=text)], [Note(0.0, 0.0, text)], text, text, text)
     texts, _ = elements(Chart(text, [panel], 7.0, 3.0))
     assert texts.count("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)) == 6
-
-
-def test_a_gap_is_a_gap() -> None:
-    """Four points on both sides of a number that is none: two lines of two points."""
-    y = np.array([0.0, 1.0, np.nan, 1.0, 0.0])
-    text = svg(Chart("", [Panel([Line(np.arange(5.0), y, "#123456")])], 7.0, 3.0))
-    [path] = [path.get("d", "") for path in ElementTree.fromstring(text).iter(f"{SVG}path")
-              if "stroke: #123456" in path.get("style", "")]  # fmt: skip
-    assert (path.count("M"), path.count("L")) == (2, 2)
 
 
 def test_a_long_curve_keeps_its_extremes() -> None:
@@ -111,8 +79,7 @@ def test_a_long_curve_keeps_its_extremes() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("y", [np.full(9, 1e308), 1.7e308 * np.linspace(-1.0, 1.0, 9), np.linspace(0.0, 1e308, 9),
-                               np.full(9, 0.99e300), np.linspace(-0.99e300, 0.99e300, 9)])  # fmt: skip
+@pytest.mark.parametrize("y", [1.7e308 * np.linspace(-1.0, 1.0, 9), np.linspace(-0.99e300, 0.99e300, 9)])
 def test_what_is_near_the_largest_number_leaves_a_gap(y: np.ndarray) -> None:
     """Numbers up to 1e300 are drawn, in both directions."""
     x = np.linspace(0.0, 1.0, 9)
@@ -122,17 +89,6 @@ def test_what_is_near_the_largest_number_leaves_a_gap(y: np.ndarray) -> None:
         marks = [use for use in root.iter(f"{SVG}use") if "stroke: #123456" in use.get("style", "")]
         assert len(marks) == int((np.abs(y) < 1e300).sum())
         assert np.isfinite([float(use.get(axis, "")) for use in marks for axis in "xy"]).all()
-
-
-def test_a_legend_below_has_one_column_where_names_are_long() -> None:
-    names = [f"{k}: {'a long name of a curve ' * 2}" for k in range(3)]
-    lines = [Line(np.arange(2.0), np.arange(2.0), label=name) for name in names]
-    made = figure(Chart("", [Panel(lines)], 5.6, 3.0, "below"))
-    made.canvas.draw()
-    boxes = [text.get_window_extent() for text in made.legends[0].get_texts()]
-    assert len({round(box.x0) for box in boxes}) == 1
-    assert all(upper.y0 > lower.y1 for upper, lower in pairwise(boxes))
-    assert min(box.y0 for box in boxes) > 0.0
 
 
 DRAWN = """
@@ -160,17 +116,3 @@ def test_bytes_do_not_depend_on_hash_seeds_and_settings_of_the_user(tmp_path: Pa
     assert [run.stderr for run in runs] == ["", ""]
     assert runs[0].stdout == runs[1].stdout
     assert len(runs[0].stdout.split()) == 3
-
-
-@pytest.mark.parametrize(("wanted", "kept"), [("svg", "svg"), ("nonsense", None)])
-def test_the_backend_of_the_user_stays_the_one_of_pyplot(wanted: str, kept: str | None) -> None:
-    """Notebooks choose it by this variable; drawing here changes neither the variable nor the choice."""
-    code = (
-        "import os, pinarm.use.show.figure, matplotlib\n"
-        "print(os.environ['MPLBACKEND'], dict.__getitem__(matplotlib.rcParams, 'backend'))"
-    )
-    environment = {**os.environ, "MPLBACKEND": wanted}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    variable, backend = done.stdout.split(maxsplit=1)
-    assert variable == wanted
-    assert kept is None or backend.strip() == kept

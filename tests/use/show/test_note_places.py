@@ -36,14 +36,6 @@ def test_names_do_not_cover_each_other() -> None:
     assert apart(boxes(placed, SIDE))
 
 
-def test_a_name_stands_clear_of_lines() -> None:
-    """A point on a horizontal line is named above or below it."""
-    line = Line(np.array([0.0, 1.0]), np.zeros(2))
-    [note] = note_places([Note(0.5, 0.0, "a name")], [line], WINDOW, SIDE)
-    [box] = boxes([note], SIDE)
-    assert box[1] >= 0.0 or box[3] <= 0.0
-
-
 def test_a_name_stays_in_the_picture() -> None:
     """A point at the edge, for which no direction is free but inwards: nothing of its name is cut off."""
     window: Window = ((0.0, 1.0), (0.0, 1.0))
@@ -61,12 +53,6 @@ def test_what_has_no_room_is_shortened_or_left_out() -> None:
     assert any(note.text.endswith(", ...") for note in placed)
     assert len(placed) < 60
     assert apart(boxes(placed, SIDE))
-
-
-def test_a_place_that_is_taken_stays_free() -> None:
-    [note] = note_places([Note(0.5, 0.5, "a name")], [], WINDOW, SIDE, [np.array([0.5, 0.5, 1.1, 1.1])])
-    [box] = boxes([note], SIDE)
-    assert (box[:2] < 0.5 * SIDE).any()
 
 
 def test_a_line_leads_to_a_name_that_stands_away() -> None:
@@ -87,13 +73,6 @@ def test_a_name_keeps_clear_of_lines() -> None:
     lines = [Line(np.array([0.0, 1.0]), np.full(2, 0.5 + y / SIDE)) for y in (0.0, high + 0.5, -8.0)]
     [box] = boxes(note_places([Note(0.5, 0.5, "P")], lines, WINDOW, SIDE), SIDE)
     assert all(box[1] >= SIDE * line.y[0] + 1.0 or box[3] <= SIDE * line.y[0] - 1.0 for line in lines)
-
-
-def test_names_keep_clear_of_each_other() -> None:
-    """Two points as far apart as their names are wide, and half a point: side by side these would read as one."""
-    wide = text_width("P", 8.0) + 0.5
-    one, other = boxes(note_places([Note(0.5, 0.5, "P"), Note(0.5 + wide / SIDE, 0.5, "P")], [], WINDOW, SIDE), SIDE)
-    assert max(*(other[:2] - one[2:]), *(one[:2] - other[2:])) >= 1.0
 
 
 def crossed(line: Line, other: Line) -> bool:

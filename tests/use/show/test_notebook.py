@@ -9,8 +9,6 @@ from typing import Any
 import pytest
 
 import pinarm
-from pinarm.errors import InputError
-from pinarm.use.show.replay import page
 
 PICTURE = re.compile(r'src="data:image/png;base64,([^"]+)"')
 
@@ -43,16 +41,6 @@ def test_names_and_titles_are_text(scenario: Callable[..., Any]) -> None:
     evil = "</pre></td><script>alert(1)</script>"
     given = scenario("statics", f'symbols: {{"{evil}": 2*alpha}}\n', ("[M,", f'["{evil}", M,'), ("A pendulum", evil))
     assert "<script" not in re.sub(r'srcdoc="[^"]*"', "", given.run()._repr_html_())
-
-
-def test_without_a_replay_it_says_why(scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing() -> bytes:
-        raise InputError("meshcat's viewer script is not there")
-
-    monkeypatch.setattr(page, "_viewer", missing)
-    cell = scenario("inverse").run()._repr_html_()
-    assert "no replay: meshcat&#x27;s viewer script is not there" in cell
-    assert len(PICTURE.findall(cell)) == 2
 
 
 def test_figures_show_themselves(scenario: Callable[..., Any]) -> None:

@@ -47,14 +47,6 @@ def test_the_arm_stands_where_its_publication_draws_it() -> None:
     assert told == ["start: t = 0 s", "end: t = 0.04189 s"]
 
 
-def test_the_path_of_its_end_is_drawn() -> None:
-    """It rises along x = l, as the law says."""
-    [axis] = solved("gen411_arm_vertical").sketch().axes
-    [path] = [np.array(line.get_data()) for line in axis.lines if line.get_linestyle() == ":"]
-    assert path[0] == pytest.approx(np.full(path.shape[1], 0.25), abs=1e-9)  # solved to that
-    assert path[1, [0, -1]] == pytest.approx([0.75, 0.5 + 0.5 * np.sin(np.pi / 3)], abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("name", "labels"),
     [
@@ -90,29 +82,6 @@ def test_equilibria_are_drawn_alike(scenario: Callable[..., Any]) -> None:
     assert [text.get_text() for text in four.legends[0].get_texts()] == [f"row {k}" for k in (1, 2, 3, 4)]
 
 
-def test_a_body_in_one_place_is_the_box_of_its_inertia() -> None:
-    """A brick: twelve edges at the start."""
-    [axis] = solved("brick_thrown").sketch().axes
-    assert len([line for line in axis.lines if line.get_color() == COLOURS[0] and len(line.get_xdata()) == 2]) == 12
-
-
-def names(figure: Any) -> dict[str, list[tuple[float, float]]]:
-    """Texts in a drawing, and the points that they stand at."""
-    [axis] = figure.axes
-    found: dict[str, list[tuple[float, float]]] = {}
-    for text in axis.texts:
-        found.setdefault(text.get_text(), []).append(tuple(np.round(text.xy, 9) + 0.0))
-    return found
-
-
-def test_names_stand_at_their_points_at_start_and_end() -> None:
-    """The two-rod arm turns by theta from 0 to 60 degrees: its elbow B goes along a circle about O."""
-    found = names(solved("gen411_arm_vertical").sketch())
-    assert found["O"] == [(0.0, 0.5)]  # which does not move, and is named once
-    elbows = [(0.25 * np.cos(theta), 0.5 + 0.25 * np.sin(theta)) for theta in (0.0, np.pi / 3)]
-    assert np.array(found["B"]) == pytest.approx(np.array(elbows), abs=1e-8)
-
-
 def test_a_full_turn_is_drawn_once() -> None:
     """Two turns of a crank end where they began: both instants stand at one position."""
     figure = solved("slider_crank_gas").sketch()
@@ -137,19 +106,6 @@ def test_a_spatial_mechanism_is_drawn_by_the_camera_of_its_replay() -> None:
         assert min(np.hypot(*(point - wanted)) for point in found) < EXACT
 
 
-def test_wheels_are_circles_of_their_pitch_radii() -> None:
-    """Planetary gear: the planet's centre runs at the sum of the radii of sun and planet."""
-    figure = solved("planetary_gear_reducer").sketch()
-    [axis] = figure.axes
-    circles = [np.array(line.get_data()) for line in axis.lines if len(line.get_xdata()) > 50
-               and line.get_color() == COLOURS[0]]  # fmt: skip
-    radii = sorted(np.ptp(circle[0]) / 2 for circle in circles)
-    planet, sun, ring = radii
-    assert ring == pytest.approx(sun + 2 * planet, rel=1e-9)  # the condition of assembly on one axis
-    [centre] = [circle.mean(axis=1) for circle in circles if abs(np.ptp(circle[0]) / 2 - planet) < 1e-9]
-    assert np.hypot(*centre) == pytest.approx(sun + planet, rel=0.02)  # the first point of the rim is there twice
-
-
 def texts_apart(figure: Any) -> list[str]:
     """Texts of a drawing; none of them may meet another, or leave the page, as matplotlib measures them."""
     figure.canvas.draw()
@@ -167,9 +123,7 @@ def texts_apart(figure: Any) -> list[str]:
     return [text.get_text() for text in axis.texts]
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("forty_four_bars", marks=pytest.mark.slow), "panda_drawing", "andrews", "slider_crank"]
-)
+@pytest.mark.parametrize("name", [pytest.param("forty_four_bars", marks=pytest.mark.slow), "panda_drawing", "andrews"])
 def test_names_do_not_meet_and_stay_on_the_page(name: str) -> None:
     told = texts_apart(pinarm.explain(ROOT / "models" / name / "mechanism.yaml").sketch())
     assert len(told) > 5
@@ -199,7 +153,6 @@ def test_a_cable_runs_through_its_points() -> None:
     [
         ("kind: point_spring, between: [A, B], stiffness: 5 N/m", (16,)),
         ("kind: point_spring, between: [A, B], force: -350 N, stiffness: 300 N/m", (5, 2)),  # a gas strut pushes
-        ("kind: point_spring, between: [A, B], damping: 8 N*s/m", (5, 2)),  # barrel and rod
         ("kind: cable, through: [A, B], stiffness: 8 N/m, free_length: 0.2 m", (2,)),
     ],
 )
@@ -225,14 +178,6 @@ def test_what_joins_two_points_ends_at_them(tmp_path: Path, element: str, corner
     assert beside.max() == pytest.approx(-beside.min(), abs=EXACT)
 
 
-def test_nothing_is_drawn_between_points_of_the_ground() -> None:
-    """Bricard's two fixed points are no link: the lines there only go down to the floor."""
-    [axis] = solved("bricard_falling").sketch().axes
-    fixed = [line for line in axis.lines if line.get_color() == GROUND and line.get_linestyle() != "None"]
-    assert len(fixed) == 2
-    assert all(len(line.get_xdata()) == 2 for line in fixed)
-
-
 def test_a_roller_touches_the_outline_of_its_cam() -> None:
     """Wherever the cam stands, the nearest point of its outline is as far from the roller's centre as its radius."""
     result = solved("bottle_capper_turning")
@@ -248,16 +193,6 @@ def test_a_roller_touches_the_outline_of_its_cam() -> None:
     figure = result.sketch()
     [drawn] = [line for line in strands(figure) if len(line) == len(outline)]
     assert drawn == pytest.approx(points.T, abs=1e-12)
-
-
-def test_a_body_in_one_place_has_the_edges_that_its_file_draws() -> None:
-    """The block of 0.1 m on a belt of 2 m by 0.2 m by 0.01 m."""
-    mechanism = pinarm.Mechanism.load(ROOT / "models" / "mass_on_belt" / "mechanism.yaml")
-    nodes = nodes_of(mechanism.model, np.zeros((1, 2)))
-    sizes = {node: np.ptp(np.concatenate([stick.points for stick in stick_figure(mechanism, nodes, []).lines
-                                          if stick.node == node]), axis=0) for node in (1, 2)}  # fmt: skip
-    assert sizes[1] == pytest.approx([2.0, 0.2, 0.01])
-    assert sizes[2] == pytest.approx([0.1, 0.1, 0.1])
 
 
 def test_a_slot_lies_around_its_pin_and_is_no_support(tmp_path: Path) -> None:
@@ -278,22 +213,3 @@ def test_a_slot_lies_around_its_pin_and_is_no_support(tmp_path: Path) -> None:
     assert [list(line.get_xdata()) for line in mounts] == [[0.0]]
     marks = [np.transpose(line.get_data()) for line in axis.lines if line.get_marker() == "o"]
     assert any(len(mark) == 1 and mark[0] == pytest.approx(pin, abs=EXACT) for mark in marks)
-
-
-def test_a_drawing_of_no_size_is_a_point(tmp_path: Path) -> None:
-    """A wheel with a radius of 1e-308 m: its scale was infinite."""
-    (tmp_path / "wheel.urdf").write_text(
-        '<robot name="w"><link name="base"/><link name="wheel"><inertial><mass value="1"/>'
-        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-        '<visual><geometry><cylinder radius="1e-308" length="1e-308"/></geometry></visual></link>'
-        '<joint name="a" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint>'
-        "</robot>"
-    )
-    mechanism = pinarm.Mechanism.load(tmp_path / "wheel.urdf", values={"gravity": "none"})
-    motion = {"a": {"law": "constant_speed", "speed": "1 rad/s"}}
-    result = pinarm.run({
-        "pinarm": 1, "mechanism": mechanism, "outputs": ["a"],
-        "problem": {"kind": "inverse", "motion": motion, "time": {"end": "1 s", "samples": 3}},
-    })  # fmt: skip
-    low, high = result.sketch().axes[0].get_xlim()
-    assert 0.0 < high - low < np.inf

@@ -17,7 +17,6 @@ from .conftest import ROOT
         ("gen411_arm_vertical", [0, 0, 1], [0, 1, 0]),  # planar, seen along the axes, x to the right
         ("exoskeleton_leg_knee", [1, 0, 0], [0, 0, 1]),  # planar in y-z, y to the right
         ("handling_arm_c1", [0, 0, 1], [0, 0, 1]),  # horizontal: from above
-        ("panda_quintic", None, [0, 0, 1]),
         ("gyroscope_free", None, [0, 0, 1]),
         ("unbalanced_rotor_free", None, None),  # one axis, but a long shaft: not from its end
     ],

@@ -30,11 +30,8 @@ TETRAHEDRON = """<COLLADA><asset><unit meter="0.001"/></asset><library_geometrie
 
 MESHES = {
     "panda_description/meshes/visual/link4.dae": True,  # several materials, a rotated node
-    "ur_description/meshes/ur3/visual/forearm.dae": True,
     "ur_description/meshes/ur5/visual/wrist1.dae": False,  # several meshes
-    "romeo_description/meshes/V1/visual/HeadRoll.dae": True,
     "solo_description/meshes/stl/solo12/solo12_hip_fe_fl.stl": True,
-    "z1_description/meshes/visual/z1_Link02.dae": True,
 }
 """Files, and whether coal can be asked for their volume: of some with several meshes it confuses the corners."""
 
@@ -60,14 +57,12 @@ def test_meshes_are_read_as_assimp_reads_them(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("a.dae", "<COLLADA"), ("a.dae", "<!DOCTYPE a [<!ENTITY b 'c'>]><COLLADA/>"), ("a.dae", "<COLLADA/>"),
-        ("a.stl", "no mesh"), ("a.obj", ""), ("a.ply", "ply"),
+        ("a.dae", "<COLLADA"), ("a.dae", "<COLLADA/>"), ("a.stl", "no mesh"), ("a.obj", ""), ("a.ply", "ply"),
         ("a.obj", "v 0 0 0\nf 1 2 3"), ("a.obj", "v 0 0 x\nf 1 1 1"), ("a.stl", "solid\nvertex 1 2 3"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3"), ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3"),
         ("a.obj", "v 0 0 0\nf 1 1 99999999999999999999"),
         ("a.dae", TETRAHEDRON.replace("3 3 3 3", "3 3 3 " + 20 * "9")),
-        ("a.dae", TETRAHEDRON.replace("VERTEX", "CORNER")), ("a.dae", TETRAHEDRON.replace("POSITION", "PLACE")),
-        ("a.dae", TETRAHEDRON.replace("1 0 0", "1e300 0 0")),
+        ("a.dae", TETRAHEDRON.replace("VERTEX", "CORNER")), ("a.dae", TETRAHEDRON.replace("1 0 0", "1e300 0 0")),
     ],
 )  # fmt: skip
 @pytest.mark.filterwarnings("error")
@@ -126,7 +121,8 @@ HOSTILE = {
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is looked up in /proc")
 @pytest.mark.parametrize("name", [
-    pytest.param(name, marks=pytest.mark.slow) if name in ("faces.obj", "copies.dae", "instances.dae") else name
+    pytest.param(name, marks=pytest.mark.slow)
+    if name in ("faces.obj", "face.obj", "newlines.obj", "elements.dae", "copies.dae", "instances.dae") else name
     for name in HOSTILE
 ])  # fmt: skip
 def test_a_file_meant_to_harm_is_refused_within_bounds(tmp_path: Path, name: str) -> None:

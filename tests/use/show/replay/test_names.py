@@ -10,8 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.use.result.presentation import Presentation
-from pinarm.use.show.replay.names import SERIES, Name, ends_of_series, gathered, names_of
-from pinarm.use.show.replay.overlays import BodyPoint
+from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.tracks import nodes_of, placed
 
 ROOT = Path(__file__).parents[4]
@@ -44,12 +43,6 @@ def test_points_that_meet_for_an_instant_keep_their_own_names(solved: Callable[.
     assert sum(text.partition(",")[0] in ("C", "D") for text in known) == 2
 
 
-def test_joints_have_the_labels_of_the_scenario(solved: Callable[..., Any]) -> None:
-    known = found(solved("slider_crank_gas"), Presentation(labels={"A": r"\alpha", "x": "stroke"}))
-    assert known[r"A, $\alpha$"][0] == "point"
-    assert "B3, B, stroke" in known
-
-
 def test_a_point_of_a_drawing_has_its_name_once() -> None:
     """A pin is one point of the drawing, though each of its two links has a mark of it; the ground is hatched."""
     known = found(pinarm.run(ROOT / "docs/kind_examples/problems/kinematics.yaml"))
@@ -66,12 +59,3 @@ def test_points_of_a_mechanism_file_are_named() -> None:
     known = {name.text: name.at.path(placed(mechanism.model, q))[0] for name in names}
     assert known["eye"] == pytest.approx([0.02, 0.005, 0.0], abs=1e-12)
     assert "still" not in known
-
-
-def test_of_long_series_the_first_and_the_last_are_named() -> None:
-    at = BodyPoint(1, np.zeros(3))
-    series = [Name(f"link_{k}_end", "part", at) for k in (7, 0, 10, 2, 1, 3, 4, 5, 6, 8, 9, 11, 12)]
-    short = [Name(f"pin_{k}", "joint", at) for k in range(SERIES)]
-    assert [name.text for name in ends_of_series(series)] == ["link_0_end", "link_12_end"]
-    assert ends_of_series(short) == short
-    assert len(ends_of_series([*series[:7], *(Name(name.text, "point", at) for name in series[7:])])) == len(series)

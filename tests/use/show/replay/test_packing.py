@@ -22,13 +22,6 @@ def test_arrays_are_read_back_where_their_references_point() -> None:
         assert read.tolist() == array.ravel().tolist()
 
 
-def test_the_byte_order_of_an_array_does_not_matter() -> None:
-    little, big = Packing(), Packing()
-    little.add(np.array([1.5, 2.5]))
-    big.add(np.array([1.5, 2.5], dtype=">f8").astype("=f8"))
-    assert little.text() == big.text()
-
-
 def test_the_same_bytes_give_the_same_text() -> None:
     """The header of gzip has no time of writing: bytes 4 to 7, RFC 1952, section 2.3.1."""
     assert compressed(b"abc" * 100) == compressed(b"abc" * 100)

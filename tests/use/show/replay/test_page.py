@@ -16,8 +16,6 @@ from pinarm.use.store.restore import restore
     ("name", "options"),
     [
         ("gen411_arm_vertical", {"arrows": ["all"], "traces": ["A", "com"]}),
-        ("exoskeleton_leg_knee", {"arrows": ["forces"]}),
-        ("manipulator_pressure", {"arrows": ["all"], "plots": []}),
         ("gen411_arm_equilibria", {}),
         pytest.param("panda_quintic", {"traces": ["panda_hand"]}, marks=pytest.mark.slow),
     ],

@@ -50,8 +50,7 @@ def test_a_video_lasts_as_long_as_the_motion(saved: Path, _browser: Page) -> Non
 
 @pytest.mark.parametrize(
     ("options", "says"),
-    [("--png t=1 -o pic.html", "pic.png"), ("--video pic.html", "pic.mp4"), ("-o pic.png", "--png t=VALUE"),
-     ("--video v.mp4 -o pic.html", "leave -o out"), ("--png t=1 -o pic", "pic.png")],
+    [("--png t=1 -o pic.html", "pic.png"), ("--video pic.html", "pic.mp4"), ("-o pic.png", "--png t=VALUE")],
 )  # fmt: skip
 def test_a_file_of_another_format_is_refused(
     options: str, says: str, saved: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -62,7 +61,7 @@ def test_a_file_of_another_format_is_refused(
     assert not list(saved.parent.glob("pic*")) + list(saved.parent.glob("v.mp4"))
 
 
-@pytest.mark.parametrize("text", ["1.5", "phi=1", "t=", "t=3", "t=1 m", "t=nan"])
+@pytest.mark.parametrize("text", ["1.5", "phi=1", "t=3", "t=nan"])
 def test_a_place_outside_of_the_run_is_refused(scenario: Callable[..., Any], text: str) -> None:
     with pytest.raises(InputError):
         pictures.place(scenario("inverse").run().trajectory, text)
