@@ -1,6 +1,5 @@
 """What simplification knows of a problem, for every kind and every field: none is forgotten where one is added."""
 
-import types
 from typing import Any, get_args, get_type_hints
 
 import msgspec
@@ -11,14 +10,13 @@ from pinarm.input.yaml.schema import Level, Rate, SecondRate
 from pinarm.mechanics.control.kinds import Control
 from pinarm.mechanics.control.pid import Pid
 from pinarm.mechanics.forces.kinds import Force
-from pinarm.mechanics.laws import Constant, ConstantSpeed, Motion
-from pinarm.problems import KINDS, Problem, problem_class
+from pinarm.mechanics.laws import Constant, Motion
+from pinarm.problems import KINDS, problem_class
 from pinarm.problems.actuation.effort_sharing import EffortSharing, Share
 from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import InitialState
-from pinarm.problems.inverse import Inverse
 from pinarm.problems.prescription.resolution import NearestPosture
-from pinarm.problems.states import Range, State
+from pinarm.problems.states import Range
 from pinarm.problems.time_grid import TimeGrid
 
 pytestmark = pytest.mark.house
@@ -80,13 +78,6 @@ UNDECLARED = ("share", "resolve")
 SEPARATE = [(kind, name) for kind, name in DECLARED if name not in UNDECLARED]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_is_a_problem(kind: str) -> None:
-    members = {name for name, member in vars(Problem).items() if isinstance(member, types.FunctionType | property)}
-    assert {name for name in members if not name.startswith("_")} >= {"declaration", "prepare", "solve"}
-    assert all(hasattr(problem_class(kind), name) for name in members if not name.startswith("_"))
-
-
 @pytest.mark.parametrize(("kind", "name"), DECLARED)
 def test_what_is_said_of_a_removed_coordinate_is_left_out(kind: str, name: str) -> None:
     """Of what is swept or watched nothing is: its coordinate is never removed. Where all depend on all, none is."""
@@ -114,16 +105,3 @@ def test_kinds_whose_motion_laws_determine_have_a_table_of_what_is_prescribed() 
     assert {kind for kind in KINDS if hasattr(problem_class(kind), "table")} == {
         kind for kind, entry in KINDS.items() if entry.prescribing
     }
-
-
-def test_problems_differ_by_numbers_where_the_same_coordinates_stand_still_and_move() -> None:
-    """What may be left out of one may be left out of the other; a rate of 0 lets a joint stand still."""
-    slow, fast, still = (
-        Inverse(time=TimeGrid(end=1.0), motion={"a": law}).declaration()
-        for law in (ConstantSpeed(speed=1.0), ConstantSpeed(speed=2.0), Constant(value=1.0))
-    )
-    turning, resting = (State(hold={"a": 0.5}, velocity={"a": rate}).declaration() for rate in (1.0, 0.0))
-    assert slow is not None and fast is not None and still is not None and turning is not None and resting is not None
-    assert slow.differs_by_numbers(fast)
-    assert not slow.differs_by_numbers(still)
-    assert not turning.differs_by_numbers(resting)

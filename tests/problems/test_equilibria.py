@@ -14,13 +14,11 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.statics.equilibrium import ForceBalance
 from pinarm.engine.statics.stiffness import slope
 from pinarm.errors import AssemblyError, DynamicsError, InputError
-from pinarm.mechanics.forces.bushing import Bushing, SpringRates
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
-from pinarm.problems.states import Statics
 from pinarm.use.mechanism import Mechanism
 from pinarm.use.result.row_lookup import Lookup
 
@@ -97,12 +95,6 @@ def test_full_turns_apart_is_the_same_position_and_half_a_turn_is_not(mechanism,
     assert [column(run, "starts", row) for row in (1, 2)] == [3.0, 3.0]
 
 
-def test_slides_a_multiple_of_two_pi_metres_apart_are_two_positions(mechanism, chain):
-    slider = mechanism(chain({"name": "x", "kind": "prismatic", "axis": "1 0 0"}))
-    run = solve(slider, [{"x": 0.0}, {"x": 2 * math.pi}])
-    assert len(run) == 2
-
-
 def quadratic(mass, stiffness):
     """Solve ``det(K - w^2 M) = 0`` of two coordinates by the formula of a quadratic equation."""
     a = np.linalg.det(mass)
@@ -134,22 +126,6 @@ def test_the_four_equilibria_of_a_double_pendulum(mechanism, chain):
         assert stability(run, row) == (1 if s1 == s2 == 1 else -1)
 
 
-def test_the_four_equilibria_of_the_two_rod_arm():
-    found = pinarm.load(ROOT / "scenarios" / "gen411_arm_equilibria.yaml").run()
-    run = found.trajectory
-    l1 = l2 = 0.25
-    m_a, m_b, m_ba = 0.1, 0.5, 1.0
-    whole, tip = m_a + m_b + m_ba, m_a + m_ba / 2
-    for row, (s1, s2) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)], 1):
-        cross = l1 * l2 * tip * s1 * s2
-        mass = np.array([[l1**2 * whole, cross], [cross, l2**2 * (m_ba / 3 + m_a)]])
-        stiffness = np.diag([-G * l1 * whole * s1, -G * l2 * tip * s2])
-        assert squares(run, row) == pytest.approx(quadratic(mass, stiffness), rel=1e-12)
-    assert found.figures["stable"] == 1.0
-    assert column(run, "starts", 1) == 2.0
-    assert len(run) == 4
-
-
 def test_an_arm_held_level_falls_though_no_small_step_changes_the_force(arm):
     run = solve(arm, [{}])
     assert np.cos(run.q[0, 0]) == pytest.approx(0.0, abs=1e-15)
@@ -159,7 +135,7 @@ def test_an_arm_held_level_falls_though_no_small_step_changes_the_force(arm):
 # --- springs
 
 
-@pytest.mark.parametrize("ratio", [0.3, 0.99, 1.0 - 1e-6, 1.0 + 1e-6, 1.01, 4.0])
+@pytest.mark.parametrize("ratio", [0.3, 1.0 - 1e-6, 1.0 + 1e-6])
 def test_a_spring_holds_a_pendulum_upright_if_it_is_stiffer_than_its_weight(mechanism, chain, ratio):
     stiffness = ratio * MASS * G * LENGTH
     spring = {"hold": JointSpring(joint="bob", stiffness=stiffness)}
@@ -169,7 +145,7 @@ def test_a_spring_holds_a_pendulum_upright_if_it_is_stiffer_than_its_weight(mech
     assert stability(run, 1) == (1.0 if ratio > 1.0 else -1.0)
 
 
-@pytest.mark.parametrize("ratio", [0.3, 0.9, 0.999])
+@pytest.mark.parametrize("ratio", [0.3, 0.999])
 def test_beside_the_unstable_position_there_are_two_stable_ones(mechanism, chain, ratio):
     """The pitchfork: ``sin q / q = k / (m g L)``, by bisection, and ``w^2 = (k - m g L cos q) / (m L^2)``."""
     weight = MASS * G * LENGTH
@@ -198,7 +174,7 @@ def test_at_the_fork_itself_the_upright_position_is_indifferent(mechanism, chain
     assert found.figures["stable"] == 0.0
 
 
-@pytest.mark.parametrize("stiffness", [1e-2, 30.0, 1e7])
+@pytest.mark.parametrize("stiffness", [1e-2, 1e7])
 def test_a_mass_sags_on_a_spring_by_its_weight_over_the_stiffness(mechanism, chain, stiffness):
     slider = mechanism(chain({"name": "z", "kind": "prismatic", "axis": "0 0 1", "mass": 2.3}))
     run = solve(slider, [{"z": 0.4}, {}], loads={"s": JointSpring(joint="z", stiffness=stiffness)})
@@ -217,7 +193,7 @@ def truss(mechanism, chain, beside):
     return mechanism(xml.replace("</robot>", f'{ANCHOR}<origin xyz="0 0 {beside}"/></joint></robot>'), gravity="none")
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-2])
+@pytest.mark.parametrize("size", [1.0, 1e-2, 1e-5])
 def test_a_spring_across_a_slide_snaps_through(mechanism, chain, size):
     """Free length L > distance a: ``x = +-sqrt(L^2 - a^2)`` with ``k x^2 / L^2``, and 0 with ``-k (L/a - 1)``."""
     k, a, free = 450.0, 0.3 * size, 0.5 * size
@@ -250,17 +226,12 @@ FUNCTIONS = {
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-@pytest.mark.parametrize("at", [0.0, 0.013, -0.7, 2.4])
+@pytest.mark.parametrize("at", [0.013, -0.7])
 def test_slopes_of_loads_are_right_to_a_part_in_1e12(name, at):
     value, derivative = FUNCTIONS[name]
     found = slope(value, np.array([at]), np.ones(1))[0, 0]
     around = np.abs(derivative(at + np.linspace(-0.05, 0.05, 101))).max()
     assert found == pytest.approx(derivative(np.array(at)), abs=1e-12 * (around + abs(value(np.array(at)))))
-
-
-def test_slopes_tell_load_from_coordinate():
-    found = slope(lambda q: np.stack([q[:, 0] * q[:, 1], q[:, 0] ** 2], axis=1), np.array([2.0, 3.0]), np.ones(2))
-    assert found == pytest.approx(np.array([[3.0, 2.0], [4.0, 0.0]]), abs=1e-12)
 
 
 def test_the_stiffness_is_the_second_derivative_of_the_potential_energy(mechanism, chain, differentiate):
@@ -292,11 +263,6 @@ def test_a_held_absolute_angle_leaves_a_pendulum_and_tells_the_torque_that_holds
     assert squares(run, 1) == pytest.approx([G / 0.25], rel=1e-13)
     assert squares(run, 2) == pytest.approx([-G / 0.25], rel=1e-13)
     assert run.tau[0] == pytest.approx(G * 0.25 * math.cos(phi) * (0.1 + 0.5) * np.ones(2), rel=1e-13)
-
-
-def test_a_start_is_moved_to_what_is_held(arm):
-    balance, starts = Equilibria(starts=[{"O": 0.5}], hold={"phi": 0.7}).prepare(arm, Accuracy(), place)
-    assert balance.nearest(starts[0]) == pytest.approx([0.6, 0.1])
 
 
 def test_a_held_height_leaves_the_ways_along_which_it_does_not_change(arm):
@@ -353,12 +319,6 @@ def test_without_weight_every_position_is_indifferent_and_stays_where_it_starts(
     assert [stability(run, 1), stability(run, 2)] == [0.0, 0.0]
 
 
-def test_a_pendulum_about_a_vertical_axis_is_indifferent_too(mechanism, chain):
-    run = solve(mechanism(chain({**BOB, "axis": "0 0 1", "com": "0.6 0 0"})), [{"bob": 0.4}])
-    assert run.q[0, 0] == pytest.approx(0.4, abs=1e-15)
-    assert stability(run, 1) == 0.0
-
-
 def test_a_direction_that_is_indifferent_to_rounding_is_left_alone(mechanism, chain):
     """A mast turns about the vertical and carries a pendulum; weight has no part in the mast but for rounding."""
     crane = chain({"name": "mast", "axis": "0 0 1", "com": "0.3 0.1 0.7"},
@@ -394,8 +354,7 @@ def test_a_constant_torque_leans_a_pendulum(mechanism, chain):
     assert squares(run, 1) == pytest.approx([0.8 * G / LENGTH], rel=1e-12)
 
 
-@pytest.mark.parametrize("softer", [0.0, 1e-12, 1e-10, -1e-10])
-@pytest.mark.parametrize("start", [0.01, 0.3])
+@pytest.mark.parametrize(("softer", "start"), [(0.0, 0.3), (1e-10, 0.01), (-1e-10, 0.3)])
 def test_a_pendulum_that_its_spring_all_but_holds_upright_is_as_far_off_as_is_told(mechanism, chain, softer, start):
     """``k q = m g l sin(q)`` with ``k = m g l (1 - s)``: 0 and, for s > 0, ``q^2 = 6 s`` but for terms in s^2."""
     spring = JointSpring(joint="bob", stiffness=MASS * G * LENGTH * (1.0 - softer))
@@ -406,27 +365,7 @@ def test_a_pendulum_that_its_spring_all_but_holds_upright_is_as_far_off_as_is_to
     assert abs(found.rows.q[0, 0] - math.sqrt(max(6.0 * softer, 0.0))) < told < 1e-3
 
 
-def test_what_balances_anywhere_has_no_position_that_would_be_told(mechanism, chain):
-    wheel = mechanism(chain({**BOB, "com": "0 0 0", "inertia": (1.0, 1.0, 1.0)}))
-    found = outcome(wheel, [{"bob": 0.3}])
-    assert (stability(found.rows, 1), found.notes) == (0.0, ())
-
-
 # --- what goes wrong
-
-
-def test_a_start_that_leads_nowhere_is_named_with_what_is_left(mechanism, chain):
-    pair = mechanism(chain(BOB, {"name": "z", "kind": "prismatic", "axis": "0 0 1", "mass": 2.0}))
-    loads = {"s": JointSpring(joint="z", stiffness=1e5)}
-    wall = {"t": JointEffort(joint="bob", effort=Constant(value=1e3))}
-    assert len(solve(pair, [{}], loads=loads)) == 1
-    message = r"starts\[0\] leads to no equilibrium: a force of .* N\*m is left on bob"
-    with pytest.raises(AssemblyError, match=message) as caught:
-        solve(pair, [{}, {"bob": 1.0}], loads={**loads, **wall})
-    assert "bob = " in str(caught.value)
-    assert "z = " in str(caught.value)
-    assert caught.value.partial is None
-    assert np.abs(caught.value.data["residual"]).max() > 100.0
 
 
 def test_a_start_that_leads_nowhere_leaves_the_equilibria_that_others_lead_to(mechanism, chain):
@@ -446,24 +385,10 @@ def test_a_start_that_leads_nowhere_leaves_the_equilibria_that_others_lead_to(me
     assert caught.value.data["q"] == pytest.approx([flat], abs=1e-2)
 
 
-def test_a_start_without_loads_is_named_and_leaves_what_others_lead_to(mechanism, chain):
-    """Of a pendulum on a torsion bar with k = 2 m g l, beyond the 170 deg up to which a bushing acts."""
-    bar = Bushing(between=("base", "bob_link"), stiffness=SpringRates(rotation=(0.0, 2.0 * MASS * G * LENGTH, 0.0)))
-    model = mechanism(chain(UPRIGHT))
-    found = outcome(model, [{"bob": 3.05}, {"bob": 0.4}], loads={"bar": bar})
-    assert found.rows.q[:, 0] == pytest.approx([0.0], abs=1e-12)
-    (note,) = [note for note in found.notes if note.startswith("starts[0] leads to no equilibrium: the loads are not")]
-    assert "force 'bar': its frames base and bob_link are turned by 174.8 deg" in note
-    with pytest.raises(AssemblyError, match=r"the loads are not finite where bob = .* a bushing acts up to 170 deg"):
-        outcome(model, [{"bob": 3.05}], loads={"bar": bar})
-
-
 REFUSED = {
-    "unknown joint": ({"starts": [{"o": 0.1}]}, "no joint 'o'"),
     "unknown hold": ({"starts": [{}], "hold": {"psi": 0.1}}, "no coordinate 'psi'"),
     "start held": ({"starts": [{"O": 0.1}], "hold": {"O": 0.1}}, "'O' is held"),
     "all held": ({"starts": [{}], "hold": {"O": 0.1, "B": 0.0}}, "nothing is left to balance"),
-    "unit": ({"starts": [{"O": "3 m"}]}, "'m' is not a unit"),
     "law": (
         {"starts": [{}], "loads": {"t": {"kind": "joint_effort", "joint": "O",
          "effort": {"law": "harmonic", "amplitude": 1.0, "pulsation": 2.0}}}},
@@ -479,14 +404,6 @@ def test_what_is_refused(arm, case):
         Equilibria(**given).prepare(arm, Accuracy(), place)
 
 
-def test_a_law_is_refused_even_in_the_mechanism_itself(mechanism, chain):
-    perturbed = mechanism(chain(BOB), forces={"t": {"kind": "joint_effort", "joint": "bob", "effort":
-                       {"law": "harmonic", "amplitude": "1 N*m", "pulsation": "2 rad/s"}}})  # fmt: skip
-    assert isinstance(perturbed.forces["t"].laws()[0], Harmonic)
-    with pytest.raises(InputError, match="no value at rest"):
-        solve(perturbed, [{}])
-
-
 def test_joints_with_several_coordinates_are_refused(mechanism, chain):
     free = mechanism(chain({**BOB, "kind": "floating"}))
     with pytest.raises(InputError, match="joints with one coordinate only"):
@@ -499,14 +416,6 @@ def test_mistakes_in_a_file_are_located():
         with pytest.raises(InputError, match=message) as caught:
             pinarm.load(file, [f"problem.{override}"]).validate()
         assert str(caught.value).startswith(f"--set problem.{override}")
-
-
-def test_a_failing_start_is_located_and_its_index_named():
-    file = ROOT / "scenarios" / "gen411_arm_equilibria.yaml"
-    push = "{t: {kind: joint_effort, joint: O, effort: {law: constant, value: 1 kN*m}}}"
-    with pytest.raises(AssemblyError, match=r"starts\[0\]") as caught:
-        pinarm.load(file, [f"problem.loads={push}"]).run()
-    assert f"{file}:8:" in str(caught.value)
 
 
 # --- rows have nothing between them
@@ -533,45 +442,6 @@ def test_its_quantities_are_known_before_it_is_solved():
         assert "equilibrium.frequency2_1" in caught.value.expected
 
 
-def test_equilibria_with_friction_are_those_without_and_the_notes_say_so(mechanism, chain):
-    """Two arms, the first one held: statics there has the band, 2 N*m to either side of the same effort."""
-    bodies = [{"name": name, "axis": "0 -1 0", "com": "0.5 0 0"} for name in "ab"]
-    friction = {"a": {"constant": "2 N*m"}, "b": {"constant": "1 N*m"}}
-    arms = mechanism(chain(*bodies), friction=friction)
-    found = outcome(arms, [{"b": -1.5}], hold={"a": 0.3})
-    assert found.rows.q[0, 1] == pytest.approx(-math.pi / 2 - 0.3, rel=1e-12)
-    weight = G * 0.5 * math.cos(0.3)
-    assert found.rows.tau[0] == pytest.approx([weight, 0.0], rel=1e-12, abs=1e-12)
-    assert len(found.notes) == 2
-    assert "friction of joint.a, joint.b holds the positions between equilibrium.end_1 and" in found.notes[0]
-    assert "efforts that hold a are those without friction" in found.notes[1]
-    hold = {"a": float(found.rows.q[0, 0]), "b": float(found.rows.q[0, 1])}
-    held = Statics(hold=hold).solve(arms, Accuracy(), place).rows
-    sides = [held.columns[f"joint.{joint}.effort.{side}"].values[0] for joint in "ab" for side in ("lower", "upper")]
-    assert sides == pytest.approx([weight - 2.0, weight + 2.0, -1.0, 1.0], rel=1e-12, abs=1e-12)
-
-
-@pytest.mark.parametrize("size", [1e-3, 0.05, 0.1, 0.25, 1.0, 100.0])
-def test_a_snap_through_has_the_same_stiffness_at_every_size(size):
-    """k (1 - L0 / h) in the middle, where it is unstable, and k (1 - h^2 / L0^2) at its sides."""
-    slide = {
-        "pinarm": 1, "gravity": "none",
-        "planar": {
-            "points": {"O": [0, 0], "P": [0, 0], "Q": [f"{4 * size} mm", 0], "W": [0, f"{size} mm"]},
-            "ground": ["O", "Q", "W"], "links": {"carriage": {"points": ["P"], "mass": "2 kg"}},
-            "sliders": {"x": {"link": "carriage", "along": ["O", "Q"]}},
-        },
-    }  # fmt: skip
-    spring = {"kind": "point_spring", "between": ["W", "P"], "stiffness": "1000 N/m", "free_length": f"{1.2 * size} mm"}
-    starts = [{"x": "0 mm"}, {"x": f"{0.5 * size} mm"}]
-    found = pinarm.run({
-        "pinarm": 1, "mechanism": slide, "problem": {"kind": "equilibria", "starts": starts, "loads": {"s": spring}},
-        "outputs": ["x", "equilibrium.stiffness_1", "equilibrium.stability"],
-    })  # fmt: skip
-    assert found["equilibrium.stiffness_1"].values == pytest.approx([-200.0, 1000.0 * (1.0 - 1.2**-2)], rel=1e-9)
-    assert found["equilibrium.stability"].values.tolist() == [-1.0, 1.0]
-
-
 @pytest.mark.parametrize("start", ["50 mm", "10 mm"])
 def test_where_a_cable_becomes_taut_no_stiffness_is_told(start):
     """To one side it has that of the cable, to the other none: half of it would be that of nothing."""
@@ -595,7 +465,7 @@ def test_where_a_cable_becomes_taut_no_stiffness_is_told(start):
         pinarm.run({**question, "outputs": ["equilibrium.stability"]})
 
 
-@pytest.mark.parametrize("end", [(0.4, 0.0), (0.123, 0.456), (-0.71, 0.33)])
+@pytest.mark.parametrize("end", [(0.4, 0.0), (-0.71, 0.33)])
 def test_a_spring_that_begins_at_the_pivot_has_no_edge(end):
     """It does nothing: what its load changes by is rounding. A rod of length L swings with ``w^2 = 3 g / (2 L)``."""
     points = {"O": ["31 mm", "17 mm"], "P": ["431 mm", "17 mm"]}
@@ -632,7 +502,7 @@ def test_a_start_where_more_moves_freely_than_beside_it_leads_on():
     assert found["equilibrium.stability"].values.tolist() == [1.0]
 
 
-@pytest.mark.parametrize("place", [5.0, 10.0, 17.0])
+@pytest.mark.parametrize("place", [5.0, 17.0])
 def test_a_band_ends_at_a_narrow_catch(place):
     """A lever on a dry pin, held by a soft spring, whose friction of 1 N m does not hold it in a catch 1 deg wide."""
     lever = {

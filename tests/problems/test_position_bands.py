@@ -114,14 +114,6 @@ def test_several_free_motions_have_no_band(mechanism, chain):
     assert "With 2 free motions they are no band" in found.notes[0]
 
 
-def test_an_equilibrium_without_room_for_friction_is_its_own_band(mechanism, chain):
-    """Friction in the coordinate that is held does not hold the other one."""
-    bodies = [{"name": name, "axis": "0 -1 0", "com": "0.5 0 0"} for name in "ab"]
-    arms = mechanism(chain(*bodies), friction={"a": {"constant": "2 N*m"}})
-    found = outcome(arms, [{"b": -1.5}], hold={"a": 0.3})
-    assert ends(found, "b") == pytest.approx([-math.pi / 2 - 0.3] * 2, rel=1e-9)
-
-
 def test_bands_are_named_in_scenarios(chain, tmp_path):
     (tmp_path / ".pinarm-root").touch()
     (tmp_path / "model.urdf").write_text(chain(BOB))

@@ -54,11 +54,10 @@ def test_least_squares(alone):
     assert four == pytest.approx(r * q / (1 + r**2), rel=1e-10, abs=1e-10)
 
 
-@pytest.mark.parametrize("unit", ["", " 1/N/m"])
-def test_weights(alone, unit):
+def test_weights(alone):
     """The least ``(3 T2)^2 + (0.5 T4)^2``."""
     q, r = alone
-    share = {"weights": {"theta4": f"0.5{unit}" if unit else 0.5, "theta2": f"3{unit}" if unit else 3}}
+    share = {"weights": {"theta4": "0.5 1/N/m", "theta2": "3 1/N/m"}}
     two, four = values(four_bar(share=share), TWO, FOUR)
     part = 1 / 3**2 + r**2 / 0.5**2
     assert two == pytest.approx(q / 3**2 / part, rel=1e-10, abs=1e-10)
@@ -102,11 +101,11 @@ REACTIONS = [f"{of}.force.{axis}" for of in ("joint.theta2", "joint.A", "joint.t
 
 
 def test_reactions_are_those_of_the_chosen_efforts(alone):
-    """At every eighth instant the rocker's motor as a load, the crank's as the only drive."""
+    """At every twentieth instant the rocker's motor as a load, the crank's as the only drive."""
     run = four_bar(share="least_squares")
     changed = values(four_bar(drives=["theta2"]), *REACTIONS)
     assert max(np.abs(a - b).max() for a, b in zip(values(run, *REACTIONS), changed, strict=True)) > 1.0
-    for row in range(0, 61, 8):
+    for row in range(0, 61, 20):
         effort, two, *expected = (float(series[row]) for series in values(run, FOUR, TWO, *REACTIONS))
         load = {
             "kind": "joint_effort",
@@ -184,7 +183,7 @@ def test_three_motors_hold_an_arm_of_two_joints(arm):
     assert (at_a, at_b) == pytest.approx((q1, q2), rel=1e-12)
 
 
-@pytest.mark.parametrize("share", ["bounded", {"weights": {"A": 1, "B": 2, "both": 1}}, {"limits": {"A": "9 N*m"}}])
+@pytest.mark.parametrize("share", ["bounded", {"limits": {"A": "9 N*m"}}])
 def test_dependent_sums_of_joints_share_evenly_only(arm, share):
     """Efforts at joints would not tell those of the drives."""
     with pytest.raises(InputError, match="A, B, both, which depend on each other"):
@@ -213,34 +212,16 @@ def test_friction_that_sticks_is_refused(mechanism, chain):
         held(arm, drives=["A", "B", "both"], share="least_squares")
 
 
-def test_a_recorded_motion_shares_as_well():
-    solved = four_bar(share="least_squares")
-    parts = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
-    columns = {"t [s]": solved["t"].values.tolist()} | {
-        f"joint.{name}.{part} [{unit}]": solved[f"joint.{name}.{part}"].values.tolist()
-        for name in ("theta2", "A", "theta4") for part, unit in parts.items()
-    }  # fmt: skip
-    problem = {"kind": "recorded", "columns": columns, "drives": ["theta2", "theta4"], "share": "least_squares"}
-    run = pinarm.run({**FOUR_BAR, "problem": problem})
-    assert values(run, TWO, FOUR) == pytest.approx(np.array(values(solved, TWO, FOUR)), abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("problem", "texts"),
     [
         ({}, ["more drives than degrees of freedom, 2 and 1", "share: least_squares"]),
         ({"share": "evenly"}, ["share", "least_squares"]),
-        ({"share": {"weights": {"theta2": 1, "theta9": 1}}}, ["'theta9' is no drive", "theta2, theta4"]),
         ({"share": {"limits": {"A": "1 N*m"}}}, ["'A' is no drive"]),
         ({"share": {"weights": {"theta2": 1}}}, ["no weight is given for theta4"]),
         ({"share": {"weights": {"theta2": 1, "theta4": 0}}}, ["0 is out of bounds", "more than 0"]),
-        ({"share": {"weights": {"theta2": 1, "theta4": -2}}}, ["-2 is out of bounds", "more than 0"]),
         ({"share": {"weights": {"theta2": 1, "theta4": "2 1/N/m"}}}, ["the weight 1 has no unit", "1 1/N/m"]),
-        ({"share": {"weights": {"theta2": "1 1/N", "theta4": "2 1/N/m"}}}, ["'1/N' is not a unit"]),
         ({"share": {"limits": {"theta4": "1 N"}}}, ["'N' is not a unit", "N*m"]),
-        ({"share": {"limits": {"theta4": "0 N*m"}}}, ["0 is out of bounds"]),
-        ({"share": {"limits": {"theta4": 1}}}, ["'1' has no unit"]),
-        ({"share": {"limits": "mine"}}, ["limits"]),
         ({"share": "bounded"}, ["the model gives none of the drives theta2, theta4 an effort limit"]),
         ({"share": "least_squares", "drives": ...}, ["no drives are named that share the load"]),
     ],
@@ -259,24 +240,12 @@ def test_torques_beside_forces_need_weights():
     assert "theta: 0.01 1/N/m, x: 0.01 1/N" in str(caught.value)
 
 
-def test_fewer_drives_than_freedoms_leave_a_load(arm):
-    with pytest.raises(DrivesError, match=r"leave a load of .* uncarried"):
-        held(arm, drives=["A"], share="least_squares")
-
-
-@pytest.mark.parametrize("kind", ["statics", "inverse"])
-def test_too_few_drives_name_the_coordinate_that_lacks_one(kind):
+def test_too_few_drives_name_the_coordinate_that_lacks_one():
     """An arm of two links whose elbow has no drive: its weight turns the elbow while the shoulder rests."""
     points = {"O": ["0 m", "0 m"], "A": ["0.3 m", "0.1 m"], "B": ["0.6 m", "0 m"]}
     links = {"upper": {"points": ["O", "A"], "mass": "1 kg"}, "fore": {"points": ["A", "B"], "mass": "1 kg"}}
     mechanism = {"pinarm": 1, "planar": {"points": points, "links": links, "ground": ["O"]}}
-    fixed = {name: {"law": "constant", "value": "10 deg"} for name in "OA"}
-    moving = {"time": {"end": "1 s", "samples": 3}, "motion": fixed}
-    problem = {
-        "kind": kind,
-        "drives": ["O"],
-        **(moving if kind == "inverse" else {"hold": {"O": "1 deg", "A": "1 deg"}}),
-    }
+    problem = {"kind": "statics", "drives": ["O"], "hold": {"O": "1 deg", "A": "1 deg"}}
     with pytest.raises(DrivesError, match="uncarried: A moves while they rest") as caught:
         pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["O"]})
     assert caught.value.hint == "drives: [O, A]"

@@ -72,10 +72,6 @@ def test_the_note_is_right_efforts_of_cranks_are_0_and_those_along_the_laws_do_t
     assert power[0] == pytest.approx(power[1], rel=1e-10, abs=1e-10)
 
 
-def test_laws_of_cranks_are_those_of_drives(run: Any) -> None:
-    assert not said(run(HELD % ("statics", CRANKS)))
-
-
 def test_drives_of_the_mechanism_file_are_named_first(run: Any) -> None:
     drives = "drives: {left: {joint: A}, right: {joint: D}}\n"
     [note] = said(run(HELD % ("statics", CRANKS), drives))

@@ -4,7 +4,6 @@ import json
 import re
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,7 +11,6 @@ import pytest
 import pinarm
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
-from pinarm.problems.simplify.model_reduction import ReducedMechanism, Removed
 from pinarm.records import replace
 from pinarm.use.result.output_scales import output_scales
 from pinarm.use.scenario.scenario import Scenario
@@ -42,6 +40,9 @@ LOCKABLE = {
     "panda_quintic": {f"panda_joint{k}" for k in range(1, 8)} | {"panda_finger_joint1"},
 }
 """Joints of scenarios that can be held, and are then not solved for; none of a loop, or of a sum that follows a law."""
+
+QUICK = (LOCKABLE.keys() - {"machine_on_mounts_shaking"}) | {"crank_rocker_turning", "manipulator_motion"}
+"""Scenarios of which something can be removed, and two loops of which nothing can."""
 
 
 def terms(run):
@@ -99,7 +100,7 @@ def held(scenario, joint, other):
 
 @pytest.mark.parametrize(
     "file",
-    [pytest.param(file, marks=pytest.mark.slow if file.stem == "machine_on_mounts_shaking" else ()) for file in FILES],
+    [pytest.param(file, marks=() if file.stem in QUICK else pytest.mark.slow) for file in FILES],
     ids=lambda file: file.stem,
 )
 def test_answers_are_those_of_the_whole_mechanism(file):
@@ -190,7 +191,7 @@ def test_an_arm_on_a_held_trunk_needs_no_other_arm(scene):
 
 @pytest.mark.parametrize(
     "asked",
-    ["joint.elbow_b.effort*2", "joint.elbow_b.force.z", "drive.motor.torque", "published", "joint.elbow_b.power"],
+    ["joint.elbow_b.force.z", "drive.motor.torque", "published"],
 )
 def test_what_is_asked_as_a_force_is_solved_for(scene, asked):
     told = {"drives": {"motor": {"joint": "elbow_b", "ratio": 50}}, "symbols": {"published": "joint.elbow_b.effort"}}
@@ -202,11 +203,6 @@ def test_what_is_asked_as_a_force_is_solved_for(scene, asked):
 def test_motion_asked_of_what_is_removed_is_there(scene):
     outputs = ("joint.shoulder_a.effort", "point.b2.position.z", "joint.elbow_b.velocity", "energy.total", "waist")
     assert assert_unchanged(scene(inverse(), *outputs)) == ONLY_A
-
-
-def test_a_force_at_the_trunk_needs_all_that_it_carries(scene):
-    asked = scene(inverse(waist=dict(MOVES)), "joint.waist.effort")
-    assert assert_unchanged(asked) == {"elbow_a": "locked"}
 
 
 def test_a_trunk_that_moves_is_kept_and_carries_what_was_dropped(scene):
@@ -242,11 +238,6 @@ def test_a_joint_whose_effort_is_asked_keeps_what_follows_a_profile_over_it(scen
     assert any("'elbow_b' is moved along its profile over 'shoulder_a'" in note for note in asked.run().notes())
     found = assert_unchanged(scene(inverse(elbow_b=follows), "joint.elbow_a.effort"))
     assert found == {"waist": "locked", "shoulder_b": "dropped", "elbow_b": "dropped"}
-
-
-def test_bodies_that_are_dropped_are_not_there(scene):
-    mechanism = scene(inverse(waist=MOVES), "joint.shoulder_a.effort").simplification.part.mechanism
-    assert pin.computeTotalMass(mechanism.model) == pytest.approx(8.0 + 2.0 + 1.0)
 
 
 def test_a_free_base_carries_what_is_locked(scene):
@@ -305,14 +296,6 @@ def test_gears_of_joints_held_still_are_locked_with_them(scene, kind):
     assert not run.tau[:, run.mechanism.joints["elbow_b"].v].any()
 
 
-def test_fingers_that_mimic_are_locked_with_their_leader():
-    held = {"law": "constant", "value": "20 mm"}
-    asked = pinarm.load(ROOT / "scenarios" / "panda_quintic.yaml", ["outputs=[joint.panda_joint1.effort]", "expect=[]"])
-    assert asked.document.data["problem"]["motion"]["panda_finger_joint1"] == held
-    assert assert_unchanged(asked) == {"panda_finger_joint1": "locked", "panda_finger_joint2": "locked"}
-    assert np.abs(asked.run().trajectory.lam).max() > 0.0
-
-
 @pytest.mark.parametrize("kind", ["inverse", "kinematics"])
 def test_loops_are_carried_by_what_is_locked(scene, kind):
     """A rod from one arm to the other ties the shoulders and an elbow, not the waist before nor the elbow beyond."""
@@ -325,17 +308,11 @@ def test_loops_are_carried_by_what_is_locked(scene, kind):
     assert kind == "kinematics" or np.abs(asked.run().trajectory.lam).min() > 0.1
 
 
-@pytest.mark.parametrize("accuracy", [RK4, {}, {"method": "stiff"}])
+@pytest.mark.parametrize("accuracy", [RK4, {}])
 def test_laws_and_gears_may_leave_nothing_to_integrate(scene, accuracy):
     motion = {"waist": HELD, "shoulder_a": MOVES, "shoulder_b": MOVES, "elbow_a": MOVES}
     result = scene({"kind": "forward", "motion": motion}, "elbow_b", accuracy=accuracy, **GEARED).run()
     np.testing.assert_allclose(result["elbow_b"], 0.1 - 2.0 * result["elbow_a"].values, atol=1e-15)
-
-
-def test_gears_of_which_a_joint_is_needed_stay(scene):
-    motion = {"waist": HELD, "shoulder_a": MOVES, "shoulder_b": MOVES, "elbow_a": HELD}
-    asked = scene({"kind": "inverse", "motion": motion}, "joint.elbow_a.effort", **GEARED)
-    assert assert_unchanged(asked) == {"waist": "locked"}
 
 
 def test_loads_move_with_what_is_locked(scene):
@@ -365,35 +342,13 @@ def test_reactions_of_the_part_are_those_of_the_whole(scene):
             np.testing.assert_allclose(Quantities(solved.rows)[name], Quantities(whole.rows)[name], rtol=0, atol=1e-12)
 
 
-def test_states_hold_what_has_no_velocity(scene):
-    hold = {name: "0.3 rad" for name in LAWS}
-    problem = {
-        "kind": "state",
-        "hold": hold,
-        "velocity": {"elbow_b": "2 rad/s"},
-        "acceleration": {"waist": "1 rad/s^2"},
-    }
-    found = assert_unchanged(scene(problem, "joint.shoulder_a.effort"))
-    assert found == {"elbow_a": "locked", "shoulder_b": "locked"}
-
-
-@pytest.mark.parametrize("rows", [1, 5])
-def test_a_rod_that_no_joint_moves_may_lose_all_joints_before_it(scene, rows):
+def test_a_rod_that_no_joint_moves_may_lose_all_joints_before_it(scene):
     """From the base to the axis of the trunk, 0.5 m above: whatever turns there leaves its length."""
     loops = {"rod": {"kind": "rod", "between": ["base", "trunk"], "length": "0.5 m"}}
-    problem = {"kind": "statics", "hold": {name: "0.3 rad" for name in LAWS}}
-    if rows > 1:
-        del problem["hold"]["elbow_a"]
-        problem["over"] = {"elbow_a": {"from": "0 rad", "to": "1 rad", "samples": rows}}
+    hold = {name: "0.3 rad" for name in LAWS if name != "elbow_a"}
+    problem = {"kind": "statics", "hold": hold, "over": {"elbow_a": {"from": "0 rad", "to": "1 rad", "samples": 5}}}
     found = assert_unchanged(scene(problem, "joint.elbow_a.effort", loops=loops))
     assert found == dict.fromkeys(("waist", "shoulder_a", "shoulder_b", "elbow_b"), "locked")
-
-
-def test_a_range_is_never_removed(scene):
-    hold = {name: "0.3 rad" for name in LAWS if name != "elbow_b"}
-    over = {"elbow_b": {"from": "0 rad", "to": "1 rad", "samples": 5}}
-    found = assert_unchanged(scene({"kind": "statics", "hold": hold, "over": over}, "joint.shoulder_a.effort"))
-    assert found == {"waist": "locked", "elbow_a": "locked", "shoulder_b": "locked"}
 
 
 def test_joints_with_events_stay(scene):
@@ -408,24 +363,6 @@ def test_drives_elsewhere_than_at_what_is_held_leave_everything(scene):
     sums = {"reach": {"kind": "sum", "of": ["shoulder_a", "elbow_a"]}}
     problem = {**inverse(), "drives": ["waist", "reach", "elbow_a", "shoulder_b", "elbow_b"]}
     assert assert_unchanged(scene(problem, "joint.shoulder_a.effort", model=ALL_LEVEL, coordinates=sums)) == {}
-
-
-def test_drives_along_tasks_load_every_joint_before_the_hand(scene):
-    hand = {"height": {"kind": "point", "point": "hand", "along": "z"}}
-    motion = {**LAWS, "height": {"law": "cycloidal", "from": "1.1 m", "to": "1.05 m", "duration": "1 s"}}
-    del motion["shoulder_a"]
-    problem = {"kind": "inverse", "motion": motion, "drives": list(motion), "start": {"shoulder_a": "0.5 rad"}}
-    found = assert_unchanged(scene(problem, "coordinate.height.effort", coordinates=hand))
-    assert found == {}
-
-
-def test_gears_that_leave_drives_along_sums_stay(scene):
-    sums = {"reach": {"kind": "sum", "of": ["waist", "shoulder_a"]}}
-    motion = {"waist": MOVES, "reach": MOVES, "shoulder_b": MOVES, "elbow_a": HELD}
-    asked = scene(
-        {"kind": "inverse", "motion": motion}, "joint.shoulder_a.effort", model=ALL_LEVEL, coordinates=sums, **GEARED
-    )
-    assert assert_unchanged(asked) == {}
 
 
 def test_what_is_wrong_is_told_of_the_whole_mechanism(scene):
@@ -453,20 +390,6 @@ def test_partial_results_are_those_of_the_whole_mechanism(scene):
     np.testing.assert_array_equal(kept.q[:, 0], 0.3)
 
 
-def test_a_body_left_out_that_matters_is_noticed(scene):
-    """The comparison of these tests sees it: the other arm loads the trunk that both hang on."""
-    asked = scene(inverse(waist=MOVES), "joint.waist.effort")
-    mechanism, problem = asked.mechanism, asked.problem
-    laws = {mechanism.joints[name].v: problem.motion[name] for name in ("shoulder_b", "elbow_b")}
-    part = ReducedMechanism(mechanism, mechanism.forces, Removed({}, laws), np.array([], dtype=int))
-    kept = {name: law for name, law in problem.motion.items() if not name.endswith("_b")}
-    wrong = replace(asked.simplification, problem=msgspec.structs.replace(problem, motion=kept), part=part)
-    right = asked.run()
-    asked.__dict__["simplification"] = wrong
-    with pytest.raises(AssertionError, match="tau"):
-        assert_same(asked.run(), right)
-
-
 def test_it_says_what_was_removed_and_why(scene, tmp_path):
     asked = scene(inverse(), "joint.shoulder_a.effort")
     result = asked.run()
@@ -480,27 +403,3 @@ def test_it_says_what_was_removed_and_why(scene, tmp_path):
     again = restore(result.save(tmp_path / "result", plots=False))
     assert again.removals == result.removals
     assert_same(again, result)
-
-
-def test_results_of_the_whole_mechanism_say_nothing(scene):
-    result = scene(inverse(), "joint.shoulder_a.effort").varied({"modelled": "whole"}).run()
-    assert result.summary()["not solved for"] == []
-    assert "locked" not in report(result)
-
-
-def test_a_robot_with_one_arm_in_motion_is_that_arm(scene):
-    """Mass, centre and moments of what is locked stay: the arm's torques are those of the whole robot."""
-    joints = pinarm.Mechanism.load("talos", values={"base": "fixed"}).joints.values()
-    motion = {one.name: dict(MOVES) if "arm_right" in one.name else {"law": "constant", "value": f"0.1 {one.unit}"}
-              for one in joints if "gripper" not in one.name}  # fmt: skip
-    motion |= {one.name: {"law": "constant", "value": f"0.1 {one.unit}"} for one in joints if "gripper" in one.name}
-    asked = scene(
-        {"kind": "inverse", "motion": motion},
-        "joint.arm_right_1_joint.effort",
-        robot="talos",
-        base="fixed",
-        creep="1e-3 rad/s",
-    )  # friction that sticks keeps all joints in
-    found = assert_unchanged(asked)
-    assert len(found) == len(joints) - 7
-    assert set(found.values()) == {"locked"}

@@ -56,14 +56,6 @@ def test_margins_are_told_with_the_errors_of_their_numbers(turned: pinarm.Scenar
     assert abs(margin - (10.0 - RMS)) <= error
 
 
-def test_a_sweep_takes_margins(turned: pinarm.Scenario) -> None:
-    asked = limited(turned, peak="< 30 N*m")
-    end = "problem.motion.turn.duration"
-    table = pinarm.sweep(asked, over={end: ["0.8 s", "0.5 s"]}, results=["limits.least_margin"], workers=1)
-    exact = [1.0 - 6.0 * INERTIA * ANGLE / time**2 / 30.0 for time in (0.8, 0.5)]
-    assert table["limits.least_margin"].values == pytest.approx(exact, rel=1e-12)
-
-
 @pytest.fixture
 def controlled(turned: pinarm.Scenario, tmp_path: Path) -> pinarm.Scenario:
     """An inertia that is turned by 1 rad."""

@@ -135,15 +135,6 @@ def test_a_path_that_closes_may_begin_anywhere(angles: list[float]) -> None:
     assert times == pytest.approx([angle / 600.0 for angle in angles], abs=1e-9)  # 100 rpm are 600 deg/s
 
 
-@pytest.mark.slow
-def test_a_search_finds_the_length_that_drew_the_points() -> None:
-    values = asked([10.0, 80.0, 150.0, 200.0, 300.0], 0.341)
-    values["find"] = {"for": {"arguments.b": ["0.33 m", "0.37 m"]}, "minimise": "path_error.rms", "starts": 1}
-    result = pinarm.run(FOUR_BAR, values)
-    assert result.number("find.arguments.b")[0] == pytest.approx(0.341, abs=1e-6)
-    assert result.number("path_error.rms")[0] < 1e-6
-
-
 def test_points_come_from_a_file_that_the_result_keeps(tmp_path: Path, chebyshev: Callable[..., Any]) -> None:
     (tmp_path / "curve.csv").write_text("x [cm],note,y [m]\n100,a,4\n0,b,4\n-100,c,4\n")
     result = chebyshev("wanted: curve.csv").run()
@@ -237,17 +228,6 @@ def test_the_other_order_across_a_cut_or_the_begin_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=f"does not meet the points {pair} one after the other"):
         _ = circle(tmp_path, law, duration, [angle * pi / 180 for angle in degrees])
-
-
-@pytest.mark.parametrize(("begin", "short"), [(0.0, 0.0), (-50.0, 0.0005), (13.37, 0.004)])
-def test_the_first_point_of_a_closed_path_may_come_again_as_the_last(
-    tmp_path: Path, begin: float, short: float
-) -> None:
-    law, angles = f"{{law: constant_speed, speed: 360 deg/s, from: {begin} deg}}", [0.0, 1.5, 3.0, 2 * pi - short]
-    error, instants = circle(tmp_path, law, "1 s", angles)
-    assert error < 1e-12
-    exact = np.array(angles) / (2 * pi) - begin / 360
-    assert np.abs((np.array(instants) - exact + 0.5) % 1.0 - 0.5).max() < 1e-9
 
 
 @pytest.mark.parametrize(("off", "rest"), [(2e-6, 0.3), (2e-6, 0.002), (-2e-6, 0.3)])

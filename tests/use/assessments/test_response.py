@@ -85,17 +85,6 @@ def test_mistakes_are_told(step, asked, said):
     assert "scenario: response" in str(caught.value)
 
 
-def test_a_response_that_begins_beyond_a_tenth_of_the_step_rises_from_its_beginning(step):
-    """Pushed back below 10 % at first, it comes through them again; rise is from where they are reached first."""
-    problem = {**step["problem"], "initial": {"position": {"x": "0.15 rad"}, "velocity": {"x": "-5 rad/s"}}}
-    result = pinarm.run({**step, "problem": problem, "response": {"of": "x", "initial": "0 rad", "final": "1 rad"}})
-    decay, t = DAMPING * PULSATION, np.linspace(0.0, 4.0, 4_000_001)
-    wave = -0.85 * np.cos(DAMPED * t) + (-5.0 - 0.85 * decay) / DAMPED * np.sin(DAMPED * t)
-    y = 1.0 + np.exp(-decay * t) * wave
-    assert y.min() < 0.1 < y[0]
-    assert result.number("response.rise_time")[0] == pytest.approx(first(y >= 0.9, t), abs=2e-6)
-
-
 @pytest.mark.parametrize("rows", [31, 601])
 def test_times_of_rows_that_stand_alone_are_those_of_rows(step, rows):
     t = np.linspace(0.0, 6.0, rows)

@@ -117,23 +117,6 @@ def test_integrals_end_at_most_pieces_and_say_what_error_is_left():
     assert sum(asked) <= 17 * (2 * 64 + 2 * 64)
 
 
-@pytest.mark.parametrize("most", [4, 2000])
-def test_parts_of_a_short_interval_far_from_zero_have_points_that_differ(most):
-    """A step within 1e-9 about 1000, of which there are 8796 numbers: it is known to some of them."""
-    low, high = 1000.0, 1000.0 + 1e-9
-    step = low + 0.3 * (high - low)
-    (value,), (error,), _ = integrals(lambda t: (t > step).astype(float), low, high, most=most)
-    assert abs(value - (high - step)) <= error < 0.2 * (high - low)
-
-
-@pytest.mark.parametrize(("teeth", "power"), [(66.92891674401906, 3), (70.42252456449205, 2)])
-def test_jumps_that_pieces_do_not_suffice_for_are_no_poles(teeth, power):
-    """``(n t mod 1)^p``: towards a jump one side falls and the other does not: together they look like a pole."""
-    (value,), (error,), _ = integrals(lambda t: np.mod(teeth * t, 1.0) ** power, 0.0, 1.0, most=200)
-    whole, rest = divmod(teeth, 1.0)
-    assert abs(value - (whole + rest ** (power + 1)) / (power + 1) / teeth) <= error < math.inf
-
-
 # Percentiles
 
 DWELL = 0.3
@@ -229,21 +212,6 @@ def test_rounding_is_no_pole():
     assert 0.0 <= highest(lambda t: 1e-17 * np.abs(noise.standard_normal(len(t))))[0].height < 1e-16
     x = 1e-16
     assert highest(lambda t: 5.0 + x / (np.abs(t - 1.0) + 1e-15))[0].height < 5.2
-
-
-UNSEEN = (0.318309886, 1.7724538, 2.5066)
-"""Places of curves that no threshold was chosen by: 1/pi, the roots of pi and of 2 pi."""
-
-
-@pytest.mark.parametrize("place", UNSEEN)
-def test_other_curves_have_their_largest_values(place):
-    """Powers of the distance are cusps; the tops of bells of 1/10 to 1/300 of the run are 1 but for their place."""
-    for power in (0.25, 0.5, 1.0, 1.5):
-        top, _ = highest(lambda t, p=power: -(np.abs(t - place) ** p))
-        assert -top.height <= 4.0 * top.error + 1e-12
-    for width in (0.3, 0.1, 0.03, 0.01):
-        assert highest(lambda t, w=width: np.exp(-(((t - place) / w) ** 2)))[0].height == pytest.approx(1.0, abs=1e-6)
-        assert highest(lambda t, w=width: 1.0 / (1.0 + ((t - place) / w) ** 2))[0].height == pytest.approx(1, abs=1e-6)
 
 
 # Zeros

@@ -145,22 +145,6 @@ def test_an_integral_without_end_is_refused(scenario: Callable[..., Any], quanti
         result.number(f"{quantity} @ {name}")
 
 
-@pytest.mark.parametrize(
-    ("quantity", "name", "end", "samples"),
-    [
-        ("1/cos(alpha)**2", "mean", pi / 2, 2), ("1/sin(alpha)", "rms", 2 * pi, 181),
-        ("abs(sin(alpha - 0.31))**-0.6", "rms", 20.0, 11), ("1/(alpha % 0.7)", "mean", 3.3, 11),
-    ],
-)  # fmt: skip
-def test_so_are_those_with_rows_at_poles_and_with_many_poles(
-    scenario: Callable[..., Any], quantity: str, name: str, end: float, samples: int
-) -> None:
-    """A row beside a pole made all else small, bisections were used up before they came near one of many: 33 +- 21."""
-    result = scenario("inverse").varied({**STEADY, "problem.time": {"end": f"{end!r} s", "samples": samples}}).run()
-    with pytest.raises(InputError, match=f"has no {name}, as its integral has no end"):
-        result.number(f"{quantity} @ {name}")
-
-
 @pytest.mark.parametrize(("end", "samples"), [(13.0, 401), (40.0, 11)])
 def test_integrals_with_many_poles_are_within_their_errors(
     scenario: Callable[..., Any], end: float, samples: int

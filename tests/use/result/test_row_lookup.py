@@ -151,31 +151,6 @@ def test_places_that_do_not_exist(ask: Callable[..., float], kind: str, where: A
     assert says in str(caught.value)
 
 
-@pytest.mark.parametrize("samples", [7, 23])
-def test_the_higher_of_two_tops_is_found_whichever_has_a_row_near_it(
-    scenario: Callable[..., Any], samples: int
-) -> None:
-    """sin 2t + 0.002 t rises to a higher top each time; rows may hit another one better."""
-    law = "motion: {pivot: {law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}}"
-    text = "motion: {pivot: {law: constant_speed, speed: 1 rad/s}}"
-    result = scenario("inverse", "", (law, text), ("end: 2 s, samples: 9", f"end: 20 s, samples: {10 * samples}")).run()
-    formula = "sin(2*alpha) + 0.002*alpha"
-    tops = [t for k in range(7) if (t := math.pi * k + 0.5 * math.acos(-0.001)) <= 20]
-    highest = max(math.sin(2 * t) + 0.002 * t for t in tops)
-    assert result.number(f"{formula} @ max")[0] == pytest.approx(highest, rel=1e-12)
-    assert result.number(f"-({formula}) @ min")[0] == pytest.approx(-highest, rel=1e-12)
-
-
-def test_a_top_next_to_the_end_is_found_beside_an_equal_row_at_the_start(scenario: Callable[..., Any]) -> None:
-    """cos(t - 0.02) over a turn: its top is after the first of two equal ends; turned round, before the last one."""
-    law = "motion: {pivot: {law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}}"
-    text = "motion: {pivot: {law: constant_speed, speed: 1 rad/s}}"
-    changes = (law, text), ("end: 2 s, samples: 9", f"end: {2 * math.pi!r} s, samples: 65")
-    result = scenario("inverse", "", *changes).run()
-    for shift in ("- 0.02", "+ 0.02"):
-        assert result.number(f"cos(alpha {shift}) @ max")[0] == pytest.approx(1.0, rel=1e-14)
-
-
 @pytest.mark.parametrize("samples", [3, 5, 41])
 def test_extremes_and_crossings_between_few_rows_are_found(scenario: Callable[..., Any], samples: int) -> None:
     """At 3 samples all rows are at passages through 0 of ``alpha = sin(2 pi t)``, which is 0.9 at 0.178 and 0.322 s."""

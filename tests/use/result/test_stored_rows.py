@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.mechanics.laws.motion_law import Grid
 
 ROOT = Path(__file__).parents[3]
 WAYS: dict[str, Callable[[Any], Any]] = {
@@ -66,29 +65,3 @@ def test_a_scenario_is_solved_alike_in_another_process(
     assert_same(result, known)
     assert known.save(folder / "out", plots=False).exists()
     assert again.run().missed == result.missed
-
-
-def test_what_drives_do_at_joints_is_the_same_in_another_process(solved: Callable[[str], pinarm.Result]) -> None:
-    """Of a motor with a controller the effort is what it gives to its rotor, losses come behind it."""
-    result = solved("hoist_with_losses")
-    again = pickle.loads(pickle.dumps(result))
-    for asked in ("drive.hoist.torque", "drive.hoist.power", "joint.z.effort", "joint.z.link_effort", "power.friction"):
-        assert np.array_equal(again[asked].values, result[asked].values), asked
-    assert result["drive.hoist.torque"].values.any()
-    grid = Grid(t := np.linspace(0.1, 1.1, 5), (t[0], t[-1]), (0, 5))
-    assert np.array_equal(again.outcome.motion.at(grid).q, result.outcome.motion.at(grid).q)
-
-
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("path", ["models/andrews/mechanism.yaml", "panda"])
-def test_a_mechanism_computes_alike_in_another_process(path: str, way: str) -> None:
-    mechanism = pinarm.Mechanism.load(ROOT / path if "/" in path else path)
-    q = mechanism.configurations({})
-    before = mechanism.dynamics.mass_matrices(q[None])
-    again = WAYS[way](mechanism)
-    assert np.array_equal(again.dynamics.mass_matrices(q[None]), before)
-    assert [*again.forces] == [*mechanism.forces]
-    for name, force in mechanism.forces.items():
-        assert np.array_equal(again.forces[name].potential_energy(q), force.potential_energy(q))
-    assert np.array_equal(again.closure.at(q[None])[1], mechanism.closure.at(q[None])[1])
-    assert pickle.dumps(again)

@@ -68,17 +68,6 @@ def test_other_values_keep_the_mechanism_unless_they_are_its_own(scenario):
         assert same(changed.run(), pinarm.run(one.document.path, other))
 
 
-def test_a_mechanism_with_other_last_digits_is_another_one(scenario):
-    from pinarm.records import replace
-
-    one = scenario("forward")
-    perturbed = replace(one, seed=1)
-    assert one.mechanism is not perturbed.mechanism
-    assert perturbed.varied({"problem.time.end": "3 s"}).mechanism is perturbed.mechanism
-    masses = [each.model.inertias[1].mass for each in (one.mechanism, perturbed.mechanism)]
-    assert masses[0] != masses[1] == pytest.approx(masses[0], rel=1e-14)
-
-
 def test_a_model_of_pinocchio_in_place_of_a_mechanism_is_answered_with_what_makes_one():
     data = {"pinarm": 1, "mechanism": pin.buildSampleModelManipulator(), "outputs": ["t"], "problem": {"kind": "state"}}
     with pytest.raises(InputError, match=r"a model of Pinocchio\n.*\n  try: pinarm\.Mechanism\.of\(model\)"):

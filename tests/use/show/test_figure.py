@@ -44,8 +44,7 @@ def test_what_the_font_has_not_is_one_mark() -> None:
 ])  # fmt: skip
 def test_a_formula_that_cannot_be_read_is_written_by_its_characters(text: str, drawn: str) -> None:
     assert label(text) == drawn
-    for form in ("svg", "png"):
-        figure(Chart(text, [Panel([Line(np.arange(2.0), np.arange(2.0))])], 5.0, 3.0)).encoded(form)
+    figure(Chart(text, [Panel([Line(np.arange(2.0), np.arange(2.0))])], 5.0, 3.0)).encoded("svg")
 
 
 def elements(chart: Chart) -> tuple[list[str], list[np.ndarray]]:
@@ -104,6 +103,7 @@ for form in ("svg", "png", "pdf"):
 """
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_hash_seeds_and_settings_of_the_user(tmp_path: Path) -> None:
     """A backend that does not exist and another style, as users may have for programs of their own."""
     (tmp_path / "matplotlibrc").write_text("font.size: 20\naxes.facecolor: red\ntext.usetex: True\n")

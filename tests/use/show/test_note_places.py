@@ -4,7 +4,7 @@ import numpy as np
 
 from pinarm.use.show.chart import Line, Note, Window
 from pinarm.use.show.labels import text_width
-from pinarm.use.show.note_places import BESIDE, LINE, leaders, note_places
+from pinarm.use.show.note_places import LINE, leaders, note_places
 
 SIDE = 300.0
 """Points per unit: the side of a drawing of one unit."""
@@ -53,18 +53,6 @@ def test_what_has_no_room_is_shortened_or_left_out() -> None:
     assert any(note.text.endswith(", ...") for note in placed)
     assert len(placed) < 60
     assert apart(boxes(placed, SIDE))
-
-
-def test_a_line_leads_to_a_name_that_stands_away() -> None:
-    """Thirty names at one point: lines lead from it to the edges of those that stand away."""
-    placed = note_places([Note(0.5, 0.5, f"P{k}") for k in range(30)], [], WINDOW, SIDE)
-    lines, known = leaders(placed, SIDE), boxes(placed, SIDE)
-    assert 0 < len(lines) < len(placed)
-    for line in lines:
-        start, end = SIDE * np.array([line.x, line.y]).T
-        assert start.tolist() == [0.5 * SIDE, 0.5 * SIDE]
-        assert np.linalg.norm(end - start) > BESIDE
-        assert any((np.abs(np.clip(end, box[:2], box[2:]) - end) < 1e-9).all() for box in known)
 
 
 def test_a_name_keeps_clear_of_lines() -> None:

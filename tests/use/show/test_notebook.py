@@ -6,8 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 import pinarm
 
 PICTURE = re.compile(r'src="data:image/png;base64,([^"]+)"')
@@ -57,15 +55,3 @@ def test_a_sweep_and_a_tradeoff_show_themselves(scenario: Callable[..., Any], fo
     trade = pinarm.tradeoff(scenario("statics", "variants:\n  half: {changes.gravity.magnitude: 5 m/s^2}\n"))
     assert "5.0e-01" in trade._repr_html_()
     assert len(PICTURE.findall(trade._repr_html_())) == 1
-
-
-@pytest.mark.slow
-def test_sections_are_shown_with_their_tables_remarks_and_graphs() -> None:
-    result = pinarm.run("scenarios/handling_arm_sizing.yaml")
-    shown = result.sections["sizing"]._repr_html_()
-    assert ">S40</td>" in shown
-    assert "44 of 99 fit" in shown
-    assert "and 87 more rows in sizing_motors.csv" in shown
-    assert "<summary>Ratio of the least rms torque</summary>" in shown
-    assert shown.count("data:image/png") == 1
-    assert shown in result._repr_html_()

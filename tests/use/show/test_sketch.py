@@ -14,7 +14,6 @@ from pinarm.use.show.replay.framing import Camera, framing
 from pinarm.use.show.replay.overlays import pairs
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed
-from pinarm.use.show.scene import GROUND
 from pinarm.use.show.stick_figure import stick_figure
 
 ROOT = Path(pinarm.__file__).parents[1]
@@ -45,21 +44,6 @@ def test_the_arm_stands_where_its_publication_draws_it() -> None:
     assert (axis.get_xlabel(), axis.get_ylabel(), axis.get_aspect()) == ("x [m]", "y [m]", 1.0)
     told = [text.get_text() for text in figure.legends[0].get_texts()]
     assert told == ["start: t = 0 s", "end: t = 0.04189 s"]
-
-
-@pytest.mark.parametrize(
-    ("name", "labels"),
-    [
-        ("exoskeleton_leg_knee", ("y [m]", "z [m]")),
-        ("handling_arm_c1", ("x [m]", "y [m]")),  # from above
-        ("gyroscope_precession", ("", "")),  # not planar
-    ],
-)
-def test_planar_mechanisms_are_seen_flat(name: str, labels: tuple[str, str]) -> None:
-    [axis] = solved(name).sketch().axes
-    assert (axis.get_xlabel(), axis.get_ylabel()) == labels
-    assert axis.axison == bool(labels[0])
-    assert {text.get_text() for text in axis.texts} >= {"x", "y", "z"} or bool(labels[0])  # the axes of the world
 
 
 def test_a_loop_is_closed_in_the_picture() -> None:
@@ -193,23 +177,3 @@ def test_a_roller_touches_the_outline_of_its_cam() -> None:
     figure = result.sketch()
     [drawn] = [line for line in strands(figure) if len(line) == len(outline)]
     assert drawn == pytest.approx(points.T, abs=1e-12)
-
-
-def test_a_slot_lies_around_its_pin_and_is_no_support(tmp_path: Path) -> None:
-    """The pin B of a rod slides up and down a slot of the ground at x = 0.3 m."""
-    (tmp_path / ".pinarm-root").touch()
-    (tmp_path / "m.yaml").write_text(
-        "pinarm: 1\nplanar:\n  points: {O: [0, 0], A: [0, 0.4 m], B: [0.3 m, 0], Y: [0.3 m, 1 m]}\n  ground: [O, Y]\n"
-        "  links: {crank: {points: [O, A]}, rod: {points: [A, B], mass: 1 kg}}\n"
-        "  slots: {s: {link: rod, point: B, along: [B, Y]}}\n"
-    )
-    [axis] = pinarm.explain(tmp_path / "m.yaml").sketch().axes
-    oblong = next(line.get_xydata() for line in axis.lines if len(line.get_xdata()) > 30)
-    low, high = oblong.min(axis=0), oblong.max(axis=0)
-    pin = np.array([0.3, 0.0])
-    assert (low + high) / 2 == pytest.approx(pin, abs=EXACT)
-    assert 0.02 < high[0] - low[0] < 0.4 * (high[1] - low[1]) < 0.1
-    mounts = [line for line in axis.lines if line.get_color() == GROUND and line.get_linestyle() == "None"]
-    assert [list(line.get_xdata()) for line in mounts] == [[0.0]]
-    marks = [np.transpose(line.get_data()) for line in axis.lines if line.get_marker() == "o"]
-    assert any(len(mark) == 1 and mark[0] == pytest.approx(pin, abs=EXACT) for mark in marks)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pinarm.arrays import Array
-from pinarm.errors import DynamicsError, InputError
+from pinarm.errors import DynamicsError
 from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
 from pinarm.use.assessments.sensitivity.sensitivity import LEVEL
 from pinarm.use.assessments.sensitivity.variation import Input
@@ -78,17 +78,6 @@ def test_a_kink_within_the_first_step_is_avoided_by_smaller_ones(distance: float
     found = one(lambda h: 3.0 * h + max(h - distance * step, 0.0), step, 1e-15)
     assert found.value == pytest.approx(3.0, abs=2 * found.error)
     assert found.error < 1e-6
-
-
-def test_steps_are_shortened_to_where_runs_succeed() -> None:
-    def narrow(h: float) -> float:
-        if abs(h) > 1e-3:
-            raise DynamicsError("too far")
-        return exp(h)
-
-    assert one(narrow, 0.01, 1e-14).value == pytest.approx(1.0, abs=1e-9)
-    with pytest.raises(InputError, match=r"both sides of 0\.0: too far"):
-        one(narrow, 10.0)
 
 
 def test_each_input_has_its_own_steps() -> None:

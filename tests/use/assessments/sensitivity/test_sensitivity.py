@@ -13,7 +13,6 @@ import pinarm
 from pinarm.arrays import Array
 from pinarm.errors import PinarmError
 from pinarm.use.result.section import Section, SectionTable
-from pinarm.use.store.restore import restore
 
 SWING = "scenarios/gen411_arm_swing.yaml"
 ARM, FOUR_BAR = "scenarios/gen411_arm_static.yaml", "scenarios/crank_rocker_turning.yaml"
@@ -203,29 +202,6 @@ def test_the_numerical_error_stands_beside_the_bands() -> None:
     assert 0 < known["C_B @ integral"]["numerical error"] < 1e-12
     assert 0 < known["F_By @ phi=5 deg"]["numerical error"] < 1e-12
     assert 1.4e-6 < known["phi @ max(C_B)"]["numerical error"] < 4e-6  # a cosine is level to 1e-12 that far
-
-
-@pytest.mark.slow
-def test_it_takes_numbers_of_sections_and_is_one_itself(tmp_path: Path) -> None:
-    more: dict[str, Any] = {**FEW, "shaking": {}, "loads": {"joints": {"B": {}}, "sets": []}}
-    asked = {"of": ["loads.B.force.peak"], "to": {"m_A": "10 g"}}
-    result = pinarm.run(ARM, {**more, "shaking": None, "sensitivity": asked})
-    found = result.sections["sensitivity"]
-    assert values(found)["loads_B_force_peak.by.m_A"] == pytest.approx(G, rel=1e-9)
-    again = restore(result.save(tmp_path / "out", plots=True))
-    assert again.number("sensitivity.loads_B_force_peak.rss") == result.number("sensitivity.loads_B_force_peak.rss")
-    assert rows(again.sections["sensitivity"].tables[1]) == rows(found.tables[1])
-    assert "sensitivity" in again.summary()
-
-
-def test_a_sweep_takes_its_bands() -> None:
-    over = {"arguments.l2": "200, 300 mm"}
-    asked = {"of": ["C_B @ max"], "to": {"m_A": "10 g"}}
-    swept = pinarm.sweep(
-        ARM, over, values={**FEW, "sensitivity": asked}, results=["sensitivity.C_B_max.rss"], workers=1
-    )
-    assert swept["sensitivity.C_B_max.rss"].values == pytest.approx([G * 0.2 * 0.01, G * 0.3 * 0.01], rel=1e-8)
-    assert str(swept["sensitivity.C_B_max.rss"].unit) == "N*m"
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,6 @@
 """The inertia of a load: of a pendulum among springs and losses, of a linkage from its energy, of an arm by hand."""
 
 import json
-import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +32,7 @@ TWO_LINKS = (
 WHOLE = {"law": "harmonic", "amplitude": "0.5 rad", "pulsation": "3 rad/s"}
 
 
-def arm(folder: Path, problem: dict[str, Any], outputs: Sequence[str] | None = None, **mechanism: Any) -> Any:
+def arm(folder: Path, problem: dict[str, Any], **mechanism: Any) -> Any:
     (folder / "arm.urdf").write_text(TWO_LINKS)
     drives = {"m": {"joint": "a", "ratio": 50.0, "rotor_inertia": "1e-4 kg*m^2", "efficiency": 0.7}}
     described = {"pinarm": 1, "robot": "arm.urdf", "gravity": {"direction": "-y"}, "drives": drives, **mechanism}
@@ -47,10 +45,6 @@ def arm(folder: Path, problem: dict[str, Any], outputs: Sequence[str] | None = N
         "problem": {"time": grid, **problem},
         "outputs": ["a", "b"],
     }
-    if outputs is not None:
-        shutil.copy(ROOT / "models/motors/motors.csv", folder)
-        scenario["outputs"] = ["a", *outputs]
-        scenario["sizing"] = {"drive": "m", "catalogue": "motors.csv", "ratios": [50]}
     (folder / "s.yaml").write_text(json.dumps(scenario))
     return pinarm.run(folder / "s.yaml")
 

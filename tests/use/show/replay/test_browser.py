@@ -117,18 +117,6 @@ def test_three_pictures_are_not_blank_and_differ(
         assert (np.abs(pictures[one] - pictures[other]).max(axis=2) > 30).mean() > 0.002
 
 
-def test_the_whole_motion_is_in_the_picture(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
-    """Every corner of the outline lies within the view, and the largest dimension fills most of it."""
-    page = shown(solved("manipulator_motion"))
-    page.evaluate("replay.show(0)")
-    ends = np.array(page.evaluate(
-        "replay.view.box.outline.map((p) => new replay.view.THREE.Vector3(...p)"
-        ".applyMatrix4(replay.view.world.matrixWorld).project(replay.view.viewer.camera).toArray().slice(0, 2))"
-    ))  # fmt: skip
-    assert np.abs(ends).max() < 1.0
-    assert np.ptp(ends, axis=0).max() > 1.3  # of 2
-
-
 def press(page: Page, key: str, **more: Any) -> None:
     page.call("Input.dispatchKeyEvent", type="keyDown", key=key, **more)
     page.call("Input.dispatchKeyEvent", type="keyUp", key=key)
@@ -301,29 +289,6 @@ def test_names_do_not_cover_each_other(solved: Callable[..., Any], shown: Callab
         assert left <= one[0] < one[2] <= right
         assert top <= one[1] < one[3] <= bottom
         assert all(one[0] >= b[2] or one[2] <= b[0] or one[1] >= b[3] or one[3] <= b[1] for b in boxes[:k])
-
-
-def test_numbers_of_any_size_are_told_and_drawn(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
-    """14.715 pN*m at phi = 0, half of it at the ends; and 1.5e-20 N*m, of which a curve might be rounding."""
-    result = solved("gen411_arm_static")
-    page = shown(result, "#phi=0", plots=["C_B*1e-11", "C_B*1e-20"])
-    page.evaluate("replay.show(0)")
-    told = "[...document.querySelectorAll('figcaption output')].map((one) => one.textContent)"
-    assert page.evaluate(told) == ["1.472e\u221211 N·m", "1.472e\u221220 N·m"]
-    heights = page.evaluate(
-        "document.querySelector('#plots .curve').getAttribute('d').match(/[0-9.]+ [0-9.]+/g)"
-        ".map((at) => +at.split(' ')[1])"
-    )
-    assert heights[0] - min(heights) > 50.0  # pixels
-
-
-def test_on_a_telephone_the_slider_is_as_wide_as_the_page(
-    solved: Callable[..., Any], _browser: Page, tmp_path: Path
-) -> None:
-    solved("gen411_arm_static").replay(tmp_path / "replay.html")
-    _browser.open(tmp_path / "replay.html", "#t=0", width=400, height=800)
-    assert _browser.evaluate("document.getElementById('slider').offsetWidth") > 350
-    assert _browser.evaluate("document.documentElement.scrollWidth") == 400
 
 
 CLOSED_LATE = """

@@ -1,7 +1,6 @@
 """Results in meshcat's own viewer: what its server holds, where it listens, and what a browser makes of it."""
 
 import socket
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,9 +12,8 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.errors import InputError, PinarmError
+from pinarm.errors import InputError
 from pinarm.use.result.result import Result
-from pinarm.use.show.replay.chromium import browser, chromium
 from pinarm.use.show.replay.live import _geometries
 from pinarm.use.show.replay.shapes import Shape
 
@@ -103,27 +101,3 @@ def test_meshes_of_robots_are_sent(robot: str) -> None:
 def test_something_else_is_no_viewer(solved: Callable[[str], Result]) -> None:
     with pytest.raises(InputError, match="a str is no viewer of meshcat"):
         solved("gen411_arm_static").show("http://127.0.0.1:7000")
-
-
-@pytest.mark.slow
-def test_a_browser_shows_the_bodies_where_they_are(viewer: meshcat.Visualizer) -> None:
-    try:
-        chromium()
-    except PinarmError:
-        pytest.skip("no Chromium")
-    with browser() as page:
-        target = page.call("Target.createTarget", url=viewer.url())["targetId"]
-        page._session = page.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        find = "viewer.scene_tree.find(['meshcat', 'pinarm', 'O']).object"
-        end = time.monotonic() + 30
-        while page.evaluate(f"typeof viewer == 'undefined' ? 0 : {find}.children.length") == 0:
-            assert time.monotonic() < end
-            time.sleep(0.1)
-        code = f"viewer.animator.mixer.setTime(0.5); {find}.updateMatrixWorld(); {find}.matrix.elements.slice(0, 3)"
-        deadline = time.monotonic() + 30
-        while time.monotonic() < deadline:
-            x_axis = page.evaluate(code)
-            if x_axis and abs(x_axis[1]) > 0.9:
-                break
-            time.sleep(0.1)
-    assert x_axis == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)  # a quarter of a turn after half of the time

@@ -71,18 +71,6 @@ def test_springs_and_cylinders_join_their_points(picture: Callable[..., Any], ch
     assert scene["pairs"][0]["longest"] == pytest.approx(3.0)
 
 
-def test_a_cable_goes_through_all_its_points(picture: Callable[..., Any], chain: Callable[..., str]) -> None:
-    """From the ground to the first joint, which it passes, to the tip; stretched by 2 m, it pulls along both parts."""
-    xml = chain({"name": "a", "axis": "0 1 0", "at": "0 0 1"}, {"name": "b", "axis": "0 1 0", "at": "0 0 3"},
-                {"name": "c", "axis": "0 1 0", "at": "0 0 2", "com": "0 0 1"})  # fmt: skip
-    cable = "{kind: cable, through: [base, b_link, c_link], stiffness: 7 N/m, free_length: 1 m}"
-    scene, _ = picture(xml, arrows=["forces"], at=0.5, forces=f"{{s: {cable}}}")
-    assert [(pair["kind"], pair["a"]["node"], pair["b"]["node"]) for pair in scene["pairs"]] == [
-        ("cable", 0, 2), ("cable", 2, 3),
-    ]  # fmt: skip
-    assert sorted(arrow["node"] for arrow in scene["arrows"] if "vectors" in arrow) == [0, 2, 3]
-
-
 def test_a_cable_that_does_not_stretch_pulls_at_all_its_points(
     solved: Callable[..., Any], read: Callable[..., Any]
 ) -> None:
@@ -98,19 +86,6 @@ def test_a_cable_that_does_not_stretch_pulls_at_all_its_points(
         assert vectors[falling] == pytest.approx(np.tile(tension * pull, (falling.sum(), 1)), rel=1e-6, abs=1e-5)
         assert np.abs(vectors[np.abs(t - 1.3) < 0.05]).max() < 1e-9
     assert [arrow["node"] == 0 for arrow in cable] == [False, True, True, False]
-
-
-def test_a_bushing_is_drawn_between_its_frames_with_force_and_moment_on_both(
-    picture: Callable[..., Any], chain: Callable[..., str]
-) -> None:
-    xml = chain({"name": "a", "axis": "0 1 0"}, {"name": "b", "axis": "0 1 0", "at": "0 0 3", "com": "0 0 1"})
-    rates = "{translation: [9 N/m, 9 N/m, 7 N/m], rotation: [0, 3 N*m/rad, 0]}"
-    forces = f"{{p: {{kind: bushing, between: [a_link, b_link], stiffness: {rates}}}}}"
-    scene, _ = picture(xml, arrows=["forces"], at=0.5, forces=forces)
-    [pair] = scene["pairs"]
-    assert (pair["kind"], pair["a"]["node"], pair["b"]["node"]) == ("bushing", 1, 2)
-    found = [(arrow["node"], arrow["moment"]) for arrow in scene["arrows"] if "vectors" in arrow]
-    assert sorted(found) == [(1, False), (1, True), (2, False), (2, True)]
 
 
 def test_a_slot_has_an_outline_around_the_way_of_its_pin(tmp_path: Path, read: Callable[..., Any]) -> None:
@@ -135,27 +110,3 @@ def test_a_slot_has_an_outline_around_the_way_of_its_pin(tmp_path: Path, read: C
     assert slot["node"] == 0 != pair["b"]["node"]
     assert (x.max() + x.min()) / 2 == pytest.approx(0.3, abs=1e-9)
     assert [y.min(), y.max()] == pytest.approx([pin.min() - 3 * half, pin.max() + 3 * half], abs=1e-9)
-
-
-def test_torques_are_those_of_motors_not_what_stops_push(read: Callable[..., Any]) -> None:
-    """A slide on its stop, which a motor presses on with 5 N; with what the stop pushes that is 0."""
-    planar = {
-        "points": {"O": [0, 0], "P": ["1 m", 0]}, "ground": ["O"],
-        "links": {"c": {"points": ["P"], "mass": "2 kg"}}, "sliders": {"x": {"link": "c", "along": ["O", "P"]}},
-    }  # fmt: skip
-    pressed = {
-        "kind": "state_feedback",
-        "drive": "m",
-        "states": ["x"],
-        "gains": [["0 N/m", "0 N*s/m"]],
-        "bias": ["5 N"],
-    }
-    result = pinarm.run({
-        "pinarm": 1, "outputs": ["x"],
-        "mechanism": {"pinarm": 1, "planar": planar, "gravity": "none", "drives": {"m": {"joint": "x"}}},
-        "problem": {"kind": "forward", "time": {"end": "0.2 s", "samples": 3}, "end_stops": {"x": {"upper": "0 m"}},
-                    "control": [pressed]},
-    })  # fmt: skip
-    page = read(result.replay(arrows=["torques"], plots=[]).html)
-    [torque] = page.scene["arrows"]
-    assert page.array(torque["values"]) == pytest.approx([5.0, 5.0, 5.0], rel=1e-6)
