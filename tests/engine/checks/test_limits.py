@@ -93,22 +93,9 @@ def test_a_motion_that_ends_at_its_limits_is_within_them(swung):
     assert excesses(swung('lower="-0.9" upper="0.9" velocity="1.8" effort="1.8"')) == []
 
 
-def test_limits_that_are_not_given_are_not_passed(swung):
-    assert excesses(swung('effort="0" velocity="0"')) == []
-
-
 def test_efforts_that_were_not_asked_for_do_not_count(swung):
     found = [excess.of for excess in excesses(swung('velocity="1" effort="1e-3"', KinematicMotion))]
     assert found == ["velocity"]
-
-
-def test_a_motion_without_drives_has_no_efforts(mechanism, chain):
-    arm = mechanism(
-        chain({**ARM, "com": "0.3 0 0", "axis": "0 1 0"}).replace(LIMIT, '<limit effort="1e-9" velocity="0"/>')
-    )
-    fall = Forward(time=TimeGrid(end=1.0, samples=11))
-    run = fall.solve(arm, Accuracy(), lambda *path: nullcontext()).rows
-    assert excesses(run) == []
 
 
 def test_a_prescribed_joint_of_a_free_motion_has_one(mechanism, chain):

@@ -1,9 +1,6 @@
 """Threads of linear algebra, as its libraries tell them."""
 
 import os
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event, Thread
@@ -75,29 +72,3 @@ def test_a_run_of_many_loops_has_one_from_its_solution_to_its_multipliers(monkey
     assert len(seen) >= 2
     assert set.union(*seen) == {1}
     assert threads() == {2}
-
-
-def test_small_mechanisms_load_nothing_for_it() -> None:
-    code = (
-        "import sys, pinarm\n"
-        f"pinarm.run({str(ROOT / 'scenarios' / 'crank_rocker_turning.yaml')!r})\n"
-        "print('threadpoolctl' in sys.modules, 'loky' in sys.modules, 'distributed' in sys.modules)"
-    )
-    known = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=known)
-    assert done.stdout.split() == ["False", "False", "False"]
-
-
-def test_one_is_faster_for_matrices_of_mechanisms_or_as_fast() -> None:
-    """As fast but for what a loaded machine adds; on two cores that others use as well, 70 times as fast."""
-    matrix = np.random.default_rng(0).standard_normal((48, 48))
-
-    def spent() -> float:
-        begin = time.perf_counter()
-        np.linalg.svd(matrix)
-        return time.perf_counter() - begin
-
-    many = min(spent() for _ in range(9))
-    with one_blas_thread(1000):
-        one = min(spent() for _ in range(9))
-    assert one < 2.0 * many

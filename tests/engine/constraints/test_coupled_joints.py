@@ -1,27 +1,8 @@
-"""Joints that move because others do, by hand; and what stays at rest beside a loop that is set in motion."""
+"""What stays at rest beside a loop that is set in motion."""
 
-import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.constraints.coupled_joints import coupled_joints
-
-ROWS = np.array([[1.0, 1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1e-17, 0.0, 0.0], [0.0, 0.0, 0.0, 2.0, 1.0, 0.0]])
-"""Two chains of joints, 0 to 2 and 3 to 4, and one that no row holds."""
-
-
-@pytest.mark.parametrize(
-    ("right", "v", "moving"),
-    [
-        ([0, 0, 0], [0, 0, 0, 0, 0, 0], []), ([0, 0, 0], [1, 0, 0, 0, 0, 0], [0, 1, 2]),
-        ([0, 0, 0], [0, 0, 0, 0, 0, 1], [5]), ([0, 0, 3], [0, 0, 0, 0, 0, 0], [3, 4]),
-        ([0, 0, 3], [0, 0, 1, 0, 0, 0], [0, 1, 2, 3, 4]),
-    ],
-)  # fmt: skip
-def test_joints_that_rows_couple_to_what_moves(right: list[float], v: list[float], moving: list[int]) -> None:
-    found = coupled_joints(ROWS, np.array(right, float), np.array(v, float))
-    assert np.flatnonzero(found).tolist() == moving
-
 
 CRANK = {"points": ["O", "A", "E"], "mass": "1 kg", "centre": "O", "inertia": "0.01 kg*m^2"}
 FOUR_BAR = {

@@ -3,11 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from pinarm import Mechanism, Result, Scenario
-from pinarm.engine.constraints.loop_sizes import slides, unit_of_length
 from pinarm.errors import AssemblyError
 
 MODELS = Path(__file__).parents[3] / "models"
@@ -71,29 +69,7 @@ def test_a_loop_is_half_as_large_as_the_way_around_it() -> None:
     assert closure.loop_sizes.sizes == pytest.approx([0.55], rel=1e-14)
 
 
-@pytest.mark.parametrize("away", [1.0, 32.0, 1e4])
-def test_how_far_loops_stand_from_the_origin_does_not_count(away: float, tmp_path: Path) -> None:
-    closure = Mechanism.load(two_slider_cranks(tmp_path, away)).closure
-    assert closure.extent == pytest.approx(away + 0.45, rel=1e-14)
-    assert closure.loop_sizes.sizes == pytest.approx([0.45, 0.45], abs=1e-14 * (1.0 + away))  # rounding of places
-    assert closure.measure.tolist() == [1.0] * closure.size
-    assert closure.scale.tolist() == [1.0] * closure.model.nv
-
-
-def test_every_loop_and_what_slides_in_it_have_their_own_unit(tmp_path: Path) -> None:
-    """One of 9 mm beside one of 450 mm; a guided slide is measured as its loop is."""
-    mechanism = Mechanism.load(two_slider_cranks(tmp_path, 1.0, small=0.02))
-    closure, names = mechanism.closure, ["theta 1", "x 1", "x 2"]
-    lengths = [bool(one.unit(row).dimension[0]) for one, row in closure.owners()]
-    half = closure.size // 2
-    assert closure.measure.tolist() == [*np.where(lengths[:half], 1e-3, 1.0), *np.ones(half)]
-    model = mechanism.model
-    assert [closure.scale[model.joints[model.getJointId(name)].idx_v] for name in names] == [1.0, 1e-3, 1.0]
-    guided = closure.with_guides(names, [mechanism.coordinate(name) for name in names])
-    assert guided.measure[closure.size :].tolist() == [1.0, 1e-3, 1.0]
-
-
-@pytest.mark.parametrize("away", [1.0, 31.0, 40.0, 1e4])
+@pytest.mark.parametrize("away", [31.0, 1e4])
 def test_a_rod_that_is_a_little_too_short_lets_no_crank_pass_wherever_another_loop_stands(
     away: float, tmp_path: Path
 ) -> None:
@@ -104,7 +80,7 @@ def test_a_rod_that_is_a_little_too_short_lets_no_crank_pass_wherever_another_lo
         turned(tmp_path, 21, law.format(360), law.format(40))
 
 
-@pytest.mark.parametrize("small", [1e-2, 1e-5, 1e-6, 1e-7, 1e3])
+@pytest.mark.parametrize("small", [1e-2, 1e-7, 1e3])
 def test_a_loop_moves_by_its_closed_form_beside_one_of_another_size(small: float, tmp_path: Path) -> None:
     """``x = r cos(theta) + (l^2 - r^2 sin^2(theta))^(1/2)``, less where it begins, of a crank r and a rod l."""
     two_slider_cranks(tmp_path, 1.0, small=small)
@@ -113,17 +89,3 @@ def test_a_loop_moves_by_its_closed_form_beside_one_of_another_size(small: float
         theta, x = (result[f"joint.{kind} {name}.position"].values for kind in ("theta", "x"))
         wanted = size * (0.1 * np.cos(theta) + np.sqrt(0.35**2 - (0.1 * np.sin(theta)) ** 2) - 0.45)
         assert np.abs(x - wanted).max() < 1e-14 + 1e-13 * size  # rounding of places 1 m from the origin
-
-
-def test_units_are_powers_of_a_thousand() -> None:
-    sizes = np.array([0.0, 2e-7, 0.03, 0.04, 31.0, 32.0, 5e6])
-    assert unit_of_length(sizes) == pytest.approx([1.0, 1e-6, 1e-3, 1.0, 1.0, 1e3, 1e6], rel=1e-12)
-
-
-def test_a_planar_joint_slides_in_two_ways_and_turns_in_one() -> None:
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "planar")
-    joint = model.addJoint(joint, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    joint = model.addJoint(joint, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
-    model.addJoint(joint, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
-    assert slides(model).tolist() == [True, True, False, True, *[True] * 3, *[False] * 3, False]

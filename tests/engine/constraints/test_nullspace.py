@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space, orth
 
-from pinarm.engine.constraints.nullspace import RowDecompositions, acting_values, solved_positive, split_rows
-from pinarm.engine.dynamics.equation import solve, solve_each
+from pinarm.engine.constraints.nullspace import RowDecompositions, solved_positive, split_rows
+from pinarm.engine.dynamics.equation import solve
 
 GENERATOR = np.random.default_rng(11)
 NV = 7
@@ -58,17 +58,6 @@ def test_multipliers_are_the_least_that_hold_a_force(m: int) -> None:
     assert split_rows(rows).multipliers(force) == pytest.approx(least, abs=1e-9 * np.abs(least).max())
 
 
-def test_many_configurations_are_each_as_alone_whatever_their_rank() -> None:
-    rows = np.array([rows_of(rank, 4) for rank in (4, 2, 4, 3, 2)])
-    mass, force = np.array([masses() for _ in rows]), GENERATOR.normal(size=(5, NV))
-    right = np.matvec(rows, GENERATOR.normal(size=(5, NV)))
-    together = RowDecompositions.of(rows)
-    assert sorted(len(k) for k, _ in together.parts) == [1, 2, 2]
-    found = solve_each(together, mass, force, right)
-    for k in range(5):
-        assert found[k] == pytest.approx(solve(split_rows(rows[k]), mass[k], force[k], right[k]), abs=1e-10)
-
-
 def test_a_right_hand_side_is_parted_into_what_some_motion_gives_and_what_contradicts_it() -> None:
     rows = rows_of(3, 5)
     split, right = split_rows(rows), GENERATOR.normal(size=5)
@@ -91,7 +80,7 @@ def test_rows_that_are_0_but_for_the_rounding_of_a_file_determine_nothing(tilt: 
     assert split_rows(np.full((5, 1), tilt)).rank == 0
 
 
-@pytest.mark.parametrize("light", [1e-6, 1e-20, 1e-40])
+@pytest.mark.parametrize("light", [1e-6, 1e-40])
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_masses_far_apart_keep_their_digits(light: float, order: tuple[int, int]) -> None:
     """A light body on a heavy one: with the light one first, the largest entry of its column is not on the diagonal."""
@@ -107,17 +96,6 @@ def test_a_motion_without_mass_is_refused() -> None:
         solved_positive(np.diag([1.0, 0.0]), np.ones((2, 1)))
 
 
-def test_singular_values_are_those_of_rows_in_their_units() -> None:
-    """A row that is 0 in its own unit is none, at however many configurations; without rows there are no values."""
-    rows, units = GENERATOR.normal(size=(2, 2, 6, NV)), GENERATOR.uniform(0.3, 3.0, (6, NV))
-    rows[:, :, 3], units[3] = 1e-12, 1e-9
-    rows[:, :, 4] = -np.abs(rows[:, :, 4])
-    found = acting_values(rows, units)
-    assert found[..., :5] == pytest.approx(np.linalg.svd(np.delete(rows * units, 3, axis=2), compute_uv=False))
-    assert not found[..., 5].any()
-    assert acting_values(rows[:, :, :0], units[:0]).shape == (2, 2, 0)
-
-
 FIRST, SECOND, ALONE = [0, 3, 5], [1, 2, 4], 6
 """Joints that two rows tie, that two more and a copy of one of these tie, and that no row ties."""
 
@@ -131,7 +109,7 @@ def side_by_side(states: int) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("heavy", [1.0, 1e8, 1e16])
+@pytest.mark.parametrize("heavy", [1.0, 1e16])
 def test_multipliers_of_a_group_are_those_that_it_has_alone(heavy: float) -> None:
     rows, force = side_by_side(1)[0], GENERATOR.normal(size=NV)
     own = [1, 3, 4]
@@ -144,27 +122,6 @@ def test_multipliers_of_a_group_are_those_that_it_has_alone(heavy: float) -> Non
     assert groups == {(True, False, False), (False, True, False), (False, False, True)}
 
 
-def test_states_in_which_different_groups_lose_a_rank_are_told_apart() -> None:
-    rows = side_by_side(5)
-    rows[1, 2], rows[3, 3] = rows[1, 0], 3.0 * rows[3, 1]
-    together = RowDecompositions.of(rows)
-    assert sorted(places.tolist() for places, _ in together.parts) == [[0, 2, 4], [1], [3]]
-    for places, split in together.parts:
-        assert split.free.shape == (len(places), NV, NV - split.rank)
-        assert np.abs(rows[places] @ split.free).max() < 1e-13
-    force = np.vecmat(GENERATOR.normal(size=(5, 5)), rows)
-    alone = [split_rows(rows[k]).multipliers(force[k]) for k in range(5)]
-    assert together.multipliers(force) == pytest.approx(np.array(alone), abs=1e-12)
-
-
-@pytest.mark.parametrize(("m", "nv"), [(0, 0), (0, 3), (2, 0), (2, 3)])
-def test_there_may_be_no_rows_no_joints_and_nothing_tied(m: int, nv: int) -> None:
-    split = split_rows(np.zeros((m, nv)))
-    assert (split.rank, split.free.shape) == (0, (nv, nv))
-    ((places, of_states),) = RowDecompositions.of(np.zeros((4, m, nv))).parts
-    assert (len(places), of_states.free.shape) == (4, (4, nv, nv))
-
-
 def on_one_crank(states: int, pairs: int) -> np.ndarray:
     """Return G of linkages of two rows and two joints, shape (states, 2 pairs, 1 + 2 pairs): joint 0 is in all."""
     rows = np.zeros((states, 2 * pairs, 1 + 2 * pairs))
@@ -174,8 +131,8 @@ def on_one_crank(states: int, pairs: int) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("pairs", [2, 10, 55])
-@pytest.mark.parametrize("ratio", [1.0, 1e-6, 1e-12, 1e-15])
+@pytest.mark.parametrize("pairs", [2, 55])
+@pytest.mark.parametrize("ratio", [1.0, 1e-15])
 def test_multipliers_are_known_to_the_rounding_of_the_forces_at_their_joint(ratio: float, pairs: int) -> None:
     """1e-11 leaves room for a condition of 1e4, and is missed by far where the largest forces are 1e6 times larger."""
     rows = on_one_crank(4, pairs)
@@ -184,26 +141,3 @@ def test_multipliers_are_known_to_the_rounding_of_the_forces_at_their_joint(rati
     found = RowDecompositions.of(rows).multipliers(force)
     assert found / exact == pytest.approx(np.ones_like(exact), abs=1e-11)
     assert split_rows(rows[0]).multipliers(force[0]) / exact[0] == pytest.approx(np.ones(2 * pairs), abs=1e-11)
-
-
-def test_several_free_motions_take_what_cannot_be_held() -> None:
-    """Two cranks, of forces that are 1e12 apart, and a row between them."""
-    rows = np.zeros((9, 10))
-    rows[:4, :5], rows[4:8, 5:] = on_one_crank(1, 2)[0], on_one_crank(1, 2)[0]
-    rows[8, [1, 6]] = 1.0, -0.5
-    exact = np.concatenate([GENERATOR.uniform(1.0, 2.0, 4), 1e-12 * GENERATOR.uniform(1.0, 2.0, 5)])
-    assert split_rows(rows).multipliers(exact @ rows) / exact == pytest.approx(np.ones(9), abs=1e-11)
-    two = rows[:8].copy()
-    two[0, 5] = 1e-3  # one group: the large forces, times 1e-3, are forces at a joint of the small ones too
-    found = split_rows(two).multipliers(exact[:8] @ two)
-    assert found[:4] / exact[:4] == pytest.approx(np.ones(4), abs=1e-11)
-    assert found[4:] == pytest.approx(exact[4:8], abs=1e-17)  # rounding of 1e-3 at that joint
-
-
-def test_what_multipliers_cannot_hold_is_left_in_the_sense_of_least_squares() -> None:
-    rows, force = on_one_crank(1, 2)[0], GENERATOR.normal(size=5)
-    assert split_rows(rows).multipliers(force) == pytest.approx(np.linalg.lstsq(rows.T, force)[0], abs=1e-13)
-
-
-def test_no_forces_need_no_multipliers() -> None:
-    assert split_rows(on_one_crank(1, 2)[0]).multipliers(np.zeros(5)) == pytest.approx(np.zeros(4), abs=0.0)

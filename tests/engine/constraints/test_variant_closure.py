@@ -9,7 +9,6 @@ from pinarm import Mechanism
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.mechanism_variants import mechanism_variants
-from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 
 MODELS = Path(__file__).parents[3] / "models"
 ROUNDING = 1e-12
@@ -53,31 +52,6 @@ def test_gaps_rows_and_drifts_are_those_of_each_alone(both: tuple[VariantClosure
             np.testing.assert_allclose(drifts[i, k], own.drift(state), atol=ROUNDING)
 
 
-def test_decompositions_are_those_of_singular_values(both: tuple[VariantClosure, list[Closure]]) -> None:
-    closure, alone = both
-    q, _ = states(closure.model.nv, len(alone))
-    rng, m, nv = np.random.default_rng(2), closure.size, closure.model.nv
-    force, right = rng.normal(size=(4, len(alone), nv)), rng.normal(size=(4, len(alone), nv))
-    rows = closure.at(q)[1]
-    ((_, split),) = closure.splits(q, rows).parts
-    lam, x, stresses = split.multipliers(force), split.particular(np.matvec(rows, right)), split.stresses
-    for i, k in np.ndindex(4, len(alone)):
-        inverse = np.linalg.pinv(rows[i, k], rcond=1e-7)
-        np.testing.assert_allclose(lam[i, k], inverse.T @ force[i, k], atol=1e-9)
-        np.testing.assert_allclose(x[i, k], inverse @ rows[i, k] @ right[i, k], atol=1e-9)
-        free = split.free[i, k]
-        np.testing.assert_allclose(free @ free.T, np.eye(nv) - inverse @ rows[i, k], atol=1e-9)
-        np.testing.assert_allclose(stresses[i, k] @ stresses[i, k].T, np.eye(m) - rows[i, k] @ inverse, atol=1e-9)
-
-
-def test_states_of_all_variants_stand_for_each(both: tuple[VariantClosure, list[Closure]]) -> None:
-    closure, alone = both
-    q, _ = states(closure.model.nv, 1)
-    spread = np.repeat(q, len(alone), axis=1)
-    for one, other in zip(closure.at(q), closure.at(spread), strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
 def test_a_variant_that_loses_rank_has_no_numbers() -> None:
     """The joints of a rhombus in line: two rows of the loop say the same."""
     lengths = {"a": [0.1, 0.2], "b": [0.35, 0.2], "c": [0.25, 0.2], "d": [0.4, 0.2]}
@@ -101,18 +75,3 @@ def test_variants_of_another_size_are_told() -> None:
     assert isinstance(variants.closure, VariantClosure)
     assert variants.closure.alike_in_size.tolist() == [True, False, True]
     assert variants.closure.alike_in_size.tolist() == [(own.measure == alone[0].measure).all() for own in alone]
-
-
-def test_other_kinds_are_left_to_each_case_alone() -> None:
-    given = {"a": 0.1}
-    path = MODELS / "crank_rocker" / "mechanism.yaml"
-    variants, _ = mechanism_variants(Mechanism.load(path, given), given, {"a": [0.1, 0.12]})
-    closure = variants.closure.with_guides(["angle"], [Unknown()])
-    with pytest.raises(VariantsDiffer, match="state by state"):
-        closure.at(np.zeros((1, 1, 3)))
-
-
-class Unknown:
-    """A coordinate that has no array form."""
-
-    unit = None

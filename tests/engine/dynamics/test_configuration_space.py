@@ -15,12 +15,6 @@ class TestJointSpace:
         model.addJoint(ball, pin.JointModelRUBX(), pin.SE3.Identity(), "wheel")
         return ConfigurationSpace(model, model.nq, model.nv)
 
-    def test_velocity_is_the_derivative_along_the_manifold(self, space, differentiate):
-        rng = np.random.default_rng(1)
-        q, v = pin.normalize(space.model, rng.normal(size=space.nq)), rng.normal(size=space.nv)
-        change = differentiate(lambda t: pin.integrate(space.model, q, t * v), 0.0)
-        assert space.velocity(q, v) == pytest.approx(change, abs=1e-11)
-
     def test_rows_are_what_each_is(self, space, differentiate):
         """Of balls, which have formulas of their own, and of joints that have none."""
         rng, balls = np.random.default_rng(3), pin.Model()
@@ -36,13 +30,3 @@ class TestJointSpace:
                 for a, b in zip(q, v, strict=True)
             ]
             assert one.velocity(q, v) == pytest.approx(np.array(changes), abs=1e-11)
-
-    def test_projection_keeps_what_is_on_it_and_takes_rows(self, space):
-        rng = np.random.default_rng(2)
-        rows = rng.normal(size=(4, space.nq))
-        found = space.project(rows)
-        assert np.linalg.norm(found[:, 3:7], axis=1) == pytest.approx(1.0, abs=1e-14)
-        assert np.linalg.norm(found[:, 7:], axis=1) == pytest.approx(1.0, abs=1e-14)
-        assert np.array_equal(found[:, :3], rows[:, :3])
-        assert np.array_equal(found[2], space.project(rows[2]))
-        assert space.project(found) == pytest.approx(found, abs=1e-14)

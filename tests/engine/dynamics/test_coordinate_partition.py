@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition, solved
+from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.methods.explicit import Adaptive
@@ -17,9 +17,9 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems import Initial, system_of
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import coordinates_of
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.mechanics.joints import joints_of
-from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, SCurve, Spline, Trapezoid
+from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, Trapezoid
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
@@ -100,30 +100,6 @@ class TestArmWithPrescribedAbsoluteAngle:
         assert run.tau[:, 1] == pytest.approx(expected, abs=1e-12)
         assert run.tau[:, 0] == pytest.approx(expected, abs=1e-12)
 
-    def test_efforts_put_back_as_loads_reproduce_the_motion(self, arm, run):
-        t = run.grid.t
-
-        def effort(joint, values):
-            ends = [np.polynomial.Polynomial.fit(t[part], values[part], 7).deriv()(t[part][k])
-                    for part, k in ((slice(0, 9), 0), (slice(-9, None), -1))]  # fmt: skip
-            points = list(zip(t.tolist(), values.tolist(), strict=True))
-            return JointEffort(joint=joint, effort=Spline(points=points, speeds=ends))
-
-        start = {"O": run.q[0, 0], "B": run.q[0, 1]}, {"O": run.v[0, 0], "B": run.v[0, 1]}
-        loads = {name: effort(name, run.tau[:, k]) for k, name in enumerate(("O", "B"))}
-        again = solve(arm, {}, position=start[0], velocity=start[1], loads=loads, samples=11)
-        # the splines follow the efforts to h^4 with h = 2.5 ms
-        assert again.q == pytest.approx(run.q[::40], abs=1e-7)
-        assert again.v == pytest.approx(run.v[::40], abs=1e-6)
-
-    def test_initial_values_of_a_joint_that_hangs_on_it_are_not_lost(self, arm):
-        """phi(0) is given by its law, and B by the user: O is what is left."""
-        try:
-            run = solve(arm, {"phi": NOD}, position={"B": 0.7})
-        except InputError:
-            return
-        assert run.q[0, 1] == pytest.approx(0.7, abs=1e-14)
-
 
 @pytest.mark.parametrize("free", ["O", "B"])
 def test_a_free_joint_has_no_effort(arm, free):
@@ -145,18 +121,6 @@ def test_each_side_of_a_jump_has_its_own_effort(arm):
         assert run.v[row - 1] == pytest.approx(run.v[row], abs=1e-12)
 
 
-@pytest.mark.parametrize("law", [
-    Cycloidal(start=0.0, end=0.9, duration=0.5, begin=0.1), SCurve(start=0.0, end=0.9, jerk=300.0, speed=4.0, begin=0.1)
-])  # fmt: skip
-def test_a_law_whose_pieces_meet_smoothly_is_followed_piece_by_piece(arm, law):
-    run = solve(arm, {"B": law}, position={"O": 0.4})
-    pieces = law.pieces()
-    instants = [next(p for p in pieces if t <= p.end).function(np.array([t])) for t in run.grid.t]
-    wanted = np.array(instants)[:, :, 0].T
-    for values, exact in zip((run.q, run.v, run.a), wanted, strict=True):
-        assert values[:, 1] == pytest.approx(exact, abs=1e-13 * max(1.0, np.abs(exact).max()))
-
-
 def multipliers(model, data, rows, q, v, ddw, loads):
     """Return the acceleration under ``W a = ddw`` from the dense system with Lagrange multipliers."""
     upper = np.triu(pin.crba(model, data, q))
@@ -170,14 +134,14 @@ def multipliers(model, data, rows, q, v, ddw, loads):
 def selections(nv):
     """Rows W: every single joint but one, two joints, two sums, and weights that are all different."""
     one = np.eye(nv)
-    yield from (np.delete(one, k, axis=0) for k in range(nv))
+    yield from (np.delete(one, k, axis=0) for k in (0, nv - 1))
     yield one[[2, 5]]
     yield np.array([one[0] + one[1] + one[3], one[3] + one[4]])
     rng = np.random.default_rng(8)
     yield from (rng.normal(size=(k, nv)) for k in (1, 4, nv - 1))
 
 
-@pytest.mark.parametrize("rows", list(selections(9)), ids=range(14))
+@pytest.mark.parametrize("rows", list(selections(9)), ids=range(7))
 def test_accelerations_are_those_of_multipliers(panda, rows):
     spring = JointSpring(joint=next(iter(panda.joints)), stiffness=50.0, damping=3.0, rest=0.2)
     dynamics = Dynamics.of(panda.model, {"spring": spring.bind(panda.model, panda.joints)})
@@ -213,16 +177,7 @@ def carousel():
 
 
 class TestQuaternions:
-    def test_indices_keep_q_and_v_apart(self, carousel):
-        reduction = CoordinatePartition.of(
-            carousel, np.array([[1.0, 0, 0, 0, 0], [0, 0, 0, 0, 1.0]]), ["turn", "wheel"]
-        )
-        assert reduction.free_v.tolist() == [1, 2, 3]
-        assert reduction.free_q.tolist() == [1, 2, 3, 4]
-        ball = np.array([0.1, 0.2, 0.3, 0.9])
-        assert reduction.configuration(ball, np.array([0.7, -0.4])).tolist() == [0.7, 0.1, 0.2, 0.3, 0.9, -0.4]
-
-    @pytest.mark.parametrize("names", [("turn",), ("wheel",), ("turn", "wheel")])
+    @pytest.mark.parametrize("names", [("turn",), ("turn", "wheel")])
     def test_motion_is_that_of_multipliers(self, carousel, names):
         dynamics, joints = Dynamics.of(carousel, {}), joints_of(carousel)
         laws = {"turn": Harmonic(mean=0.3, amplitude=0.9, pulsation=3.0),
@@ -283,8 +238,6 @@ class TestRefusals:
         ("names", "message"),
         [
             (["first", "second", "tip"], "'tip' is already determined by first, second"),
-            (["tip", "first", "second"], "'second' is already determined by tip, first"),
-            (["first", "twice"], "'twice' is already determined by first"),
             (["all", "tip", "third"], "'third' is already determined by all, tip"),
         ],
     )
@@ -292,11 +245,6 @@ class TestRefusals:
         with pytest.raises(InputError, match=message) as caught:
             solve(robot, {name: Constant(value=0.0) for name in names})
         assert caught.value.expected == "coordinates that can be prescribed independently"
-
-    def test_sums_that_do_not_are_taken(self, robot):
-        run = solve(robot, {name: Constant(value=0.1) for name in ("all", "tip")}, velocity={"first": 1.0}, samples=3)
-        assert run.q[:, :3].sum(axis=1) == pytest.approx(0.1, abs=1e-14)
-        assert run.q[:, :2].sum(axis=1) == pytest.approx(0.1, abs=1e-14)
 
     @pytest.mark.parametrize("part", ["position", "velocity"])
     def test_initial_values_of_what_follows_a_law(self, robot, part):
@@ -307,23 +255,3 @@ class TestRefusals:
         with pytest.raises(InputError, match="nothing is left to integrate") as caught:
             solve(robot, {name: Constant(value=0.0) for name in robot.joints})
         assert caught.value.hint == "kind: inverse"
-
-    def test_unknown_coordinates(self, robot):
-        with pytest.raises(InputError, match="no coordinate 'tipp'"):
-            solve(robot, {"tipp": Constant(value=0.0)})
-
-
-def test_many_states_have_the_accelerations_of_each(panda):
-    law = Trapezoid(start=0.0, end=1.0, speed=1.0, acceleration=4.0)
-    prescribed = PrescribedCoordinates.some(panda, {"panda_joint2": law, "panda_finger_joint1": Constant(value=0.02)})
-    initial = Initial(np.zeros(panda.model.nq), np.zeros(panda.model.nv))
-    interval = system_of(panda.closure, panda.dynamics, prescribed, initial).interval(panda.dynamics, 0.0, 0.25)
-    t, (q, v) = np.linspace(0.0, 0.25, 30), np.random.default_rng(1).normal(size=(2, 30, 9))
-    alone = [interval.acceleration(*state) for state in zip(t, q, v, strict=True)]
-    assert interval.batch(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4
-
-
-def test_a_singular_state_leaves_the_others_their_accelerations():
-    matrices, right = np.array([np.eye(2), np.zeros((2, 2)), 2.0 * np.eye(2)]), np.ones((3, 2))
-    assert solved(matrices, right).tolist()[::2] == [[1.0, 1.0], [0.5, 0.5]]
-    assert np.isnan(solved(matrices, right)[1]).all()

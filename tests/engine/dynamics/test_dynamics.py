@@ -2,15 +2,11 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Flat
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
-from pinarm.mechanics.forces.joint_springs import SpringDamper
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
@@ -107,39 +103,10 @@ class TestRotors:
 
 
 class TestIdentities:
-    def test_inverse_undoes_forward(self, robot):
-        q, v, tau = states(robot.model, 20)
-        a = robot.forward(q, v, tau)
-        # condition of M: the gripper's links weigh some 10 g, the arm 10 kg
-        scale = np.abs(a).max() * 10
-        assert robot.inverse(q, v, a) == pytest.approx(tau, abs=1e-13 * scale)
-
     def test_forward_undoes_inverse(self, robot):
         q, v, a = states(robot.model, 20, seed=3)
         # condition of M: 1e4
         assert robot.forward(q, v, robot.inverse(q, v, a)) == pytest.approx(a, abs=1e-10)
-
-    def test_one_by_one_is_the_same_as_all_at_once(self, robot):
-        q, v, a = states(robot.model, 7, seed=4)
-        tau, free = robot.inverse(q, v, a), robot.forward(q, v, a)
-        for k in range(7):
-            assert np.array_equal(robot.inverse(q[k], v[k], a[k]), tau[k])
-            assert np.array_equal(robot.forward(q[k], v[k], a[k]), free[k])
-
-    def test_acceleration_for_integrators_is_the_same(self, robot):
-        q, v, _ = states(robot.model, 5, seed=5)
-        rate = robot.dynamics.acceleration()
-        for k in range(5):
-            # both are aba, in two compilations; the friction of joints is no part of the dynamics of the tree
-            [free] = robot.dynamics.forward(0.0, q[k : k + 1], v[k : k + 1])
-            assert rate(0.0, q[k], v[k]) == pytest.approx(free, rel=1e-11, abs=1e-11)
-
-    def test_inputs_are_left_as_they_were(self, robot):
-        given = states(robot.model, 3, seed=6)
-        copies = [x.copy() for x in given]
-        robot.inverse(*given)
-        robot.forward(*given)
-        assert all(np.array_equal(x, y) for x, y in zip(given, copies, strict=True))
 
 
 def loaded(pendulum):
@@ -163,25 +130,6 @@ class TestLoads:
         assert dynamics.forward(t, q, v) == pytest.approx(bare.forward(t, q, v, expected), abs=1e-12)
         assert dynamics.forward(t, q, v, a) == pytest.approx(bare.forward(t, q, v, expected + a), abs=1e-12)
 
-    def test_the_integrators_route_has_them_too(self, pendulum):
-        dynamics, (q, v, _) = loaded(pendulum), states(pendulum.model, 6)
-        rate = dynamics.acceleration()
-        for k, t in enumerate(np.linspace(0.1, 0.9, 6)):
-            assert rate(t, q[k], v[k]) == pytest.approx(dynamics.forward(t, q[k], v[k])[0], abs=1e-12)
-
-    def test_springs_that_share_a_joint_add_up(self, pendulum):
-        """k1 (q - r1) + k2 (q - r2) and so on, by hand; the second joint has a damper alone."""
-        springs = {
-            "damping": SpringDamper(np.arange(2), np.arange(2), np.zeros(2), np.array([0.3, 0.2]), np.zeros(2)),
-            "one": SpringDamper(np.array([0]), np.array([0]), np.array([50.0]), np.array([0.1]), np.array([0.4])),
-            "other": SpringDamper(np.array([0]), np.array([0]), np.array([20.0]), np.array([0.0]), np.array([-1.0])),
-        }
-        q, v, _ = states(pendulum.model, 5)
-        expected = -np.stack([50.0 * (q[:, 0] - 0.4) + 20.0 * (q[:, 0] + 1.0) + 0.4 * v[:, 0], 0.2 * v[:, 1]], axis=1)
-        dynamics = Dynamics(pendulum.model, springs, pendulum.model.createData())
-        assert dynamics.loads(0.0, q, v) == pytest.approx(expected, abs=1e-13)  # sums of terms near 100 N*m
-        assert dynamics.load()(0.0, q[2], v[2]) == pytest.approx(expected[2], abs=1e-13)
-
     def test_energy_and_power_are_theirs(self, pendulum):
         dynamics, (q, v, _) = loaded(pendulum), states(pendulum.model, 6)
         t = np.linspace(0.1, 0.9, 6)
@@ -191,45 +139,12 @@ class TestLoads:
         assert dynamics.dissipated_power(t, q, v) == pytest.approx(expected, abs=1e-13)
         assert pendulum.dynamics.dissipated_power(t, q, v).tolist() == [0.0] * 6
 
-    def test_on_leaves_a_dynamics_without_laws_alone(self, pendulum):
-        assert pendulum.dynamics.on(0.0, 1.0) is pendulum.dynamics
-
 
 class TestShapes:
-    @pytest.mark.parametrize(
-        ("name", "shapes"),
-        [("q", ((3, 1), (3, 2), (3, 2))), ("v", ((3, 2), (3, 3), (3, 2))), ("a", ((3, 2), (3, 2), (3,)))],
-    )
-    def test_wrong_widths_are_refused(self, pendulum, name, shapes):
-        with pytest.raises(InputError, match=f"{name} has the shape") as caught:
-            pendulum.inverse(*(np.zeros(shape) for shape in shapes))
-        assert caught.value.expected == "(..., 2), such as (2,)"
-
-    def test_efforts_of_the_wrong_width_are_refused(self, pendulum):
-        with pytest.raises(InputError, match="tau has the shape"):
-            pendulum.forward(np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 3)))
-
-    @pytest.mark.parametrize("route", ["inverse", "forward"])
-    def test_unequal_numbers_of_rows_are_refused(self, pendulum, route):
-        with pytest.raises(InputError, match=r"q: \(3, 2\)"):
-            getattr(pendulum, route)(np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((2, 2)))
-
-    def test_lists_and_other_layouts_are_taken(self, pendulum):
-        q, v, a = states(pendulum.model, 4)
-        expected = pendulum.inverse(q, v, a)
-        assert np.array_equal(pendulum.inverse(q.tolist(), v.tolist(), a.tolist()), expected)
-        assert np.array_equal(pendulum.inverse(*(np.asfortranarray(x) for x in (q, v, a))), expected)
-        assert np.array_equal(pendulum.inverse(*(np.repeat(x, 2, axis=0)[::2] for x in (q, v, a))), expected)
-
-    @pytest.mark.parametrize("given", ["right", [[None, 0.0]], np.zeros((1, 2)) + 1j, [[0.0], [0.0, 1.0]]])
+    @pytest.mark.parametrize("given", [[[None, 0.0]], np.zeros((1, 2)) + 1j, [[0.0], [0.0, 1.0]]])
     def test_what_is_no_array_of_real_numbers_is_refused(self, pendulum, given):
         with pytest.raises(InputError, match="q is no array of real numbers"):
             pendulum.inverse(given, np.zeros((1, 2)), np.zeros((1, 2)))
-
-    def test_no_states_have_no_efforts(self, pendulum):
-        none, dynamics = np.zeros((0, 2)), loaded(pendulum)
-        assert dynamics.inverse(0.5, none, none, none).shape == (0, 2)
-        assert dynamics.forward(0.5, none, none).shape == (0, 2)
 
     def test_a_mechanism_of_one_joint_keeps_its_axis(self, mechanism, chain):
         one = mechanism(chain(PENDULUM[0]))
@@ -248,32 +163,11 @@ class TestGravity:
         found = mechanism(chain(*PENDULUM), gravity={"direction": direction}).inverse(*np.zeros((3, 2)))
         assert found == pytest.approx(factor * textbook(np.zeros(2), np.zeros(2))[2], abs=1e-12)  # of 30 N*m
 
-    @pytest.mark.parametrize(("direction", "angle"), [("-x", np.pi / 2), ("x", -np.pi / 2)])
-    def test_direction_along_x_is_a_turned_pendulum(self, mechanism, chain, direction, angle):
-        q = np.array([0.2, 0.5])
-        found = mechanism(chain(*PENDULUM), gravity={"direction": direction}).inverse(q, *np.zeros((2, 2)))
-        assert found == pytest.approx(textbook(q + np.array([angle, 0.0]), np.zeros(2))[2], abs=1e-13)
-
-    def test_magnitude_scales_the_weights(self, mechanism, chain):
-        moon = mechanism(chain(*PENDULUM), gravity={"direction": "-y", "magnitude": "1.62 m/s^2"})
-        assert moon.gravity == 1.62
-        expected = textbook(np.zeros(2), np.zeros(2))[2] * 1.62 / 9.81
-        assert moon.inverse(*np.zeros((3, 2))) == pytest.approx(expected, rel=1e-14)
-
     def test_a_caller_replaces_that_of_the_file(self):
         file = MODELS / "gen411_arm" / "mechanism.yaml"
         assert Mechanism.load(file, values={"gravity": "none"}).gravity == 0.0
         up = Mechanism.load(file, values={"gravity": {"direction": "y", "magnitude": "2 m/s^2"}})
         assert up.model.gravity.linear.tolist() == [0.0, 2.0, 0.0]
-
-
-def test_the_space_is_flat_where_it_can_be(pendulum):
-    assert pendulum.dynamics.manifold == Flat(2, 2)
-    ball = pin.Model()
-    ball.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
-    space = Dynamics.of(ball).manifold
-    assert isinstance(space, ConfigurationSpace)
-    assert (space.nq, space.nv) == (4, 3)
 
 
 @pytest.mark.parametrize(("length", "away"), [(1e-6, 0.0), (1.0, 1e6), (1.0, 0.0)])

@@ -13,7 +13,7 @@ from pinarm.engine.motion.systems.tree_system import TreeSystem
 pytestmark = pytest.mark.usefixtures("compiled")
 
 SWING = "scenarios/gen411_arm_swing.yaml"
-FREE = ["brick_thrown", "gen411_arm_swing", "gyroscope_free", "gyroscope_precession"]
+FREE = ["gen411_arm_swing", "gyroscope_precession"]
 """Scenarios whose trees move freely."""
 
 

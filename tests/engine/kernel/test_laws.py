@@ -11,13 +11,12 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import pinarm
-from pinarm.engine.kernel.laws import EFFORT, MOST_CUBICS, Followed, laws_of
 from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.motion.systems.tree_system import TreeSystem
 from pinarm.mechanics.forces.joint_efforts import AppliedEffort
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.clamped_spline import ClampedSpline
-from pinarm.mechanics.laws.motion_law import PowerSeries, Stretched, Wave, polynomial
+from pinarm.mechanics.laws.motion_law import Wave
 
 from .known_trees import tree
 
@@ -40,7 +39,7 @@ title: Vibrator whose rotor follows a law
 mechanism: models/olive_vibrator/mechanism.yaml
 problem:
   kind: forward
-  time: {end: 0.8 s, samples: 41}
+  time: {end: 0.3 s, samples: 16}
   motion: {phi: LAW}
   start: {theta: -15 deg, X: 3.95 m}
   initial: {position: {beta: 0 rad}}
@@ -84,11 +83,11 @@ def agree(found, expected, within):
 
 @pytest.mark.usefixtures("compiled")
 class TestRuns:
-    @pytest.mark.parametrize("name", [name for name in LAWS if name != "steps"])
+    @pytest.mark.parametrize("name", ["s_curve", "spline"])
     def test_of_a_loop_with_a_driven_joint_are_the_same_with_the_library_and_without(
         self, name, scenario, calls, without
     ):
-        """To rounding, as far as the motion amplifies it in 0.8 s: less than its tolerance."""
+        """To rounding, as far as the motion amplifies it in 0.3 s: less than its tolerance."""
         path = scenario(FOUR_BAR, LAWS[name], "rad")
         found = pinarm.run(path)
         assert calls
@@ -166,32 +165,3 @@ def test_a_pendulum_under_a_table_of_torques_is_prepared_once_and_moves_as_its_e
         (math.radians(20.0), 0.0), "DOP853", found.trajectory.grid.t, rtol=1e-12, atol=1e-12, max_step=t[1],
     )  # fmt: skip
     assert np.abs(found.trajectory.q[:, 0] - expected.y[0]).max() < 1e-9
-
-
-SERIES, WAVE = polynomial(0.3, 1.0, -2.0, 0.5, 4.0), Wave(0.3, -2.0, 0.7, 5.0, 0.4, 0.2)
-STRETCHED = Stretched(polynomial(0.0, 0.0, 0.0, 3.0, -2.0), 1.0, 4.0, 0.2, 0.6)
-
-
-class TestNumbers:
-    @pytest.mark.parametrize("function", [SERIES, WAVE, STRETCHED], ids=lambda one: type(one).__name__)
-    def test_say_the_same_as_the_function(self, function):
-        (law,) = laws_of([Followed(1, EFFORT, function)], np.array([3.0, 5.0]))
-        assert (law["v"], law["q"], law["steady"]) == (1, EFFORT, 5.0)
-        for t in (0.0, 0.33, 1.7):
-            x = (t - law["origin"]) / law["unit"]
-            shape = np.polyval(law["coefficients"][::-1], x) + law["amplitude"] * math.sin(x + law["phase"])
-            assert law["start"] + law["size"] * shape == pytest.approx(float(function(np.array(t))[0]), rel=1e-13)
-
-    @pytest.mark.parametrize("function", [
-        None, np.sin, PowerSeries(0.0, (1.0,) * 9), Wave(0.0, 1.0, 0.0, -2.0, 0.0, 0.0),
-        Stretched(polynomial(1.0, 1.0), 0.0, 1.0, 0.0, 1.0),
-    ])  # fmt: skip
-    def test_are_none_of_other_functions(self, function):
-        assert laws_of([Followed(0, EFFORT, function)], np.zeros(1)) is None
-
-    def test_are_none_of_a_spline_of_too_many_cubics(self):
-        x = np.arange(MOST_CUBICS + 2.0)
-        assert laws_of([Followed(0, EFFORT, ClampedSpline.through(x, np.sin(x), (0.0, 0.0)))], np.zeros(1)) is None
-
-    def test_are_none_of_two_laws_at_one_velocity(self):
-        assert laws_of([Followed(0, EFFORT, SERIES), Followed(0, EFFORT, WAVE)], np.zeros(1)) is None

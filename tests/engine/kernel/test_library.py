@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from pinarm.engine.kernel import library as kernel
@@ -65,9 +64,3 @@ class TestFile:
 def test_structures_are_those_of_the_headers():
     sizes = (ctypes.c_int * (1 + len(SIZES))).in_dll(kernel.library(), "kernel_sizes")
     assert list(sizes) == [len(SIZES), *SIZES]
-
-
-def test_arrays_with_gaps_have_no_address():
-    with pytest.raises(ValueError, match="must follow one another"):
-        kernel.pointer(np.zeros((4, 4))[:, 0])
-    assert kernel.pointer(kernel.contiguous(np.zeros((4, 4))[:, 0]))

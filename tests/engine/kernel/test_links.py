@@ -27,7 +27,7 @@ def test_a_sample_is_the_joint_that_it_is_named_after(name):
     assert (link["parent"], link["q"], link["v"], len(screws)) == (-1, 0, 0, model.nv)
 
 
-@pytest.mark.parametrize("axis", [[1, 0, 0], [0, -1, 0], [0, 0, 1], [0.6, 0, -0.8], [0.48, 0.6, 0.64]])
+@pytest.mark.parametrize("axis", [[0, -1, 0], [0, 0, 1], [0.48, 0.6, 0.64]])
 def test_the_axis_of_a_joint_is_the_z_axis_of_its_link(axis):
     model = pin.Model()
     model.addJoint(0, pin.JointModelRevoluteUnaligned(np.array(axis, float)), pin.SE3.Identity(), "j")

