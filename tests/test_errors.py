@@ -21,11 +21,6 @@ def test_of_a_long_line_the_part_around_the_mistake_is_shown(column: int) -> Non
     assert line[marks.index("^")] == text[column - 1]
 
 
-def test_where_there_is_no_line_there_is_no_excerpt() -> None:
-    assert Location("a").excerpt() == ""
-    assert str(Location("--set")) == "--set"
-
-
 def test_a_message_has_its_four_parts_in_order() -> None:
     error = InputError("found", expected="wanted", hint="tried").at(Location("a", 2, 1, "xyz"))
     assert str(error).splitlines() == ["a:2:1: found", "    2 | xyz", "      | ^", "  expected: wanted", "  try: tried"]

@@ -157,13 +157,6 @@ def test_costly_modules_are_imported_where_they_are_used() -> None:
         assert not {name.partition(".")[0] for name in source.top} & (COSTLY - allowed), file
 
 
-RUNS = [
-    ("gen411_arm_static", "--no-plots"),
-    ("gen411_arm_swing", "--no-plots"),
-    ("four_bar_equal_rods", "--no-plots"),
-    ("slider_crank_gas", "--no-plots"),
-    ("four_bar_shaking", "--no-plots"),
-]
 UNUSED = [
     "scipy", "matplotlib", "pandas", "meshcat", "rich", "html", "numpy.ma", "numpy.random", "numpy.ctypeslib",
     "dataclasses", "pinarm.mechanics.friction.contact", "pinarm.mechanics.couplings.cams.cam_contact",
@@ -171,12 +164,12 @@ UNUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "option"), RUNS)
-def test_a_run_imports_nothing_costly(name: str, option: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["gen411_arm_static", "gen411_arm_swing", "four_bar_equal_rods"])
+def test_a_run_imports_nothing_costly(name: str, tmp_path: Path) -> None:
     scenario = PACKAGE.parent / "scenarios" / f"{name}.yaml"
     code = (
         "import sys; from pinarm.cli.main import main\n"
-        f"assert main(['run', {str(scenario)!r}, '-o', {str(tmp_path / 'out')!r}, {option!r}]) == 0\n"
+        f"assert main(['run', {str(scenario)!r}, '-o', {str(tmp_path / 'out')!r}, '--no-plots']) == 0\n"
         f"print('loaded:', [name for name in {UNUSED} if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent, check=False)

@@ -1,8 +1,7 @@
-"""Records against frozen dataclasses with the same fields."""
+"""Records: copies with other fields, what they keep, and which of them are equal."""
 
 import pickle
 from abc import ABC, abstractmethod
-from dataclasses import FrozenInstanceError, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -35,20 +34,13 @@ class Named(Record, frozen=True):
         return hash(self.name)
 
 
-@dataclass(frozen=True)
-class RodOfDataclass:
-    length: float
-    loads: object = ()
-
-
-@pytest.mark.parametrize("kind", [Rod, RodOfDataclass])
-def test_a_copy_with_other_fields(kind):
-    rod = kind(1.0, "own")
+def test_a_copy_with_other_fields():
+    rod = Rod(1.0, "own")
     changed = replace(rod, length=3.0)
-    assert (type(changed), changed.length, changed.loads, rod.length) == (kind, 3.0, "own", 1.0)
+    assert (type(changed), changed.length, changed.loads, rod.length) == (Rod, 3.0, "own", 1.0)
     with pytest.raises(TypeError):
         replace(rod, mass=1.0)
-    with pytest.raises((AttributeError, FrozenInstanceError)):
+    with pytest.raises(AttributeError):
         rod.length = 2.0
 
 
@@ -94,11 +86,6 @@ def test_a_record_of_an_abstract_base():
     assert replace(spring, stiffness=4.0).energy() == 2.0
     with pytest.raises(TypeError, match="abstract"):
         Unfinished(1.0)
-
-
-def test_a_representation_leaves_models_and_what_is_kept_out():
-    assert repr(Spring(object(), 3.0, (1.0,))) == "Spring(stiffness=3.0)"
-    assert repr(Rod(1.0)) == "Rod(length=1.0, loads=())"
 
 
 def test_unequal_is_the_opposite_of_equal():

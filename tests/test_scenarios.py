@@ -4,7 +4,6 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -13,15 +12,9 @@ from pinarm.engine.motion.outcome import on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
-from pinarm.input.yaml.document import Document
-from pinarm.use.scenario.scenario_file import ScenarioFile
 
 FOLDER = Path(pinarm.__file__).parents[1] / "scenarios"
 FILES = sorted(FOLDER.glob("*.yaml"))
-
-
-def test_there_are_scenarios() -> None:
-    assert FILES
 
 
 LONG = re.compile(
@@ -60,7 +53,7 @@ def test_it_runs_and_meets_its_answer_key(result: pinarm.Result) -> None:
     assert [f"{f.expectation.quantity} at {f.expectation.at}: {f.reason}" for f in findings if not f.ok] == []
 
 
-SOME = 40
+SOME = 20
 """Of the quantities of a scenario that are neither its symbols nor of its drives; other scenarios bring others."""
 
 
@@ -84,11 +77,11 @@ def parts(result: pinarm.Result, seed: int) -> Iterator[tuple[np.ndarray, Trajec
     run, motion, random = result.trajectory, result.outcome.motion, np.random.default_rng(seed)
     intervals = [(number, rows) for number, (*_, rows) in enumerate(run.grid.intervals()) if rows.start < rows.stop]
     ends = sorted({row for _, rows in intervals for row in (rows.start, rows.stop - 1)})
-    for row in [*random.permutation(ends)[:6], *random.integers(0, len(run), 2)]:
+    for row in [*random.permutation(ends)[:3], *random.integers(0, len(run), 1)]:
         yield np.array([row]), run.some(np.array([row]))
     rows = np.sort(random.integers(0, len(run), 5))
     yield rows, run.some(rows)
-    for number, rows in intervals[:4] if motion else []:
+    for number, rows in intervals[:2] if motion else []:
         row = np.array([rows.stop - 1])
         yield row, on_interval(motion, run.grid.cuts, number, run.grid.t[row])
 
@@ -157,10 +150,3 @@ def test_computable_misprints_have_an_entry_each() -> None:
         for place in places:
             assert len([one for one in named if one.startswith(publication) and place in one]) == 1, place
     assert {entry.erratum for entry in entries if entry.verdict == "model_error"} == {"two-rod arm, all mass at l2/2"}
-
-
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_its_keys_are_those_of_the_json_schema(file: Path) -> None:
-    fields, data = msgspec.structs.fields(ScenarioFile), Document.read(file).data
-    assert set(data) <= {field.encode_name for field in fields}
-    assert {field.encode_name for field in fields if field.required} <= set(data)

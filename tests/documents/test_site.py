@@ -8,21 +8,18 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 
-import markdown
 import numpy as np
 import pytest
 import yaml
 from code_blocks import ROOT, blocks_of
 from site_generator.api_page import page as api_page
-from site_generator.code_breaks import with_breaks, with_columns
 from site_generator.errata import PLACE, with_errata
 from site_generator.families import Kinds, definitions, families
 from site_generator.formulas import with_mathml
 from site_generator.gallery import ENTRIES
 from site_generator.key_tables import key_tables
-from site_generator.kind_pages import EXAMPLES, example_of, with_kind_links
-from site_generator.repository_pages import file_page, linked_files, with_plain_bars, with_site_links
-from site_generator.solids import solids
+from site_generator.kind_pages import EXAMPLES, example_of
+from site_generator.repository_pages import linked_files, with_site_links
 
 import pinarm
 from pinarm.use.show.replay.chromium import browser, chromium
@@ -70,43 +67,12 @@ def test_every_key_of_every_kind_has_a_meaning(kinds):
             assert all(len(row.split(" | ")[1].strip(" |")) > 1 for row in rows), f"{family.name} {member}\n{rows}"
 
 
-def test_a_table_of_keys_tells_value_unit_and_default():
-    rows = key_tables("PointSpring")
-    assert "| `stiffness` | Such as `2 kN/m`. | quantity in N/m | `0` |" in rows
-    assert "| `between` | The links, such as `[frame, lever]`. | list of 2: text | required |" in rows
-    assert any("[a law](../laws/index.md)" in row for row in key_tables("JointEffort"))
-    assert any(row.startswith("### Keys of `spring rates`") for row in key_tables("Bushing"))
-
-
-def test_names_in_the_table_of_kinds_are_links_where_they_are_kinds():
-    table = "| forces | gravity, `wrench`, `other` |\n| drives | `wrench` |"
-    assert with_kind_links(table).splitlines() == [
-        "| forces | gravity, [`wrench`](kinds/forces/wrench.md), `other` |", "| drives | `wrench` |",
-    ]  # fmt: skip
-
-
 def test_links_to_files_of_the_repository_lead_to_their_pages():
     text = "[a](../../scenarios/gen411_arm_static.yaml) [b](../loops.md#x) [c](https://x.org) [d](../../README.md)"
     assert list(linked_files(text, "start/page.md")) == ["scenarios/gen411_arm_static.yaml"]
     assert with_site_links(text, "start/page.md") == (
         "[a](../repository/scenarios/gen411_arm_static.yaml.md) [b](../loops.md#x) [c](https://x.org) [d](../index.md)"
     )
-
-
-def test_bars_in_code_of_tables_have_no_backslash():
-    """Python-Markdown takes code as it stands, and does not part a table there."""
-    row = "| `run A\\|B` | text `x \\| y` |"
-    shown = markdown.markdown("| a | b |\n| --- | --- |\n" + with_plain_bars(row), extensions=["tables"])
-    assert "<code>run A|B</code>" in shown
-    assert "<code>x | y</code>" in shown
-    assert with_plain_bars("a `b \\| c`") == "a `b \\| c`"
-
-
-def test_files_are_shown_whole():
-    shown = file_page("scenarios/gen411_arm_static.yaml")
-    assert (ROOT / "scenarios/gen411_arm_static.yaml").read_text() in shown
-    assert "## mechanism.yaml" in file_page("models/gen411_arm")
-    assert "~~~~python" in file_page("examples/01_first_torque.ipynb")
 
 
 def test_formulas_are_mathml():
@@ -116,14 +82,6 @@ def test_formulas_are_mathml():
     assert "arithmatex" not in drawn
 
 
-def test_dots_and_functions_of_formulas_are_set_as_by_tex():
-    """A dot is an accent, not a small superscript; thin spaces part a function from its factor and its argument."""
-    drawn = with_mathml(r'<div class="arithmatex">\[l\cos\varphi + \sin(a) \dot G\]</div>')
-    assert re.search(r'<mover accent="true"><mi>G</mi><mo stretchy="false">&#x002D9;</mo></mover>', drawn)
-    assert re.search(r"<mi>l</mi><mspace[^>]*/><mi>cos</mi><mspace[^>]*/><mi>&#x003C6;</mi>", drawn)
-    assert re.search(r"<mo>&#x0002B;</mo><mi>sin</mi><mo", drawn)
-
-
 def test_every_formula_is_understood_in_full():
     """What the converter does not know it leaves as it is."""
     pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
@@ -131,20 +89,6 @@ def test_every_formula_is_understood_in_full():
     assert len(tex) > 15
     drawn = [with_mathml(f'<div class="arithmatex">\\[{html.escape(formula)}\\]</div>') for formula in tex]
     assert [formula for formula in drawn if "\\" in formula] == []
-
-
-def test_long_code_in_cells_may_be_divided_between_names():
-    long = "body.arm_1.velocity.z/body.arm_2.norm + 0.5"
-    shown = with_breaks(f"<td><code>{long}</code><code>a.b</code></td><p><code>{long}</code></p>")
-    broken = "body.<wbr>arm_1.<wbr>velocity.<wbr>z/<wbr>body.<wbr>arm_2.<wbr>norm + 0.5"
-    assert shown == f"<td><code>{broken}</code><code>a.b</code></td><p><code>{long}</code></p>"
-
-
-def test_lines_of_printed_tables_are_not_broken() -> None:
-    block = '<div class="language-text highlight"><pre><span></span><code>a sentence,\n{}\n</code></pre></div>'
-    for row in ("rank  motor  ratio  verdict", "┃ a ┃"):
-        assert with_columns(block.format(row)) == block.format(f'<span class="columns">{row}</span>')
-    assert with_columns(block.format("accuracy: a  b")) == block.format("accuracy: a  b")
 
 
 def test_every_misprint_of_the_answer_keys_is_listed():
@@ -163,11 +107,6 @@ def test_the_api_has_everything_that_is_public():
     assert set(re.findall(r"heading: pinarm\.(\w+),", api_page())) == set(pinarm.__all__)
 
 
-def test_the_version_to_cite_is_the_version():
-    assert f"version = {{{pinarm.__version__}}}" in (ROOT / "docs/cite.md").read_text()
-    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == pinarm.__version__
-
-
 class Loaded(HTMLParser):
     """What a page loads when it is opened: not what it links to."""
 
@@ -182,12 +121,6 @@ class Loaded(HTMLParser):
             self.urls.append(given["href"])
         elif tag in loads and given.get(loads[tag]):
             self.urls.append(given[loads[tag]])
-
-
-def test_what_a_page_loads_is_seen():
-    loaded = Loaded()
-    loaded.feed('<a href="https://x.org"></a><script src="https://x.org/a.js"></script><link rel="icon" href="b.svg">')
-    assert loaded.urls == ["https://x.org/a.js", "b.svg"]
 
 
 @pytest.mark.slow
@@ -229,13 +162,6 @@ def search_offline(site):
         asked = [event["params"]["request"]["url"] for event in page.events
                  if event["method"] == "Network.requestWillBeSent"]  # fmt: skip
         assert {url.split(":")[0] for url in asked} <= {"file", "data", "about", "blob"}
-
-
-def test_a_body_on_a_cable_is_drawn_with_it():
-    """At the start a straight line in blue, at the end one in orange."""
-    picture = solids(pinarm.run(EXAMPLES / "loop_joints" / "cable.yaml"))
-    lines = re.findall(r'<path d="M [^"]*L [^"LMCQz]*"[^>]*style="fill: none; stroke: (#\w+)', picture)
-    assert [lines.count(colour) for colour in ("#0072b2", "#d55e00")] == [1, 1]
 
 
 def test_the_drawing_of_the_first_steps_is_of_their_mechanism(tmp_path):

@@ -134,22 +134,22 @@ ENTRIES: list[Entry] = [
        partial(uneven, *LOOPS[name], body, ratio), 1e-9, "energy over the steps at a tolerance of 1e-12", when)
       for name, body in (("four-bar", "coupler"), ("spatial four-bar", "coupler"), ("spatial four-bar", "crank"),
                          ("slider-crank", "rod"), ("slider-crank", "slider"))
-      for ratio, when in ((1e-12, "fast"), (1e-8, "slow"), (1e8, "slow"), (1e12, "fast"))],
+      for ratio, when in ((1e-12, "fast"), (1e12, "fast"))],
     *[("sizes of loops", f"slider-crank of {size:g} m at constant speed, closed at {cut}",
        "closed form of place and torque", partial(crank, size, 10.0, 3.2, cut), 1e-12, "rounding")
-      for size, cut in ((1e-6, "A"), (1e-6, "C"), (1e6, "B"), (1e6, "C"))],
+      for size, cut in ((1e-6, "A"), (1e6, "C"))],
     *[("sizes of loops", f"{name} of {0.4 * size:g} m in free motion",
        "dense equation of motion at 1 m, SciPy, by similarity", partial(sized, *LOOPS[name], size), bound,
        "1e-12 a step, relative to 1 rad/s; a large one is slower", when)
       for name in ("four-bar", "spatial four-bar")
-      for size, bound, when in ((1e-6, 1e-9, "slow"), (1e3, 1e-9, "slow"), (1e6, 2e-8, "fast"))],
+      for size, bound, when in ((1e-6, 1e-9, "slow"), (1e6, 2e-8, "fast"))],
     ("speeds", "crank of a slider-crank at 1e5 rad/s", "closed form of place and torque",
      partial(crank, 1.0, 1e5, 3.2, "A"), 1e-12, "rounding"),
     ("springs", "spring of 1e9 and damper of 1e6 in a loop, by Radau IIA", "two exponentials",
      partial(parallelogram, 0.3, {}, 1.0, "B", **STIFF_LOOP), 2e-5, "tolerance 1e-8 of 1 rad, moved by 1e-3"),
     *[("arms", f"tip led to {gap:g} m from the border", "law of cosines",
        partial(arm, ConstantSpeed(start=1.0, speed=1.0 - gap), STILL, BENT), 1e-13, "rounding")
-      for gap in (1e-2, 1e-6, 1e-9)],
+      for gap in (1e-6, 1e-9)],
     ("arms", "tip that touches 1e-6 m from the border and turns back", "law of cosines",
      partial(arm, Harmonic(mean=1.5, amplitude=0.5 - 1e-6, pulsation=2 * np.pi), STILL, BENT), 1e-13, "rounding"),
     ("arms", "tip led to the border, the arm straight", "none: velocities are infinite",
@@ -168,7 +168,7 @@ ENTRIES: list[Entry] = [
      partial(arm, ConstantSpeed(start=1.0, speed=-0.7), STILL, (-0.5, 2.0), fore=0.6), 0.0, "there is none"),
     *[("singular loops", f"parallelogram that turns over and passes 2 singular positions a turn, closed at {cut}",
        PENDULUM, partial(parallelogram, 0.3, {"O": 15.0}, 3.0, cut), 1e-6, "noise close to singular positions")
-      for cut in "ABC"],
+      for cut in "BC"],
     *[("singular loops", f"parallelogram set in motion {miss:g} rad before all bars are in line", PENDULUM,
        partial(parallelogram, FLAT - miss, {"O": 5.0}, 3.0, "B"), 1e-6, "noise close to singular positions")
       for miss in (1e-3, 1e-5, 1e-6, 1e-9)],
@@ -180,7 +180,7 @@ ENTRIES: list[Entry] = [
      partial(parallelogram, FLAT, {}, 1.0, "C"), 0.0, "two motions meet"),
     *[("singular loops", f"parallelogram that turns back {miss:g} rad beyond the position in line, closed at {cut}",
        PENDULUM, partial(parallelogram, FLAT - miss, {}, 1.0, cut), 1e-6, "noise close to singular positions")
-      for miss in (1e-1, 2e-2, 1e-3, 1e-4, 1e-7) for cut in "ABC"],
+      for miss in (1e-1, 1e-3, 1e-7) for cut in "BC"],
     ("singular loops", "slider-crank moved by its slider over the dead centre", "none: the crank may go either way",
      dead_centre, 0.0, "two motions meet"),
 ]  # fmt: skip

@@ -147,12 +147,10 @@ ENTRIES: list[Entry] = [
     ("steps", "rk4 by steps of 1e-3 s", "Jacobi's functions", partial(fixed, 1e-3, 3.0), 1e-10, "order 4", "fast"),
     ("steps", "rk4 by steps of 1 s on a pendulum of 2.1 s: called too large in the stamp", "what the stamp says",
      partial(fixed, 1.0, 100.0, note="step too large"), 0.0, "it has to be said", "fast"),
-    ("steps", "rk4 by steps of 10 s on the same", "what the stamp says",
-     partial(fixed, 10.0, 1000.0, note="step too large"), 0.0, "it has to be said", "fast"),
     ("steps", "rk4 by steps of 10 s on a wheel that nothing brakes", "constant speed",
      partial(straight, 10.0), 1e-14, "rounding", "fast"),
     *[("durations", f"speed of a pendulum after {end:g} s", "constant acceleration",
-       partial(brief, end), 1e-11, "the acceleration changes by so much", "fast") for end in (1e-9, 1e-6)],
+       partial(brief, end), 1e-11, "the acceleration changes by so much", "fast") for end in (1e-9,)],
     ("durations", "arm turned 1e5 times at constant speed: torque", "sine of the part of the last turn",
      partial(turned, 1e5), 1e-9, "6e5 rad end at 1e-10", "fast"),
     *[("durations", f"pendulum over {periods:.0e} periods: phase", "complete elliptic integral",
@@ -166,7 +164,6 @@ ENTRIES: list[Entry] = [
        partial(kept, four_bar(), "B", {}, {"O": 6.0}, end, 1e-10), 1e-10 * end, ADDED, when)
       for end, when in ((1e2, "slow"), (1e4, "command"))],
     ("chains", "chain of 20 links", TENSIONS, partial(hanging, 20), 1e-11, "condition", "fast"),
-    ("chains", "chain of 200 links", TENSIONS, partial(hanging, 200), 1e-10, "condition", "slow"),
     ("chains", "chain of 251 links", TENSIONS, partial(hanging, 251), 1e-10, "condition", "slow"),
     *[("many chains", f"{count} random open chains, 1e±2 in masses, 1e±3 in sizes", NEWTON,
        partial(open_chains, count), 1e-8, "energy of one step at a tolerance of 1e-9", when)

@@ -143,11 +143,8 @@ def test_motions_are_those_of_python(linkage, cut, tmp_path, calls, without):
         assert np.abs(one - other).max() <= 1e-7 * np.abs(other).max()  # Python closes all stages of Bennett's linkage
 
 
-SCENARIOS = ["rssr_free", *(pytest.param(name, marks=pytest.mark.slow) for name in (
-    "andrews_squeezing", "change_point_four_bar_free"))]  # fmt: skip
-
-
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["andrews_squeezing", "change_point_four_bar_free", "rssr_free"])
 def test_scenarios_with_loops_are_the_same_with_the_library_and_without(name, calls, without):
     """As far as the motion amplifies rounding: past singular positions, up to the errors that their keys allow."""
     run = lambda: pinarm.run(f"scenarios/{name}.yaml")  # noqa: E731

@@ -27,11 +27,7 @@ LINK = (
     [
         ("gen411_arm_swing", "gen411_arm/gen411_arm.urdf.xacro", "base", "0 1 0"),
         ("crank_rocker_free", "crank_rocker/crank_rocker.urdf.xacro", "base", "0 1 0"),
-        ("gyroscope_free", "gyroscope/gyroscope.urdf.xacro", "base", "0 0 1"),
-        ("machine_on_mounts_shaking", "machine_on_mounts/machine_on_mounts.urdf.xacro", "ground", "0 0 1"),
         ("mass_on_belt_stick_slip", "mass_on_belt/mass_on_belt.urdf.xacro", "frame", "0 0 1"),
-        ("rssr_free", "rssr/rssr.urdf.xacro", "base", "0 0 1"),
-        ("servo_sampled", "servo/servo.urdf.xacro", "base", "0 0 1"),
     ],
 )
 def test_joints_at_rest_leave_a_motion_as_it_is(name: str, model: str, base: str, axis: str, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def outcome(mechanism, end, samples=101, tolerance=1e-12, **content):
     return problem.solve(mechanism, Accuracy(tolerance=tolerance), lambda *path: nullcontext())
 
 
-@pytest.mark.parametrize("amplitude", [0.1, 1.5, 3.0])
+@pytest.mark.parametrize("amplitude", [0.1, 3.0])
 def test_pendulum_swings_as_the_elliptic_functions_say(mechanism, chain, amplitude):
     pendulum = mechanism(chain(BOB), gravity=DOWN_Y)
     m, rate = np.sin(amplitude / 2) ** 2, np.sqrt(G / LENGTH)

@@ -108,7 +108,7 @@ FREE_WEDGE = f"""
 <axis xyz="{{}} 0 {{}}"/>{SIZES}</joint>"""
 
 
-@pytest.mark.parametrize("degrees", [10.0, 15.0, 20.0, 30.0, 37.0, 45.0])
+@pytest.mark.parametrize("degrees", [10.0, 20.0, 37.0])
 @pytest.mark.parametrize(("mu", "floor", "speed"), [(0.4, 0.9, -1.0), (0.3, 0.9, 1.0), (0.1, 0.05, 1.0)])
 def test_a_block_slides_on_a_wedge_that_slides_or_sticks(write, degrees, mu, floor, speed):
     """Forces of wedge and block, along x and z; no effort acts along the floor but for what the block does."""
@@ -132,13 +132,6 @@ def test_a_block_slides_on_a_wedge_that_slides_or_sticks(write, degrees, mu, flo
     assert result["joint.slope.friction"].values == pytest.approx(-sign * mu * normal, rel=1e-9)
     assert result["slope"].values[-1] == pytest.approx(speed * 0.02 + along * 2e-4, rel=1e-9)
     assert result["floor"].values[-1] == pytest.approx(slides * 2e-4, rel=1e-7, abs=1e-14)
-
-
-def test_a_block_that_friction_holds_is_told_to_be_self_locking(write):
-    mechanism = PUSHED.replace("static_mu: 0.35", "static_mu: 0.5")  # tan 25 deg is 0.466
-    held = pinarm.run(write(INCLINE, mechanism, "{kind: statics, hold: {slope: 0 m}, drives: [x]}", BAND))
-    assert held["coordinate.x.effort.lower"].values[0] < 0.0
-    assert any("coordinate.x is self-locking in 1 of 1 rows" in note for note in held.notes())
 
 
 def test_a_block_too_steep_to_be_pushed_up_is_refused(write):
@@ -192,8 +185,7 @@ def slid(tmp_path, static, law, samples):
     return result, [result.number(name)[0] for name in ENDS]
 
 
-@pytest.mark.parametrize("samples", [3, 41])
-@pytest.mark.parametrize("law", [RISE, SWING, RISE.replace("cycloidal", "polynomial").replace("}", ", degree: 5}")])
+@pytest.mark.parametrize(("law", "samples"), [(RISE, 3), (SWING, 3), (SWING, 41)])
 def test_a_motion_that_passes_rest_takes_the_effort_that_breaks_away(tmp_path, law, samples):
     """``static_mu m g`` to either side, where a law begins at the first row or turns back between rows."""
     result, ends = slid(tmp_path, 0.5, law, samples)
@@ -300,8 +292,7 @@ def torque(thrust, lead, diameter, mu, flank=0.0):
     return thrust * 0.5 * diameter * np.tan(angle + np.arctan(mu / np.cos(normal)))
 
 
-@pytest.mark.parametrize("joint", [COUPLED, LOOPED])
-@pytest.mark.parametrize("flank", [0.0, 14.5])
+@pytest.mark.parametrize(("joint", "flank"), [(COUPLED, 0.0), (LOOPED, 0.0), (COUPLED, 14.5)])
 def test_the_power_screw_of_the_textbook(write, joint, flank):
     """Shigley's Mechanical Engineering Design, example 8-1: square thread, two starts of 4 mm, 32 mm, 6.4 kN, mu 0.08.
 
@@ -333,8 +324,7 @@ HELD_AT_NUT = "{kind: statics, hold: {lift: 0 mm}, drives: [lift]}"
     ("joint", "thread", "further"),
     [
         (COUPLED, "mu: 0.09", ""),
-        (LOOPED, "mu: 0.09", ""),
-        (COUPLED, "mu: 0.09, constant: 3 N", ""),  # no slip that begins is in balance
+        (LOOPED, "mu: 0.09, constant: 3 N", ""),  # no slip that begins is in balance
         (COUPLED, "mu: 0.08", ", turn: {mu: 0.1, radius: 20 mm, thrust_radius: 20 mm}"),  # the collar locks alone
         (COUPLED, "mu: 0.06", ", turn: {mu: 0.04, radius: 20 mm, thrust_radius: 20 mm}"),  # neither does
     ],
@@ -463,7 +453,7 @@ friction:
 """
 
 
-@pytest.mark.parametrize(("turned", "best"), [(0.0, True), (0.02, False), (-0.02, False)])
+@pytest.mark.parametrize(("turned", "best"), [(0.0, True), (0.02, False)])
 def test_the_best_inclined_face_between_two_guided_blocks(write, turned, best):
     """Bevan, The Theory of Machines, chapter 6, example 1 (page 185): guides at 60 deg, mu = 0.15 between the blocks
     and 0.10 in the guides: at most 74.90 % of the work arrives, with the face's normal at 37.12 deg to the first guide.
@@ -545,7 +535,7 @@ DRAWER = f"""
 <joint name="k" type="fixed"><parent link="drawer"/><child link="knob"/><origin xyz="0 0.3 0"/></joint>"""
 
 
-@pytest.mark.parametrize(("mu", "jams"), [(0.1, False), (0.3, False), (0.4, True)])
+@pytest.mark.parametrize(("mu", "jams"), [(0.3, False), (0.4, True)])
 def test_a_drawer_pulled_at_its_side_jams(write, mu, jams):
     """Pulled with P at 0.3 m off its middle, guided over 0.2 m: ``N1 = N2 = P 0.3 / 0.2``, so that it jams from
     ``2 mu 1.5 >= 1`` on; below, the friction against 10 N at its middle is ``P - 10 = 3 mu P``.

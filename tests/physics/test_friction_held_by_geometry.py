@@ -46,7 +46,7 @@ def held_hinge(folder: Path, seed: int) -> pinarm.Result:
     return pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["joint.j_a.friction"]})
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_friction_of_a_hinge_that_cannot_move_is_not_determined(tmp_path: Path, seed: int) -> None:
     with pinarm.file_root(tmp_path):
         result = held_hinge(tmp_path, seed)

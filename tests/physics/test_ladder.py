@@ -56,7 +56,7 @@ def scene(tmp_path):
     return made
 
 
-@pytest.mark.parametrize("mu", [0.5, 1.2, 1.9, 2.5])
+@pytest.mark.parametrize("mu", [0.5, 1.9, 2.5])
 @pytest.mark.parametrize("speed", [0.5, -0.5])
 def test_a_ladder_slides_where_only_one_motion_is_possible(scene, mu, speed):
     possible = by_hand(mu, speed)

@@ -96,8 +96,7 @@ def integrated(shaft, backlash, effort, state, instants):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shaft", ["input", "output"])
-@pytest.mark.parametrize("backlash", [0.0, 0.04])
+@pytest.mark.parametrize(("shaft", "backlash"), [("input", 0.04), ("output", 0.0), ("output", 0.04)])
 def test_a_load_that_turns_back_is_stopped_and_driven_forwards(servo, shaft, backlash):
     """The rotor turns forwards, the load backwards: the teeth slip in both directions, and power through them too."""
     start = {"velocity": {"x": "-3 rad/s", "servo.rotor": "4 rad/s"}}
@@ -126,15 +125,6 @@ def test_a_deflected_shaft_drives_as_a_rigid_one(servo, shaft, part, stiffness):
     t = result["t"].values
     assert np.abs(result["x"].values - 0.1 * t - 0.5 * a * t**2).max() < 1e-9
     assert np.abs(result["servo.rotor"].values - result["x"].values - deflection).max() < 1e-9
-
-
-@pytest.mark.parametrize("shaft", ["input", "output"])
-def test_without_losses_but_a_trace_it_is_an_elastic_gear(servo, shaft):
-    start = {"velocity": {"x": "-3 rad/s", "servo.rotor": "4 rad/s"}}
-    plain, trace = (run(servo(shaft, efficiency=eta), 0.3, start=start) for eta in (1.0, 1.0 - 1e-10))
-    (t, one), (other, two) = (np.unique(each["t"].values, return_index=True) for each in (plain, trace))
-    rows = np.isin(other, t)  # it has rows at which the teeth rest, too
-    assert np.abs(trace["x"].values[two][rows] - plain["x"].values[one]).max() < 1e-8
 
 
 @pytest.mark.slow
@@ -169,7 +159,7 @@ ALONG = {"crank": (four_bar(), "O", "A", "angle", {"stiffness": "80 N*m/rad", "d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("keys", [{}, {"efficiency": ETA}, {"efficiency": ETA, "shaft": "output"}])
+@pytest.mark.parametrize("keys", [{}, {"efficiency": ETA, "shaft": "output"}])
 @pytest.mark.parametrize("case", ALONG)
 def test_a_joint_that_closes_a_loop_is_driven_as_one_of_the_tree(case, keys, tmp_path):
     linkage, cut, other, part, elasticity = ALONG[case]

@@ -36,7 +36,7 @@ def solved(write, bodies, problem, outputs, mechanism="gravity: none\n"):
     return pinarm.run(write(bodies, mechanism, json.dumps({"kind": "forward", **problem}), outputs))
 
 
-@pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
+@pytest.mark.parametrize("other", [OTHERS["held"], OTHERS["turning"]])
 def test_a_blow_over_an_angle_takes_its_work(write, other):
     """A wheel of 0.02 kg m^2 at 20 rad/s passes a brake that acts over 0.004 rad: ``I v^2 / 2`` falls by its work."""
     blow, points = short(12.05, 0.002, -800.0)
@@ -49,7 +49,7 @@ def test_a_blow_over_an_angle_takes_its_work(write, other):
     assert result["joint.wheel.velocity"].values[-1] == pytest.approx(np.sqrt(400.0 + 2.0 * work / 0.02), rel=1e-5)
 
 
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff"])
+@pytest.mark.parametrize("method", ["dop853", "stiff"])
 def test_what_swings_past_a_short_blow_and_back_within_a_step_is_hit_every_time(write, method):
     """Eight swings past 9.5 of 10 mrad: ``v = int F(0.01 sin w t) dt / I``, F rises and falls as a cycloid."""
     rests = {"duration": "9.5 mrad", "motion": {"law": "constant", "value": "0 N*m"}}
@@ -107,8 +107,9 @@ def test_a_short_lift_of_a_cam_delays_its_shaft(write):
     assert result["shaft"].values[-1] == pytest.approx(exact, abs=1e-6)
 
 
-@pytest.mark.parametrize("other", ["none", "held"])
-@pytest.mark.parametrize(("turns", "rows", "middle"), [(29, 639, 63.9666), (113, 2261, 180.5), (400, 801, 63.9666)])
+@pytest.mark.parametrize(
+    ("other", "turns", "rows", "middle"), [("none", 29, 639, 63.9666), ("held", 400, 801, 63.9666)]
+)
 def test_the_largest_effort_of_a_blow_in_every_turn_is_found(write, other, turns, rows, middle):
     """A press that needs 10 N m in the middle of 2 deg of every turn, at a steady turn a second."""
     points = [(0.0, 0.0), *((middle + 0.8 * k, -10.0 * (k == 0)) for k in range(-6, 7)), (360.0, 0.0)]

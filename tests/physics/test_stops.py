@@ -93,11 +93,10 @@ CONTROL = "control: [{kind: pid, drive: slip, follows: {law: constant, value: 1 
 STOP = "end_stops: {slip: {upper: 0.5 m, restitution: 0.5}}"
 
 
-@pytest.mark.parametrize("friction", [0.0, 3.0])
-def test_a_controlled_mass_at_a_stop(write, friction):
+def test_a_controlled_mass_at_a_stop(write, friction=3.0):
     """``2 x'' = 200 (1 - x) - 4 x' - F sign(x')``, from rest, and from the stop on with half the velocity back."""
     problem = f"{{kind: forward, time: {{end: 0.25 s, samples: 3}}, {STILL}, {STOP}, {CONTROL}}}"
-    rubbing = f"friction: {{slip: {{constant: {friction} N}}}}\n" if friction else ""
+    rubbing = f"friction: {{slip: {{constant: {friction} N}}}}\n"
     result = pinarm.run(write(BLOCK, "gravity: none\n" + rubbing, problem, "slip"))
 
     def rates(t, x):
@@ -219,7 +218,7 @@ def test_a_stop_at_a_dead_point_is_passed_or_refused():
     met = pinarm.run(slider_crank(-1e-6))
     first = met.events[0]
     assert first.v[0] == pytest.approx(-0.5 * first.before[0], rel=1e-6)
-    for angle in (0.7, 1.2, 1.7, 2.2):
+    for angle in (0.7, 1.7):
         for stop in (0.0, 1e-14, -1e-14):
             try:
                 assert not pinarm.run(slider_crank(stop, angle=angle)).events
@@ -265,8 +264,7 @@ BLOW = CubicSpline(POINTS, 15.0 * np.maximum(1.0 - np.abs(POINTS - 7.76) / 0.05,
 """A force measured at 100 Hz: a blow of 0.1 s in a run of 10 s, as a spline that SciPy computes."""
 
 
-@pytest.mark.parametrize("accuracy", ["", "accuracy: {target: 1e-6}"])
-@pytest.mark.parametrize("rests", [False, True])
+@pytest.mark.parametrize(("accuracy", "rests"), [("", False), ("", True), ("accuracy: {target: 1e-6}", True)])
 def test_a_short_blow_in_a_long_table_is_not_stepped_over(write, accuracy, rests):
     """On a block in steady motion, and on one that 2 N press onto its stop, which no step before it is short for."""
     points = [[f"{t:.2f} s", f"{f!r} N"] for t, f in zip(POINTS.tolist(), BLOW(POINTS).tolist(), strict=True)]

@@ -58,8 +58,7 @@ friction: {{teeth: {{mu: {mu}, teeth: {teeth}}}}}
 SPURS = joint("turn") + joint("out", "0.12 0 0")
 
 
-@pytest.mark.parametrize("mu", [0.05, 0.1])
-@pytest.mark.parametrize("beta", [0.0, 20.0])
+@pytest.mark.parametrize(("mu", "beta"), [(0.05, 0.0), (0.1, 20.0)])
 def test_the_efficiency_of_spur_and_helical_teeth(write, mu, beta):
     """Teeth 18 and 42: ``1 - mu H_V`` to first order in mu; exactly, with G of the mean slip, as below.
 
