@@ -50,11 +50,6 @@ def test_a_run_of_no_whole_turns_is_told(turn: Path, end: str, count: str) -> No
         assert result.number("lift @ rms")[0] == pytest.approx(0.01 / 2**0.5, rel=1e-9)
 
 
-@pytest.mark.parametrize("number", ["lift @ peak", "lift @ end", "lift @ p100"])
-def test_what_a_period_does_not_matter_to_is_not_told(turn: Path, number: str) -> None:
-    assert not said(pinarm.run(turn, {"problem.time.end": "0.3 s", "numbers": [number]}))
-
-
 def test_a_load_over_a_joint_has_a_period_too(turn: Path) -> None:
     load = {"kind": "joint_effort", "joint": "O", "over": "O", "period": "720 deg",
             "effort": {"law": "constant", "value": "1 N*m"}}  # fmt: skip

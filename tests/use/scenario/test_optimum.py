@@ -14,7 +14,7 @@ from pinarm.errors import InputError, IntegrationError, PinarmError
 from pinarm.input.units import unit
 from pinarm.use.result.condition import Condition
 from pinarm.use.scenario.find import Find, Unknown
-from pinarm.use.scenario.optimum import Landscape, Trial, optimum, spread
+from pinarm.use.scenario.optimum import Landscape, Trial, optimum
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.scenario.searches import optimum_section, refusal
 
@@ -117,13 +117,6 @@ def test_a_global_search_leaves_the_nearest_valley():
     assert one.best.end[0] > -1.5
     whole = optimum(landscape(function, [-2.5], [2.5], [2.0]), 1, 0, everywhere=True)
     assert whole.best.end[0] == pytest.approx(-2.0 + near, abs=1e-5)
-
-
-def test_starts_fill_every_unknown_evenly_and_are_the_same_for_a_seed():
-    points = np.array(spread(3, 10, 5))
-    assert np.array_equal(np.sort(points, axis=0), np.repeat((np.arange(10) + 0.5)[:, None] / 10, 3, axis=1))
-    assert np.array_equal(points, spread(3, 10, 5))
-    assert not np.array_equal(points, spread(3, 10, 6))
 
 
 URDF = """<robot name="inertia"><link name="world"/><link name="rotor"><inertial><mass value="1"/>

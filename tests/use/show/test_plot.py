@@ -35,19 +35,6 @@ def test_what_is_drawn_are_the_numbers(scenario: Callable[..., Any]) -> None:
     assert axis.get_title(loc="left") == "M [N·m]"
 
 
-@pytest.mark.parametrize("title", ["$\\foo{", "力 \U0001f600 é"])
-def test_a_title_is_drawn_as_it_stands(scenario: Callable[..., Any], title: str) -> None:
-    """Also where the font has no such character: a warning would be an error here and noise on a terminal."""
-    escaped = title.replace("\\", "\\\\")
-    figure = scenario("inverse", "", ("pinarm: 1", f'pinarm: 1\ntitle: "{escaped}"')).run().plot()
-    assert drawn(figure)
-
-
-@pytest.mark.parametrize("name", ["$\\foo{", "=cmd"])
-def test_names_are_drawn_as_they_stand(scenario: Callable[..., Any], name: str) -> None:
-    assert drawn(scenario("inverse").run().plot(name, against=name))
-
-
 def test_what_is_rounding_of_its_terms_is_drawn_as_zero() -> None:
     """The two-rod arm is held against weights of 16 N: what is left across them is 0, and 2 pN of them would be too."""
     across = pinarm.run(ROOT / "scenarios" / "gen411_arm_static.yaml")["F_Bx"]

@@ -104,14 +104,6 @@ def test_noise_has_no_indices() -> None:
         assert np.isfinite(part[1]).all()
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_the_same_seed_gives_the_same_intervals(seed: int) -> None:
-    one, other = (sobol_indices(Function([1.0, 2.0], lambda x: [x[0] * x[1]]), 16, seed, "normal", np.zeros(1))
-                  for _ in range(2))  # fmt: skip
-    assert np.array_equal(one.first_error, other.first_error)
-    assert np.array_equal(one.total_error, other.total_error)
-
-
 @pytest.mark.parametrize(("power", "kurtosis"), [(1, 3.0), (2, 15.0)])
 def test_the_deviation_of_drawn_numbers_scatters_as_it_is_told(power: int, kurtosis: float) -> None:
     """For n draws of kurtosis K it scatters by ``s ((K - 1)/n)^(1/2)/2``; squares of normal ones have 15."""

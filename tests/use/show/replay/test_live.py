@@ -89,15 +89,6 @@ def test_cylinders_and_capsules_lie_along_z() -> None:
     assert sorted(end.translation[2] for _, end in ends) == pytest.approx([-0.3, 0.3])
 
 
-@pytest.mark.parametrize("robot", ["ur5"])
-def test_meshes_of_robots_are_sent(robot: str) -> None:
-    mechanism = pinarm.Mechanism.load(robot)
-    recorder = Recorder()
-    pinarm.result(mechanism, [0.0, 1.0], np.zeros((2, mechanism.model.nq))).show(recorder)
-    types = [command["object"]["geometries"][0]["type"] for command in recorder.sent if command["type"] == "set_object"]
-    assert "BufferGeometry" in types
-
-
 def test_something_else_is_no_viewer(solved: Callable[[str], Result]) -> None:
     with pytest.raises(InputError, match="a str is no viewer of meshcat"):
         solved("gen411_arm_static").show("http://127.0.0.1:7000")
