@@ -35,17 +35,20 @@ def test_files_of_one_name_have_folders_of_their_own() -> None:
         put(found.folder, Path(scenario))
         assert told(None, Path(scenario), "x").folder == Path(folder)  # its own is replaced
     assert str(found) == "written to results/c-b-x, as results/x holds the result of a/x.yaml"
+    put(Path("results/arm"), Path("first/arm/scenario.yaml"))
+    assert told(None, Path("second/arm/scenario.yaml"), "arm").folder == Path("results/second-arm")
+    put(Path("results/y/partial"), Path("a/y.yaml"))  # which a failed run left
+    assert told(None, Path("b/y.yaml"), "y").folder == Path("results/b-y")
+    assert told(None, Path("a/y.yaml"), "y").folder == Path("results/y")
 
 
 def test_a_folder_that_the_user_names_is_replaced_and_whose_it_was_is_said() -> None:
     put(Path("out"), Path("a/x.yaml"))
     assert str(told(Path("out"), Path("a/x.yaml"), "x")) == "written to out"
     assert str(told(Path("out"), Path("b/x.yaml"), "x")) == ("written to out, in place of the result of a/x.yaml")
-
-
-def test_results_of_scenario_yaml_are_named_after_its_folder_and_then_after_that_above() -> None:
-    put(Path("results/arm"), Path("first/arm/scenario.yaml"))
-    assert told(None, Path("second/arm/scenario.yaml"), "arm").folder == Path("results/second-arm")
+    put(Path("old/results/x"), Path("old/x.yaml"))
+    Path("old").rename("new")
+    assert told(Path("new/results/x"), Path("new/x.yaml"), "x").remark == ""
 
 
 @pytest.mark.parametrize("kind", ["result", "sweep"])
@@ -55,18 +58,6 @@ def test_what_came_of_no_file_or_of_another_kind_of_command_is_kept(kind: str) -
     assert found.folder == Path("results/a-x-sweep")
     assert found.remark == (f"as results/x-sweep holds a {kind} of no file" if kind == "result" else
                             f"as results/x-sweep holds the {kind} of x-sweep.yaml")  # fmt: skip
-
-
-def test_the_part_that_a_failed_run_left_is_kept_too() -> None:
-    put(Path("results/x/partial"), Path("a/x.yaml"))
-    assert told(None, Path("b/x.yaml"), "x").folder == Path("results/b-x")
-    assert told(None, Path("a/x.yaml"), "x").folder == Path("results/x")
-
-
-def test_a_folder_that_was_moved_with_its_scenario_is_still_its_own(here: Path) -> None:
-    put(Path("old/results/x"), Path("old/x.yaml"))
-    Path("old").rename("new")
-    assert told(Path("new/results/x"), Path("new/x.yaml"), "x").remark == ""
 
 
 def test_where_all_names_are_taken_the_user_names_one(here: Path) -> None:

@@ -39,13 +39,8 @@ class Cluster:
 
     def __init__(self, folder: Path, stack: ExitStack, protocol: str = "tcp", **environment: str) -> None:
         self.folder, self.stack, self.protocol = folder, stack, protocol
-        self.environment = {
-            **os.environ,
-            "TMPDIR": str(folder),
-            "PYTHONPATH": ROOT,
-            "DASK_LOGGING__DISTRIBUTED": "info",
-            **environment,
-        }
+        own = {"TMPDIR": str(folder), "PYTHONPATH": ROOT, "DASK_LOGGING__DISTRIBUTED": "info"}
+        self.environment = {**os.environ, **own, **environment}
         self.scheduler = self.start("scheduler", "--protocol", protocol, "--port", "0")
         self.address = self.said("scheduler", rf"Scheduler at: +({protocol}://127\.0\.0\.1:\d+)")
         self.workers = list[subprocess.Popen[bytes]]()
@@ -63,11 +58,8 @@ class Cluster:
         return process
 
     def said(self, command: str, pattern: str) -> str:
-        return str(
-            wait_for(
-                lambda: next((m[1] for log in logs_of(self.folder, command) if (m := re.search(pattern, log))), "")
-            )
-        )
+        matches = lambda: (re.search(pattern, log) for log in logs_of(self.folder, command))  # noqa: E731
+        return str(wait_for(lambda: next((match[1] for match in matches() if match), "")))
 
     def add_worker(self) -> "subprocess.Popen[bytes]":
         """Start a worker without a nanny, which would start it again."""
@@ -119,11 +111,8 @@ def in_one_process(path: Path, cases: int, folder: Path) -> dict[str, bytes]:
 def listening(process: int) -> set[str]:
     """Return the addresses at which a process waits for connections."""
     sockets = {os.readlink(entry) for entry in Path(f"/proc/{process}/fd").iterdir() if entry.is_symlink()}
-    lines = [
-        line.split()
-        for name in ("tcp", "tcp6")
-        for line in Path(f"/proc/{process}/net/{name}").read_text().splitlines()[1:]
-    ]
+    tables = (Path(f"/proc/{process}/net/{name}").read_text() for name in ("tcp", "tcp6"))
+    lines = [line.split() for table in tables for line in table.splitlines()[1:]]
     return {line[1] for line in lines if line[3] == "0A" and f"socket:[{line[9]}]" in sockets}
 
 
@@ -172,22 +161,6 @@ def killed(path: Path, tmp_path: Path, dask: Cluster, cases: int) -> None:
 @pytest.mark.slow
 def test_ten_thousand_cases_survive_both(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
     killed(path, tmp_path, start(), 10_000)
-
-
-@pytest.mark.slow
-def test_a_sweep_that_began_here_goes_on_on_a_cluster(
-    path: Path, tmp_path: Path, start: Callable[..., Cluster]
-) -> None:
-    out, dask = tmp_path / "out", start()
-    first = sweep(path, 4000, "-j", "1", "-o", str(out))
-    wait_for(lambda: solved(out) > 30)
-    first.send_signal(signal.SIGKILL)
-    first.communicate()
-    kept = solved(out)
-    dask.add_worker()
-    sweep(path, 4000, "--cluster", dask.address, "-o", str(out)).communicate(timeout=WAIT)
-    assert kept < 4000 == solved(out)
-    assert files(out) == in_one_process(path, 4000, tmp_path / "one")
 
 
 @pytest.mark.slow
@@ -291,15 +264,6 @@ def test_a_cluster_may_want_certificates(path: Path, tmp_path: Path, start: Call
     assert "Traceback" not in errors
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1:1", "nonsense://x", "tcp://"])
-def test_an_address_at_which_nobody_answers_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pinarm.use.workers import cluster as module
-
-    monkeypatch.setattr(module, "TIMEOUT", 0.5)
-    with pytest.raises(PinarmError, match=f"no scheduler of Dask answers at {address}"), cluster(address):
-        pass
-
-
 def test_an_interrupt_is_not_lost_where_the_answer_of_a_scheduler_comes_with_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -317,14 +281,19 @@ def test_an_interrupt_is_not_lost_where_the_answer_of_a_scheduler_comes_with_it(
         signal.signal(signal.SIGINT, before)
 
 
-def test_what_listens_and_does_not_answer_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_no_scheduler_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nobody listens, where nobody answers, and what is no address; and without Dask it is said how to get it."""
     from pinarm.use.workers import cluster as module
 
-    monkeypatch.setattr(module, "TIMEOUT", 0.5)
+    monkeypatch.setattr(module, "TIMEOUT", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as silent:
-        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        with pytest.raises(PinarmError, match=f"no scheduler of Dask answers at {address}"), cluster(address):
-            pass
+        for address in (f"tcp://127.0.0.1:{silent.getsockname()[1]}", "127.0.0.1:1", "nonsense://x"):
+            with pytest.raises(PinarmError, match=f"no scheduler of Dask answers at {address}"), cluster(address):
+                pass
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    missing = pytest.raises(PinarmError, match=r"Dask is not installed\n  try: pip install 'pinarm\[cluster\]'")
+    with missing, cluster("tcp://x"):
+        pass
 
 
 def test_a_cluster_without_pinarm_is_refused(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
@@ -336,12 +305,3 @@ def test_a_cluster_without_pinarm_is_refused(path: Path, tmp_path: Path, start: 
     _, errors = client.communicate(timeout=WAIT)
     assert client.returncode == BAD_INPUT
     assert "cannot run pinarm: No module named 'pinarm'" in errors
-
-
-def test_without_dask_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with (
-        pytest.raises(PinarmError, match=r"Dask is not installed\n  try: pip install 'pinarm\[cluster\]'"),
-        cluster("tcp://x"),
-    ):
-        pass

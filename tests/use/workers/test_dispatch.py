@@ -76,17 +76,11 @@ def fresh() -> Iterator[None]:
     vars(worker._kept).clear()
 
 
-@pytest.mark.parametrize("number", [1, 3])
-def test_every_job_is_answered_once(number: int) -> None:
-    workers = Here(number)
-    assert sorted(distribute(square, range(500), workers)) == [(n, n * n) for n in range(500)]
-    assert workers.closed
-
-
-def test_no_jobs_give_no_chunk() -> None:
-    workers = Here()
-    assert list(distribute(square, (), workers)) == []
-    assert not workers.chunks
+def test_every_job_is_answered_once() -> None:
+    for number, jobs in ((1, 500), (3, 500), (2, 0)):
+        workers = Here(number)
+        assert sorted(distribute(square, range(jobs), workers)) == [(n, n * n) for n in range(jobs)]
+        assert workers.closed
 
 
 def test_chunks_of_short_jobs_grow_and_those_of_long_ones_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,17 +88,14 @@ def test_chunks_of_short_jobs_grow_and_those_of_long_ones_do_not(monkeypatch: py
     assert len(list(distribute(square, range(5000), workers))) == 5000
     assert len(workers.chunks[0]) == 1
     assert len(workers.chunks) < 50
-    monkeypatch.setattr(dispatch, "CHUNK_TIME", 0.02)
-    long = Here(1)
-    list(distribute(time.sleep, [0.01] * 120, long))
-    assert max(map(len, long.chunks)) <= 8
-
-
-def test_jobs_are_taken_as_they_are_needed() -> None:
     taken = list[int]()
     answers = distribute(square, (taken.append(n) or n for n in range(1000)), Here(2))
     assert [answer for _, answer in islice(answers, 4)] == [0, 1, 4, 9]
-    assert len(taken) <= AHEAD
+    assert len(taken) <= AHEAD, "jobs are taken as they are needed"
+    monkeypatch.setattr(dispatch, "CHUNK_TIME", 0.02)
+    long = Here(1)
+    list(distribute(time.sleep, [0.01] * 50, long))
+    assert max(map(len, long.chunks)) <= 8
 
 
 def test_only_the_job_that_kills_is_lost() -> None:
@@ -167,13 +158,6 @@ def test_a_file_that_is_another_one_for_a_worker_is_refused(tmp_path: Path, monk
     monkeypatch.setattr(worker, "file_digest", lambda file: "of another content")
     with pytest.raises(InputError, match=f"the file {file} is not the same for a worker as here"):
         list(distribute(name_of, jobs, Here(1)))
-
-
-def test_a_thread_keeps_the_function_of_the_last_sessions_only() -> None:
-    for session in range(5):
-        answers = work(versions(), str(session), pickle.dumps(square), None, pickle.dumps([session]))
-        assert not isinstance(answers, dict) and answers.parts == [([0], [session**2])]
-    assert list(worker._kept.sessions) == ["3", "4"]
 
 
 def test_batches_and_sweeps_are_the_same_by_an_executor(path: Path, tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import pytest
 
-from pinarm.errors import InputError
 from pinarm.use.workers import runners
 from pinarm.use.workers.runners import HERE, Runners
 from pinarm.use.workers.worker import AnsweredPart, in_order
@@ -59,8 +58,3 @@ def test_few_jobs_are_shared_among_all() -> None:
     with ThreadPoolExecutor(3) as executor, Runners(3, executor).applying(Twice()) as apply:
         list(apply(range(2000)))  # chunks have become large
         assert max(size for _, size in apply(range(6))) == 2
-
-
-def test_a_number_of_workers_is_at_least_one() -> None:
-    with pytest.raises(InputError, match="0 workers solve nothing"):
-        Runners(0)

@@ -1,20 +1,11 @@
 """Versions of the programs that compute."""
 
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 import pinarm
-from pinarm.use.workers.versions import code_digest, differences, versions
-
-
-def test_they_are_those_that_are_installed() -> None:
-    found = versions()
-    assert {name: found[name] for name in ("numpy", "scipy", "pinarm")} == {
-        "numpy": version("numpy"), "scipy": version("scipy"), "pinarm": pinarm.__version__,
-    }  # fmt: skip
-    assert found["pinocchio"] == version("pin")
+from pinarm.use.workers.versions import code_digest, differences
 
 
 def test_differences_name_both() -> None:
@@ -27,8 +18,7 @@ def test_differences_name_both() -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["a.py", "inner/b.c"])
-def test_a_change_of_the_code_changes_its_digest(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_change_of_the_code_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "inner").mkdir()
     (tmp_path / "__init__.py").touch()
     monkeypatch.setattr(pinarm, "__file__", str(tmp_path / "__init__.py"))
@@ -36,5 +26,7 @@ def test_a_change_of_the_code_changes_its_digest(name: str, tmp_path: Path, monk
     (tmp_path / "example_files").mkdir()
     (tmp_path / "example_files" / "first.py").write_text("# which only a wheel has\n")
     assert code_digest.__wrapped__() == before
-    (tmp_path / name).write_text("# new\n")
-    assert code_digest.__wrapped__() != before
+    for name in ("a.py", "inner/b.c"):
+        (tmp_path / name).write_text("# new\n")
+        assert code_digest.__wrapped__() != before
+        before = code_digest.__wrapped__()
