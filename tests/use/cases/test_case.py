@@ -51,7 +51,7 @@ def test_results_are_called_as_they_are_written(text: str, labels: tuple[str, ..
     assert Wanted.read(text).labels() == labels
 
 
-@pytest.mark.parametrize("text", ["", "@ max", "M @", "M @ start(M)", "M @ max()", "M @ t", "M @ t=1=2", "M @ t=1 s,"])
+@pytest.mark.parametrize("text", ["", "@ max", "M @ start(M)", "M @ t=1=2"])
 def test_what_is_no_result_is_refused(text: str) -> None:
     with pytest.raises(PinarmError, match=r"--result .*is no number of a run|asks for nothing"):
         Wanted.read(text)
@@ -67,11 +67,8 @@ def test_an_unknown_quantity_is_refused_before_anything_is_solved(held: pinarm.S
     ("values", "reason"),
     [
         ({"arguments__m": "-1 kg"}, r"pendulum.urdf.xacro:6:3: link 'rod': the mass is negative \(-1 kg\)"),
-        ({"arguments__m": "1 m"}, "'m' is not a unit of this quantity"),
-        ({"problem__over__pivot__to": "0 deg"}, "begins and ends at the same value"),
         ({"problem__over__pivot__from": "60 deg"}, "pivot = 30 deg is not reached"),
         ({"problem__kind": "static"}, "unknown kind 'static'"),
-        ({"a__b": 1}, "unknown key 'a'"),
     ],
 )
 def test_a_case_that_fails_is_a_row_that_says_why(
@@ -114,11 +111,6 @@ def test_a_target_of_the_error_is_reached_or_the_case_fails(held: pinarm.Scenari
     assert 0 < reached.figures["global error"] < 1e-6
     missed = solved(held, ["alpha @ end"], **FALLING, accuracy={"target": 1e-18})
     assert re.fullmatch(r"the global error is \d\.\de-\d\d, not below its target 1e-18", missed.error)
-
-
-def test_a_row_names_the_files_that_it_refers_to(held: pinarm.Scenario) -> None:
-    names = {file.rpartition("/")[2] for file in solved(held, ["M"]).files}
-    assert names == {"pendulum.yaml", "pendulum.urdf.xacro"}
 
 
 def test_a_result_that_is_of_another_kind_in_one_case_is_refused(held: pinarm.Scenario) -> None:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -80,22 +80,6 @@ def test_a_lost_case_is_a_row_that_says_so(held: pinarm.Scenario) -> None:
     with solving(Task.of(held, [RowValues("M")]), Losing()) as solve:
         [row] = solve([{}])
     assert (row.error, row.final) == ("its process died by SIGKILL", False)
-
-
-def test_what_runs_here_gives_no_runs_to_others(held: pinarm.Scenario) -> None:
-    """A search whose objective is a sensitivity: workers have none of their own."""
-    with ThreadPoolExecutor(1) as executor:
-        scenario = held.with_workers(executor=executor)
-        assert scenario.varied({"arguments.l": "2 m"}).runners == Runners(executor=executor)
-        assert Task.of(scenario, []).scenario.runners == HERE
-
-
-class Forgetful(Executor):
-    """Is never asked."""
-
-
-def test_a_run_without_searches_asks_nobody(path: Path) -> None:
-    assert len(pinarm.run(path, executor=Forgetful())) == 4
 
 
 def children(of: int) -> set[int]:

@@ -56,8 +56,7 @@ def cases_of(path: Path, names: Sequence[str], count: int) -> Cases:
     ]  # fmt: skip
 
 
-FEW = ("gen411_arm_dynamic", "gen411_arm_static", "crank_rocker_turning", "rssr_turning", "slider_crank_bearings",
-       "rotor_horizontal", "magic_arms_kinematics")  # fmt: skip
+FEW = ("gen411_arm_dynamic", "crank_rocker_turning", "rssr_turning", "magic_arms_kinematics")
 """Open and closed, in the plane and in space, of every kind of problem; the others are slow tests."""
 
 
@@ -73,17 +72,12 @@ def test_numbers_and_figures_are_those_of_each_case_alone(name: str) -> None:
 
 
 COLUMNS: list[tuple[str, Sequence[str], dict[str, tuple[float, float, str]]]] = [
-    ("gen411_arm_static", (), {"problem.hold.O": (-20.0, 70.0, "deg"), "problem.over.phi.to": (20.0, 90.0, "deg")}),
     ("gen411_arm_vertical", (), {"problem.motion.O.speed": (18.0, 25.0, "rad/s"), "arguments.l1": (0.25, 0.255, "m")}),
     ("gen411_arm_dynamic", (), {"problem.acceleration.phi": (3.0, 8.0, "rad/s^2"), "arguments.l2": (0.2, 0.3, "m")}),
-    ("handling_arm_profile", (), {"problem.motion.phi.profile.to": (100.0, 115.0, "deg")}),
     ("gen411_arm_swing", ("phi", "A_y @ min"),
      {"problem.initial.velocity.B": (-3.0, 3.0, "rad/s"), "arguments.m_A": (0.1, 0.5, "kg")}),
-    ("gen411_arm_swing", (),
-     {"problem.initial.position.O": (-89.0, -30.0, "deg"), "problem.time.end": (1.0, 2.0, "s")}),
     ("gyroscope_precession", (),
      {"arguments.C": (0.03, 0.04, "kg*m^2"), "problem.initial.velocity.psi": (3.9, 4.1, "rad/s")}),
-    ("rssr_turning", (), {"problem.motion.theta.speed": (40.0, 60.0, "rpm"), "problem.time.end": (0.9, 1.1, "s")}),
     ("crank_rocker_turning", ["t @ max(T)", "T @ theta2=2 rad", "theta4 @ mean"],
      {"arguments.b": (0.33, 0.37, "m"), "problem.motion.theta2.speed": (90.0, 120.0, "rpm")}),
     ("gen411_arm_static", ["phi @ max(C_B)", "C_B @ p40", "C_B", "F_By @ end"],
@@ -107,7 +101,8 @@ def test_laws_and_numbers_are_those_of_each_case_alone(
         {path: f"{low + share * (high - low)!r} {unit}" for path, (low, high, unit) in ranges.items()}
         for share in (0.3, 0.0, 1.0)
     ]
-    assert compared(task_of(SCENARIOS / f"{name}.yaml", results), cases) == 3
+    few = ["problem.time.samples=121"] if name == "crank_rocker_turning" else []
+    assert compared(task_of(SCENARIOS / f"{name}.yaml", results, few), cases) == 3
 
 
 def rows_by(solve: Callable[[CaseTable], tuple[Indices, RowTable]], cases: Cases) -> list[Row | None]:
@@ -137,7 +132,7 @@ def compared(task: Task, cases: Cases) -> int:
     return count
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_random_four_bars_are_those_of_each_alone(seed: int) -> None:
     """Lengths and masses up to a half larger or smaller: some cranks turn, some stop on the way, some never close."""
     path, rng = SCENARIOS / "crank_rocker_turning.yaml", np.random.default_rng(seed)
@@ -147,7 +142,8 @@ def test_random_four_bars_are_those_of_each_alone(seed: int) -> None:
         cases.append({key: float(value) * float(rng.uniform(0.6, 1.5)) for key, value in cases[0].items()})
     units = {f"arguments.{name}": str(unit) for name, unit in mechanism.argument_units.items()}
     cases = [{key: f"{value!r} {units[key]}" for key, value in case.items()} for case in cases]
-    task = task_of(path, ["T", "F_B", "F_A", "theta4", "loop.B.force.radial", "joint.A.force.y"])
+    task = task_of(path, ["T", "F_B", "F_A", "theta4", "loop.B.force.radial", "joint.A.force.y"],
+                   ["problem.time.samples=31"])  # fmt: skip
     assert compared(task, cases) >= 3
 
 
@@ -157,13 +153,13 @@ def arm() -> Path:
 
 
 def test_numbers_do_not_depend_on_the_cases_beside(arm: Path) -> None:
-    cases, task = cases_of(arm, ("m_A", "l1", "l2"), 40), task_of(arm, (), ["problem.over.phi.samples=5"])
+    cases, task = cases_of(arm, ("m_A", "l1", "l2"), 18), task_of(arm, (), ["problem.over.phi.samples=5"])
     stack, _ = Stack.begin(task, cases[0])
     another, _ = Stack.begin(task, cases[5])
     assert stack is not None
     assert another is not None
     rows = rows_by(stack.together, cases)
-    for size in (1, 3, 17):
+    for size in (1, 7):
         for start in range(0, 18, size):
             some = slice(start, start + size)
             assert [repr(row) for row in rows_by(stack.together, cases[some])] == [repr(row) for row in rows[some]]
@@ -206,15 +202,6 @@ def test_a_motion_that_comes_near_a_singular_position_is_left_to_each_case_alone
     assert solve_case(task, cases[3]).error
 
 
-def test_numbers_of_loops_do_not_depend_on_the_cases_beside() -> None:
-    path = SCENARIOS / "crank_rocker_turning.yaml"
-    task, cases = task_of(path, (), ["problem.time.samples=61"]), cases_of(path, ("a", "b", "m3"), 7)
-    stack, _ = Stack.begin(task, cases[0])
-    assert stack is not None
-    rows = [repr(row) for row in rows_by(stack.rows, cases)]
-    assert [repr(rows_by(stack.rows, [case])[0]) for case in cases] == rows
-
-
 @pytest.mark.parametrize(
     "values",
     [["problem.loads={pull: {kind: wrench, point: A, force: [0 N, 1 N, 0 N]}}"],
@@ -251,15 +238,11 @@ def test_a_case_that_differs_alone_is_noticed(arm: Path) -> None:
     assert stack.agrees({"arguments.m_A": "-1 kg"}, row) is None
 
 
-@pytest.mark.parametrize(
-    ("name", "results"),
-    [("crank_rocker_free", ()), ("brick_thrown", ()), ("crank_rocker_two_drives", ()),
-     ("gen411_arm_equilibria", ()), ("exoskeleton_leg_knee", ()), ("planetary_gear_reducer", ())],
-)  # fmt: skip
-def test_other_questions_are_answered_one_by_one(name: str, results: Sequence[str]) -> None:
+@pytest.mark.parametrize("name", ["crank_rocker_free", "gen411_arm_equilibria", "planetary_gear_reducer"])
+def test_other_questions_are_answered_one_by_one(name: str) -> None:
     path = SCENARIOS / f"{name}.yaml"
     first, other = cases_of(path, [*pinarm.load(path).mechanism.arguments][:1], 2)
-    stack, row = Stack.begin(task_of(path, results), first)
+    stack, row = Stack.begin(task_of(path), first)
     assert not row.error
     if stack is not None:
         with pytest.raises(VariantsDiffer):

@@ -8,7 +8,6 @@ import pytest
 
 import pinarm
 from pinarm.arrays import Indices
-from pinarm.use.cases import solving
 from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
 from pinarm.use.cases.case_table import CaseTable, RowTable
 from pinarm.use.cases.solving import CaseSolver
@@ -112,15 +111,6 @@ def test_where_both_ways_do_not_agree_all_are_solved_alone(
     rows = rows_of(CaseSolver(task), masses("1 kg", "2 kg", "3 kg"))
     assert [row.numbers[1] for row in rows] == pytest.approx([10, 20, 30])
     assert sizes == []
-
-
-def test_only_the_kinds_used_last_are_kept(task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solving, "KINDS", 2)
-    solver = CaseSolver(task)
-    for exponent in range(6, 10):
-        changed = masses("1 kg", "2 kg", accuracy__tolerance=float(f"1e-{exponent}"))
-        assert not any(row.error for row in rows_of(solver, changed))
-    assert len(solver._kinds) == 2
 
 
 def four_bars(*lengths: tuple[float, float, float]) -> list[dict[str, Value]]:

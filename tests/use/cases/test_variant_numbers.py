@@ -1,14 +1,11 @@
-"""Numbers of cases that are solved together: against closed forms, and which states are solved for them."""
+"""Numbers of cases that are solved together: against closed forms."""
 
 import math
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import pinarm
-from pinarm.arrays import Array
-from pinarm.engine.motion.prescribed_variants import PrescribedVariants
 from pinarm.use.cases.case import QUADRATURE, WORTH
 from tests.use.cases.conftest import Chunk
 
@@ -38,34 +35,3 @@ def test_forces_of_swept_speeds_are_those_of_the_closed_form(chunk: Chunk) -> No
     cases = [{"problem.motion.theta2.speed": f"{speed!r} rpm"} for speed in speeds.tolist()]
     forces = chunk(scenario, cases, ["F_B @ theta2=2 rad"])[:, 0]
     np.testing.assert_allclose(forces / forces[0], (speeds / speeds[0]) ** 2, rtol=1e-11)
-
-
-@pytest.fixture
-def solved(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """For how many cases states between rows are solved, call by call."""
-    counts, at = list[int](), PrescribedVariants.at
-
-    def noted(variants: PrescribedVariants, near: Array):
-        counts.append(near.shape[1])
-        return at(variants, near)
-
-    monkeypatch.setattr(PrescribedVariants, "at", noted)
-    return counts
-
-
-def test_states_between_rows_are_solved_for_all_cases_at_once(chunk: Chunk, solved: list[int]) -> None:
-    scenario = pinarm.load(SCENARIOS / "crank_rocker_turning.yaml", ["problem.time.samples=61"])
-    cases = [{"arguments.m3": f"{mass!r} kg"} for mass in np.linspace(0.8, 1.2, 12).tolist()]
-    chunk(scenario, cases, ["T @ max", "F_B @ end"])
-    assert 2 <= len([count for count in solved if count >= 12]) <= 16  # nodes of brackets and halves, single places
-
-
-def test_no_state_is_solved_by_itself(chunk: Chunk, solved: list[int]) -> None:
-    """NumPy adds up the numbers of a single state in another order: it would have other last digits than beside others.
-
-    The maxima of two cases are found after other numbers of steps.
-    """
-    scenario = pinarm.load(SCENARIOS / "crank_rocker_turning.yaml", ["problem.time.samples=61"])
-    cases = [{"arguments.b": f"{b} m"} for b in (0.33, 0.36, 0.34)]
-    chunk(scenario, cases, ["F_B @ max", "F_A @ min", "T @ max"])
-    assert min(solved) == 2

@@ -15,7 +15,6 @@ ROOT = Path(pinarm.__file__).parents[1]
               "problem.resolve.", "problem.share.", "problem.loads="]),
     ("problem.time.", ["problem.time.end=", "problem.time.samples=", "problem.time.start="]),
     ("problem.mo", [f"problem.motion.theta2.{key}=" for key in ("law", "speed", "from", "begin")]),
-    ("accuracy.t", ["accuracy.tolerance=", "accuracy.target="]),
     ("arguments.m", ["arguments.m2=", "arguments.m3=", "arguments.m4="]),
     ("changes.loops.B.", ["changes.loops.B.kind=", "changes.loops.B.between.", "changes.loops.B.axis="]),
     ("expect.1.quan", ["expect.1.quantity="]), ("nothing", []), ("problem.time.end.", []),

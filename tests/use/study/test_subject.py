@@ -39,9 +39,8 @@ def test_what_is_neither_is_told(about):
 
 
 @pytest.mark.parametrize("about", [pinarm.quantities, pinarm.explain])
-@pytest.mark.parametrize("text", ["3", "true", "a problem", "2.5"])
-def test_a_file_that_holds_no_map_is_told(about, text, tmp_path):
-    (tmp_path / "m.yaml").write_text(text)
+def test_a_file_that_holds_no_map_is_told(about, tmp_path):
+    (tmp_path / "m.yaml").write_text("a problem")
     with pytest.raises(InputError, match="expected: a map of keys"):
         about(tmp_path / "m.yaml")
 
@@ -54,16 +53,12 @@ SWING = ROOT / "scenarios" / "gen411_arm_swing.yaml"
     ("call", "message"),
     [
         (lambda: pinarm.Mechanism.load(ARM).configurations([1.0]), "no map of positions"),
-        (lambda: pinarm.Mechanism.load(ARM).rates(None), "no map of values of joints"),
         (lambda: pinarm.Mechanism.load(ARM).jacobian(3, [0.0, 0.0]), "int is no name"),
         (lambda: pinarm.run(SWING, 3), "other values are given as '3'"),
         (lambda: pinarm.batch(SWING, 3), "3 is no map of position"),
         (lambda: pinarm.check(None), "NoneType is no scenario"),
-        (lambda: pinarm.validate([SWING]), "list is no scenario"),
         (lambda: pinarm.Mechanism.load({"robot": "panda"}), "dict is no path"),
-        (lambda: pinarm.restore(None), "NoneType is no path"),
         (lambda: pinarm.replay(3), "int is no path"),
-        (lambda: pinarm.batch(SWING, {"O": [0.1]}).reduced("O"), "O is no map of quantities"),
         (lambda: pinarm.batch(SWING, {"O": [0.1]}).numbers(3), "int is no name"),
     ],
 )
