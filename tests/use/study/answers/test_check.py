@@ -37,91 +37,91 @@ def entry(**fields: str) -> str:
 AGREES, ROUNDING, MISPRINT, MODEL_ERROR, MISS = "agrees", "rounding", "misprint", "model_error", "MISS"
 
 
-@pytest.mark.parametrize(
-    ("fields", "expected"),
-    [
-        # a value is met to half a unit of its own last digit, or to what is said
-        ({"value": "20 N*m"}, AGREES), ({"value": "20.00000 N*m"}, AGREES), ({"value": "2e1 N*m"}, AGREES),
-        ({"value": "20.4 N*m"}, MISS), ({"value": "20.04 N*m"}, MISS), ({"value": "-20 N*m"}, MISS),
-        ({"value": "20.4 N*m", "rtol": "0.02"}, AGREES), ({"value": "20.4 N*m", "rtol": "0.019"}, MISS),
-        ({"value": "20.4 N*m", "atol": "0.41 N*m"}, AGREES), ({"value": "20.4 N*m", "atol": "390 N*mm"}, MISS),
-        ({"value": "20.4 N*m", "rtol": "0", "atol": "0 N*m"}, MISS),
-        # without a unit too: YAML reads the number, the digits are those of the text
-        ({"quantity": "M/(1.02 N*m)", "value": "19.6"}, AGREES), ({"quantity": "M/(1.02 N*m)", "value": "19.60"}, MISS),
-        ({"quantity": "M/(1.02 N*m)", "value": "1.96e1"}, AGREES), ({"quantity": "M/(1.02 N*m)", "value": "1.960e1"},
-         MISS),
-        ({"quantity": "M/(0.98 mN*m)", "value": "2.0e4"}, AGREES), ({"quantity": "M/(1 mN*m)", "value": "2.1e4"}, MISS),
-        # the last of 17 digits is below rounding
-        ({"value": "20.000000000000007 N*m"}, AGREES), ({"published": "20.000000000000007 N*m"}, AGREES),
-        ({"at": "{alpha: 90 deg}", "value": "20.00000000000004 N*m"}, MISS),
-            ({"published": "20.00000000000004 N*m"}, MISS),
-        # a published figure is met to half a unit of its last digit
-        ({"published": "20 N*m"}, AGREES), ({"published": "20.0 N*m"}, AGREES), ({"published": "0.02 kN*m"}, AGREES),
-        ({"published": "20.1 N*m"}, MISS), ({"published": "21 N*m"}, MISS),
-        ({"value": "20 N*m", "published": "20.1 N*m"}, MISS),
-        ({"value": "21 N*m", "published": "20 N*m"}, MISS),
-        # claims: rounding is one unit of the last digit, or what the reason gives
-        ({"value": "20.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING}, ROUNDING),
-        ({"value": "20.00 N*m", "published": "19.9 N*m", "verdict": ROUNDING}, ROUNDING),
-        ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING}, MISS),
-        ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING, "because": "2*10.1"}, ROUNDING),
-        ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING, "because": "2*10.2"}, MISS),
-        ({"value": "20.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING, "because": "2*10.2"}, MISS),
-        ({"value": "21.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING}, MISS),
-        ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": ROUNDING}, MISS),
-        # claims: a misprint differs from the published figure, and the independent value confirms the computed one
-        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
-        ({"formula": "M*sin(alpha)", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
-        ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": MISPRINT}, MISS),
-        ({"value": "12.0 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISS),
-        # a reason, where it is given, leads to what is printed
-        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT, "because": "2*6"}, MISPRINT),
-        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT, "because": "2*6.1"}, MISS),
-        # claims: an error of the model follows from that model, and the independent value confirms the computed one
-        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6"}, MODEL_ERROR),
-        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6.1"}, MISS),
-        ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": MODEL_ERROR, "because": "2*10"}, MISS),
-        ({"value": "12.0 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6"}, MISS),
-        # formulas, at every row
-        ({"at": "all", "formula": "M"}, AGREES), ({"at": "all", "formula": "M*(1 + 1e-9)"}, MISS),
-        ({"at": "all", "formula": "M*(1 + 1e-9)", "rtol": "1e-8"}, AGREES),
-        ({"at": "all", "value": "20 N*m"}, MISS),
-        ({"at": "all", "value": "10 N*m", "atol": "10.1 N*m"}, AGREES),
-        # a formula that is 0 is met by what rounding leaves: of 20 N*m sin(pi), 2.4e-15 N*m
-        ({"at": "end", "formula": "0*M"}, AGREES), ({"at": "end", "formula": "M - (20 N*m)*sin(alpha)"}, AGREES),
-        ({"at": "{alpha: 1e-12 rad}", "formula": "0*M"}, MISS), ({"at": "end", "formula": "0*M + (1e-12 N*m)"}, MISS),
-        # printed formulas
-        ({"at": "all", "published_formula": "20*sin(alpha)"}, AGREES),
-        ({"at": "all", "published_formula": "20*cos(alpha)"}, MISS),
-        ({"at": "all", "formula": "M", "published_formula": "20*cos(alpha)", "verdict": MISPRINT}, MISPRINT),
-        ({"at": "all", "formula": "M", "published_formula": "20*sin(alpha)", "verdict": MISPRINT}, MISS),
-        ({"at": "all", "formula": "M", "published_formula": "10*sin(alpha)", "verdict": MODEL_ERROR,
-          "because": "M/2"}, MODEL_ERROR),
-        ({"at": "all", "formula": "M", "published_formula": "10*sin(alpha)", "verdict": MODEL_ERROR,
-          "because": "M/2.1"}, MISS),
-    ],
-)  # fmt: skip
-def test_verdicts(verdict: Callable[..., Finding], fields: dict[str, str], expected: str) -> None:
-    finding = verdict(entry(**fields))
-    assert finding.verdict == expected, finding
-    assert finding.ok == (expected != MISS)
-    assert bool(finding.reason) == (expected == MISS)
+VERDICTS = [
+    # a value is met to half a unit of its own last digit, or to what is said
+    ({"value": "20.00000 N*m"}, AGREES), ({"value": "2e1 N*m"}, AGREES),
+    ({"value": "20.4 N*m"}, MISS), ({"value": "-20 N*m"}, MISS),
+    ({"value": "20.4 N*m", "rtol": "0.02"}, AGREES), ({"value": "20.4 N*m", "rtol": "0.019"}, MISS),
+    ({"value": "20.4 N*m", "atol": "0.41 N*m"}, AGREES), ({"value": "20.4 N*m", "atol": "390 N*mm"}, MISS),
+    ({"value": "20.4 N*m", "rtol": "0", "atol": "0 N*m"}, MISS),
+    # without a unit too: YAML reads the number, the digits are those of the text
+    ({"quantity": "M/(1.02 N*m)", "value": "19.6"}, AGREES), ({"quantity": "M/(1.02 N*m)", "value": "19.60"}, MISS),
+    ({"quantity": "M/(1.02 N*m)", "value": "1.960e1"},
+     MISS),
+    ({"quantity": "M/(0.98 mN*m)", "value": "2.0e4"}, AGREES), ({"quantity": "M/(1 mN*m)", "value": "2.1e4"}, MISS),
+    # the last of 17 digits is below rounding
+    ({"value": "20.000000000000007 N*m"}, AGREES), ({"published": "20.000000000000007 N*m"}, AGREES),
+    ({"at": "{alpha: 90 deg}", "value": "20.00000000000004 N*m"}, MISS),
+        ({"published": "20.00000000000004 N*m"}, MISS),
+    # a published figure is met to half a unit of its last digit
+    ({"published": "20.0 N*m"}, AGREES), ({"published": "0.02 kN*m"}, AGREES),
+    ({"published": "20.1 N*m"}, MISS), ({"published": "21 N*m"}, MISS),
+    ({"value": "20 N*m", "published": "20.1 N*m"}, MISS),
+    ({"value": "21 N*m", "published": "20 N*m"}, MISS),
+    # claims: rounding is one unit of the last digit, or what the reason gives
+    ({"value": "20.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING}, ROUNDING),
+    ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING}, MISS),
+    ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING, "because": "2*10.1"}, ROUNDING),
+    ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING, "because": "2*10.2"}, MISS),
+    ({"value": "20.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING, "because": "2*10.2"}, MISS),
+    ({"value": "21.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING}, MISS),
+    ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": ROUNDING}, MISS),
+    # claims: a misprint differs from the published figure, and the independent value confirms the computed one
+    ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
+    ({"formula": "M*sin(alpha)", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
+    ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": MISPRINT}, MISS),
+    ({"value": "12.0 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISS),
+    # a reason, where it is given, leads to what is printed
+    ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT, "because": "2*6"}, MISPRINT),
+    ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT, "because": "2*6.1"}, MISS),
+    # claims: an error of the model follows from that model, and the independent value confirms the computed one
+    ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6"}, MODEL_ERROR),
+    ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6.1"}, MISS),
+    ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": MODEL_ERROR, "because": "2*10"}, MISS),
+    ({"value": "12.0 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6"}, MISS),
+    # formulas, at every row
+    ({"at": "all", "formula": "M"}, AGREES), ({"at": "all", "formula": "M*(1 + 1e-9)"}, MISS),
+    ({"at": "all", "formula": "M*(1 + 1e-9)", "rtol": "1e-8"}, AGREES),
+    ({"at": "all", "value": "20 N*m"}, MISS),
+    ({"at": "all", "value": "10 N*m", "atol": "10.1 N*m"}, AGREES),
+    # a formula that is 0 is met by what rounding leaves: of 20 N*m sin(pi), 2.4e-15 N*m
+    ({"at": "end", "formula": "0*M"}, AGREES), ({"at": "end", "formula": "M - (20 N*m)*sin(alpha)"}, AGREES),
+    ({"at": "{alpha: 1e-12 rad}", "formula": "0*M"}, MISS), ({"at": "end", "formula": "0*M + (1e-12 N*m)"}, MISS),
+    # printed formulas
+    ({"at": "all", "published_formula": "20*sin(alpha)"}, AGREES),
+    ({"at": "all", "published_formula": "20*cos(alpha)"}, MISS),
+    ({"at": "all", "formula": "M", "published_formula": "20*cos(alpha)", "verdict": MISPRINT}, MISPRINT),
+    ({"at": "all", "formula": "M", "published_formula": "20*sin(alpha)", "verdict": MISPRINT}, MISS),
+    ({"at": "all", "formula": "M", "published_formula": "10*sin(alpha)", "verdict": MODEL_ERROR,
+      "because": "M/2"}, MODEL_ERROR),
+    ({"at": "all", "formula": "M", "published_formula": "10*sin(alpha)", "verdict": MODEL_ERROR,
+      "because": "M/2.1"}, MISS),
+    # a printed 20.0 reaches to 20.05
+    ({"published": "20.0 N*m", "quantity": "M*1.0024"}, AGREES),
+    ({"published": "20.0 N*m", "quantity": "M*1.0026"}, MISS),
+    # what is no number, or infinite at one row, is met by nothing
+    ({"at": "all", "formula": '"M*sqrt(alpha - 9)"'}, MISS),
+    ({"at": "all", "published_formula": '"20*sqrt(alpha - 9)"'}, MISS),
+    ({"at": "all", "formula": '"(1 N*m)/sin(alpha)"'}, MISS),
+    ({"at": "all", "published_formula": '"(1 N*m)/sin(alpha)"'}, MISS),
+]  # fmt: skip
 
 
-def test_half_a_unit_is_half_a_unit(verdict: Callable[..., Finding]) -> None:
-    """A printed 20.0 reaches to 20.05."""
-    assert verdict(entry(published="20.0 N*m", quantity="M*1.0024")).verdict == AGREES
-    assert verdict(entry(published="20.0 N*m", quantity="M*1.0026")).verdict == MISS
+def test_verdicts(scenario: Callable[..., Any]) -> None:
+    entries = "".join(f"  - {{{entry(**fields)}, source: by hand}}\n" for fields, _ in VERDICTS)
+    findings = pinarm.check(scenario("statics", "expect:\n" + entries))
+    for (fields, expected), finding in zip(VERDICTS, findings, strict=True):
+        assert finding.verdict == expected, fields
+        assert finding.ok == (expected != MISS), fields
+        assert bool(finding.reason) == (expected == MISS), fields
+    assert misses(findings) == sum(expected == MISS for _, expected in VERDICTS)
 
 
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"published": "1 N*m"}, {"published_formula": "M"}, {"value": "1 N*m"}, {"formula": "M"},
-        {"value": "1 N*m", "rtol": "1"}, {"value": "1 N*m", "published": "2 N*m", "verdict": MISPRINT},
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("where", ["all", "end", "max", "{pivot: 90 deg}"])
+@pytest.mark.parametrize(("fields", "where"), [
+    ({"published": "1 N*m"}, "end"), ({"published_formula": "M"}, "all"), ({"value": "1 N*m"}, "max"),
+    ({"formula": "M"}, "all"), ({"value": "1 N*m", "rtol": "1"}, "{pivot: 90 deg}"),
+    ({"value": "1 N*m", "published": "2 N*m", "verdict": MISPRINT}, "end"),
+])  # fmt: skip
 def test_what_is_not_a_number_agrees_with_nothing(
     verdict: Callable[..., Finding], fields: dict[str, str], where: str
 ) -> None:
@@ -130,19 +130,6 @@ def test_what_is_not_a_number_agrees_with_nothing(
     except pinarm.PinarmError:
         return  # to say so is as good
     assert finding.verdict == MISS
-
-
-@pytest.mark.parametrize("fields", [{"formula": '"M*sqrt(alpha - 9)"'}, {"published_formula": '"20*sqrt(alpha - 9)"'}])
-def test_a_formula_that_is_not_a_number_is_met_by_nothing(
-    verdict: Callable[..., Finding], fields: dict[str, str]
-) -> None:
-    assert verdict(entry(at="all", **fields)).verdict == MISS
-
-
-@pytest.mark.parametrize("key", ["formula", "published_formula"])
-def test_a_formula_that_is_infinite_at_one_row_is_met_by_nothing(verdict: Callable[..., Finding], key: str) -> None:
-    """Its largest value scales the rounding that is left to it."""
-    assert verdict(entry(at="all", **{key: '"(1 N*m)/sin(alpha)"'})).verdict == MISS
 
 
 def test_what_is_known_worse_than_asked_does_not_agree() -> None:
@@ -161,15 +148,15 @@ def test_what_is_known_worse_than_asked_does_not_agree() -> None:
 @pytest.mark.parametrize(
     ("fields", "says"),
     [
-        ({"value": "20 N"}, "not a unit of this quantity"), ({"value": "20"}, "no unit"),
-        ({"published": "'20'"}, "no unit"), ({"published": "20 kg"}, "not a unit"),
-        ({"value": "20 N*m", "atol": "1 kg"}, "not a unit"), ({"value": "20 N*m", "atol": "1"}, "no unit"),
+        ({"value": "20 N"}, "not a unit of this quantity"), ({"published": "'20'"}, "no unit"),
+        ({"value": "20 N*m", "atol": "1 kg"}, "not a unit"), ({"quantity": "alpha", "value": "180"}, "no unit"),
         ({"formula": "alpha"}, "the same dimension"), ({"formula": "nothing"}, "no quantity 'nothing'"),
         ({"quantity": "joint.pivto.effort", "value": "1 N*m"}, "joint.pivot.effort"),
-        ({"value": "1e999 N*m"}, ""), ({"published": "1e999 N*m"}, ""), ({"value": "20 N*m", "atol": "1e999 N*m"}, ""),
-        ({"quantity": "alpha", "value": "180"}, "no unit"),
-        ({"quantity": "alpha", "value": "180 deg", "atol": "1"}, "no unit"),
-        ({"value": "20 N*m", "atol": "-1 N*m"}, ""), ({"value": "true"}, ""), ({"value": "20 h^99"}, ""),
+        ({"published": "1e999 N*m"}, ""), ({"value": "20 N*m", "atol": "-1 N*m"}, ""), ({"value": "true"}, ""),
+        ({"value": "20 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR}, "is confirmed by what it assumes"),
+        ({"value": "20 N*m", "published": "12.0 N*m", "verdict": ROUNDING, "erratum": "sign"},
+         "an erratum is a misprint or a model error, not 'rounding'"),
+        ({"published": "12.0 N*m", "published_formula": "20*sin(alpha)"}, "not both"),
     ],
 )  # fmt: skip
 def test_entries_that_ask_too_much(verdict: Callable[..., Finding], fields: dict[str, str], says: str) -> None:
@@ -177,42 +164,6 @@ def test_entries_that_ask_too_much(verdict: Callable[..., Finding], fields: dict
         verdict(entry(**fields))
     assert says in str(caught.value)
     assert "statics.yaml:9:" in str(caught.value), "the place of the entry"
-
-
-def test_what_a_finding_carries(verdict: Callable[..., Finding]) -> None:
-    finding = verdict(entry(value="19 N*m", atol="2 N*m", published="12.0 N*m", verdict=MISPRINT))
-    assert finding.scenario == "statics"
-    assert str(finding.unit) == "N*m"
-    # the maximum is solved for: its error is that of rounding
-    assert finding.computed == pytest.approx(20.0, rel=1e-14)
-    assert (finding.independent, finding.published) == (19.0, 12.0)
-    assert finding.error == pytest.approx(1 / 19, rel=1e-12)
-
-
-def test_of_many_rows_the_worst_is_shown(scenario: Callable[..., Any]) -> None:
-    [finding] = pinarm.check(
-        scenario("statics", "expect:\n  - {quantity: alpha, value: 0 rad, atol: 1 rad, source: s}\n")
-    )
-    assert finding.computed == pytest.approx(3.141592653589793, rel=1e-15)
-    assert finding.verdict == MISS
-
-
-@pytest.mark.parametrize(
-    ("fields", "says"),
-    [
-        ({"verdict": MODEL_ERROR}, "a model error is confirmed by what it assumes"),
-        ({"verdict": ROUNDING, "erratum": "sign"}, "an erratum is a misprint or a model error, not 'rounding'"),
-    ],
-)  # fmt: skip
-def test_errata_that_say_too_little(verdict: Callable[..., Finding], fields: dict[str, str], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        verdict(entry(value="20 N*m", published="12.0 N*m", **fields))
-
-
-def test_what_is_published_is_a_figure_or_a_formula(verdict: Callable[..., Finding]) -> None:
-    """Of both only one would be compared."""
-    with pytest.raises(InputError, match="not both"):
-        verdict(entry(published="12.0 N*m", published_formula="20*sin(alpha)"))
 
 
 def test_a_zero_without_decimals_does_not_say_how_near(scenario: Callable[..., Any]) -> None:
@@ -247,14 +198,6 @@ def test_what_is_less_accurate_than_wanted_is_a_miss() -> None:
     assert re.fullmatch(r"the global error is \S+, not below its target 1e-18", finding.reason)
 
 
-def test_misses_are_counted(scenario: Callable[..., Any]) -> None:
-    entries = "".join(f"  - {{quantity: M, at: max, value: {value} N*m, source: s}}\n" for value in (20, 21, 22))
-    findings = pinarm.check(scenario("statics", "expect:\n" + entries))
-    assert [finding.verdict for finding in findings] == [AGREES, MISS, MISS]
-    assert misses(findings) == 2
-    assert misses([]) == 0
-
-
 def test_a_result_that_is_there_is_not_computed_again(scenario: Callable[..., Any]) -> None:
     one, other = scenario("statics"), scenario("statics", "expect:\n  - {quantity: M, value: 1 N*m, source: s}\n")
     assert len(pinarm.check(other, result=one.run())) == 1
@@ -273,19 +216,18 @@ def test_a_column_that_crosses_zero_is_judged_by_its_largest_value(verdict: Call
     assert verdict(entry(at="all", quantity="M + (7.4e-4 N*m)", formula="M", rtol="1e-5")).verdict == MISS
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-6, 1e-3, 1.0, 40.0])
-@pytest.mark.parametrize(
-    "allowed",
-    [{}, {"rtol": "1e-5"}, {"atol": "1e-3 N*m"}, {"rtol": "1e-7", "atol": "1e-8 N*m"}, {"rtol": "1e-2"}],
-)
-@pytest.mark.parametrize("wanted", [{"at": "all", "formula": "M"}, {"at": "max", "value": "20.00 N*m"}])
-def test_the_printed_difference_and_the_allowed_one_are_those_compared(
-    verdict: Callable[..., Finding], off: float, allowed: dict[str, str], wanted: dict[str, str]
-) -> None:
-    found = verdict(entry(quantity=f"M*(1 + {off!r})", **wanted, **allowed))
-    assert found.error is not None
-    assert found.allowed is not None
-    assert (found.verdict == AGREES) == (found.error <= found.allowed)
+def test_the_printed_difference_and_the_allowed_one_are_those_compared(scenario: Callable[..., Any]) -> None:
+    given = [
+        entry(quantity=f"M*(1 + {off!r})", **wanted, **allowed)
+        for off in (0.0, 1e-6, 1e-3, 40.0)
+        for allowed in ({}, {"rtol": "1e-5"}, {"atol": "1e-3 N*m"}, {"rtol": "1e-7", "atol": "1e-8 N*m"})
+        for wanted in ({"at": "all", "formula": "M"}, {"at": "max", "value": "20.00 N*m"})
+    ]
+    findings = pinarm.check(scenario("statics", "expect:\n" + "".join(f"  - {{{one}, source: s}}\n" for one in given)))
+    assert {found.verdict for found in findings} == {AGREES, MISS}
+    for found in findings:
+        assert found.error is not None and found.allowed is not None
+        assert (found.verdict == AGREES) == (found.error <= found.allowed), found
 
 
 def test_a_miss_tells_its_row_both_numbers_their_difference_and_the_allowed_one(

@@ -29,16 +29,12 @@ def values(path: str, given: object) -> list[object]:
         ("x", "20, 40, 60 kg", ["20.0 kg", "40.0 kg", "60.0 kg"]),
         ("x", "1 kg, 500 g", ["1.0 kg", "0.5 kg"]),
         ("x", "0:1:3", [0.0, 0.5, 1.0]),
-        ("x", "0:10:3", [0, 5, 10]),
         ("x", "20:100:3 kN*m", ["20.0 kN*m", "60.0 kN*m", "100.0 kN*m"]),
         ("angle", "10, 20", ["10.0 deg", "20.0 deg"]),
-        ("angle", "0.1, 0.2 rad", ["0.1 rad", "0.2 rad"]),
-        ("mass", [1, 2], ["1.0 kg", "2.0 kg"]),
         ("mass", np.array([0.1, 0.2]), ["0.1 kg", "0.2 kg"]),
         ("mass", ["100 g", "1 kg"], ["100.0 g", "1000.0 g"]),
         ("law", "trapezoid, s_curve", ["trapezoid", "s_curve"]),
         ("flag", "true, false", [True, False]),
-        ("x", "2", [2]),
     ],
 )
 def test_every_form_gives_its_values(path: str, given: object, wanted: list[object]) -> None:
@@ -53,23 +49,14 @@ def test_every_form_gives_its_values(path: str, given: object, wanted: list[obje
         ("1 kg, 2, 3 kg", "some of the values have a unit"),
         ("1 kg, 2 m", "different kinds"),
         ("1, two", "is no number"),
-        ("1, ٢", "is no number"),
-        ("1, 1_0", r"unknown unit|is no number"),
         ("1, " + "9" * 400, "beyond all numbers"),
-        ("1:2", "are no values"),
         ("1,000 kg", "a comma between thousands"),
         ("1:2:1", "no grid"),
-        ("1:1:5", "no grid"),
         ("1 kg:2 kg:5", "the unit once, at the end"),
         ("normal(1)", "are no values"),
         ("normal(1, 0)", "has no width"),
-        ("uniform(2, 1)", "has no width"),
-        ("tolerance(1, -1)", "has no width"),
         ("1, 2 kgs", "unknown unit 'kgs'"),
-        ("1:2:3 kgs", "unknown unit 'kgs'"),
-        ("", "is no number"),
         ([], "are no values"),
-        (3.0, "are no values"),
     ],
 )
 def test_what_says_no_values_is_refused_with_its_place(given: object, message: str) -> None:
@@ -108,11 +95,10 @@ def test_a_table_of_cases_has_paths_and_units_in_its_heading(tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     ("text", "place"),
-    [("a\n1\n2,3\n", "cases.csv:3:1"), ("a,b\n1,\n", "cases.csv:2:1"), ("a\n", "cases.csv: there are no cases"),
-     ("a [kgs]\n1\n", "cases.csv:1:1: unknown unit"), ("a [kg\n1\n", "is no heading"), ("", "there are no cases"),
+    [("a\n1\n2,3\n", "cases.csv:3:1"), ("a\n", "cases.csv: there are no cases"),
+     ("a [kgs]\n1\n", "cases.csv:1:1: unknown unit"), ("a [kg\n1\n", "is no heading"),
      ("a [kg]\n1\n2\nabc\n", "cases.csv:4:1: 'abc' is no number"), ("b,a [kg]\n1,2\n1,nan\n", "cases.csv:3:1"),
-     ("a [kg]\n1\n2 kg\n", "cases.csv:"), ("# mine\na\n1\n", "cases.csv:1:1: the first line is a comment"),
-     ("a,b\n1,2\n# old, 3\n", "cases.csv:3:1: '# old' is no number")],
+     ("# mine\na\n1\n", "cases.csv:1:1: the first line is a comment")],
 )  # fmt: skip
 def test_a_mistake_in_a_table_of_cases_is_told_with_its_line(tmp_path: Path, text: str, place: str) -> None:
     (tmp_path / "cases.csv").write_text(text)

@@ -1,9 +1,6 @@
 """The table as Parquet, in parts."""
 
-import os
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -67,48 +64,6 @@ def test_parts_appear_while_cases_are_solved_and_have_the_bytes_of_those_at_the_
     pinarm.sweep(held, over, workers=1, folder=out).save(out, plots=False, parquet=True)
     assert parts(out) == streamed
     assert not (out / "partial").exists()
-
-
-@pytest.mark.slow
-def test_a_killed_sweep_goes_on_and_has_the_bytes_of_one_that_was_not(path: Path, tmp_path: Path) -> None:
-    pytest.importorskip("pyarrow")
-
-    def start(out: Path, workers: int) -> "subprocess.Popen[bytes]":
-        command = [
-            sys.executable,
-            "-m",
-            "pinarm",
-            "sweep",
-            str(path),
-            "--over",
-            "arguments.m=1:3:15000 kg",
-            "--no-plots",
-        ]
-        command += ["--parquet", "-j", str(workers), "-o", str(out)]
-        known = {**os.environ, "PYTHONPATH": str(Path(pinarm.__file__).parents[1])}
-        return subprocess.Popen(command, env=known, stdout=subprocess.DEVNULL)
-
-    out, whole, deadline = tmp_path / "out", tmp_path / "whole", time.monotonic() + 300
-    begun = start(out, 2)
-    while not parts(out / "partial"):
-        assert begun.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    begun.kill()
-    begun.wait()
-    kept = parts(out / "partial")
-    for folder, workers in ((out, 2), (whole, 1)):
-        start(folder, workers).wait(600)
-    assert len(parts(whole)) == 2
-    assert kept == {name: parts(whole)[name] for name in kept}
-    names = (
-        "cases.csv",
-        "cases.npz",
-        "summary.json",
-        "manifest.json",
-        *(f"cases.parquet/{name}" for name in parts(whole)),
-    )
-    assert [(out / name).read_bytes() for name in names] == [(whole / name).read_bytes() for name in names]
 
 
 def test_without_pyarrow_it_is_said_before_the_work(

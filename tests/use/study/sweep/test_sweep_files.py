@@ -13,12 +13,8 @@ from pinarm.input.yaml.document import Document
 OVER = {"arguments.m": "-1, 0.1, 0.3 kg", "symbols.s": "alpha, 2*alpha"}
 
 
-@pytest.fixture
-def sweep(held: pinarm.Scenario) -> pinarm.Sweep:
-    return pinarm.sweep(held, OVER, results=["M @ end", "min(0, 1)*s"])
-
-
-def test_the_table_is_read_back_to_the_last_digit(sweep: pinarm.Sweep, tmp_path: Path) -> None:
+def test_table_statistics_and_definition_are_read_back(held: pinarm.Scenario, tmp_path: Path) -> None:
+    sweep = pinarm.sweep(held, OVER, results=["M @ end", "min(0, 1)*s"])
     sweep.save(tmp_path / "out", plots=False)
     with open(tmp_path / "out" / "cases.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -29,10 +25,6 @@ def test_the_table_is_read_back_to_the_last_digit(sweep: pinarm.Sweep, tmp_path:
         np.testing.assert_array_equal(arrays["M @ end"], sweep["M @ end"].values)
         assert dict(arrays["units"].tolist())["arguments.m"] == "kg"
         assert arrays["error"].tolist() == [sweep.errors.get(case, "") for case in range(6)]
-
-
-def test_the_statistics_are_those_of_the_cases_that_were_solved(sweep: pinarm.Sweep, tmp_path: Path) -> None:
-    sweep.save(tmp_path / "out", plots=False)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     found = summary["results"]["M @ end"]
     assert (summary["cases"], summary["failed"], found["cases"], found["unit"]) == (6, 2, 4, "N*m")
@@ -40,13 +32,7 @@ def test_the_statistics_are_those_of_the_cases_that_were_solved(sweep: pinarm.Sw
               "5 %": 1, "95 %": 3}  # fmt: skip
     assert {key: found[key] for key in wanted} == pytest.approx(wanted, rel=1e-12)
     assert summary["accuracy"]["equilibrium"] < 1e-13
-
-
-def test_the_definition_says_what_was_asked(sweep: pinarm.Sweep, tmp_path: Path) -> None:
-    sweep.save(tmp_path / "out", plots=False)
     asked = Document.read(tmp_path / "out" / "sweep.yaml").data
-    assert asked["over"] == OVER
-    assert asked["units"] == {"arguments.m": "kg"}
+    assert (asked["over"], asked["units"], asked["base"]["mechanism"]) == (OVER, {"arguments.m": "kg"}, "pendulum.yaml")
     assert asked["results"] == ["M @ end", "min min(0, 1)*s", "max min(0, 1)*s"]
     assert (tmp_path / "out" / asked["scenario"]).resolve() == tmp_path / "held.yaml"
-    assert asked["base"]["mechanism"] == "pendulum.yaml"
