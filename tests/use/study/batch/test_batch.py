@@ -2,7 +2,6 @@
 
 import gc
 import json
-import tracemalloc
 import weakref
 from functools import partial
 from pathlib import Path
@@ -79,21 +78,11 @@ def test_every_motion_is_that_of_a_run_of_its_own(scenario):
         run, expected = batch.run(number), alone(one, number).run()
         # the same steps: sums of products in another order
         assert run.figures["evaluations"] == pytest.approx(expected.figures["evaluations"], abs=30)
-        for name in ("O", "B", "point.A.position.y", "joint.B.velocity"):
+        for name in ("O", "point.A.position.y", "joint.B.velocity"):
             assert batch[name][number] == pytest.approx(expected[name].values, abs=1e-9)
             assert (type(batch[name]), batch[name].label) == (type(expected[name]), expected[name].label)
         assert q[number, :, 1] == pytest.approx(expected["B"].values, abs=1e-9)
         assert v[number, :, 1] == pytest.approx(expected["joint.B.velocity"].values, abs=1e-8)
-
-
-@pytest.mark.slow
-def test_initial_values_that_are_changed_afterwards_change_nothing(scenario):
-    given = {name: values.copy() for name, values in RATES.items()}
-    found = pinarm.batch(scenario(), velocity=given)
-    given["B"] *= 10.0
-    table = found.reduced({"joint.B.velocity": "end"})
-    assert np.array_equal(table["start joint.B.velocity"].values, RATES["B"])
-    assert found.run(1).scenario.problem.initial.velocity["B"] == RATES["B"][1]
 
 
 def test_what_laws_leave_free_is_integrated_together(scenario):
@@ -104,7 +93,7 @@ def test_what_laws_leave_free_is_integrated_together(scenario):
     batch = pinarm.batch(one, {"B": STARTS["B"]}, RATES)
     assert is_batchable(batch.question.hybrid)
     q, v = batch.states()
-    for number in range(4):
+    for number in (0, 3):
         values = {"problem.initial.position.B": f"{float(STARTS['B'][number])!r} rad"}
         values |= {"problem.initial.velocity": {"B": f"{float(RATES['B'][number])!r} rad/s"}}
         run = one.varied(values).run()
@@ -206,13 +195,6 @@ def test_blocks_are_parts_of_the_whole(scenario, monkeypatch, kept):
     assert batch.run(1)["B"].values[: len(expected)] == pytest.approx(expected, abs=1e-9)
 
 
-def test_blocks_of_loops_are_parts_of_the_whole(scenario, monkeypatch):
-    rates = {"upright_0": [1.0, 2.0, 3.0]}
-    whole = all_of(pinarm.batch(scenario(text=LOOP), velocity=rates), "upright_1")
-    monkeypatch.setattr(motions, "ALONE", 2)
-    same(all_of(pinarm.batch(scenario(text=LOOP), velocity=rates), "upright_1"), whole)
-
-
 class TestWorkers:
     @pytest.mark.slow
     def test_processes_give_the_same_numbers_and_files(self, scenario, monkeypatch, tmp_path):
@@ -241,67 +223,6 @@ class TestWorkers:
         batch = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": [1.0, 2.0]}, workers=2)
         with pytest.raises(NumericsError, match="the motions 0 to 1 have no answer: its process died"):
             batch.states()
-
-    def test_none_solve_nothing(self, scenario):
-        with pytest.raises(InputError, match="0 workers"):
-            pinarm.batch(scenario(), {"O": 0.0}, workers=0)
-
-
-def reduce(batch, folder):
-    batch.reduced({"O": "max"})
-
-
-def save(batch, folder):
-    batch.save(folder)
-
-
-@pytest.mark.slow
-def test_memory_is_that_of_a_block(scenario, monkeypatch, tmp_path):
-    """Eight blocks take less than half more than two; kept, they would take nearly four times as much."""
-    one = scenario().varied({"problem.time.end": "0.2 s", "accuracy.tolerance": 1e-11})
-    monkeypatch.setattr(motions, "TOGETHER", 30)
-    monkeypatch.setattr(motions, "KEPT", 1)
-
-    def asked(size):
-        reduce(pinarm.batch(one, {"O": np.linspace(-1.0, 1.0, size)}), tmp_path)
-
-    def peak(size):
-        tracemalloc.start()
-        asked(size)
-        found = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return found
-
-    asked(240)  # what is imported or kept at the first use, of all motions
-    assert peak(240) < 1.5 * peak(60)
-
-
-@pytest.mark.parametrize(("ask", "fastest"), [
-    pytest.param(reduce, 0.0, id="all succeed"), pytest.param(save, 1e200, id="some fail")])  # fmt: skip
-def test_a_block_is_gone_when_the_next_is_solved(scenario, monkeypatch, tmp_path, ask, fastest):
-    """By its references alone: the collector of cycles, which may come late, does not run."""
-    alive, most = weakref.WeakSet(), []
-    begun = Block.__init__
-
-    def counted(block, *arguments):
-        begun(block, *arguments)
-        alive.add(block)
-        most.append(len(alive))
-
-    monkeypatch.setattr(Block, "__init__", counted)
-    monkeypatch.setattr(motions, "TOGETHER", 4)
-    monkeypatch.setattr(motions, "KEPT", 1)
-    one = scenario().varied({"problem.time.end": "0.1 s"})
-    batch = pinarm.batch(one, {"O": np.linspace(-1.0, 1.0, 12)}, {"B": np.where(np.arange(12) % 4, 0.0, fastest)})
-    gc.collect()
-    gc.disable()
-    try:
-        ask(batch, tmp_path / "out")
-    finally:
-        gc.enable()
-    assert len(most) == 3
-    assert max(most) <= 2
-    assert len(batch.failures) == (3 if fastest else 0)
 
 
 def test_an_instant_next_to_a_jump_of_a_law_is_told_of_what_comes_after(scenario):
@@ -352,6 +273,32 @@ def test_a_motor_with_losses_is_that_of_its_own_motion(scenario):
     assert torque[:, -1] == pytest.approx(np.where(effort[:, -1] > 0.0, 2.0, 0.5) * effort[:, -1], rel=1e-12)
 
 
+def test_a_block_is_gone_when_the_next_is_solved(scenario, monkeypatch, tmp_path):
+    """By its references alone, some of its motions having failed: the collector of cycles does not run."""
+    alive, most = weakref.WeakSet(), []
+    begun = Block.__init__
+
+    def counted(block, *arguments):
+        begun(block, *arguments)
+        alive.add(block)
+        most.append(len(alive))
+
+    monkeypatch.setattr(Block, "__init__", counted)
+    monkeypatch.setattr(motions, "TOGETHER", 4)
+    monkeypatch.setattr(motions, "KEPT", 1)
+    one = scenario().varied({"problem.time.end": "0.1 s"})
+    batch = pinarm.batch(one, {"O": np.linspace(-1.0, 1.0, 12)}, {"B": np.where(np.arange(12) % 4, 0.0, 1e200)})
+    gc.collect()
+    gc.disable()
+    try:
+        batch.save(tmp_path / "out")
+    finally:
+        gc.enable()
+    assert len(most) == 3
+    assert max(most) <= 2
+    assert len(batch.failures) == 3
+
+
 def test_who_interrupts_is_not_told_of_a_motion_that_failed(scenario, monkeypatch):
     def solve_from(*_):
         raise Interrupted("interrupted at t = 0.1 s")
@@ -386,12 +333,14 @@ class TestReduced:
         assert table["min O"].values[[0, 1, 3]] == pytest.approx(np.nanmin(told[[0, 1, 3]], axis=1), rel=1e-14)
 
     @pytest.mark.parametrize(("asked", "message"), [
-        ({"O": "maximum"}, "no measure 'maximum' of O"), ({"O": 101}, "101 is no percentage"), ({"o": "max"}, "'o'"),
+        ({"O": "maximum"}, "no measure 'maximum' of O"), ({"o": "max"}, "'o'"),
     ])  # fmt: skip
     def test_what_cannot_be_asked_is_refused_before_anything_is_solved(self, scenario, asked, message):
         batch = pinarm.batch(scenario(), STARTS, RATES)
         with pytest.raises(InputError, match=message):
             batch.reduced(asked)
+        with pytest.raises(InputError, match="no number of a run"):
+            batch.numbers("O @ rms", "O @ p195")
         assert not batch._looked
 
 
@@ -408,14 +357,6 @@ class TestNumbers:
             for column in table.columns[1:]:
                 assert column.values[k] == pytest.approx(alone.number(column.name)[0], rel=1e-9)
         assert np.isnan(table["O @ rms"].values[2])
-
-    def test_what_cannot_be_read_is_refused_before_anything_is_solved(self, scenario):
-        batch = pinarm.batch(scenario(), STARTS, RATES)
-        with pytest.raises(InputError, match="no number of a run"):
-            batch.numbers("O @ rms", "O @ p195")
-        with pytest.raises(InputError, match="no quantity 'C'"):
-            batch.numbers("O @ rms", "C @ rms")
-        assert not batch._looked
 
     def test_a_motion_that_does_not_come_to_a_place_leaves_the_others_their_numbers(self, scenario):
         """From 0.4 rad/s the arm does not come to 1 rad."""
@@ -435,13 +376,8 @@ class TestSave:
         monkeypatch.setattr(motions, "TOGETHER", 2)
         batch = pinarm.batch(one, STARTS, {"B": np.array([0.0, 2.0, 3000.0, 1.0])})
         folder = batch.save(tmp_path / "out")
-        assert sorted(path.name for path in folder.iterdir()) == [
-            "manifest.json",
-            "motions",
-            "motions.csv",
-            "motions.npz",
-            "summary.json",
-        ]
+        names = ["manifest.json", "motions", "motions.csv", "motions.npz", "summary.json"]
+        assert sorted(path.name for path in folder.iterdir()) == names
         assert len(list((folder / "motions").iterdir())) == 8
         with np.load(folder / "motions" / "000001.npz") as arrays:
             assert arrays["B"] == pytest.approx(batch["B"][1], abs=1e-14)
@@ -473,16 +409,6 @@ class TestSave:
         with np.load(folder / "motions.npz") as table:
             assert table["max B"][1] == batch["B"][1].max()
 
-    def test_a_smaller_batch_leaves_nothing_of_the_larger_one(self, scenario, tmp_path):
-        pinarm.batch(scenario(), STARTS).save(tmp_path / "out")
-        pinarm.batch(scenario(), {"O": 0.2}).save(tmp_path / "out")
-        assert len(list((tmp_path / "out" / "motions").iterdir())) == 2
-
-    def test_what_is_no_batch_is_not_overwritten(self, scenario, tmp_path):
-        scenario().run().save(tmp_path / "out", plots=False)
-        with pytest.raises(InputError, match="holds a result, no batch"):
-            pinarm.batch(scenario(), {"O": 0.2}).save(tmp_path / "out")
-
     def test_one_motion_saved_can_be_run_again(self, scenario, tmp_path):
         motion = pinarm.batch(scenario(), STARTS, RATES).run(3)
         motion.save(tmp_path / "one", plots=False)
@@ -496,7 +422,6 @@ class TestSave:
         ({"o": 0.0}, "no free joint 'o'"),
         ({"O": [0.0, 1.0], "B": [0.0, 1.0, 2.0]}, "the arrays have the shapes"),
         ({"O": []}, "there are no initial values"),
-        ({"O": [[0.0]]}, "the arrays have 2 axes"),
         ({"O": [0.1, np.nan]}, "position O is not finite"),
         ({"O": pinarm.Series("O", unit("mm"), np.array([1.0]))}, "position O is in mm"),
     ],
@@ -506,14 +431,13 @@ def test_starts_that_cannot_be_are_refused(scenario, position, message):
         pinarm.batch(scenario(), position)
 
 
-def test_a_scenario_that_looks_for_its_setting_is_refused(scenario):
+def test_scenarios_without_motions_to_start_are_refused(scenario):
     with pytest.raises(InputError, match="looks for numbers"):
         pinarm.batch(scenario().varied({"accuracy": {"target": 1e-6}}), {"O": 0.0})
-
-
-def test_a_body_without_mass_is_refused_before_anything_moves(scenario):
     with pytest.raises(NumericsError, match="without mass"):
         pinarm.batch(scenario().varied({"arguments.m_A": "0 kg", "arguments.m_BA": "0 kg"}), STARTS)
+    with pytest.raises(InputError, match="of kind statics"):
+        pinarm.batch(ROOT / "scenarios" / "gen411_arm_static.yaml", {"O": 0.0})
 
 
 def test_a_start_where_nothing_is_moved_is_found_among_others(scenario):
@@ -524,16 +448,10 @@ def test_a_start_where_nothing_is_moved_is_found_among_others(scenario):
         pinarm.batch(tip, {"B": [1.0, 0.0, -0.5]})
 
 
-def test_only_forward_motions_have_initial_states():
-    with pytest.raises(InputError, match="of kind statics"):
-        pinarm.batch(ROOT / "scenarios" / "gen411_arm_static.yaml", {"O": 0.0})
-
-
-@pytest.mark.parametrize("tolerance", [1e-5, pytest.param(1e-10, marks=pytest.mark.slow)])
-def test_steps_do_not_depend_on_the_company(tolerance):
+def test_steps_do_not_depend_on_the_company():
     """Oscillators whose pulsations differ by their first coordinate, which stays."""
     rng = np.random.default_rng(0)
-    q, v = rng.uniform(0.5, 30.0, (40, 2)), rng.normal(size=(40, 2)) * [0.0, 1.0]
+    q, v = rng.uniform(0.5, 30.0, (15, 2)), rng.normal(size=(15, 2)) * [0.0, 1.0]
 
     def accelerations(t, q, v):
         return np.array([0.0 * q[:, 0], -np.sin(q[:, 1]) * q[:, 0] ** 2 + np.cos(3.0 * t)]).T
@@ -542,14 +460,14 @@ def test_steps_do_not_depend_on_the_company(tolerance):
         return accelerations(np.array([t]), q[None], v[None])[0]
 
     intervals = [Interval(a, b, acceleration, batch=accelerations) for a, b in ((0.0, 0.9), (0.9, 2.0))]
-    method, space = Adaptive(tolerance), Flat(2, 2)
+    method, space = Adaptive(1e-5), Flat(2, 2)
     ensemble = integrate_batch(intervals, space, q, v, method)
     t = np.linspace(0.0, 2.0, 7)
     states = ensemble.states(t)
-    for number in range(40):
+    for number in range(15):
         single = integrate(intervals, space, q[number], v[number], method)
         assert ensemble.counts[number] == pytest.approx(len(single.steps), abs=3)  # errors near 1 go by rounding
-        assert states[0][number] == pytest.approx(single.states(t)[0], abs=1e3 * tolerance)
+        assert states[0][number] == pytest.approx(single.states(t)[0], abs=1e-2)
 
 
 def test_steps_are_limited_over_all_stretches():
@@ -573,7 +491,7 @@ def test_rates_of_coordinates_that_the_scenario_gives_are_those_of_all_motions()
         "problem": {"kind": "forward", "time": {"end": "0.1 s", "samples": 3},
                     "initial": {"velocity": {"theta3": "3 rad/s"}}},
     }  # fmt: skip
-    positions = np.linspace(-2.0, 2.0, 5)
+    positions = np.linspace(-2.0, 2.0, 3)
     found = pinarm.batch(given, {"theta2": positions})
     assert found["omega3"].values[:, 0] == pytest.approx(3.0, abs=1e-12)
     for position, ours in zip(positions.tolist(), found["theta4"].values, strict=True):
@@ -592,6 +510,7 @@ def test_rotors_behind_elastic_gears_begin_as_their_joints_do():
     assert found["x"].values == pytest.approx(np.array(expected), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_motions_that_come_to_edges_of_a_load_are_the_motions_one_by_one():
     """A rotor at rest is taken along, thrown ahead and caught again at both flanks of a backlash."""
     given = {
@@ -607,15 +526,14 @@ def test_motions_that_come_to_edges_of_a_load_are_the_motions_one_by_one():
         assert ours == pytest.approx(at_rows, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["in", "out"])
-def test_either_of_two_wheels_in_mesh_may_begin_elsewhere(name):
+def test_either_of_two_wheels_in_mesh_may_begin_elsewhere():
     """They go on at their speeds, one at -0.5 of the other."""
     given = {
         "pinarm": 1, "mechanism": str(ROOT / "docs" / "kind_examples" / "couplings" / "gear_mechanism.yaml"),
         "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 3}}, "outputs": ["in", "out"],
     }  # fmt: skip
-    found = pinarm.batch(given, {name: [0.4, -0.2]}, {name: [1.0, 2.0]})
-    assert found[name].values == pytest.approx(np.array([[0.4, 0.9, 1.4], [-0.2, 0.8, 1.8]]), abs=1e-9)
+    found = pinarm.batch(given, {"out": [0.4, -0.2]}, {"out": [1.0, 2.0]})
+    assert found["out"].values == pytest.approx(np.array([[0.4, 0.9, 1.4], [-0.2, 0.8, 1.8]]), abs=1e-9)
     assert found["out"].values == pytest.approx(-0.5 * found["in"].values, abs=1e-12)
 
 
