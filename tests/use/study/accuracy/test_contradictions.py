@@ -13,7 +13,6 @@ from pinarm.cli.main import main
 from pinarm.errors import IntegrationError, PinarmError
 from pinarm.problems import forward
 from pinarm.use.study.accuracy import error_estimate
-from pinarm.use.study.accuracy.error_estimate import output_differences
 from pinarm.use.study.accuracy.integration_settings import with_setting
 from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
 from pinarm.use.study.accuracy.tradeoff_view import remarks, settings
@@ -76,10 +75,9 @@ def test_a_run_beside_one_that_stops_early_has_no_bound():
     assert "they end at t = 10 s and 0.31" in result.no_bound
 
 
-@pytest.mark.parametrize("then", ["record", "stop"])
-def test_runs_of_one_course_have_a_bound(then):
+def test_runs_of_one_course_have_a_bound():
     """At default accuracy both solutions stop: the instant is known."""
-    result = pinarm.load(swing(then=then, numbers=["event.low.time"])).verified()
+    result = pinarm.load(swing(numbers=["event.low.time"])).verified()
     assert result.no_bound == ""
     off = abs(result.number("event.low.time")[0] - STOP)
     assert off <= result.number_errors["event.low.time"] < 1e-4
@@ -95,18 +93,6 @@ def test_an_event_on_a_row_leaves_the_bound(tmp_path):
     assert result.no_bound == ""
     assert abs(result.trajectory.grid.t[-1] - 0.5) < 1e-8
     assert result.error < 1e-8
-
-
-def test_instants_that_differ_are_differences_of_outputs_that_do_not_change():
-    """At constant speed two runs that stop at 0.5 and at 0.8 s have the same rows of the speed."""
-    runs = [
-        pinarm.run(on_slide({
-            "time": {"end": "2 s", "samples": 2}, "initial": {"velocity": {"x": "1 m/s"}},
-            "events": {"there": {"when": "x", "reaches": f"{place} m", "then": "stop"}},
-        }, outputs=["joint.x.velocity"]))
-        for place in (0.5, 0.8)
-    ]  # fmt: skip
-    assert output_differences(*runs)["joint.x.velocity"] == pytest.approx(0.3 / 0.5)
 
 
 def test_a_target_is_reached_by_a_setting_that_sees_the_event():
@@ -164,9 +150,7 @@ def test_no_bound_is_below_energy_that_is_lost():
     assert result.figures["energy"] <= result.error < np.inf
 
 
-@pytest.mark.parametrize(
-    "accuracy", [COARSE, {"method": "rk4", "step": "0.02 s"}, {"method": "dopri5", "tolerance": 1e-3}]
-)
+@pytest.mark.parametrize("accuracy", [COARSE, {"method": "dopri5", "tolerance": 1e-3}])
 def test_a_bound_beside_lost_energy_holds(accuracy):
     """A coarse motion has the error that it has: its lost energy contradicts nothing."""
     result = pinarm.load(swing(accuracy, NOTHING)).verified()
@@ -235,7 +219,7 @@ BACK = {"time": {"end": "10 s", "samples": 21}, "initial": {"position": {"x": "1
 """The motion turns at the value of the event, after pi/5 s: any rounding decides whether it takes place."""
 
 
-@pytest.mark.parametrize("accuracy", [{}, {"method": "dopri5"}, {"tolerance": 1e-6}])
+@pytest.mark.parametrize("accuracy", [{}, {"method": "dopri5"}])
 def test_an_event_where_the_motion_turns_leaves_no_bound(accuracy):
     result = pinarm.load(on_slide(BACK, accuracy=accuracy)).verified()
     assert result.errors["x"] == np.inf
@@ -244,16 +228,13 @@ def test_an_event_where_the_motion_turns_leaves_no_bound(accuracy):
 
 
 def test_no_target_is_reached_where_a_decision_is_open():
-    result = pinarm.run(on_slide(BACK, accuracy={"target": 0.01, "method": "dop853"}))
+    limits = {"keep": {"x @ end": "< 2 m"}}
+    result = pinarm.run(on_slide(BACK, accuracy={"target": 0.01, "method": "dop853"}, limits=limits))
+    assert [row[-1] for row in result.section("limits").tables[0].rows] == ["within its error"]
     assert result.missed
     assert "not decided" in result.shortfall
     with pytest.raises(IntegrationError, match="no reference to measure errors against: not decided"):
         reference_solution(pinarm.load(on_slide(BACK)))
-
-
-def test_limits_are_not_kept_where_a_decision_is_open():
-    result = pinarm.run(on_slide(BACK, limits={"keep": {"x @ end": "< 2 m"}}))
-    assert [row[-1] for row in result.section("limits").tables[0].rows] == ["within its error"]
 
 
 def test_a_decision_whose_margin_is_known_leaves_the_bound():

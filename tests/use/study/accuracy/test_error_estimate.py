@@ -103,24 +103,6 @@ def test_an_output_that_is_zero_is_measured_by_the_size_of_its_unit(chaos):
     assert result.error < 1e-8
 
 
-def test_all_rows_are_checked_when_asked_to(chaos):
-    """The fixed sample of a large table stays below 200 rows, and passes over what happens between them."""
-    from pinarm.engine.checks import balance
-    from pinarm.engine.checks import residuals as stamp
-    from pinarm.engine.checks.figures import SAMPLE
-
-    assert SAMPLE <= 200
-    short = chaos.varied({"problem.time": {"end": "1 s", "samples": 1001}})
-    run = short.solve().trajectory
-    row = 500  # of 1001, no row of an even sample of 64
-    run.tau[row] += 1.0
-    sampled, all_of_them = balance.power_balance(run), balance.power_balance(run, len(run))
-    assert sampled["equilibrium"] < 1e-12
-    assert all_of_them["equilibrium"] > 1e-3
-    assert stamp.residual_figures(run)["return trip"] < 1e-12
-    assert stamp.residual_figures(run, most=len(run))["return trip"] > 1e-3
-
-
 def test_energy_that_nothing_accounts_for_is_noted(chaos):
     loose, tight = (chaos.varied({"accuracy": {"tolerance": tolerance}}).run() for tolerance in (1e-2, 1e-9))
     assert loose.figures["energy"] > 1e-3 > tight.figures["energy"]
@@ -137,8 +119,7 @@ SLIDE = {
 SPRING = {"kind": "joint_spring", "joint": "x", "stiffness": "200 N/m"}  # fmt: skip
 
 
-@pytest.mark.parametrize("amplitude", [1e-9, 1e-12])
-@pytest.mark.parametrize("accuracy", [{"tolerance": 1e-9}, {"target": 1e-6}])
+@pytest.mark.parametrize(("amplitude", "accuracy"), [(1e-9, {"tolerance": 1e-9}), (1e-12, {"target": 1e-6})])
 def test_bounds_hold_of_small_motions_under_gravity(amplitude, accuracy):
     """A mass on a level slide: x = A cos(10 t)."""
     start = {"position": {"x": f"{amplitude!r} m"}}
@@ -155,7 +136,7 @@ def on_slide(problem, **keys):
     return {"pinarm": 1, "mechanism": mechanism, "problem": {"kind": "forward", **problem}, "outputs": ["x"], **keys}
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-9])
 def test_rows_at_the_turning_points_of_an_oscillation_do_not_hide_the_error_of_its_phase(tolerance):
     """10 rad/s: rows every pi/10 s are at the turning points. Between them the error is that of 20 half turns."""
     end = f"{2.0 * np.pi!r} s"
@@ -179,7 +160,9 @@ def test_steps_that_samples_limit_do_not_hide_their_errors(tolerance):
     assert 1e-11 < off <= found.errors["x"] < 10.0 * off
 
 
-@pytest.mark.parametrize(("period", "tolerance"), [("13.16 ms", 1e-3), ("21.92 ms", 1e-2)])
+@pytest.mark.parametrize(
+    ("period", "tolerance"), [("13.16 ms", 1e-3), pytest.param("21.92 ms", 1e-2, marks=pytest.mark.slow)]
+)
 def test_steps_of_which_few_are_divided_do_not_hide_their_errors(period, tolerance):
     """Of 20 steps from sample to sample a finer tolerance divides some."""
     control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0 m"}, "kp": "20 N/m",
@@ -285,8 +268,7 @@ def test_the_bound_sees_the_rounding_of_initial_states_and_of_loads_that_cancel(
 
 
 @pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the motion has")
-@pytest.mark.parametrize("tolerance", [1e-9, 1e-12])
-@pytest.mark.parametrize("turn", [0.02, 0.05])
+@pytest.mark.parametrize(("tolerance", "turn"), [(1e-9, 0.05), (1e-12, 0.02)])
 def test_the_few_steps_of_short_runs_do_not_hide_their_errors(tolerance, turn):
     """The finest tolerance takes the same steps, or one more, whose iterations end at the same error."""
     result = on_springs(0.4, (800.0, 0.0), end=turn / 20.0, method="stiff", tolerance=tolerance).verified()
@@ -309,7 +291,7 @@ def test_the_bound_sees_the_rounding_of_laws(speed, end):
     assert 1e-14 < error <= result.error < 100.0 * error
 
 
-@pytest.mark.parametrize("turns", [1, 10**4, 10**8, 10**12])
+@pytest.mark.parametrize("turns", [1, 10**8, 10**12])
 def test_the_rounding_of_swept_angles_is_seen(tmp_path, turns):
     """Whole turns from 0 to 90 deg a weight needs m g l cos phi: of 1e8 turns 4e-8 are lost in the angles."""
     (tmp_path / "m.urdf").write_text(

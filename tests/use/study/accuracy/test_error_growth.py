@@ -51,9 +51,8 @@ def test_growth_is_seen_where_no_digit_is_left(chaos):
     assert result.figures["e-folding"] == pytest.approx(chaos.varied(WIDE).verified().figures["e-folding"], rel=0.3)
 
 
-@pytest.mark.parametrize("start", [{"O": "-80 deg", "B": "5 deg"}, {"O": "-60 deg", "B": "-10 deg"}])
-def test_errors_of_regular_motions_do_not_grow_exponentially(chaos, start):
-    result = chaos.varied({**WIDE, "problem.initial.position": start}).verified()
+def test_errors_of_regular_motions_do_not_grow_exponentially(chaos):
+    result = chaos.varied({**WIDE, "problem.initial.position": {"O": "-60 deg", "B": "-10 deg"}}).verified()
     assert result.error < 1e-5
     assert "e-folding" not in result.figures
     assert "e-fold" not in report(result)

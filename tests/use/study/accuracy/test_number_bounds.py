@@ -60,9 +60,9 @@ def exact(pulsation, damping):
 
 
 def test_true_errors_are_below_the_bounds(step):
-    """Of 84 numbers at tolerances from 1e-3 to 1e-9; the bounds are not far above."""
+    """Of 49 numbers at tolerances from 1e-3 to 1e-9; the bounds are not far above."""
     generator, ratios = np.random.default_rng(3), []
-    for tolerance in np.geomspace(1e-3, 1e-9, 12):
+    for tolerance in np.geomspace(1e-3, 1e-9, 7):
         case = float(generator.uniform(3.0, 8.0)), float(generator.uniform(0.1, 0.5))
         result = step(float(tolerance), *case).verified()
         for name, value in exact(*case).items():
@@ -84,12 +84,6 @@ def test_bounds_stand_in_sections_summary_and_terminal_and_come_back(step, tmp_p
     again = pinarm.restore(result.save(tmp_path / "saved", plots=False))
     assert again.number_errors == pytest.approx(dict(result.number_errors), rel=1e-12)
     assert [each.name for each in again.sections["response"].tables] == ["response", "bounds"]
-
-
-def test_without_verify_there_are_none(step):
-    result = step(1e-6, 5.0, 0.3).run()
-    assert not result.number_errors
-    assert [each.name for each in result.sections["response"].tables] == ["response"]
 
 
 def test_a_number_that_a_run_does_not_come_to_has_none(step):

@@ -9,7 +9,6 @@ from pinarm.records import replace
 from pinarm.use.study.accuracy import tolerance_search as target_search
 from pinarm.use.study.accuracy.error_estimate import BOUND, output_differences
 from pinarm.use.study.accuracy.integration_settings import with_setting
-from pinarm.use.study.accuracy.tolerance_search import _ordered
 
 from .test_error_estimate import ROOT
 
@@ -79,7 +78,7 @@ def oscillator(tmp_path):
     return tmp_path / "oscillator.yaml"
 
 
-@pytest.mark.parametrize("amplitude", [1e-12, 1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("amplitude", [1e-12, 1.0, 1e6])
 def test_a_target_is_one_of_the_output_itself_whatever_its_size(oscillator, amplitude):
     """The error of an oscillation of 1e-12 m is not judged by the size of its frame."""
     values = {"problem.initial.position.x": f"{amplitude!r} m", "accuracy": {"target": 1e-6, "method": "dop853"}}
@@ -88,14 +87,6 @@ def test_a_target_is_one_of_the_output_itself_whatever_its_size(oscillator, ampl
     true = np.abs(found - np.cos(10.0 * result.trajectory.grid.t)).max()
     assert not result.missed
     assert 0.01 * result.error < true <= result.error <= 1e-6
-
-
-@pytest.mark.parametrize(("damping", "first"), [("1e5 N*m*s/rad", "stiff"), ("1 N*m*s/rad", "dop853")])
-def test_a_stiff_motion_is_tried_by_the_method_for_it_first(damping, first):
-    """What that one costs limits the steps that the others may take: 1e5 N*m*s/rad decay within 1e-7 s."""
-    damper = f"problem.loads={{oil: {{kind: joint_spring, joint: B, damping: {damping}}}}}"
-    swing = pinarm.load(ROOT / "scenarios" / "gen411_arm_swing.yaml", [damper, "problem.time.end=0.5 s"])
-    assert _ordered(swing, 0.5, 1e-6)[0] == first
 
 
 def test_the_finest_setting_is_tried_before_a_target_is_missed(oscillator):

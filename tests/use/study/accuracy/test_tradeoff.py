@@ -59,14 +59,6 @@ def test_errors_of_settings_are_those_against_the_closed_form(scenario):
     assert orders[-3:] == pytest.approx(4.0, abs=0.2)
 
 
-def test_the_cheapest_setting_that_is_good_enough_is_recommended():
-    """Not the most accurate, and none whose error the reference cannot tell from the wanted one."""
-    tried = tried_settings(m=[(1e-2, 10), (3e-7, 80), (1e-7, 90), (1e-12, 500)])
-    assert recommended_setting(tried, 1e-13, 1e-6).setting == "m1"
-    assert recommended_setting(tried, 5e-7, 1e-6).setting == "m2"
-    assert recommended_setting(tried, 1e-13, 1e-13) is None
-
-
 def tried_settings(**errors_and_costs):
     """Settings of methods, the coarsest first, from their errors and evaluations."""
     return [TriedSetting(method, f"{method}{k}", {"x": error, "y": 0.0}, cost, 1.0)
@@ -82,7 +74,12 @@ def test_a_setting_that_is_good_by_luck_is_not_recommended():
     assert recommended_setting(tried_settings(m=[*lucky, (2e-3, 50)]), 1e-13, 1e-3) is None
 
 
-def test_a_recommended_setting_has_a_margin():
+def test_the_cheapest_setting_that_is_good_enough_by_a_margin_is_recommended():
+    """Not the most accurate, and none whose error the reference cannot tell from the wanted one."""
+    tried = tried_settings(m=[(1e-2, 10), (3e-7, 80), (1e-7, 90), (1e-12, 500)])
+    assert recommended_setting(tried, 1e-13, 1e-6).setting == "m1"
+    assert recommended_setting(tried, 5e-7, 1e-6).setting == "m2"
+    assert recommended_setting(tried, 1e-13, 1e-13) is None
     assert recommended_setting(tried_settings(m=[(0.9e-3, 10), (0.3e-3, 20)]), 1e-13, 1e-3).setting == "m1"
 
 
