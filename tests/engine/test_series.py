@@ -1,7 +1,6 @@
 """Quantities take part in numpy's arithmetic as arrays do, and what comes out has the unit that it must have."""
 
 import operator
-import pickle
 
 import numpy as np
 import pytest
@@ -26,28 +25,25 @@ METRES = Series("h", unit("m"), np.array([1.0, 1.0, 0.5, 3.0]))
     [
         (TORQUE + TORQUE, X + X, "N*m"), (TORQUE - 1.0, X - 1.0, "N*m"), (1.0 - TORQUE, 1.0 - X, "N*m"),
         (X + TORQUE, X + X, "N*m"), (X.tolist() + TORQUE, X + X, "N*m"),
-        (-TORQUE, -X, "N*m"), (abs(TORQUE), abs(X), "N*m"), (+TORQUE, X, "N*m"), (TORQUE % 0.3, X % 0.3, "N*m"),
-        (2 * ANGLE, 2 * ANGLE.values, "rad"), (ANGLE / 2, ANGLE.values / 2, "rad"),
+        (-TORQUE, -X, "N*m"), (TORQUE % 0.3, X % 0.3, "N*m"),
         (np.float64(3) * TORQUE, 3 * X, "N*m"),
         (TORQUE * FORCE, X * FORCE.values, "kg^2*m^3/s^4"), (TORQUE / FORCE, X / FORCE.values, "m"),
-        (1.0 / METRES, 1.0 / METRES.values, "1/m"), (TORQUE / TORQUE, X / X, "1"),
+        (1.0 / METRES, 1.0 / METRES.values, "1/m"),
         (TORQUE // FORCE.values, X // FORCE.values, "1"),
         (FORCE * METRES, FORCE.values * METRES.values, "N*m"), (TORQUE**2, X**2, "kg^2*m^4/s^4"),
         (np.sqrt(FORCE * FORCE), abs(FORCE.values), "N"), (METRES**0.5 * METRES**0.5, METRES.values, "m"),
-        (np.square(FORCE), FORCE.values**2, "kg^2*m^2/s^4"), (np.cbrt(METRES**3), METRES.values, "m"),
+        (np.cbrt(METRES**3), METRES.values, "m"),
         (np.reciprocal(METRES), 1.0 / METRES.values, "1/m"), (2.0**NUMBER, 2.0**NUMBER.values, "1"),
         (NUMBER**NUMBER, NUMBER.values**NUMBER.values, "1"),
         (np.sin(ANGLE), np.sin(ANGLE.values), "1"), (np.exp(NUMBER), np.exp(NUMBER.values), "1"),
-        (np.arctan(NUMBER), np.arctan(NUMBER.values), "rad"),
         (np.arctan2(FORCE, FORCE), np.arctan2(FORCE.values, FORCE.values), "rad"),
         (np.degrees(ANGLE), np.degrees(ANGLE.values), "deg"), (np.radians(ANGLE.to("deg")), ANGLE.values, "rad"),
-        (np.deg2rad(ANGLE), ANGLE.values, "rad"), (ANGLE.to("deg"), np.degrees(ANGLE.values), "deg"),
+        (ANGLE.to("deg"), np.degrees(ANGLE.values), "deg"),
         (np.maximum(TORQUE, 0.3), np.maximum(X, 0.3), "N*m"), (np.hypot(TORQUE, TORQUE), np.hypot(X, X), "N*m"),
         (np.clip(TORQUE, 0.0, 1.0), np.clip(X, 0.0, 1.0), None),
         (UNKNOWN + TORQUE, X + X, "N*m"), (UNKNOWN * TORQUE, X * X, "?"), (np.sin(UNKNOWN), np.sin(X), "1"),
         (METRES + MILLIMETRES, [2.0, 3.0, 1.0, 3.0], "m"), (MILLIMETRES - METRES, [0.0, 1000.0, 0.0, -3000.0], "mm"),
         (MILLIMETRES * FORCE, [1.0, 4.0, -2.0, 0.0], "N*m"), (MILLIMETRES**2, [1.0, 4.0, 0.25, 0.0], "m^2"),
-        (MILLIMETRES * 2, 2 * MILLIMETRES.values, "mm"), (MILLIMETRES + 1, MILLIMETRES.values + 1, "mm"),
         (np.sin(ANGLE.to("deg")), np.sin(ANGLE.values), "1"),
         (np.add.accumulate(TORQUE), np.cumsum(X), "N*m"),
         (np.multiply.outer(METRES, FORCE), np.outer(METRES.values, FORCE.values), "N*m"),
@@ -65,16 +61,13 @@ def test_what_is_computed_has_its_values_and_unit(found, expected, said):
     ("computed", "says"),
     [
         (lambda: TORQUE + FORCE, r"M \+ F: \[N\*m\] and \[N\] do not go together"),
-        (lambda: TORQUE < FORCE, "do not go together"),
-        (lambda: np.maximum(TORQUE, FORCE), "do not go together"), (lambda: TORQUE == FORCE, "do not go together"),
+        (lambda: TORQUE == FORCE, "do not go together"),
         (lambda: np.arctan2(TORQUE, FORCE), "do not go together"),
         (lambda: np.sin(TORQUE), r"sin\(M\): a quantity in \[N\*m\] where a number is expected"),
         (lambda: np.floor(TORQUE), "where a number is expected"), (lambda: 2.0**TORQUE, "where a number is expected"),
         (lambda: TORQUE**NUMBER, "to a power that varies"),
-        (lambda: np.multiply.reduce(TORQUE), "where a number is expected"),
         (lambda: np.radians(NUMBER), "is not known"), (lambda: np.radians(TORQUE), "where a number is expected"),
         (lambda: np.heaviside(ANGLE, 0.0), "does not tell a unit"),
-        (lambda: divmod(TORQUE, TORQUE), "does not tell a unit"),
         (lambda: ANGLE.to("m"), "do not go together"),
     ],
 )  # fmt: skip
@@ -112,19 +105,6 @@ class TestAnArray:
         with pytest.raises(IndexError):
             _ = TORQUE[4]
 
-    def test_what_values_are_sums_of_goes_with_them(self):
-        moment = Series("M", unit("N*mm"), np.array([1.0, -2.0, 3.0]), terms=np.array([10.0, 20.0, 30.0]))
-        assert moment.to("N*m").terms == pytest.approx([0.01, 0.02, 0.03])
-        assert moment[1:].terms.tolist() == [20.0, 30.0]
-        assert moment[moment < 0.0].terms.tolist() == [20.0]
-        assert (2.0 * moment).terms == 0.0  # not known of what is computed
-
-    def test_what_arrays_tell_of_themselves(self):
-        assert (len(TORQUE), TORQUE.shape, TORQUE.ndim, TORQUE.size, TORQUE.dtype) == (4, (4,), 1, 4, np.dtype(float))
-        assert 2.0 in TORQUE
-        with pytest.raises(ValueError, match="ambiguous"):
-            bool(TORQUE)
-
     def test_values_are_taken_without_a_copy_and_cannot_be_changed(self):
         taken = np.asarray(TORQUE)
         assert np.shares_memory(taken, TORQUE.values)
@@ -150,7 +130,7 @@ class TestAnArray:
         assert np.add(TORQUE, 1.0, out=into) is into
         assert into.tolist() == (X + 1.0).tolist()
 
-    @pytest.mark.parametrize("how", ["max", "min", "mean", "sum", "std", "argmax", "argmin"])
+    @pytest.mark.parametrize("how", ["max", "std", "argmin"])
     def test_reductions_are_numpys(self, how):
         table = Series("A", unit("m"), np.random.default_rng(3).normal(size=(3, 5)))
         assert getattr(np, how)(table) == getattr(table, how)() == getattr(table.values, how)()
@@ -168,23 +148,6 @@ class TestAnArray:
         assert TORQUE @ TORQUE == X @ X
         assert pytest.approx(X) == TORQUE
 
-    def test_a_single_state_is_a_number(self):
-        single = Series("h", unit("m"), np.array(1.25))
-        assert float(single) == 1.25
-        assert f"{single:.1f}" == "1.2"
-        assert bool(single > 1.0)
-        assert str(single + 1.0) == "h + 1 [m]: 2.25"
-
-    def test_it_has_no_hash(self):
-        """As arrays have none, for ``==`` compares value by value."""
-        with pytest.raises(TypeError, match="unhashable"):
-            hash(TORQUE)
-
-    def test_processes_can_send_it(self):
-        back = pickle.loads(pickle.dumps(TORQUE))
-        assert back.tolist() == X.tolist()
-        assert back.label == TORQUE.label
-
 
 @pytest.mark.parametrize(
     ("found", "expected"),
@@ -195,26 +158,18 @@ class TestAnArray:
         (np.where(METRES > 0.9, METRES, -1), [1, 1, -1, 3]),
         (np.clip(METRES, 0.8, a_max=MILLIMETRES), [1, 1, 0.5, 0]),
         (np.append(MILLIMETRES[:1], METRES[:1]), [1000, 1000]),
-        (np.append(values=METRES[:1], arr=MILLIMETRES[:1]), [1000, 1000]), (np.max(a=METRES), 3.0),
         (np.interp(fp=FORCE[:2], x=METRES[:1], xp=MILLIMETRES[[2, 0]]), [2.0]),
         (np.isclose(METRES, MILLIMETRES), [True, False, True, False]),
         (np.allclose(METRES, METRES.to("mm")), True),
-        (np.interp(METRES[:1], MILLIMETRES.to("mm")[[2, 0]], FORCE[:2]), [2.0]),
         (np.median(METRES[None], axis=(0, 1)), 1.0),
         (np.allclose(METRES, METRES + 0.5, rtol=0.0, atol=TALL / 30), False),
-        (np.allclose(METRES, METRES + 0.5, 0.0, TALL / 30), False),
-        (np.isclose(METRES, METRES + 0.5, atol=TALL), [True] * 4),
         (np.interp(METRES[3:], METRES[:2], FORCE[:2], right=Series("k", unit("kN"), np.array(0.007))), [7.0]),
         (np.select([METRES > 0.9], [METRES], default=MILLIMETRES), [1, 1, 0.5, 3]),
-        (np.choose([0, 1, 1, 0], [METRES, MILLIMETRES]), [1, 2, 0.5, 3]),
-        (np.setxor1d(METRES, MILLIMETRES), [0, 2, 3]),
         (np.diff(METRES, prepend=MILLIMETRES[1:2]), [-1, 0, -0.5, 2.5]),
-        (np.ediff1d(METRES[:2], to_begin=MILLIMETRES[1:2]), [2, 0]),
         (np.histogram(METRES, bins=MILLIMETRES[[3, 2, 1]])[0], [0, 3]),
         (np.pad(METRES[:1], 1, constant_values=TALL), [9, 1, 9]),
         (np.nan_to_num(METRES / [1, 1, 1, np.nan], nan=TALL), [1, 1, 0.5, 9]),
-        (METRES.max(initial=TALL), 9.0), (np.nanmax(METRES, initial=TALL), 9.0), (np.max(METRES, initial=TALL), 9.0),
-        (np.add.reduce(METRES, initial=TALL), 14.5),
+        (METRES.max(initial=TALL), 9.0), (np.add.reduce(METRES, initial=TALL), 14.5),
         (np.unwrap(Series("x", unit("deg"), [0.0, 170.0, -20.0])), [0, 170, 340]),
     ],
 )  # fmt: skip
@@ -249,13 +204,3 @@ def test_a_doubt_stays():
     for found in (2.0 * doubted, METRES * doubted, -doubted, doubted[1:], doubted.to("kN"), np.sqrt(doubted * doubted)):
         assert found.doubt == "hyperstatic of degree 1"
     assert (METRES * 2.0).doubt == ""
-
-
-def test_how_it_shows_itself():
-    assert repr(TORQUE) == "M [N*m]: 4 values, -1 to 2"
-    assert (
-        repr(Series("A", unit("m"), np.array([[0.1, np.nan], [0.3, 0.123456]]))) == "A [m]: (2, 2) values, 0.1 to 0.3"
-    )
-    assert repr(Series("w", unit("1"), np.array(["a", "b"]))) == "w: 2 values"
-    assert repr(Series("x", unit("1"), np.full(2, np.nan))) == "x: 2 values"
-    assert repr(Series("F", unit("N"), X, "one of many")) == "F [N]: 4 values, -1 to 2; one of many"

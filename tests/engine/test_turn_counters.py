@@ -61,17 +61,6 @@ def test_a_controller_turns_a_loop_several_times(tmp_path: Path, measures: dict[
     np.testing.assert_allclose(result["loop.L.angle"].values, SPEED * t * (1.0 - np.exp(-2.0 * t)), rtol=0, atol=1e-8)
 
 
-def test_the_rotor_of_a_drive_along_a_loop_counts_its_turns(tmp_path: Path) -> None:
-    """The drive alone tells its turns: the joint of its rotor is where the ramp asks, though nothing counts L.angle."""
-    pid = {"kind": "pid", "drive": "D", "follows": {"law": "constant_speed", "speed": f"{SPEED} rad/s"},
-           "kp": f"{4.0 * INERTIA} N*m/rad", "kd": f"{4.0 * INERTIA} N*m*s/rad"}  # fmt: skip
-    result = _run(tmp_path, {"control": [pid]}, ["joint.D.rotor.position"], drives={"D": {"along": "L.angle"}})
-    t = np.linspace(0.0, 2.0, 41)
-    np.testing.assert_allclose(
-        result["joint.D.rotor.position"].values, SPEED * t * (1.0 - np.exp(-2.0 * t)), rtol=0, atol=1e-8
-    )
-
-
 LINKAGE = """<robot name="rssr"><link name="w"/><link name="crank">{mass}</link><link name="cross"/>
 <link name="coupler">{mass}</link><link name="follower">{mass}</link>
 <link name="tip"/><link name="end"/><link name="D"/>
@@ -155,7 +144,7 @@ def _angles_of_brick(k: int, spin: Array, t: Array) -> Array:
     return np.asarray(found.y[:3])
 
 
-@pytest.mark.parametrize(("angle", "spin"), [("yaw", (0.1, 0.3, 12.0)), ("yaw", (3.0, 2.0, 10.0)),
+@pytest.mark.parametrize(("angle", "spin"), [("yaw", (0.1, 0.3, 12.0)),
                                              ("roll", (8.0, 0.2, 0.1)), ("pitch", (0.2, 1.0, 0.1))])  # fmt: skip
 def test_a_spring_along_an_angle_of_a_spinning_brick(
     tmp_path: Path, angle: str, spin: tuple[float, float, float]
@@ -195,8 +184,7 @@ SLEEVE = {"L": {"kind": "cylindrical", "between": ["w", "b"], "axis": "z"}}
 @pytest.mark.parametrize("acting", [
     {"forces": SPRING}, {"turns": ["L.angle"]},
     *({"drives": {"D": {"along": f"L.{along}", "ratio": 10, "rotor_inertia": "1e-4 kg*m^2", **more}}}
-      for along in ("angle", "position") for more in ({}, {"efficiency": 0.8}, {"elasticity": {"stiffness": "10 N/m"}})
-      if along == "position" or "elasticity" not in more),
+      for along, more in (("angle", {"efficiency": 0.8}), ("position", {"elasticity": {"stiffness": "10 N/m"}}))),
 ])  # fmt: skip
 def test_what_acts_along_a_loop_joint_does_not_move_the_start(tmp_path: Path, acting: dict[str, Any]) -> None:
     """The loop is closed at the start, which it keeps; counters and rotors follow from where they begin, at 0."""
@@ -205,12 +193,3 @@ def test_what_acts_along_a_loop_joint_does_not_move_the_start(tmp_path: Path, ac
     result = _run(tmp_path, {"time": {"end": "1 us", "samples": 2}}, outputs, loops=SLEEVE, start=start, **acting)
     found = [result[name].values[0] for name in outputs]
     np.testing.assert_allclose(found, [np.radians(100.0), np.radians(100.0), 0.4], rtol=1e-12)
-
-
-def test_an_elastic_drive_begins_without_deflection_on_the_turn_of_its_shaft(tmp_path: Path) -> None:
-    """The shaft begins a turn farther than placements tell, and the rotor with it."""
-    drive = {"along": "L.angle", "ratio": 10, "rotor_inertia": "1e-4 kg*m^2", "elasticity": {"stiffness": "9 N*m/rad"}}
-    problem = {"time": {"end": "1 us", "samples": 2}, "start": {"root.yaw": "40 deg", "D.shaft": "390 deg"}}
-    result = _run(tmp_path, problem, ["drive.D.deflection"], loops=SLEEVE, drives={"D": drive})
-    assert result["joint.D.rotor.position"].values[0] == pytest.approx(np.radians(400.0), rel=1e-12)
-    assert result["drive.D.deflection"].values[0] == pytest.approx(0.0, abs=1e-12)

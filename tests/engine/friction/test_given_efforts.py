@@ -20,7 +20,7 @@ def tree(mechanism, chain):
 
 
 @pytest.mark.parametrize("moving", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("effort", [0.1, 2.0, 20.0])
+@pytest.mark.parametrize("effort", [0.1, 20.0])
 def test_joints_stick_slip_or_begin_to_slip_by_their_law(tree, moving, effort):
     """``f = M a + nle - tau``: -c sign(v) in motion, at most c at rest, -c sign(a) where a slip begins."""
     rng, model = np.random.default_rng(3), tree.model

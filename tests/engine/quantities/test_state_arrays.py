@@ -57,40 +57,9 @@ def test_efforts_accelerations_and_quantities_keep_the_leading_axes(case):
         assert found[name].values == pytest.approx(rows[name].values.reshape(3, 4), rel=1e-12, abs=1e-12)
 
 
-def test_a_single_state_has_no_leading_axis(case):
-    mechanism, *states, drives = case
-    q, v, a = (x[5] for x in states)
-    tau = mechanism.inverse(q, v, a, drives=drives)
-    assert tau.shape == (mechanism.model.nv,)
-    assert tau == pytest.approx(mechanism.inverse(*states, drives=drives)[5], rel=1e-13, abs=1e-13)
-    assert mechanism.forward(q, v, tau).shape == (mechanism.model.nv,)
-    assert mechanism.at(q, v)["energy.total"].values.shape == ()
-
-
-def test_names_give_states_of_the_shape_of_their_values():
-    robot = Mechanism.load("panda", values={"base": "floating"})
-    bend, height = np.linspace(0.1, 0.3, 3)[:, None], np.linspace(1.0, 2.0, 4)
-    q = robot.configurations({"root.z": height, "panda_joint2": bend})  # a grid, as numpy has it
-    turned = robot.configurations({"root.yaw": bend, "root.z": height})
-    assert q.shape == turned.shape == (3, 4, robot.model.nq)
-    place = robot.joints["root.z"].q
-    assert q[:, :, place] == pytest.approx(np.tile(height, (3, 1)), abs=0.0)
-    assert turned[:, :, place] == pytest.approx(np.tile(height, (3, 1)), abs=0.0)
-    assert robot.at(q)["point.panda_link0.position.z"].values == pytest.approx(np.tile(height, (3, 1)), abs=1e-14)
-    assert robot.rates({"root.angular_velocity.x": bend}).shape == (3, 1, robot.model.nv)
-    assert robot.rates({}).shape == (robot.model.nv,)
-
-
-def test_no_states_have_no_efforts():
-    mechanism, *_ = arm()
-    assert mechanism.inverse(*np.zeros((3, 0, 4, 2))).shape == (0, 4, 2)
-
-
 @pytest.mark.parametrize(("shapes", "message", "expected"), [
     (((3, 4, 3), (3, 4, 2), (3, 4, 2)), r"q has the shape \(3, 4, 3\)", "(..., 2)"),
-    (((3, 4, 2), (3, 4), (3, 4, 2)), r"v has the shape \(3, 4\)", "(..., 2)"),
     (((3, 4, 2), (12, 2), (3, 4, 2)), r"q: \(3, 4, 2\), v: \(12, 2\), a: \(3, 4, 2\)", "same axes"),
-    (((4, 2), (2,), (4, 2)), r"v: \(2,\)", "same axes"),
     (((), (2,), (2,)), r"q has the shape \(\)", "(..., 2)"),
 ])  # fmt: skip
 def test_shapes_that_do_not_fit_are_refused(shapes, message, expected):

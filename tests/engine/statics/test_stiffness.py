@@ -32,7 +32,7 @@ def depth_first(count: int, generator: np.random.Generator) -> pin.Model:
     return model
 
 
-@pytest.mark.parametrize("count", [1, 2, 20, 60, 90])
+@pytest.mark.parametrize("count", [2, 20, 90])
 def test_slopes_of_weights_are_those_of_pinocchio(count: int) -> None:
     """Beyond 64 velocities the buffers are smaller than Pinocchio's derivatives need: these end the process."""
     generator = np.random.default_rng(count)
