@@ -50,15 +50,6 @@ def test_steps_are_those_of_each_motion_by_itself(motion, monkeypatch):
             assert one[number] == pytest.approx(other, rel=1e-11, abs=1e-11)
 
 
-def test_motions_are_those_of_python(motion):
-    """Their errors are made up of local ones of 1e-9, which hardly grow in 1.5 s."""
-    manifold, compiled, python, q, v = motion
-    t = np.linspace(0.0, 1.5, 5)
-    ours, theirs = (integrate_batch(each, manifold, q, v, METHOD).states(t) for each in (compiled, python))
-    for one, other in zip(ours, theirs, strict=True):
-        assert one == pytest.approx(other, rel=1e-7, abs=1e-7)
-
-
 def test_motions_that_cannot_go_on_leave_the_others(motion):
     """One spins so fast that its steps are used up."""
     manifold, compiled, _, q, v = motion
@@ -100,22 +91,3 @@ def test_variants_take_the_steps_of_each_by_itself(room, monkeypatch):
         assert found.counts[k] == len(alone.steps)
         expected = np.concatenate(alone.states(t[:, k]), axis=1)
         np.testing.assert_allclose(together[:, k], expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
-
-
-def test_variants_are_replaced_by_others_that_have_arrived():
-    variants, _ = random_variants(np.random.default_rng(1), JOINTS, 3)
-    flows, _ = variant_flows(CompiledTree.of(variants.first).flow(np.zeros(JOINTS), []), variants)
-    dynamics, y = Dynamics.of(variants.first), np.random.default_rng(2).normal(size=(3, 2 * JOINTS))
-
-    def solved(numbers, tolerance, most):
-        given = [Interval(0.0, 0.3, dynamics.acceleration(), compiled=flows[k]) for k in numbers]
-        return integrate_variants(given, dynamics.manifold, y[numbers], Adaptive(tolerance), most)
-
-    coarse, fine, none = solved([0, 1, 2], 1e-6, 1000), solved([0, 2], 1e-9, 1000), solved([1], 1e-9, 2)
-    assert not none.arrived.any()
-    found = coarse.with_others(np.array([0, 2]), fine).with_others(np.array([1]), none)
-    assert found.counts.tolist() == [fine.counts[0], coarse.counts[1], fine.counts[1]]
-    t = np.full((1, 3), 0.3)
-    ours, theirs = (each.states_in(each.located(np.arange(3), t), t)[0][0] for each in (found, coarse))
-    assert (np.abs(ours - theirs).max(axis=1) > 0.0).tolist() == [True, False, True]
-    assert ours == pytest.approx(theirs, abs=1e-4)

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import pinarm
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.events import MOST_STATES, Watch, _brackets, nodes
+from pinarm.engine.integration.events import MOST_STATES, Watch
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods import METHODS
 from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
@@ -37,13 +37,6 @@ def test_they_are_where_the_closed_form_crosses_with_every_method(name):
     assert np.array([one.q[0] for one in found]) == pytest.approx(0.3, abs=1e-13)  # digits of t near 20 s: 4e-15 s
 
 
-def test_they_are_at_rounding_on_the_dense_output():
-    solution = oscillator(20.0, [position(0.3)])
-    for one in solution.crossings:
-        before, after = (solution.states(np.array([t]))[0][0, 0] - 0.3 for t in (np.nextafter(one.t, 0.0), one.t))
-        assert before * after <= 0.0
-
-
 @pytest.mark.parametrize(("direction", "slopes"), [(1, {1.0}), (-1, {-1.0}), (0, {1.0, -1.0})])
 def test_direction_is_that_of_the_crossing(direction, slopes):
     found = oscillator(20.0, [position(0.3, direction)]).crossings
@@ -55,11 +48,6 @@ def test_a_watch_that_stops_ends_the_solution_there():
     assert solution.end == pytest.approx(np.pi - np.arcsin(0.3), abs=1e-10)
     assert solution.states(np.array([solution.end]))[0][0, 0] == pytest.approx(0.3, abs=1e-14)
     assert np.array_equal(solution.last, np.concatenate([solution.crossings[-1].q, solution.crossings[-1].v]))
-
-
-def test_what_would_come_after_the_stop_is_not_listed():
-    found = oscillator(20.0, [position(0.3, 1, stops=True), position(0.30001), position(0.29999)]).crossings
-    assert [one.watch for one in found] == [2, 0]
 
 
 def test_two_crossings_within_one_long_step_are_both_found():
@@ -79,27 +67,6 @@ def test_a_crossing_at_the_end_of_a_step_is_found_once():
         assert [one.t for one in found] == pytest.approx([0.5], abs=1e-14)
 
 
-@pytest.mark.parametrize("zero", [0.0, 1.0])
-def test_a_crossing_exactly_at_an_end_of_a_step_hides_no_other_within_it(zero):
-    """``(x - zero) (x - other)``: 0, which counts as positive, at one end of the step, and negative beside it."""
-    x = nodes(4)
-    for other in np.linspace(0.002, 0.998, 499):
-        for factor in (1.0, 3.7, x + 0.1):
-            found = _brackets(factor * (x - zero) * (x - other), 0)
-            assert len(found) == 2, other
-            (first, one, _), (two, last, _) = found
-            assert first <= min(zero, other) <= one == two <= max(zero, other) <= last
-            assert len(_brackets(factor * (x - zero) * (x - other), 1)) == 1
-
-
-def test_a_motion_crosses_within_a_step_and_at_its_end():
-    flight = [Interval(low, low + 1.0, lambda t, q, v: np.array([2.0])) for low in (0.0, 1.0)]
-    found = integrate(
-        flight, LINE, np.array([0.5]), np.array([-1.5]), Adaptive(1e-6), watches=[position(0.0)]
-    ).crossings
-    assert [one.t for one in found] == pytest.approx([0.5, 1.0], abs=1e-12)
-
-
 def test_a_start_on_the_value_is_no_crossing():
     assert len(oscillator(3.0, [position(0.0)]).crossings) == 0
     assert len(oscillator(4.0, [position(0.0)]).crossings) == 1
@@ -108,7 +75,7 @@ def test_a_start_on_the_value_is_no_crossing():
 def test_what_leaves_a_value_slowly_does_not_cross_it_later():
     """``x = level + t^3``: for a while the digits of the level hide the motion, and its sign."""
     cubic, found = [Interval(0.0, 1.0, lambda t, q, v: np.array([6.0 * t]))], []
-    for level in np.random.default_rng(5).uniform(-1.0, 1.0, 200):
+    for level in np.random.default_rng(5).uniform(-1.0, 1.0, 40):
         state, watch = (np.array([level]), np.zeros(1)), position(level)
         found += [one.t for one in integrate(cubic, LINE, *state, Adaptive(1e-9), watches=[watch]).crossings]
     assert [t for t in found if t > 1e-5] == []  # 1e-5^3 is the rounding of the level
@@ -122,7 +89,7 @@ def test_a_value_that_is_not_linear_in_the_state_is_found_too():
     assert [one.t for one in found] == pytest.approx(t[1:][g[1:] * g[:-1] < 0], abs=1e-5)  # spacing of t
 
 
-@pytest.mark.parametrize("level", [0.1, 0.3, 0.7, np.sin(1.0)])
+@pytest.mark.parametrize("level", [0.3, np.sin(1.0)])
 @pytest.mark.parametrize("off", [-2.0, 0.0, 2.0])
 def test_what_is_crossed_at_the_instant_of_a_stop_is_recorded_whichever_comes_first(level, off):
     """Two watches of one position that differ by two digits of it, either way round: one of them stops."""
@@ -136,31 +103,9 @@ def test_what_is_crossed_at_the_instant_of_a_stop_is_recorded_whichever_comes_fi
         assert last.t == pytest.approx(np.arcsin(level), abs=1e-9)
 
 
-def test_of_two_stops_at_one_instant_the_first_watched_counts():
-    level = 0.3
-    for off in (-2.0, 2.0):
-        watches = [position(level + off * np.spacing(level), stops=True), position(level, stops=True)]
-        assert [one.watch for one in oscillator(2.0, watches).crossings] == [0]
-
-
 def test_what_is_crossed_after_a_stop_is_not_recorded():
     watches = [position(0.3 + 1e-9), position(0.3, stops=True)]
     assert [one.watch for one in oscillator(2.0, watches).crossings] == [1]
-
-
-@pytest.mark.parametrize("pulsation", [30.0, 300.0])
-def test_what_depends_on_loads_is_looked_at_as_often_as_these_vary(pulsation):
-    """A load with a ripple reaches its bound within one step that is as long as the run: nothing moves until then."""
-
-    def left(t):
-        return 1.0 - (1.3 * np.sin(0.15 * t) + 0.25 * np.sin(pulsation * t))
-
-    interval = Interval(0.0, 8.0, lambda t, q, v: np.zeros_like(q))
-    watch = Watch(lambda t, q, v: left(t), -1, stops=True, loaded=True)
-    solution = integrate([interval], LINE, np.zeros(1), np.zeros(1), FixedStep(8.0), watches=[watch])
-    instants = np.linspace(0.0, 8.0, 4_000_001)
-    later = int(np.flatnonzero(left(instants) < 0.0)[0])
-    assert instants[later - 1] <= solution.end <= instants[later]
 
 
 def resting(left, end):
@@ -190,12 +135,6 @@ def test_a_release_that_is_far_in_a_long_step_under_a_fast_load_is_found():
     assert len(looks) < sum(looks) / 1000
 
 
-def test_little_is_looked_at_before_a_release_that_comes_soon():
-    solution, looks = resting(lambda t: 1.0 - 2.0 * np.sin(3000.0 * t), 6.0)
-    assert solution.end == pytest.approx(np.arcsin(0.5) / 3000.0, rel=1e-13)
-    assert sum(looks) < 1000
-
-
 def test_what_varies_too_fast_to_be_looked_at_is_told():
     solution, looks = resting(lambda t: 5.0 - 4.9 * np.sin(3e7 * t), 6.0)
     assert sum(looks) < 1.1 * MOST_STATES
@@ -203,7 +142,7 @@ def test_what_varies_too_fast_to_be_looked_at_is_told():
     assert solution.unresolved[0][0] < 0.1
 
 
-@pytest.mark.parametrize(("position", "velocity"), [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0), (0.3, -0.5)])
+@pytest.mark.parametrize(("position", "velocity"), [(0.0, 1.0), (-1.0, 0.0), (0.3, -0.5)])
 def test_a_motion_that_begins_at_a_value_reaches_it_when_it_comes_back(position: float, velocity: float) -> None:
     """``x = p cos t + v sin t`` is p again at ``2 atan2(v, p)``; from rest it is p after a turn, beyond the end."""
     spring = {"kind": "joint_spring", "joint": "x", "stiffness": "0.05 N*m/rad"}
@@ -225,7 +164,7 @@ def test_a_motion_that_begins_at_a_value_reaches_it_when_it_comes_back(position:
 @pytest.mark.parametrize("turns", [False, True])
 def test_what_ends_or_turns_back_at_a_value_comes_to_it_once(direction: int, turns: bool) -> None:
     """``x = x0 + v t + a t^2 / 2`` to its end, or past its turn, at the value of this: once, from its side."""
-    for x0, v, end in np.random.default_rng(4).uniform((-1.0, 0.1, 0.1), (1.0, 3.0, 3.0), (60, 3)).tolist():
+    for x0, v, end in np.random.default_rng(4).uniform((-1.0, 0.1, 0.1), (1.0, 3.0, 3.0), (12, 3)).tolist():
         for way in (-1.0, 1.0):
             turn, a = (0.6 * end, -way * v / (0.6 * end)) if turns else (end, way)
             level = x0 + way * v * turn + 0.5 * a * turn**2
@@ -238,7 +177,7 @@ def test_what_ends_or_turns_back_at_a_value_comes_to_it_once(direction: int, tur
 
 def test_a_run_that_ends_at_a_value_reaches_it_and_so_do_batches() -> None:
     model = str(Path(__file__).parents[3] / "models" / "servo" / "mechanism.yaml")
-    for end, speed in [(0.3, 1.0), (0.7, -1.0), *np.random.default_rng(6).uniform(0.1, 2.0, (4, 2)).tolist()]:
+    for end, speed in [(0.3, 1.0), (0.7, -1.0), *np.random.default_rng(6).uniform(0.1, 2.0, (1, 2)).tolist()]:
         problem = {
             "kind": "forward", "time": {"end": f"{end!r} s", "samples": 3},
             "initial": {"velocity": {"x": f"{speed!r} rad/s"}},

@@ -17,11 +17,6 @@ def test_steps_settle_where_the_error_is_a_share_of_the_tolerance():
         assert c * h**ORDER == pytest.approx(0.8**10, rel=1e-9)
 
 
-def test_a_refused_step_is_tried_where_its_error_would_be_well_below_the_tolerance():
-    """An error ``c h^8`` of 3 becomes ``0.8^8``."""
-    assert 3.0 * shrinkage(3.0, ORDER) ** ORDER == pytest.approx(0.8**8, rel=1e-12)
-
-
 def test_steps_change_within_bounds():
     assert growth(np.zeros(2), ORDER, np.array([FASTEST, 1.0])).tolist() == [FASTEST, 1.0]
     assert shrinkage(np.array([1e200, 2.0 * HUGE, np.nan]), ORDER).tolist() == [SLOWEST, LOST, LOST]
@@ -41,13 +36,3 @@ def test_the_first_step_at_rest_is_short_and_never_longer_than_a_hundred_trials(
     y = np.zeros(2)
     h = first_step((0.0, 1.0), y, y, lambda t, y: np.zeros_like(y), 1e-8, 7)
     assert 0.0 < h <= 1e-4  # a trial of 1e-6, where nothing says how fast things change
-
-
-def test_motions_get_first_steps_of_their_own():
-    speeds = np.array([0.1, 1.0, 10.0])
-    y = np.ones((3, 1))
-    together = first_step((0.0, 10.0), y, -speeds[:, None] * y, lambda t, y: -speeds[:, None] * y, 1e-8, 7)
-    for k, speed in enumerate(speeds):
-        alone = first_step((0.0, 10.0), y[k], -speed * y[k], lambda t, y, s=speed: -s * y, 1e-8, 7)
-        assert together[k] == pytest.approx(float(alone), rel=1e-12)
-    assert (np.diff(together) < 0.0).all()

@@ -34,7 +34,7 @@ def test_a_motion_that_turns_at_its_start_value_comes_back_once_a_period(name, s
 
 
 @pytest.mark.parametrize(("name", "setting"), ALL)
-@pytest.mark.parametrize("apart", [1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 0.0, -1e-9, -1e-7, -1e-5, -1e-3, -1e-1])
+@pytest.mark.parametrize("apart", [1e-1, 1e-5, 1e-9, 0.0, -1e-7, -1e-1])
 def test_whether_a_value_is_passed_is_right_or_open(name, setting, apart):
     """The value lies beyond the lower turn by ``apart``: no crossing, or two in each of three periods."""
     found = cosine(level(-1.0 - apart, level=None), METHODS[name].make(setting))

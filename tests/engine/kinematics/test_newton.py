@@ -1,6 +1,4 @@
-import math
 import re
-from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -9,18 +7,13 @@ import pytest
 from scipy.optimize import least_squares
 
 import pinarm
-from pinarm.engine.kinematics.assembly import KEPT, start_near
 from pinarm.engine.kinematics.closed_configurations import determining
 from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
-from pinarm.mechanics.laws.composed import Segment, Succession
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.inverse import Inverse
-from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
 
 MODELS = Path(__file__).parents[3] / "models"
@@ -68,7 +61,7 @@ class TestTaskMotion:
         wanted = np.array([grid.evaluate(law)[0] for law in motion.values()]).T
         assert hip(leg, q) == pytest.approx(wanted, abs=1e-14)
 
-    @pytest.mark.parametrize(("motion", "t"), [(RISE, 1.25), (RISE, 1.75), (SMOOTH, 0.6), (SMOOTH, 2.1)])
+    @pytest.mark.parametrize(("motion", "t"), [(RISE, 1.25), (SMOOTH, 2.1)])
     def test_rates_are_the_derivatives_of_the_positions(self, leg, motion, t, differentiate):
         def at(instant):
             # the step before brings the motion near; both rows lie in one smooth interval
@@ -95,12 +88,6 @@ class TestTaskMotion:
             ])  # fmt: skip
             assert rows @ (a[row + 1] - a[row]) == pytest.approx(change, abs=1e-12)
 
-    def test_joint_motion_does_not_depend_on_how_densely_it_is_asked(self, leg):
-        coarse = moved(leg, SMOOTH, np.linspace(0.0, 2.5, 6), BENT)
-        fine = moved(leg, SMOOTH, np.linspace(0.0, 2.5, 501), BENT)
-        for few, many in zip(coarse, fine, strict=True):
-            assert few == pytest.approx(many[::100], abs=1e-12)
-
 
 class TestBranch:
     @pytest.mark.parametrize(("start", "side"), [(BENT, 1.0), (BENT_BACK, -1.0)])
@@ -115,14 +102,6 @@ class TestBranch:
             moved(leg, far, np.linspace(0.0, 1.0, n), {"ankle": 0.3, "knee": 2.2, "hip": -2.5})[0] for n in (201, 2)
         )
         assert coarse[-1] == pytest.approx(fine[-1], abs=1e-13)
-
-    def test_rows_may_be_further_apart_than_the_pieces_of_a_law(self, leg):
-        stroke = {"start": 0.8, "end": 0.93, "duration": 0.4}
-        parts = [Polynomial(**stroke), Polynomial(start=0.93, end=0.6, duration=0.4), Constant(value=0.6)]
-        pieces = Succession(segments=[Segment(duration=0.4, motion=part) for part in parts])
-        few, many = (moved(leg, {**RISE, "hip_height": pieces}, np.linspace(0.0, 1.2, n), BENT) for n in (2, 121))
-        for coarse, fine in zip(few, many, strict=True):
-            assert coarse[-1] == pytest.approx(fine[-1], abs=1e-12)
 
 
 @pytest.fixture
@@ -149,13 +128,6 @@ class TestUnreachable:
         assert "knee = " in caught.value.expected
         assert caught.value.exit_code == 2
 
-    def test_a_motion_that_leaves_the_reach_fails_where_it_does(self, leg):
-        away = {**RISE, "hip_height": ConstantSpeed(start=0.8, speed=0.1), "hip_depth": Constant(value=ANKLE_Y)}
-        with pytest.raises(AssemblyError) as caught:
-            moved(leg, away, np.linspace(0.0, 3.0, 31), BENT)
-        end = (SHIN + THIGH - 0.8) / 0.1
-        assert caught.value.data["t"] == pytest.approx(end, abs=0.11)
-
     def test_how_far_a_motion_is_followed_is_told(self, leg):
         away = {**RISE, "hip_height": ConstantSpeed(start=0.8, speed=0.1), "hip_depth": Constant(value=ANKLE_Y)}
         with pytest.raises(AssemblyError, match=r"out of reach at") as caught:
@@ -178,11 +150,6 @@ class TestUnreachable:
         with pytest.raises(AssemblyError, match=r"singular at 0: .*hip_height.* does not move independently"):
             moved(leg, straight, [0.0, 1.0], {"ankle": np.pi / 2, "knee": 0.0, "hip": -np.pi / 2})
 
-    def test_a_singular_position_is_refused_from_anywhere_near(self, leg):
-        straight = {**RISE, "hip_height": Constant(value=SHIN + THIGH), "hip_depth": Constant(value=ANKLE_Y)}
-        with pytest.raises(AssemblyError, match="singular"):
-            moved(leg, straight, [0.0, 1.0], {"ankle": 1.5, "knee": 0.1, "hip": -1.6})
-
     def test_coordinates_that_say_the_same_are_refused(self, mechanism, chain):
         arm = mechanism(
             chain({"name": "first"}, {"name": "second", "at": "1 0 0"}),
@@ -191,24 +158,11 @@ class TestUnreachable:
         with pytest.raises(AssemblyError, match="first, angle do not move independently"):
             moved(arm, {"first": Constant(value=1.0), "angle": Constant(value=1.0)}, [0.0, 1.0], {})
 
-    def test_what_a_short_rod_holds_is_named_beside_it(self, mechanism, chain):
-        """Its row is as short as its lever, 1 mm: that of an angle is 1."""
-        short = {"kind": "rod", "between": ["base", "second_link"], "length": f"{math.hypot(1.0, 1e-3)} m"}
-        arms = chain({"name": "first", "at": "0 1e-3 0"}, {"name": "second", "at": "1 0 0"})
-        arm = mechanism(arms, loops={"L": short})
-        with pytest.raises(AssemblyError, match="singular at 0: L, first do not move independently"):
-            moved(arm, {"first": Constant(value=0.0)}, [0.0, 1.0], {})
-
     def test_a_coordinate_that_nothing_moves_is_refused(self, mechanism, chain):
         tilt = {"tilt": {"kind": "rotation", "body": "first_link", "about": "x"}}
         wheel = mechanism(chain({"name": "first"}), coordinates=tilt)
         with pytest.raises(AssemblyError, match=r"singular at 0: .*tilt does not move"):
             moved(wheel, {"tilt": Constant(value=0.0)}, [0.0, 1.0], {})
-
-
-def test_unknown_start(leg):
-    with pytest.raises(InputError, match="no joint 'trunk'"):
-        start_configuration(leg, {"trunk": 1.0})
 
 
 class TestJointMotion:
@@ -232,12 +186,6 @@ class TestJointMotion:
         ):
             assert motion == pytest.approx(np.stack([first, tip - first], axis=1), abs=1e-13)
 
-    def test_the_order_of_the_laws_does_not_matter(self, arm):
-        t = np.linspace(0.0, 1.0, 11)
-        reverse = dict(reversed(self.motion.items()))
-        for one, other in zip(moved(arm, self.motion, t, {}), moved(arm, reverse, t, {}), strict=True):
-            assert one == pytest.approx(other, abs=1e-14)
-
     def test_a_free_body_needs_laws_for_all_its_coordinates(self, mechanism, chain):
         free = mechanism(chain({"name": "free", "kind": "floating"}, {"name": "wheel"}))
         with pytest.raises(InputError, match="7 coordinates have to follow a law and 1 do") as caught:
@@ -245,12 +193,6 @@ class TestJointMotion:
         assert caught.value.expected.endswith(
             "free.x, free.y, free.z, free.rotation.x, free.rotation.y, free.rotation.z"
         )
-
-
-def test_start_sets_the_named_joints_only(leg):
-    q = start_configuration(leg, {"hip": 0.4})
-    assert q.tolist() == [0.0, 0.0, 0.4]
-    assert np.array_equal(start_configuration(leg, {}), pin.neutral(leg.model))
 
 
 def test_the_position_nearest_to_joints_that_do_not_fit_is_found_in_few_steps(monkeypatch):
@@ -272,28 +214,6 @@ def test_the_position_nearest_to_joints_that_do_not_fit_is_found_in_few_steps(mo
     assert 0.5 * np.sum((gap / solver.measure) ** 2) == pytest.approx(least.cost, rel=1e-10)
     assert q == pytest.approx(least.x, abs=1e-5)  # the root of the gain at which the search ends, some times
     assert len(steps) < 20
-
-
-def test_a_start_is_searched_once_and_others_have_their_own(monkeypatch):
-    """More starts than are kept, each after those before and by itself; what is returned is the caller's own."""
-    mechanism = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml")
-    searches, closest = [], NewtonSolver.closest
-    monkeypatch.setattr(NewtonSolver, "closest", lambda *given: searches.append(given) or closest(*given))
-
-    def near(own, theta2, theta4):
-        motion = determining(own, {"theta2": ConstantSpeed(start=theta2, speed=1.0)})
-        grid = Grid.cover(np.array([0.0, 1.0]), [])
-        return start_near(own, {"A": 0.7, "theta4": theta4}, motion, grid)
-
-    for theta2 in np.linspace(0.0, 3.0, KEPT + 2):
-        for theta4 in (1.2, 1.5):
-            found = near(mechanism, theta2, theta4)
-            alone = near(Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml"), theta2, theta4)
-            assert np.array_equal(found, alone)
-    searches.clear()
-    found[:] = np.nan
-    assert np.array_equal(near(mechanism, theta2, theta4), alone)
-    assert not searches
 
 
 def rocker_angle(crank, points):
@@ -332,7 +252,7 @@ def drawn(points):
         ((0.1, 0.0), (0.33, 0.24), 0.4, 1.1),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("off", [0.0, 0.02, -0.02])
+@pytest.mark.parametrize("off", [0.0, 0.02])
 def test_a_start_that_is_a_solution_is_taken(a, b, c, crank, off):
     """With the rocker held there are two positions of the crank; the one that is given is taken, rounded digits too."""
     points = {"O": (0.0, 0.0), "A": a, "B": b, "C": (c, 0.0)}
@@ -346,7 +266,7 @@ def test_a_start_that_is_a_solution_is_taken(a, b, c, crank, off):
 def test_a_start_that_is_a_solution_is_where_a_motion_and_an_equilibrium_are_looked_for(kind):
     """The angle of the coupler is not given; a spring holds the crank where it is in both positions of the rocker."""
     generator = np.random.default_rng(5)
-    for _ in range(30):
+    for _ in range(10):
         a, b = generator.uniform(-0.15, 0.15, 2), generator.uniform(-0.4, 0.4, 2)
         c, crank = generator.uniform(0.1, 0.5), generator.uniform(-1.5, 1.5)
         points = {"O": (0.0, 0.0), "A": tuple(a), "B": tuple(b), "C": (c, 0.0)}
@@ -365,18 +285,3 @@ def test_a_start_that_is_a_solution_is_where_a_motion_and_an_equilibrium_are_loo
                             "outputs": ["O", "C"]})  # fmt: skip
         off = np.array([found["O"].values[0] - crank, found["C"].values[0] - rocker])
         assert np.angle(np.exp(1j * off)) == pytest.approx(0.0, abs=1e-9)
-
-
-@pytest.mark.parametrize(("angle", "refused"), [(90.0, True), (89.0, False)])
-def test_a_motion_from_exactly_a_change_point_is_refused_with_the_reason(angle, refused):
-    """A parallelogram laid flat may go on as one or as an antiparallelogram; beside it the law is enough."""
-    mechanism = Mechanism.load(MODELS / "four_bar" / "mechanism.yaml")
-    law = ConstantSpeed(speed=2.0, start=np.radians(angle))
-    start = {"coupler_0": -np.radians(angle), "upright_1": np.radians(angle)}
-    problem = Inverse(time=TimeGrid(end=0.1, samples=3), motion={"upright_0": law}, start=start)
-    if refused:
-        with pytest.raises(InputError, match=r"exactly at a singular position.*2 degrees of freedom, beside it 1"):
-            problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
-    else:
-        rows = problem.solve(mechanism, Accuracy(), lambda *path: nullcontext()).rows
-        assert rows.q[:, mechanism.joints["upright_1"].q] == pytest.approx(rows.q[:, 0], abs=1e-9)

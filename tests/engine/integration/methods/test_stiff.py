@@ -15,7 +15,7 @@ def drawn(stiffness, damping):
     return lambda t, q, v: -stiffness * (q - np.cos(t)) - damping * (v + np.sin(t)) - np.cos(t)
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-9])
 @pytest.mark.parametrize(("stiffness", "damping"), [(1e6, 2e3), (1e9, 1e6), (1e4, 1e8)])
 def test_steps_follow_the_slow_motion(stiffness, damping, tolerance):
     interval = Interval(0.0, 10.0, drawn(stiffness, damping))
@@ -25,7 +25,7 @@ def test_steps_follow_the_slow_motion(stiffness, damping, tolerance):
     assert solution.count.evaluations < 500  # an explicit method takes 1e4 and more
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-9])
 def test_a_fast_transient_costs_few_steps(tolerance):
     """The velocity decays within 1e-6 s to 0.3 m/s, that of the closed form with the slow decay of 1 / s."""
     interval = Interval(0.0, 2.0, lambda t, q, v: -1e6 * (v + q))
@@ -36,8 +36,8 @@ def test_a_fast_transient_costs_few_steps(tolerance):
     assert solution.count.evaluations < 500
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6, 1e-8])
-@pytest.mark.parametrize("creep", [1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-8])
+@pytest.mark.parametrize("creep", [1e-3, 1e-5])
 def test_dry_friction_that_sticks_is_passed_even_where_the_tolerance_is_wider_than_the_creep(creep, tolerance):
     """A mass of 1 kg on a belt of 0.5 m/s, on a spring of 10 N/m, under 3 N of friction: it sticks, slips, sticks."""
     interval = Interval(0.0, 5.0, lambda t, q, v: -10.0 * q - 3.0 * np.tanh((v - 0.5) / creep))

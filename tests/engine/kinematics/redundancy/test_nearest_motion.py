@@ -80,14 +80,6 @@ def test_the_hand_is_on_the_path_to_rounding_with_its_rates(arm):
     assert np.array([hand(q) for q in run.q]) == pytest.approx(np.array([on_circle(t) for t in run.grid.t]), abs=1e-14)
 
 
-def test_a_path_figure_tells_of_a_hand_beside_the_path(arm):
-    run = follow(arm, posture())
-    moved = run.q + np.array([1e-6, 0.0, 0.0])
-    off = run.motion.figures(type(run)(run.motion, run.grid, moved, run.v, run.a))
-    reach = max(np.linalg.norm(on_circle(t)) for t in run.grid.t)
-    assert 0.5e-6 * reach < off["path"] <= 1e-6 * reach
-
-
 def test_velocity_and_acceleration_are_the_derivatives_of_the_configuration(arm, differentiate):
     path = NearestMotion.of(arm, CIRCLE, posture())
     run = path.follow(grid(path.laws), TARGET)
@@ -99,30 +91,6 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_configuration(arm,
     for t in (0.4, 1.3, 2.6):
         # differences of order 8 at h = 0.02 of functions of 2 rad/s and some harmonics: 1e-11
         assert differentiate(states, t)[:6] == pytest.approx(states(t)[3:], abs=1e-9)
-
-
-def test_the_conditions_of_karush_kuhn_and_tucker_hold(arm):
-    """``W^2 (q - q0) = J^T lam`` with the Jacobian of the tip by hand."""
-    for q in follow(arm, posture()).q:
-        angles = np.cumsum(q)
-        parts = np.array([-np.sin(angles), np.cos(angles)]) * LENGTHS
-        jacobian = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
-        pull = WEIGHTS**2 * (q - TARGET)
-        lam = np.linalg.lstsq(jacobian.T, pull)[0]
-        assert jacobian.T @ lam == pytest.approx(pull, abs=1e-11)
-
-
-def test_a_closed_path_closes_in_the_joints(arm):
-    run = follow(arm, posture(), samples=121, end=3 * PERIOD)
-    for turn in (1, 2, 3):
-        assert run.q[40 * turn] == pytest.approx(run.q[0], abs=1e-13)
-        assert run.a[40 * turn] == pytest.approx(run.a[0], abs=1e-11)
-
-
-def test_rows_do_not_depend_on_their_number(arm):
-    few, many = (follow(arm, posture(), samples=samples) for samples in (7, 121))
-    assert few.q == pytest.approx(many.q[::20], abs=1e-12)  # each row is solved to 1e-13
-    assert few.a == pytest.approx(many.a[::20], abs=1e-10)  # derivatives of J: 1e-12 of terms as large as 10
 
 
 def test_at_the_posture_the_velocity_is_the_weighted_pseudo_inverse(arm):
@@ -138,14 +106,6 @@ def test_at_the_posture_the_velocity_is_the_weighted_pseudo_inverse(arm):
     expected = spread @ np.linalg.solve(jacobian @ spread, [0.0, -0.15])
     assert run.q[0] == pytest.approx(TARGET, abs=1e-14)
     assert run.v[0] == pytest.approx(expected, abs=1e-13)
-
-
-def test_a_joint_without_a_target_lets_the_others_have_theirs(arm):
-    """One freedom and one joint that is pulled: it keeps its target, as under a law, and so do its rates."""
-    run = follow(arm, posture(target=(0.0, 0.0, 0.7), weights=(0.0, 0.0, 1.0)))
-    assert run.q[:, 2] == pytest.approx(0.7, abs=1e-13)
-    assert run.v[:, 2] == pytest.approx(0.0, abs=1e-12)
-    assert run.a[:, 2] == pytest.approx(0.0, abs=1e-11)
 
 
 class TestLimits:
@@ -174,41 +134,11 @@ class TestLimits:
             still = [(np.abs(v) < 1e-12).any() for v in run.v[k - 1 : k + 1]]
             assert sorted(still) == [False, True]  # one joint stands, on one side
 
-    def test_the_path_is_held_at_limits_too(self, arm):
-        run = follow(arm, self.chosen())
-        assert max(run.motion.figures(run).values()) < 1e-12
-
-    def test_the_instants_do_not_depend_on_the_rows(self, arm):
-        few, many = (follow(arm, self.chosen(), samples=samples).motion.bounds for samples in (9, 300))
-        assert few == pytest.approx(many, abs=1e-11)
-
-    def test_the_same_motion_between_the_rows(self, arm):
-        run, dense = (follow(arm, self.chosen(), samples=samples) for samples in (31, 61))
-        begin, end = run.grid.cuts[1:3]
-        between = dense.grid.t[(dense.grid.t > begin + 1e-6) & (dense.grid.t < end - 1e-6)]
-        again = run.motion.follow(Grid(between, (begin, end), (0, len(between))), run.q[run.grid.rows[1]])
-        rows = np.searchsorted(dense.grid.t, between)
-        assert again.q == pytest.approx(dense.q[rows], abs=1e-13)
-        assert again.v == pytest.approx(dense.v[rows], abs=1e-11)
-
-    def test_a_path_beyond_the_limits_is_refused(self, arm):
-        lower, upper = np.array([0.2, 0.4, 0.35]), np.array([0.4, 0.8, 0.6])  # the tip stays beyond the circle
-        with pytest.raises(AssemblyError, match="within the limits"):
-            follow(arm, posture(lower=lower, upper=upper))
-
     def test_a_path_that_leaves_the_limits_on_its_way_is_refused(self, arm):
         """C stops at its limit, then A: the freedom is used up."""
         lower, upper = np.array([-0.2, -3.0, -3.0]), np.array([3.0, 3.0, 2.2])
         with pytest.raises(AssemblyError, match=r"beyond t = 1\.8.* A reaches its limit, and C is at its own"):
             follow(arm, posture(lower=lower, upper=upper))
-
-    def test_joints_may_be_at_limits_from_the_start(self, arm):
-        """The limit begins at the configuration that is nearest without it, moved by 0.1."""
-        free = follow(arm, posture()).q[0]
-        lower = np.array([free[0] + 0.1, -3.0, -3.0])
-        run = follow(arm, posture(lower=lower))
-        assert run.q[0][0] == lower[0]
-        assert run.q[0] == pytest.approx(best(0.0, run.q[0] + 0.02, lower, 3.0)[0], abs=1e-6)
 
 
 def test_a_stretched_arm_is_singular(arm):
