@@ -60,9 +60,7 @@ def test_continuous_pd_is_the_published_number(inertia):
     assert found == pytest.approx(exact, abs=1e-8)  # tolerance 1e-9 a step
 
 
-@pytest.mark.parametrize(
-    ("period", "jump", "number"), [("150 ms", "0.45 s", 3), ("30 ms", "0.33 s", 11), ("100 ms", "0.3 s", 3)]
-)
+@pytest.mark.parametrize(("period", "jump", "number"), [("150 ms", "0.45 s", 3), ("100 ms", "0.3 s", 3)])
 def test_a_sample_at_the_jump_of_a_reference_sees_it(inertia, period, jump, number):
     """0.15 s three times is less than 0.45 s in floating point, and 0.1 s three times more than 0.3 s."""
     follows = {"law": "steps", "points": [["0 s", "0 rad"], [jump, "1 rad"]]}
@@ -75,7 +73,7 @@ def test_a_sample_at_the_jump_of_a_reference_sees_it(inertia, period, jump, numb
     assert found == pytest.approx(x, abs=1e-13)
 
 
-@pytest.mark.parametrize("period", ["100 ms", "0.3 s", "2 s"])
+@pytest.mark.parametrize("period", ["100 ms", "2 s"])
 def test_references_of_sampled_controllers_are_told_between_samples_too(inertia, period):
     """Before the first sample the wheel stands still: the error is the reference, of which the mean square is known."""
     follows = {"law": "steps", "points": [["0 s", "0 rad"], ["0.35 s", "1 rad"], ["0.8 s", "-2 rad"]]}
@@ -102,31 +100,11 @@ def test_a_delay_shifts_the_effort(inertia):
     assert found == pytest.approx(x, abs=1e-13)
 
 
-def test_a_delay_may_be_longer_than_the_period(inertia):
-    found = last(pinarm.run(scenario(inertia, [{**PD, "period": "50 ms", "delay": "0.1 s"}])))
-    x, v, commands = 1.0, 0.0, [0.0, 0.0]
-    for _ in range(20):
-        commands.append(-25.0 * x - 6.0 * v)
-        u = commands[-3]
-        x, v = x + 0.05 * v + 0.5 * 0.05**2 * u, v + 0.05 * u
-    assert found == pytest.approx(x, abs=1e-12)
-
-
 def test_the_integral_is_a_state_of_the_run(inertia):
     """``x'' + 6 x' + 25 x + 3 integral of x = 0`` by the matrix exponential."""
     found = last(pinarm.run(scenario(inertia, [{**PD, "ki": "3 N*m/rad/s"}])))
     a = np.array([[0.0, 1.0, 0.0], [-25.0, -6.0, -3.0], [1.0, 0.0, 0.0]])
     assert found == pytest.approx((expm(a) @ [1.0, 0.0, 0.0])[0], abs=1e-8)
-
-
-def test_a_sampled_integral_is_a_sum(inertia):
-    found = last(pinarm.run(scenario(inertia, [{**PD, "ki": "3 N*m/rad/s", "period": "20 ms"}])))
-    x, v, total, h = 1.0, 0.0, 0.0, 0.02
-    for _ in range(50):
-        total += h * -x
-        u = -25.0 * x - 6.0 * v + 3.0 * total
-        x, v = x + h * v + 0.5 * h * h * u, v + h * u
-    assert found == pytest.approx(x, abs=1e-12)
 
 
 @pytest.mark.parametrize("period", [{}, {"period": "20 ms"}])
@@ -139,40 +117,12 @@ def test_an_integral_takes_a_constant_disturbance_away(inertia, period):
     assert last(result, "control.x.effort") == pytest.approx(-2.0, abs=1e-6)
 
 
-def test_the_error_falls_with_the_tolerance(inertia):
-    exact = np.exp(-3.0) * (np.cos(4.0) + 0.75 * np.sin(4.0))
-    errors = [
-        abs(last(pinarm.run({**scenario(inertia, [PD]), "accuracy": {"tolerance": float(tolerance)}})) - exact)
-        for tolerance in ("1e-4", "1e-7", "1e-10")
-    ]
-    assert errors[0] > 10 * errors[1] > 100 * errors[2]
-
-
 @pytest.mark.parametrize("method, error", [("dop853", 1e-12), ("dopri5", 1e-12), ("stiff", 1e-9), ("rk4", 1e-12)])
 def test_every_method_ends_its_steps_on_the_samples(inertia, method, error):
     exact = held(*INTEGRATORS, np.array([25.0, 6.0]), np.array([1.0, 0.0]), 0.05, 20)[0]
     setting = {"step": "1 s"} if method == "rk4" else {}
     asked = {**scenario(inertia, [{**PD, "period": "50 ms"}]), "accuracy": {"method": method, **setting}}
     assert last(pinarm.run(asked)) == pytest.approx(exact, abs=error)
-
-
-def test_without_the_compiled_kernel_it_is_the_same(inertia, monkeypatch):
-    asked = scenario(inertia, [{**PD, "period": "50 ms"}])
-    compiled = pinarm.run(asked)
-    monkeypatch.setattr("pinarm.engine.kernel.tree.library", lambda: None)
-    python = pinarm.run(asked)
-    assert np.abs(compiled["x"].values - python["x"].values).max() < 1e-13  # a parabola, up to rounding
-
-
-def test_between_samples_the_effort_is_held(inertia):
-    result = pinarm.run(scenario(inertia, [{**PD, "period": "50 ms"}], outputs=("x", "control.x.effort")))
-    effort, t = result["control.x.effort"].values, result["t"].values
-    for k in range(20):
-        inside = (t > 0.05 * k - 1e-9) & (t < 0.05 * (k + 1) - 1e-9)
-        assert np.ptp(effort[inside]) == 0.0
-    a = result["joint.x.acceleration"].values
-    assert np.abs(a - effort).max() < 1e-12  # J = 1
-    assert np.array_equal(result["joint.x.effort"].values, effort)
 
 
 def test_limits_clip_the_effort_and_keep_the_integral(inertia):
@@ -196,31 +146,6 @@ def test_the_integral_does_not_wind_up(inertia, period):
     result = pinarm.run(scenario(inertia, control, "20 s", ("x", "control.x.effort"), start=None))
     assert last(result) == pytest.approx(3.0, abs=1e-3)
     assert np.abs(result["control.x.effort"].values).max() <= 1.0 + 1e-12
-
-
-def test_coarse_sensors_make_a_limit_cycle_within_their_step(inertia):
-    """With steps of 0.01 rad nothing below half a step is seen; rates from differences of them."""
-    control = [{**PD, "period": "10 ms", "resolution": "0.01 rad"}]
-    result = pinarm.run(scenario(inertia, control, "5 s"))
-    assert 0.0 < abs(last(result)) < 0.005 + 1e-6
-
-
-def test_rates_may_be_differences_of_samples(inertia):
-    found = last(pinarm.run(scenario(inertia, [{**PD, "period": "10 ms", "rates": "difference"}])))
-    x, v, before, h = 1.0, 0.0, 1.0, 0.01
-    for _ in range(100):
-        u, before = -25.0 * x - 6.0 * (x - before) / h, x
-        x, v = x + h * v + 0.5 * h * h * u, v + h * u
-    assert found == pytest.approx(x, abs=1e-12)
-
-
-def test_a_sampled_run_approaches_the_continuous_one_in_first_order(inertia):
-    exact = last(pinarm.run(scenario(inertia, [PD])))
-    errors = [
-        last(pinarm.run(scenario(inertia, [{**PD, "period": f"{period} s"}]))) - exact for period in (0.02, 0.01, 0.005)
-    ]
-    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert orders == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_relay_cycles_between_its_hysteresis(inertia):
@@ -257,19 +182,10 @@ def test_the_energy_balance_counts_the_controllers(inertia):
         assert result["energy.kinetic"].values.max() > 0.1
 
 
-def test_two_runs_are_the_same_run(inertia):
-    asked = scenario(inertia, [{**PD, "ki": "3 N*m/rad/s", "period": "7 ms", "delay": "3 ms"}])
-    loaded = pinarm.load(asked)
-    assert np.array_equal(loaded.run()["x"].values, loaded.run()["x"].values)
-
-
 @pytest.mark.parametrize("key, value, said", [
-    ("drive", "y", "no drive or joint 'y'"), ("kp", "25 N/m", "not a unit"), ("delay", "1 ms", "no delay"),
-    ("resolution", "1 deg", "no resolution"), ("limits", ["1 N*m", "-1 N*m"], "not above"),
-    ("drive", ["x", "x"], "twice"),
-    ("follows", {"law": "constant", "value": "1 m"}, "not a unit"), ("measures", "z", "no coordinate 'z'"),
-    ("limits", {"y": ["-1 N*m", "1 N*m"]}, "no drive of this"), ("period", "1e-9 s", "samples"),
-    ("period", "0 s", "out of bounds"), ("period", "nan s", "not a quantity"), ("kp", float("inf"), "not a finite"),
+    ("drive", "y", "no drive or joint 'y'"), ("delay", "1 ms", "no delay"), ("drive", ["x", "x"], "twice"),
+    ("limits", ["1 N*m", "-1 N*m"], "not above"), ("follows", {"law": "constant", "value": "1 m"}, "not a unit"),
+    ("measures", "z", "no coordinate 'z'"), ("period", "1e-9 s", "samples"), ("kp", float("inf"), "not a finite"),
 ])  # fmt: skip
 def test_mistakes_are_told_at_their_place(inertia, key, value, said):
     with pytest.raises(InputError, match=said) as caught:
@@ -296,8 +212,7 @@ def test_a_delay_may_be_one_and_a_half_periods(inertia):
     assert found == pytest.approx(x, abs=1e-13)
 
 
-@pytest.mark.parametrize(("delay", "periods"), [("1e-11 s", 0), ("5e-11 s", 0), ("49.9999999999 ms", 1),
-                                               ("50.00000000001 ms", 1), ("99.99999999999 ms", 2)])  # fmt: skip
+@pytest.mark.parametrize(("delay", "periods"), [("1e-11 s", 0), ("49.9999999999 ms", 1), ("50.00000000001 ms", 1)])
 def test_delays_that_are_periods_but_for_rounding_are_periods(inertia, delay, periods):
     """Those of no period too: what a sample commands is in force from the sample on."""
     found = last(pinarm.run(scenario(inertia, [{**PD, "period": "50 ms", "delay": delay}])))
@@ -321,34 +236,6 @@ def test_a_coarse_saturated_sampled_pid_is_stepped_by_hand(inertia):
         u = min(max(-4.0 * y - 3.0 * (y - before) / h + part, -2.0), 2.0)
         x, v, before = x + h * v + 0.5 * h * h * u, v + h * u, y
     assert found == pytest.approx(x, abs=1e-12)
-
-
-def test_a_saturated_pd_is_a_parabola_and_then_a_matrix_exponential(inertia):
-    """At its lower limit until the command comes off it, and again before it settles: instants by bisection."""
-    result = pinarm.run(scenario(inertia, [{**PD, "limits": ["-5 N*m", "5 N*m"]}], "2 s"))
-    a, gains, x, t, u = np.array([[0.0, 1.0], [-25.0, -6.0]]), np.array([-25.0, -6.0]), np.array([1.0, 0.0]), 0.0, -5.0
-
-    def after(h):
-        if u:
-            return np.array([x[0] + x[1] * h + 0.5 * u * h * h, x[1] + u * h])
-        return expm(a * h) @ x
-
-    def beyond(h):
-        return abs(gains @ after(h)) > 5.0
-
-    while t < 2.0:
-        steps = np.arange(1e-6, 2.0 - t, 1e-3)
-        left = [h for h in steps if beyond(h) != bool(u)]
-        if not left:
-            x, t = after(2.0 - t), 2.0
-            break
-        low, high = max(left[0] - 1e-3, 0.0), left[0]
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if beyond(middle) != bool(u) else (middle, high)
-        x, t = after(high), t + high
-        u = 0.0 if u else 5.0 * float(np.sign(gains @ x))
-    assert last(result) == pytest.approx(x[0], abs=1e-9)  # tolerance 1e-9 a step
 
 
 def test_a_relay_starts_by_its_error_beside_a_sampled_controller(tmp_path):

@@ -1,22 +1,19 @@
 """A parallelogram that all but stops where its bars are in line, and may go on crossed: this is said, not guessed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from catalogue import ABOUT_Y, TWO_CRANKS, two_cranks
 from linkage import GROUND, Body, Joint, Linkage
-from motions import free, freely
+from motions import free
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.errors import IntegrationError, NumericsError
-from pinarm.problems.events import EndStop
 
 CUTS = pytest.mark.parametrize("cut", "ABC")
 WHEEL = Linkage({"wheel": Body(2.0, np.array([3.0, 0.0, 0.0]), 0.1 * np.eye(3))},
                 {"W": Joint("revolute", GROUND, "wheel", np.array([3.0, 0.0, 0.0]), ABOUT_Y)})  # fmt: skip
-TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11)
+TOLERANCES = (1e-8, 1e-11)
 
 
 def exact(t, start):
@@ -26,7 +23,7 @@ def exact(t, start):
 
 
 @CUTS
-@pytest.mark.parametrize("miss", [1e-3, 1e-4, 1e-5, 1e-7])
+@pytest.mark.parametrize("miss", [1e-3, 1e-7])
 def test_one_that_turns_back_in_line_is_followed_until_then(miss, cut, tmp_path):
     mechanism = two_cranks(np.pi / 2 - miss).build(tmp_path, [cut])
     with pytest.raises(
@@ -68,26 +65,8 @@ def test_a_wheel_that_is_geared_to_it_does_not_hide_that_it_turns_back(ratio, tm
         free(mechanism, 0.7, 71, tolerance=1e-9)
 
 
-def test_one_that_passes_at_speed_is_followed_beside_one_that_turns_back_elsewhere(tmp_path):
-    """While the one is in line the other is all but at rest, where it is regular."""
-    swing = named(two_cranks(np.pi - 0.3), "_other")
-    mechanism = beside(two_cranks(0.5), swing).build(tmp_path, ["A", "A_other"])
-    run = free(mechanism, 2.0, 101, tolerance=1e-10)
-    for name, start in (("O", 0.5), ("O_other", np.pi - 0.3)):
-        turned = run.q[:, mechanism.joints[name].q] + start
-        assert turned == pytest.approx(exact(run.grid.t, start), abs=1e-7)
-
-
 def beside(one, other):
     return Linkage({**one.bodies, **other.bodies}, {**one.joints, **other.joints})
-
-
-def named(linkage, end):
-    """The same with other names."""
-    ends = {GROUND: GROUND, **{name: name + end for name in linkage.bodies}}
-    bodies = {ends[name]: body for name, body in linkage.bodies.items()}
-    return Linkage(bodies, {name + end: replace(joint, first=ends[joint.first], second=ends[joint.second])
-                            for name, joint in linkage.joints.items()})  # fmt: skip
 
 
 @CUTS
@@ -107,24 +86,6 @@ def test_at_rest_in_line_there_is_no_motion_to_follow(tmp_path):
 def test_without_weight_it_stays_at_rest_in_line(tmp_path):
     still = free(two_cranks(np.pi / 2).build(tmp_path, ["B"], gravity="none"), 1.0)
     assert still.q == pytest.approx(0.0, abs=1e-14)
-
-
-KICKED = {"kick": {"kind": "joint_effort", "joint": "O", "effort": {"law": "constant", "value": "4 N*m"}}}
-
-
-def test_rows_within_long_steps_past_singular_positions_can_be_closed(tmp_path):
-    """Of a crank that a torque turns over and over: stages of the dense output that stay open leave this row open."""
-    speeds = {"O": 0.3, "A": -0.3, "B": 0.3, "C": 0.3}
-    mechanism = two_cranks(np.pi - 0.3).build(tmp_path, ["A"], forces=KICKED)
-    run = free(mechanism, 2.0, 41, velocity={name: speeds[name] for name in mechanism.joints}, tolerance=1e-2)
-    assert np.abs(mechanism.closure.at(run.q)[0]).max() < 1e-13
-
-
-def test_the_energy_within_steps_past_singular_positions_is_kept(tmp_path):
-    """Between impacts on both stops; with stages that stay open it was 2e-9."""
-    mechanism = two_cranks(0.5).build(tmp_path, ["A"], forces=KICKED)
-    stops = {"O": EndStop(upper=2.0, lower=-1.0, restitution=0.5)}
-    assert freely(mechanism, 2.0, 41, tolerance=1e-11, end_stops=stops).figures["energy"] < 1e-10
 
 
 @CUTS

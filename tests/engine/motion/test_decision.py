@@ -20,10 +20,3 @@ def test_the_note_says_what_when_and_by_how_much():
     [note] = open_notes([Decision("event 'back' takes place", 0.25, -1e-9, 2e-8, "m", True)])
     for part in ("event 'back' takes place", "t = 0.25 s", "margin -1e-09 m", "error 2e-08 m"):
         assert part in note
-
-
-def test_a_recorded_event_touches_only_what_is_named_after_it():
-    recorded = Decision("event 'back' takes place", 0.25, -1e-9, 2e-8, "m", True, "back")
-    assert recorded.touches("event.back.count @ end")
-    assert not recorded.touches("x")
-    assert Decision("the stop is met", 0.25, 0.0, 1.0, "m", True).touches("x")

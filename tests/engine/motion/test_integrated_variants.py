@@ -7,10 +7,9 @@ import pytest
 
 import pinarm
 from pinarm.engine.kernel.library import absence
-from pinarm.engine.mechanism_variants import alike_variants, some_variants
+from pinarm.engine.mechanism_variants import alike_variants
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVariants
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
@@ -41,18 +40,6 @@ def test_rows_are_those_of_each_motion(variants: IntegratedVariants, motions: li
         alone = motion.at(variants.run.grid)
         for own, other in ((rows.q, alone.q), (rows.v, alone.v), (rows.a, alone.a)):
             np.testing.assert_allclose(own[:, k], other, rtol=0.0, atol=1e-12 * np.abs(other).max())
-
-
-def test_some_of_them_at_other_instants_have_instants_of_their_own(
-    variants: IntegratedVariants, motions: list[IntegratedMotion]
-) -> None:
-    places, cuts = np.array([2, 0]), variants.run.grid.cuts
-    grids = [Grid(np.array(t), cuts, (0, 2)) for t in ((0.01, 0.02), (0.11, 0.25))]
-    some = variants.some(some_variants(variants.mechanism, places), places, grids)
-    rows, _ = some.at(np.zeros((2, 2, 2)))
-    np.testing.assert_array_equal(rows.grid.t, [[0.01, 0.11], [0.02, 0.25]])
-    for k, (place, grid) in enumerate(zip(places, grids, strict=True)):
-        np.testing.assert_allclose(rows.q[:, k], motions[place].at(grid).q, rtol=0.0, atol=1e-13)
 
 
 def test_motions_that_the_library_gets_wrong_are_not_sound(

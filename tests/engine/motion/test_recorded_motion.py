@@ -51,8 +51,8 @@ def motor_torque(q, a, direction):
     return np.where(load * direction < 0.0, 0.5, 2.0) * load / 10 + 1e-4 * a
 
 
-@pytest.mark.parametrize("digits", [16, 6, 4])
-@pytest.mark.parametrize(("rows", "shift"), [(100, 0.0), (101, 0.0), (182, 300.15), (222, 0.0)])
+@pytest.mark.parametrize("digits", [16, 4])
+@pytest.mark.parametrize(("rows", "shift"), [(101, 0.0), (182, 300.15)])
 def test_a_spline_at_rest_has_the_band_of_friction_and_no_friction_of_its_error(flywheel, rows, shift, digits):
     t = np.linspace(0.0, 2.0, rows)
     q, v, a = rest_to_rest(t, 0.6, 0.8, 0.8)
@@ -84,7 +84,7 @@ def test_a_gear_that_lowers_a_load_has_the_losses_of_the_motion_at_its_ends(lift
 
 
 @pytest.mark.parametrize("pulsation", [2 * np.pi, 3.0])
-@pytest.mark.parametrize("rows", [81, 161, 401])
+@pytest.mark.parametrize("rows", [81])
 @pytest.mark.parametrize("given", [True, False])
 def test_where_a_joint_turns_back_the_motion_that_follows_tells_the_losses(lifting, given, rows, pulsation):
     """At the last row the motion that has ended does."""

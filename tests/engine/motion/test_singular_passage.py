@@ -48,7 +48,7 @@ def run(folder: Path, text: str, samples: int, end: float, first: float, **given
                            "outputs": ["O", "C"]})  # fmt: skip
 
 
-@pytest.mark.parametrize("samples", [9, 33, 60])
+@pytest.mark.parametrize("samples", [9, 60])
 def test_the_torque_of_a_parallelogram_goes_through_its_change_points(tmp_path, samples):
     """All links go round on circles of the crank's radius: ``T = -g r sin(O) (m1/2 + m2 + m3/2)`` from the drawing."""
     result = run(tmp_path, PARALLELOGRAM, samples, 1.0, 0.0)
@@ -76,7 +76,7 @@ coordinates:
 
 
 @pytest.mark.parametrize("drive", ["O", "C", "aslant"])
-@pytest.mark.parametrize(("frequency", "offset"), [(0.0, 0.0), (10.0, 0.0), (60.0, 0.0), (60.0, 1e-3), (200.0, 1e-6)])
+@pytest.mark.parametrize(("frequency", "offset"), [(0.0, 0.0), (60.0, 0.0), (200.0, 1e-6)])
 def test_efforts_at_change_points_carry_loads_that_change_fast(tmp_path, drive, frequency, offset):
     """The power of the drive is that of the weights and of the load, which turns with the crank."""
     result, load = run_beside(tmp_path, offset, frequency, drive)
@@ -88,7 +88,7 @@ def test_efforts_at_change_points_carry_loads_that_change_fast(tmp_path, drive, 
 
 
 @pytest.mark.parametrize("frequency", [0.0, 60.0])
-@pytest.mark.parametrize("offset", [6e-4, 1e-4, -1e-5, 1e-7])
+@pytest.mark.parametrize("offset", [6e-4, 1e-7])
 def test_forces_next_to_change_points_are_those_that_turn_the_rocker(tmp_path, offset, frequency):
     """The pin at B carries half of the coupler, and along its line what the moments about C ask for: without bounds."""
     result, load = run_beside(tmp_path, offset, frequency, "O")
@@ -102,7 +102,7 @@ def test_forces_next_to_change_points_are_those_that_turn_the_rocker(tmp_path, o
     assert not result.notes()
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e-9, -1e-6, 2e-5, 1e-4, -1e-3])
+@pytest.mark.parametrize("offset", [0.0, -1e-6, 1e-4])
 def test_accelerations_at_a_change_point_are_those_of_the_smooth_motion(tmp_path, offset):
     """Mirrored at the line O C the motion is the same one backwards: the rocker's angle is odd in the crank's, O.
 
@@ -180,7 +180,7 @@ def beside_change_point(path: Path, offset: float):
         return pinarm.run({"pinarm": 1, "mechanism": str(path), "problem": problem, "outputs": ["O", "C"]})
 
 
-@pytest.mark.parametrize("offset", [1e-3, 1e-4, 2e-5, -1e-5])
+@pytest.mark.parametrize("offset", [1e-3, -1e-5])
 def test_accelerations_beside_a_change_point_are_as_wrong_as_is_told(tmp_path, offset):
     (tmp_path / "four_bar.yaml").write_text(FOUR_BAR % "1 m")
     result = beside_change_point(tmp_path / "four_bar.yaml", offset)
@@ -198,7 +198,7 @@ def test_nothing_is_said_where_rounding_leaves_all_digits(tmp_path):
     assert told(beside_change_point(tmp_path / "four_bar.yaml", 0.3), "accelerations") == 0.0
 
 
-@pytest.mark.parametrize("way", [1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("way", [1e-6, 1e-10])
 def test_velocities_of_a_crank_that_its_piston_drives_at_the_dead_centre(tmp_path, way):
     """``1 - cos(O) = way (2 L - way) / (2 r (r + L - way))``, by the law of cosines."""
     (tmp_path / "slider_crank.yaml").write_text(SLIDER_CRANK)

@@ -47,7 +47,7 @@ def test_an_oscillator_has_the_same_relative_error_at_any_amplitude(errors, meth
 
 
 @pytest.mark.parametrize("method", ADAPTIVE)
-@pytest.mark.parametrize("amplitude", [1e-4, 1e-7, 1e-10])
+@pytest.mark.parametrize("amplitude", [1e-4, 1e-10])
 def test_an_oscillation_about_a_place_far_from_0_is_right_to_the_rounding_of_its_coordinate(
     mechanism, chain, method, amplitude
 ):
@@ -73,12 +73,7 @@ def test_a_small_motion_whose_steps_do_not_see_it_says_that_they_err_as_much_as_
     assert 1.0 < error < outcome.figures["rounding"]
 
 
-def test_steps_that_are_too_long_are_told_of_at_any_amplitude(errors):
-    found = errors(method="rk4", step=0.1)
-    assert all(error > 1e-2 and notes[0].startswith("step too large") for error, notes in found.values())
-
-
-@pytest.mark.parametrize("amplitude", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("amplitude", [1e-3, 1e-12])
 def test_where_weights_act_a_swing_is_as_accurate_at_any_amplitude(mechanism, chain, amplitude):
     """A point of 1 kg on 1 m swings as A cos(w t) with w^2 = g/l, but for A^2/16 per turn: no weights cancel."""
     point = {"name": "arm", "axis": "0 1 0", "com": "0 0 -1", "inertia": (0.0, 0.0, 0.0)}
@@ -105,22 +100,6 @@ def test_a_motion_as_small_as_the_rounding_of_a_weight_is_told_to_be_unknown(mec
         slide, Accuracy(), lambda *path: nullcontext()
     )
     assert outcome.figures["rounding"] > 1.0
-
-
-def test_a_batch_follows_small_motions_as_a_run_does(mechanism, chain, tmp_path):
-    mechanism(chain({"name": "x", "kind": "prismatic"}), gravity="none")
-    (tmp_path / "small.yaml").write_text("""
-pinarm: 1
-mechanism: mechanism.yaml
-problem:
-  kind: forward
-  time: {end: 3 s, samples: 31}
-  loads: {spring: {kind: joint_spring, joint: x, stiffness: 100 N/m}}
-outputs: [joint.x.position]
-""")
-    batch = pinarm.batch(tmp_path / "small.yaml", position={"x": np.array(AMPLITUDES)})
-    exact = np.cos(10.0 * np.linspace(0.0, 3.0, 31))
-    assert np.abs(batch["joint.x.position"].values / np.array(AMPLITUDES)[:, None] - exact).max() < 1e-7
 
 
 def test_a_batch_follows_motions_that_are_small_beside_their_coordinates_as_a_run_does(mechanism, chain, tmp_path):

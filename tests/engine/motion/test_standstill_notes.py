@@ -6,7 +6,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.mechanics.laws import Constant, Harmonic
+from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import Statics
@@ -43,7 +43,7 @@ def test_friction_behind_a_gear_that_holds_widens_the_band(mechanism, chain):
     ("losses", "quantity"),
     [(LOSSY, "drive.servo.torque"), ({"friction": {"arm": {"constant": "1 N*m"}}}, "joint.arm.friction")],
 )
-@pytest.mark.parametrize(("samples", "between"), [(2, 0), (3, 1), (4, 0), (9, 3)])
+@pytest.mark.parametrize(("samples", "between"), [(2, 0), (9, 3)])
 def test_rows_at_reversals_say_that_they_have_one_side(mechanism, chain, losses, quantity, samples, between):
     """Reversals are at every half second; of the first and the last row, at 0 and 2 s, the other side is none."""
     problem = Inverse(time=TimeGrid(end=2.0, samples=samples), motion={"arm": SWING})
@@ -52,8 +52,3 @@ def test_rows_at_reversals_say_that_they_have_one_side(mechanism, chain, losses,
     assert len(found) == bool(between)
     if between:
         assert f"in {between} of {samples} rows" in found[0]
-
-
-def test_a_rest_is_no_reversal(mechanism, chain):
-    problem = Inverse(time=TimeGrid(end=2.0, samples=5), motion={"arm": Constant(value=0.0)})
-    assert not any("turns back" in note for note in notes(problem, mechanism(chain(BODY), **LOSSY)))

@@ -6,7 +6,6 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.engine.checks.balance import LOST
 from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
@@ -36,8 +35,8 @@ def fall(mechanism, chain):
     return run
 
 
-@pytest.mark.parametrize("floor", [0.0, -0.3, 1e3])
-@pytest.mark.parametrize("factor", [1.0 + 1e-9, 1.001, 3.0])
+@pytest.mark.parametrize("floor", [-0.3, 1e3])
+@pytest.mark.parametrize("factor", [1.0 + 1e-9, 3.0])
 def test_what_is_pushed_off_from_rest_leaves_and_does_not_meet_the_stop_again(fall, floor, factor):
     t, height, met = fall(1.0, floor=floor, height=floor, push=Constant(value=factor * MASS * G))
     assert len(met) == 0
@@ -64,21 +63,13 @@ def test_impacts_follow_each_other_as_those_of_a_bouncing_ball_do(fall):
     assert height[t > expected[-1] + 1e-5] == pytest.approx(0.0, abs=1e-13)
 
 
-@pytest.mark.parametrize("height", [1.0, 1e-6, 1e-10, 1e-12])
+@pytest.mark.parametrize("height", [1.0, 1e-12])
 def test_small_bounces_are_those_of_large_ones(fall, height):
     """After eight rebounds of half the speed the next impact is at (1 + 2 (1/2 + ... + 1/256)) (2 h / g)^(1/2)."""
     first = (2.0 * height / G) ** 0.5
     _, q, met = fall(4.0 * first, height=height, restitution=0.5)
     assert met[8] == pytest.approx((3.0 - 2.0**-7) * first, rel=1e-9)
     assert q.min() >= -1e-12 * height
-
-
-def test_what_is_thrown_up_from_the_stop_comes_back_once(fall):
-    speed = 3.0
-    t, height, met = fall(1.0, speed=speed)
-    back = 2.0 * speed / G
-    assert met == pytest.approx([back], abs=1e-12)
-    assert height == pytest.approx(np.where(t < back, speed * t - 0.5 * G * t**2, 0.0), abs=1e-12)
 
 
 @pytest.mark.parametrize(("restitution", "lost"), [(0.0, 1.0), (0.5, 1.0), (1.0, 0.0)])
@@ -94,18 +85,7 @@ def test_the_energy_that_impacts_take_is_told(mechanism, chain, restitution, los
     assert taken == pytest.approx(lost * MASS * G * 0.5, rel=1e-3, abs=1e-9)  # three digits are told
 
 
-def test_an_impact_with_which_a_motion_begins_is_told_with_the_others(mechanism, chain):
-    """All bounces together take ``m v^2 / 2``: the first one three quarters of it, with which the motion begins."""
-    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
-    problem = Forward(time=TimeGrid(end=2.0, samples=3), initial=InitialState(velocity={"weight": -3.0}),
-                      end_stops={"weight": EndStop(lower=0.0, restitution=0.5)})  # fmt: skip
-    found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
-    assert [found.events[0].t, found.events[1].t] == pytest.approx([0.0, 3.0 / G], rel=1e-9)
-    assert f"the first at t = 0 s, take {0.5 * MASS * 9.0:.3g} J" in found.notes[0]
-
-
-@pytest.mark.parametrize("restitution", [0.0, 0.5])
-@pytest.mark.parametrize("side", ["lower", "upper"])
+@pytest.mark.parametrize(("side", "restitution"), [("lower", 0.0), ("upper", 0.5)])
 def test_what_turns_back_at_a_value_reaches_it_once(mechanism, chain, side, restitution):
     """``2 m sin 3t`` N push a weight to its stop and draw it off again: an event there takes place once an impact."""
     way, model = {"lower": -1.0, "upper": 1.0}[side], mechanism(chain(WEIGHT), gravity="none")
@@ -122,13 +102,6 @@ def test_what_turns_back_at_a_value_reaches_it_once(mechanism, chain, side, rest
     assert found.rows.q[-1, 0] * way < 0.1  # it has left
     assert times[into] == times["any"] == pytest.approx(hits, rel=1e-12)
     assert times[back] == []
-
-
-def test_a_motion_without_impacts_tells_none(mechanism, chain):
-    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
-    problem = Forward(time=TimeGrid(end=0.1, samples=3), initial=InitialState(position={"weight": 0.5}),
-                      end_stops={"weight": EndStop(lower=0.0)})  # fmt: skip
-    assert not problem.solve(model, Accuracy(), lambda *path: nullcontext()).notes
 
 
 def two_weights(mechanism, **description):
@@ -149,7 +122,7 @@ def two_weights(mechanism, **description):
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
-@pytest.mark.parametrize("offset", [0.0, 1e-16, -1e-16, 1e-15, -1e-15, 3e-14, -3e-14, 1e-13, -1e-13, -1e-11, 1e-7])
+@pytest.mark.parametrize("offset", [0.0, 1e-16, -3e-14, 1e-7])
 def test_stops_that_are_met_at_one_instant_are_all_met(mechanism, offset, restitution):
     """Each weight moves as it does alone, however small the difference of their impacts, or none."""
     problem = Forward(
@@ -167,40 +140,13 @@ def test_stops_that_are_met_at_one_instant_are_all_met(mechanism, offset, restit
     assert all(" 9.81 J" in note for note in told)  # m g h of each weight, not of both
 
 
-@pytest.mark.parametrize("side", ["lower", "upper"])
-def test_what_passes_a_value_as_another_joint_meets_its_stop_reaches_it_once(mechanism, side):
-    """``v t`` of two weights at one t, with random digits: whichever comes first by rounding."""
-    way, free = {"lower": -1.0, "upper": 1.0}[side], two_weights(mechanism, gravity="none")
-    for t, one, two in np.random.default_rng(1).uniform(0.1, 1.0, (30, 3)).tolist():
-        problem = Forward(
-            time=TimeGrid(end=1.1, samples=3), initial=InitialState(velocity={"first": one, "second": way * two}),
-            end_stops={"first": EndStop(upper=one * t)}, events={"there": Event(when="second", reaches=way * two * t)},
-        )  # fmt: skip
-        found = problem.solve(free, Accuracy(), lambda *path: nullcontext())
-        assert [event.t for event in found.events] == pytest.approx([t, t], rel=1e-13)
-
-
-def test_every_bounce_without_loss_comes_to_its_top_once(mechanism, chain):
-    """``v^2 / (2 g)`` at ``(2 k + 1) v / g``: rounding leaves it above or below."""
-    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{G} m/s^2"})
-    for speed in np.random.default_rng(3).uniform(1.0, 5.0, 20).tolist():
-        problem = Forward(
-            time=TimeGrid(end=6.0 * speed / G, samples=3), initial=InitialState(velocity={"weight": speed}),
-            end_stops={"weight": EndStop(lower=0.0, restitution=1.0)},
-            events={"top": Event(when="weight", reaches=speed**2 / (2.0 * G))},
-        )  # fmt: skip
-        found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
-        tops = [event.t for event in found.events if event.name == "top"]
-        assert tops == pytest.approx(np.array([1.0, 3.0, 5.0]) * speed / G, rel=1e-9)
-
-
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 def test_what_friction_stops_at_a_value_reaches_it(mechanism, chain, way):
     """After ``v^2 / (2 mu g)``."""
     model = mechanism(
         chain(WEIGHT), gravity={"direction": "-x", "magnitude": f"{G} m/s^2"}, friction={"weight": {"mu": 0.2}}
     )
-    for speed in np.random.default_rng(3).uniform(1.0, 5.0, 20).tolist():
+    for speed in np.random.default_rng(3).uniform(1.0, 5.0, 6).tolist():
         problem = Forward(
             time=TimeGrid(end=speed / G * 7.0, samples=3), initial=InitialState(velocity={"weight": way * speed}),
             events={"there": Event(when="weight", reaches=way * speed**2 / (0.4 * G))},
@@ -263,7 +209,7 @@ def stops_at_zero(sides, restitution=0.0):
     }
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 12, 56, 76, 82, 170])
+@pytest.mark.parametrize("seed", [0, 1, 12, 56, 170])
 def test_what_rests_on_several_stops_leaves_those_that_would_pull(mechanism, chain, seed):
     """Some that pull as long as others hold push once these have let go."""
     gravity = {"direction": "-z", "magnitude": f"{G} m/s^2"}
@@ -276,7 +222,7 @@ def test_what_rests_on_several_stops_leaves_those_that_would_pull(mechanism, cha
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.3])
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 15, 28, 82, 101])
+@pytest.mark.parametrize("seed", [0, 1, 15, 82])
 def test_an_impact_of_what_rests_on_others_enters_none(mechanism, chain, seed, restitution):
     rng, model, sides, mass = random_arm(seed, mechanism, chain, gravity="none")
     hit = int(rng.integers(len(sides)))
@@ -323,60 +269,7 @@ def test_what_friction_holds_at_a_stop_breaks_loose_from_it(mechanism):
     assert np.abs(height).max() < 0.1 + 1e-12
 
 
-@pytest.mark.parametrize("friction", [{"constant": "3 N"}, {"constant": "3 N", "static_constant": "4 N"}])
-def test_what_breaks_loose_at_one_instant_moves_as_it_does_alone(mechanism, friction):
-    alone = pulled_to_and_fro(two_weights(mechanism, gravity="none", friction={"first": friction}), ["first"])
-    names = ["first", "second"]
-    both = pulled_to_and_fro(two_weights(mechanism, gravity="none", friction=dict.fromkeys(names, friction)), names)
-    last = {float(t): q for t, q in zip(alone.rows.grid.t, alone.rows.q[:, 0], strict=True)}
-    for t, q in zip(both.rows.grid.t.tolist(), both.rows.q, strict=True):
-        if t in last:
-            assert q == pytest.approx([last[t], last[t]], abs=1e-10)
-
-
-@pytest.mark.parametrize("size", [1.0, 1e-6])
-def test_slow_impacts_without_a_load_rebound(mechanism, chain, size):
-    """Nothing presses on the weight: however slow it is, it goes back as fast as it came."""
-    model = mechanism(chain(WEIGHT), gravity="none")
-    problem = Forward(
-        time=TimeGrid(end=1.0, samples=11), initial=InitialState(velocity={"weight": -0.9 * size}),
-        end_stops={"weight": EndStop(lower=-0.5 * size, restitution=1.0)},
-    )  # fmt: skip
-    found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
-    assert len(found.events) == 1
-    assert found.rows.q[-1, 0] == pytest.approx(-0.1 * size, rel=1e-9)
-
-
-@pytest.mark.parametrize("weight", [9.81, 1e6])
-def test_bounces_end_where_they_are_no_gap_high(mechanism, chain, weight):
-    """After as many as of restitution 0.5 there are until they rise by less than 1e-13 m, whatever the load."""
-    model = mechanism(chain(WEIGHT), gravity={"direction": "-z", "magnitude": f"{weight} m/s^2"})
-    fall = (2.0 * 0.05 / weight) ** 0.5
-    problem = Forward(
-        time=TimeGrid(end=5.0 * fall, samples=11), initial=InitialState(position={"weight": 0.05}),
-        end_stops={"weight": EndStop(lower=0.0, restitution=0.5)},
-    )  # fmt: skip
-    found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
-    assert len(found.events) == pytest.approx(np.log(0.05 / 1e-13) / np.log(4.0), abs=1.5)
-    assert found.rows.q[-1, 0] == 0.0
-
-
-STACK = (
-    {"name": "box", "kind": "prismatic", "axis": "0 0 1", "mass": 2.0},
-    {"name": "ball", "kind": "prismatic", "axis": "0 0 1", "mass": 1.0},
-)
 DOWN = {"direction": "-z", "magnitude": f"{G} m/s^2"}
-
-
-def test_what_bounces_on_something_that_rests_comes_to_rest(mechanism, chain):
-    """On a box on the floor, towards which it falls only because the floor holds the box."""
-    problem = Forward(
-        time=TimeGrid(end=1.0, samples=11), initial=InitialState(position={"ball": -0.4}),
-        end_stops={"box": EndStop(lower=0.0), "ball": EndStop(lower=-0.5, restitution=0.3)},
-    )  # fmt: skip
-    found = problem.solve(mechanism(chain(*STACK), gravity=DOWN), Accuracy(), lambda *path: nullcontext())
-    assert found.rows.q[-1] == pytest.approx([0.0, -0.5], abs=1e-12)
-    assert len(found.events) < 20
 
 
 def test_stops_of_joints_that_are_coupled_ask_for_the_fastest_rebound(mechanism):
@@ -432,19 +325,7 @@ def test_a_stop_met_at_the_end_of_the_run_is_met_once_at_most(mechanism, chain, 
     assert len(found.events) <= 1
 
 
-def test_what_an_impact_lifts_by_no_gap_has_had_an_impact_of_its_own(mechanism, chain):
-    """The box that a large force clamps takes the energy of a slow impact above it, and its stop is told to."""
-    clamp = JointEffort(joint="box", effort=Constant(value=-1e6))
-    problem = Forward(
-        time=TimeGrid(end=0.5, samples=6), initial=InitialState(velocity={"ball": 4e-4}), loads={"clamp": clamp},
-        end_stops={"box": EndStop(lower=0.0), "ball": EndStop(upper=1e-4, restitution=0.9)},
-    )  # fmt: skip
-    found = problem.solve(mechanism(chain(*STACK), gravity="none"), Accuracy(), lambda *path: nullcontext())
-    assert [event.name for event in found.events] == ["ball upper", "box lower"]
-    assert found.figures["energy"] < LOST
-
-
-@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.6])
+@pytest.mark.parametrize("restitution", [0.3])
 def test_an_arm_shaken_between_its_stops_passes_none(mechanism, chain, restitution):
     """Its joints come to rest on their stops one after the other, and set each other in motion while they do."""
     arm = [

@@ -53,8 +53,7 @@ def spring(stiffness=100.0):
 
 
 @pytest.mark.parametrize("accuracy", ACCURACIES)
-@pytest.mark.parametrize("then", ["stop", "record"])
-@pytest.mark.parametrize("start", [0.4, -2.9])
+@pytest.mark.parametrize(("then", "start"), [("stop", -2.9), ("record", 0.4)])
 def test_a_pendulum_comes_back_to_its_start_once_a_period_and_that_is_told_as_open(solved, accuracy, then, start):
     """T = 4 K(sin^2(a/2)) / w. Errors of the amplitude decide on which side it turns, so the decision is open."""
     period = 4.0 * ellipk(np.sin(0.5 * start) ** 2) / np.sqrt(2.0 * G * 0.7 / (0.1 + 2.0 * 0.49))
@@ -69,7 +68,7 @@ def test_a_pendulum_comes_back_to_its_start_once_a_period_and_that_is_told_as_op
 
 
 @pytest.mark.parametrize("accuracy", ACCURACIES)
-@pytest.mark.parametrize("beyond", [1e-2, 1e-6, 1e-10, -1e-10, -1e-6, -1e-2])
+@pytest.mark.parametrize("beyond", [1e-2, 1e-10, -1e-6, -1e-2])
 def test_whether_an_end_stop_is_grazed_is_right_or_open(solved, accuracy, beyond):
     """An oscillation of amplitude 1 and a stop at -(1 + beyond), that takes no energy: two impacts, or none."""
     stop = {"x": {"lower": f"{-1.0 - beyond!r} m", "restitution": 1}}
@@ -80,7 +79,7 @@ def test_whether_an_end_stop_is_grazed_is_right_or_open(solved, accuracy, beyond
 
 
 @pytest.mark.parametrize("accuracy", ACCURACIES)
-@pytest.mark.parametrize("beyond", [1e-2, 1e-6, 1e-10, -1e-10, -1e-6, -1e-2])
+@pytest.mark.parametrize("beyond", [1e-2, 1e-10, -1e-6, -1e-2])
 def test_whether_friction_holds_at_the_end_of_a_swing_is_right_or_open(solved, accuracy, beyond):
     """A swing of a block loses 2 F / k. After 3 of them the spring pulls with 16 N times (1 + beyond)."""
     start = 0.16 * (1.0 + beyond) + 3 * 2.0 / 100.0
@@ -90,16 +89,6 @@ def test_whether_friction_holds_at_the_end_of_a_swing_is_right_or_open(solved, a
     assert any(one.is_open for one in found.outcome.decisions) or sticks == (beyond < 0.0)
     if abs(beyond) > 1e-3:
         assert not any(one.is_open for one in found.outcome.decisions)
-
-
-def test_a_margin_of_friction_is_in_newtons_and_its_error_grows_with_the_spring(solved):
-    """A stuck block errs by k dx: the margin is 16 N - k x, where it has been stuck since its last swing."""
-    friction = {"constant": "1 N", "static_constant": "16 N"}
-    found = solved(2.0, 0.14 + 0.06, ACCURACIES[0], friction=friction, loads=spring())
-    holds = next(one for one in found.outcome.decisions if one.what == "friction at rest holds joint.x")
-    assert (holds.unit, holds.happens) == ("N", True) or not holds.happens
-    assert abs(holds.margin) <= 2.0 + 1e-6  # 16 N of 14 N, or 16 N of 18 N, 16 N where it turns back
-    assert 0.0 < holds.error < 1e-3
 
 
 @pytest.mark.parametrize("beyond", [1e-2, 1e-12, -1e-12, -1e-2])

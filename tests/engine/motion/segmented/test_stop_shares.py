@@ -1,18 +1,13 @@
 """Several stops on one motion, against closed forms, linear programs and enumerated complementarity problems."""
 
 import itertools
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 import pinarm
-from pinarm.engine.friction.slip import Slip
-from pinarm.engine.motion.segmented.impact_remarks import impact_remarks
-from pinarm.engine.motion.systems.frictional import FrictionalSystem
-from pinarm.errors import DynamicsError, InputError
-from pinarm.records import replace
+from pinarm.errors import InputError
 
 ANGLE, G = 0.8, 9.81
 TORQUE = G * np.sin(ANGLE) * (0.5 * 1.0 + 0.5 * 1.0 + 3.0)
@@ -58,16 +53,6 @@ def test_of_two_stops_on_one_motion_each_may_carry_all_or_nothing():
     assert any("end stop 'O lower', end stop 'C lower' hold one motion together" in note for note in result.notes())
 
 
-def test_a_stop_that_is_met_where_rounding_leads_away_takes_nothing():
-    """What leaves a stop with 1e-8 rad/s is not hit, though it is within rounding of it."""
-    result = parallelogram("O", restitution=0.5)
-    hit = next(event for event in result.events if event.before is not None)
-    away = 1e-8 * hit.v / np.abs(hit.v).max()
-    [remark] = impact_remarks(result.outcome.motion.hybrid.contacts, [replace(hit, before=away, v=away)])
-    assert "end stop 'O lower': 1 impact" in remark
-    assert "takes 0 J" in remark
-
-
 def test_of_impacts_at_one_instant_only_the_sum_is_told():
     result = parallelogram("OC", restitution=0.5)
     inertia, fallen = 2.0 / 3.0 + 3.0, G * 4.0 * (1.0 - np.cos(ANGLE))
@@ -93,18 +78,6 @@ def test_with_friction_the_motion_is_that_of_one_stop(friction):
         assert (low, high) == (pytest.approx(0.0, abs=1e-9), pytest.approx(TORQUE + 0.1, rel=1e-9))
     else:  # the load of the bearing depends on which stop holds
         assert high == np.inf
-
-
-def test_friction_that_slips_under_a_load_that_stops_share_is_refused():
-    contact = SimpleNamespace(name="joint.P", part=0, shared=False)
-    friction = SimpleNamespace(contacts=[contact])
-    for slip in (Slip(direction=(1.0,)), Slip(direction=(0.0,))):
-        system = FrictionalSystem(friction, slip, None, ())
-        if any(slip.direction):
-            with pytest.raises(DynamicsError, match="several stops hold one motion"):
-                system.knowing(frozenset({0}))
-        else:
-            assert system.knowing(frozenset({0})).unknown == {0}
 
 
 def slides(folder, ways, masses, efforts, sides, restitutions, rates):
@@ -160,7 +133,7 @@ def nearest(mass, normals, v, back):
     return None
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(8))
 def test_pushes_and_impacts_solve_their_complementarity_problems(tmp_path, seed):
     rng = np.random.default_rng(seed)
     d, more = rng.integers(1, 4), rng.integers(1, 4)
