@@ -14,7 +14,7 @@ def motion():
 
 
 @pytest.mark.parametrize(("tolerance", "reached"), [
-    pytest.param(1e-7, 1e-4, marks=pytest.mark.slow), (1e-9, 1e-6), pytest.param(1e-12, 1e-8, marks=pytest.mark.slow),
+    (1e-9, 1e-6), pytest.param(1e-12, 1e-8, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_joints_follow_the_closed_form_for_ten_seconds(solve, motion, tolerance, reached):
     found = solve("bricard", "forward", end=10.0, tolerance=tolerance, initial={"position": {"P0": 0.0}})
@@ -22,11 +22,6 @@ def test_joints_follow_the_closed_form_for_ten_seconds(solve, motion, tolerance,
     for joint in range(5):
         assert found[f"P{joint}"].values == pytest.approx(b if joint % 2 else a, abs=reached)
         assert found[f"joint.P{joint}.velocity"].values == pytest.approx(db if joint % 2 else da, abs=20 * reached)
-
-
-def test_energy_is_kept(solve):
-    found = solve("bricard", "forward", end=10.0, initial={"position": {"P0": 0.0}})
-    assert np.ptp(found["energy.total"].values) < 1e-8
 
 
 def test_rows_that_tear_within_coarse_steps_do_not_count_as_independent(solve):

@@ -63,8 +63,8 @@ def test_free_crank_and_rocker_follows_its_energy_integral(solve):
     assert found["omega2"].values == pytest.approx(turning.speed(theta2), rel=1e-9)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12])
-@pytest.mark.parametrize("speed", [12.0, 13.5, -12.5, 17.3])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-12])
+@pytest.mark.parametrize("speed", [-12.5, 17.3])
 def test_change_point_linkage_stays_on_its_smooth_motion_at_every_turn(solve, speed, tolerance):
     turning = EnergyIntegral(CHANGE_POINT.inertia, CHANGE_POINT.potential, 0.0, speed, 4.2 * speed)
     initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": speed}}
@@ -78,19 +78,6 @@ def test_change_point_linkage_stays_on_its_smooth_motion_at_every_turn(solve, sp
     assert np.cos(found["theta4"].values - theta4).min() > 1.0 - 1e-8
     # errors of the steps add up, and slow turns magnify them; below 1e-6 the passages themselves leave what they like
     assert theta2 == pytest.approx(turning.at(found["t"].values), abs=max(1e3 * tolerance, 1e-6))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9, 1e-11])
-def test_no_tolerance_takes_the_change_point_linkage_to_another_motion(solve, tolerance):
-    for speed in np.linspace(4.0, 16.0, 25):  # it swings below 11 rad/s and turns above
-        initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": float(speed)}}
-        found = solve(
-            "change_point_four_bar", "forward", end=3.0, samples=301, tolerance=tolerance, start=OPEN, initial=initial
-        )
-        theta3, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values)
-        assert np.exp(1j * found["theta3"].values) == pytest.approx(np.exp(1j * theta3), abs=1e-9)
-        assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
 
 
 def test_last_digits_of_the_start_do_not_decide_how_a_change_point_is_passed(outcome):
@@ -118,7 +105,7 @@ def test_a_law_from_exactly_the_change_point_is_refused_and_one_from_beside_it_p
     assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
 
 
-@pytest.mark.parametrize("speed", [12.0, -6.0])
+@pytest.mark.parametrize("speed", [-6.0])
 def test_a_step_may_end_on_a_change_point(speed):
     """A singular position is not taken for one of a mechanism of lower rank: the acceleration stays smooth."""
     mechanism = Mechanism.load(MODELS / "change_point_four_bar" / "mechanism.yaml")
@@ -135,7 +122,7 @@ def test_a_step_may_end_on_a_change_point(speed):
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("rough", [0.0, 0.02, -0.02])
+@pytest.mark.parametrize("rough", [0.0, 0.02])
 def test_a_start_next_to_the_change_point_has_the_velocities_of_its_branch_or_is_refused(outcome, side, rough):
     """Within 1e-5 rad a start had other velocities than were given, without a word; the energy was not kept."""
     right = 0
@@ -162,7 +149,7 @@ def test_a_start_next_to_the_change_point_has_the_velocities_of_its_branch_or_is
     assert right >= 3
 
 
-@pytest.mark.parametrize("shorter", [1e-7, 1e-8, -1e-7, -1e-8])
+@pytest.mark.parametrize("shorter", [1e-8, -1e-7])
 def test_beside_a_change_point_the_linkage_turns_and_keeps_its_energy(solve, shorter):
     """With a frame longer than that of the change point the crank turns back; half of the energy was lost there."""
     solved = solve("change_point_four_bar", "forward", arguments={"d": 0.4 * (1.0 - shorter)}, end=0.6, samples=301,
@@ -191,7 +178,7 @@ def test_bars_of_unlike_masses_turn_beside_a_change_point_as_their_energy_says(s
     assert found["omega2"].values == pytest.approx(speed, rel=1e-7)  # 1e-9 is left of rounding
 
 
-@pytest.mark.parametrize("mass", [2e3, 2e5])
+@pytest.mark.parametrize("mass", [2e5])
 def test_a_heavy_rocker_takes_the_crank_through_the_change_point(solve, mass):
     """Beside the rocker's dead points the crank is many times as fast as in the change point."""
     linkage = ChangePoint(0.15, 0.35, 0.20, 0.40, 1.5, 3.5, mass)
@@ -204,7 +191,7 @@ def test_a_heavy_rocker_takes_the_crank_through_the_change_point(solve, mass):
     assert found["omega2"].values == pytest.approx(speed, rel=1e-7)
 
 
-@pytest.mark.parametrize("shorter", [1e-9, -1e-9, 1e-10])
+@pytest.mark.parametrize("shorter", [-1e-9, 1e-10])
 def test_where_rounding_decides_whether_a_change_point_is_passed_the_motion_is_refused(outcome, shorter):
     with pytest.raises(NumericsError, match="goes through it or turns beside it"):
         outcome("change_point_four_bar", "forward", arguments={"d": 0.4 * (1.0 - shorter)}, end=0.6, samples=13,
@@ -227,7 +214,7 @@ def test_from_the_change_point_velocities_tell_the_motion(solve, turn):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-9, 1e-13])
 def test_it_is_passed_from_any_start(solve, tolerance):
     generator = np.random.default_rng(3)
     for _ in range(40):
@@ -257,7 +244,7 @@ def test_rows_within_a_step_that_passes_a_change_point_are_as_good_as_its_ends(s
     assert energy == pytest.approx(np.full_like(energy, energy[0]), abs=1e-7 * exchanged)  # passages leave 1e-8
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-11])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-11])
 @pytest.mark.parametrize(("model", "count"), [("four_bar", 1), ("two_four_bars", 2)])
 def test_equal_four_bars_pass_their_flat_positions_on_the_parallelogram(solve, model, count, tolerance):
     initial = {"position": {"upright_0": 0.0}, "velocity": {"upright_0": 1.0}}
@@ -266,14 +253,6 @@ def test_equal_four_bars_pass_their_flat_positions_on_the_parallelogram(solve, m
     for upright in range(count + 1):
         # ten passages by the upright position, each of which magnifies what errors there are
         assert found[f"upright_{upright}"].values == pytest.approx(turned, abs=max(1e4 * tolerance, 1e-7))
-
-
-@pytest.mark.parametrize("speed", [0.5, 2.0, 3.7])
-def test_equal_four_bars_pass_them_at_other_speeds_too(solve, speed):
-    initial = {"position": {"upright_0": 0.0}, "velocity": {"upright_0": speed}}
-    found = solve("two_four_bars", "forward", end=5.0, samples=21, tolerance=1e-9, initial=initial)
-    turned = equal_four_bars.angle(found["t"].values, 2, speed=speed)
-    assert found["upright_2"].values == pytest.approx(turned, abs=1e-5)
 
 
 @pytest.mark.slow
@@ -294,7 +273,7 @@ def test_a_motor_at_the_rocker_carries_nothing_at_a_dead_point(solve):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [3001, 8001])
+@pytest.mark.parametrize("samples", [8001])
 def test_all_rows_of_forty_four_bars_keep_the_energy(samples):
     """Near flat positions one order of elimination does not serve many rows, as rounding grows along the linkage."""
     scenario = MODELS.parent / "scenarios" / "forty_four_bars_equal_rods.yaml"
@@ -313,7 +292,7 @@ planar:
 """
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 1e-13])
+@pytest.mark.parametrize("tolerance", [1e-6, 3e-11, 1e-13])
 def test_pins_of_a_drawing_pass_flat_positions_at_any_tolerance(tmp_path, tolerance):
     """Without loads the uprights turn evenly, past two positions in which the rectangle is flat."""
     (tmp_path / "mechanism.yaml").write_text(RECTANGLE)

@@ -58,7 +58,7 @@ TURNING = {"motion": {"theta": ConstantSpeed(speed=6.0, start=0.1)}, "drives": [
            "start": {"theta": 0.1, "A": -0.2, "x": 0.2}}  # fmt: skip
 
 
-@pytest.mark.parametrize("longer", [1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("longer", [1e-5, 1e-9])
 @pytest.mark.parametrize("samples", [61, 301])
 def test_a_rod_hardly_longer_than_the_crank_keeps_its_side(solve, longer, samples):
     """At a quarter turn the piston all but stops at the crank's bearing; the other branch goes on through it."""
@@ -70,13 +70,13 @@ def test_a_rod_hardly_longer_than_the_crank_keeps_its_side(solve, longer, sample
     assert found["x"].values == pytest.approx(x, abs=1e-9)
 
 
-@pytest.mark.parametrize("samples", range(60, 90, 5))
+@pytest.mark.parametrize("samples", [60, 75])
 def test_a_rod_as_long_as_the_crank_goes_on_through_the_singular_position(solve, samples):
     found = solve("slider_crank", "inverse", arguments={"r": 0.1, "L": 0.1}, samples=samples, **TURNING)
     assert found["x"].values == pytest.approx(0.2 * np.cos(found["theta"].values), abs=1e-11)
 
 
-@pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-7, 1e-9])
 @pytest.mark.parametrize("speed", [1.0, 6.0])
 def test_with_a_rod_without_mass_it_goes_through_or_says_that_it_does_not(outcome, tolerance, speed):
     light = {"r": 0.1, "L": 0.1, "m3": 0.0, "I3": 0.0}

@@ -85,7 +85,7 @@ def turned(trammel):
     return t, motion, torque(s, v, a)
 
 
-@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-10, 1e-8, 1e-6])
+@pytest.mark.parametrize("noise", [0.0, 1e-10, 1e-6])
 def test_recorded_rows_that_are_a_little_open_have_the_same_torque(trammel, turned, noise):
     """Once the rows are open the repeated constraint is another one, and a rank more would carry the whole load.
 
