@@ -75,13 +75,6 @@ def test_links_to_files_of_the_repository_lead_to_their_pages():
     )
 
 
-def test_formulas_are_mathml():
-    drawn = with_mathml(r'<span class="arithmatex">\(a &lt; \frac{1}{2}\)</span>')
-    assert "<mfrac>" in drawn
-    assert "&#x0003C;" in drawn  # the sign "less than", which is no tag
-    assert "arithmatex" not in drawn
-
-
 def test_every_formula_is_understood_in_full():
     """What the converter does not know it leaves as it is."""
     pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]

@@ -20,8 +20,8 @@ from pinarm.engine.kernel.library import absence, library, pointer
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.kernel.structures import SkylineStructure
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import Initial, compiled_loops, loop_motion, system_of
-from pinarm.engine.motion.systems.loop_motion import Place, Regularity
+from pinarm.engine.motion.systems import Initial, compiled_loops, system_of
+from pinarm.engine.motion.systems.loop_motion import Regularity
 from pinarm.engine.motion.systems.loop_system import LoopSystem
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
@@ -235,20 +235,6 @@ class TestClosing:
         assert structure.regular == pytest.approx(python.regular, rel=compiled_loops.ALIKE, abs=1e-6)
         assert structure.floor == pytest.approx(python.least, abs=1e-12)
         assert slope[3:] == pytest.approx(python.acceleration(0.9, closed, rate), rel=1e-4, abs=1e-6)
-
-    @pytest.mark.parametrize("angle", 0.5 * np.pi + np.linspace(-4.6e-3, 4.6e-3, 9))
-    def test_passes_singular_positions_from_all_blind_states(self, motion, angle):
-        """Those of stages, which are a little open: no position from which accelerations come is singular itself."""
-        python, _ = motion
-        found = []
-        for open_by in (0.0, 3e-8):
-            q, v = self.state(angle, open_by)
-            python.near = python.looked = True
-            python.rank = python.measure.rank
-            assert python.blind(python._regularity(Place.at(python.rows, q)))
-            found.append(python.acceleration(0.9, q, v).copy())
-            assert python.open < 0.01 * loop_motion.PASSED * python.coarse
-        assert found[1] == pytest.approx(found[0], abs=1e-5)
 
 
 def settle(flow, t, y, slope):

@@ -47,10 +47,6 @@ def test_the_error_of_closed_chains_is_told(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_errors_of_100_open_chains_are_told(tmp_path):
-    honest([pair for seed in range(100) for pair in compared(tmp_path, open_chain, seed)])
-
-
-@pytest.mark.slow
-def test_the_errors_of_40_closed_chains_are_told(tmp_path):
-    honest([pair for seed in range(40) for pair in compared(tmp_path, closed_chain, seed)])
+@pytest.mark.parametrize(("chain", "count"), [(open_chain, 60), (closed_chain, 20)])
+def test_the_errors_of_many_chains_are_told(chain, count, tmp_path):
+    honest([pair for seed in range(count) for pair in compared(tmp_path, chain, seed)])

@@ -136,16 +136,6 @@ class TestRows:
         for v in np.random.default_rng(0).normal(size=(5, model.nv)):
             assert rows @ v == pytest.approx(differentiate(lambda t, v=v: gap(mechanism, q, t * v), 0.0), abs=1e-9)
 
-    def test_rows_of_lengths_are_so_anywhere(self, loop, differentiate):
-        mechanism, _ = loop
-        closure, model = mechanism.closure, mechanism.model
-        lengths = [not turning for turning in closure.constraints[0].pair.about]
-        for q, v in np.random.default_rng(1).normal(size=(5, 2, model.nv)):
-            state = closure.state(q)
-            assert (closure.rows(state) @ v)[lengths] == pytest.approx(
-                differentiate(lambda t, q=q, v=v: gap(mechanism, q, t * v), 0.0)[lengths], abs=1e-8
-            )
-
     def test_the_drift_is_what_the_change_of_the_rows_does(self, loop, differentiate):
         mechanism, _ = loop
         closure, model = mechanism.closure, mechanism.model

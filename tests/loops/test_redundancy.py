@@ -129,19 +129,6 @@ class TestDrives:
         ):
             driven(mechanism, self.law, drives=["O", "C"])
 
-    def test_any_one_of_them_does(self, tmp_path):
-        linkage = four_bar()
-        mechanism = linkage.build(tmp_path, ["B"])
-        powers = []
-        for motor in ("O", "A", "C"):
-            run = driven(mechanism, self.law, drives=[motor])
-            asked = Quantities(run)
-            powers.append(asked[f"joint.{motor}.power"].values)
-            idle = [asked[f"joint.{other}.effort"].values for other in mechanism.joints if other != motor]
-            assert np.abs(idle).max() == 0.0
-        assert powers[1] == pytest.approx(powers[0], rel=1e-11, abs=1e-11)
-        assert powers[2] == pytest.approx(powers[0], rel=1e-11, abs=1e-11)
-
 
 class TestStructure:
     """A triangle of two bars on hinges carries its weight; nothing can move."""
