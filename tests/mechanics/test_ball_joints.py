@@ -12,8 +12,6 @@ from pinarm.mechanics.ball_joints import (
     BallCoordinate,
     balls_of,
     configuration,
-    coordinate_at,
-    coordinate_name,
     roll_pitch_yaw,
 )
 from pinarm.mechanics.forces.joint_springs import BallSpring
@@ -84,16 +82,6 @@ def test_laws_of_roll_pitch_and_yaw_are_those_of_three_hinges_in_series(tmp_path
         found.append((np.array(motion), np.array(turns), [asked[f"coordinate.{name}.effort"].values for name in names]))
     for one, other in zip(*found, strict=True):
         assert np.array(one) == pytest.approx(np.array(other), rel=1e-9, abs=1e-9)
-
-
-def test_every_velocity_has_a_coordinate_of_a_name(model):
-    q, _ = state(model)
-    turn = Rotation.from_quat(q[4:8]).as_rotvec()
-    assert [coordinate_name(model, k) for k in range(7)] == [
-        "swing", "body.x", "body.y", "body.z", "body.rotation.x", "body.rotation.y", "body.rotation.z",
-    ]  # fmt: skip
-    values = [coordinate_at(model, k).value(Kinematics.at(model, q)) for k in range(7)]
-    assert values == pytest.approx([*q[:4], *turn], abs=1e-14)
 
 
 def test_roll_pitch_and_yaw_are_those_of_urdf():

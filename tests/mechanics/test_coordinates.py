@@ -175,22 +175,6 @@ class TestRotation:
         assert np.array(rows) == pytest.approx(np.linalg.inv(sum(terms)), abs=1e-15)
 
 
-def test_sum_is_weighted_by_how_often_a_joint_is_named(model):
-    coordinate = AngleSum(of=["turn", "turn"]).bind(model, joints_of(model))
-    assert coordinate.weights.tolist() == [2.0, 0.0, 0.0, 0.0]
-    assert coordinate.unit == unit("rad")
-
-
-def test_places_differ_where_another_joint_has_more_numbers_in_q_than_in_v():
-    model = pin.Model()
-    ball = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
-    model.addJoint(ball, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
-    hinge = joints_of(model)["hinge"]
-    assert (hinge.q, hinge.v) == (4, 3)
-    coordinate = coordinates_of(model, joints_of(model), {})["hinge"]
-    assert coordinate.value(Kinematics.at(model, np.array([0, 0, 0, 1, 0.7]))) == 0.7
-
-
 @pytest.mark.parametrize(
     ("definition", "message"),
     [

@@ -4,7 +4,6 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.engine.checks.limits import excesses
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.drives import Drive
@@ -35,17 +34,6 @@ def torque(drive, effort, direction, a=0.0):
 )
 def test_torque_depends_on_the_direction_of_power(effort, direction, expected):
     assert torque(Drive(joint="arm", ratio=RATIO, efficiency=EFFICIENCY), effort, direction) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("ratio", [RATIO, -RATIO])
-@pytest.mark.parametrize("effort", [3.0, -3.0])
-@pytest.mark.parametrize("v", [2.0, -2.0])
-def test_the_gear_never_gives_power(ratio, effort, v):
-    drive = Drive(joint="arm", ratio=ratio, efficiency=EFFICIENCY)
-    motor = torque(drive, effort, np.sign(v)) * drive.speed(np.array([v]))[0]
-    lost = motor - effort * v
-    share = (1 / EFFICIENCY - 1) if effort * v > 0 else (1 - EFFICIENCY)
-    assert lost == pytest.approx(share * abs(effort * v))
 
 
 @pytest.mark.parametrize("defect", [{"efficiency": 0.0}, {"efficiency": 1.1}, {"rotor_inertia": -1.0}, {"ratio": 0.0}])
@@ -138,14 +126,6 @@ def test_an_armature_of_the_model_is_a_load_of_the_gear(geared, swing):
     expected = gear * through / RATIO + ROTOR * RATIO * run.a[:, 0]
     moving = np.abs(run.v[:, 0]) > 1e-6
     assert Quantities(run)["drive.motor.torque"].values[moving] == pytest.approx(expected[moving], abs=1e-13)
-
-
-def test_a_limit_that_is_passed_is_passed_by_what_the_output_tells(geared, swing):
-    run = swing(geared)
-    effort = Quantities(run)["joint.arm.effort"].values
-    [excess] = [one for one in excesses(run) if one.of == "effort"]
-    assert excess.value == effort[np.abs(effort).argmax()]
-    assert excess.rows == (np.abs(effort) > 9.0).sum() > 0
 
 
 def test_a_drive_names_an_existing_joint(mechanism, chain):

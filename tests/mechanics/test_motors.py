@@ -204,20 +204,6 @@ def test_computed_torque_of_a_dc_motor_without_inductance_is_that_of_the_joint(s
     assert np.abs(result["control.servo.voltage"].values - (R * torque / (N * K) + K * N * speed)).max() < 1e-5
 
 
-@pytest.mark.parametrize("period", [{"period": "10 ms"}])
-def test_computed_torque_of_ideal_motors_is_that_of_joints(servo, tmp_path, period):
-    """The command is the torque in front of the gear."""
-    law = {"law": "polynomial", "from": "0 rad", "to": "1 rad", "duration": "0.4 s"}
-    control = {"kind": "computed_torque", "follows": law, "kp": "400 1/s^2", "kd": "40 1/s", **period}
-    mechanism = ideal(tmp_path, peak=LINE)
-    motors = run(mechanism, {**control, "drive": "servo"}, outputs=("x", "control.servo.command"))
-    joints = run(mechanism, {**control, "drive": "x"}, outputs=("x", "control.x.command"))
-    assert np.abs(motors["x"].values - joints["x"].values).max() < 1e-9
-    commands = motors["control.servo.command"].values, joints["control.x.command"].values / N
-    assert np.abs(commands[0] - commands[1]).max() < 1e-8
-    assert not any("peak" in note for note in motors.notes())
-
-
 @pytest.mark.parametrize("motor, said", [
     ({"peak": [["0 rpm", "2 N*m"]]}, "do not ascend"), ({"peak": [["1 rpm", "2 N*m"], ["2 rpm", "0 N*m"]]}, "ascend"),
     ({"peak": [["0 rpm", "2 N*m"], ["2 rpm", "1 N*m"]]}, "ends with 1 N"), ({"peak": [["0 rpm", "2 V"]]}, "not a unit"),
@@ -313,16 +299,6 @@ def test_a_sampled_integral_follows_it_too(servo, tmp_path):
     between = np.abs(t / 0.01 - np.round(t / 0.01)) > 1e-3  # rows at samples have one of both sides
     assert np.abs(result["control.servo.command"].values - expected)[between].max() < 1e-7
     assert commands[9] > 0.5 > commands[3]
-
-
-def test_a_voltage_controller_follows_a_current_at_its_limit(servo):
-    """At rest the limit is R I = 4 V: the command tends to ``4 V + ki e T_t``."""
-    control = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "2 V/rad",
-               "ki": "20 V/rad/s"}  # fmt: skip
-    mechanism = servo(current_limit=f"{LIMIT} A")
-    result = run(mechanism, control, "2 s", ("control.servo.command", "control.servo.voltage"), **STALLED)
-    assert result["control.servo.command"].values[-1] == pytest.approx(4.0 + 20.0 * 0.1, abs=1e-6)
-    assert result["control.servo.voltage"].values[-1] == pytest.approx(4.0, abs=1e-9)
 
 
 def test_mistakes_of_limits_are_told(servo, tmp_path):

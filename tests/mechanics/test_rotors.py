@@ -139,13 +139,6 @@ class TestAlongAWeightedSum:
         a = np.array([*expected, np.array([A, B]) @ expected])
         assert wheels.inverse(q, np.zeros(3), a) == pytest.approx(tau, abs=1e-12)
 
-    def test_the_motor_is_off_where_nothing_drives_along_it(self, differential):
-        run = driven(differential(), {"one": Harmonic(amplitude=1.0, pulsation=2.0),
-                                      "two": Harmonic(amplitude=1.0, pulsation=3.0)})  # fmt: skip
-        with pytest.raises(InputError, match="no drive acts along 'mean'"):
-            Quantities(run)["drive.motor.torque"]
-        assert len(Quantities(run)["drive.motor.speed"].values) == 5
-
 
 @pytest.mark.parametrize(
     ("motor", "message"),

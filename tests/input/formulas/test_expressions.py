@@ -103,12 +103,6 @@ def test_numbers_are_words_of_names() -> None:
             Expression.parse(wrong)
 
 
-@pytest.mark.parametrize("word", ["in", "lambda"])
-def test_keywords_that_formulas_do_not_use_are_names(word: str) -> None:
-    assert Expression.parse(f"-{word}*sin(3*{word}) if not {word} < 0 else {word}").names == {word}
-    assert Expression.parse(word).evaluate({word: 0.3}) == 0.3
-
-
 @pytest.mark.parametrize("text", ["sin({})", "{}"])
 @pytest.mark.parametrize("word", ["if", "not"])
 def test_words_of_formulas_are_told_as_the_obstacle(text: str, word: str) -> None:

@@ -229,16 +229,6 @@ def test_threads_do_not_meet(tmp_path: Path) -> None:
     assert all(vars(xacro)[name] is function for name, function in plain.items())
 
 
-def test_an_unknown_xacro_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(private_xacro, "_version", lambda site: "2.2.0")
-        with pytest.raises(ModelError, match=r"xacro 2\.2\.0 is not known"):
-            private_xacro.private_xacro.__wrapped__()
-    monkeypatch.setattr(private_xacro, "_NEEDED", (*private_xacro._NEEDED, "moved"))
-    with pytest.raises(ModelError, match="has no moved"):
-        private_xacro.private_xacro.__wrapped__()
-
-
 @pytest.mark.parametrize(
     "path",
     ["/etc/passwd", "../x", "link", "folder", "none", "http://a/b", "package://q/x", "package://p/../../x",

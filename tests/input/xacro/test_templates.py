@@ -167,16 +167,6 @@ def test_a_link_that_comes_to_lead_out_is_refused(tmp_path: Path) -> None:
         expand(path, {"a": 1.5}, root=root)
 
 
-def test_many_ways_and_many_models_are_not_all_kept(tmp_path: Path) -> None:
-    path = write(tmp_path, f'{GIVEN}<x v="${{str(a)}}"/><xacro:if value="${{int(a) % 3 == 0}}"/>'
-                 + "".join(f'<xacro:if value="${{int(a) == {k}}}"><k{k}/></xacro:if>' for k in range(20)))  # fmt: skip
-    compare(path, [{"a": float(k)} for k in range(20)] * 2)
-    assert known() <= templates.WAYS
-    for k in range(templates.MODELS + 5):
-        expand(write(tmp_path, f"<x{k}/>", f"m{k}.xacro"), {}, root=tmp_path)
-    assert len(templates._remembered) == templates.MODELS
-
-
 def test_a_text_cannot_bring_marks(tmp_path: Path) -> None:
     path = write(tmp_path, f'{GIVEN}<x v="$(arg a)"/>')
     with pytest.raises(PinarmError, match="short text"):

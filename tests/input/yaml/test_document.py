@@ -46,21 +46,6 @@ def test_scalars_are_those_of_yaml_1_2(text: str, value: Any) -> None:
     assert type(read) is type(value)
 
 
-@pytest.mark.parametrize("text", ["yes", "1:30", "010"])
-def test_an_older_version_of_yaml_does_not_change_what_words_mean(text: str) -> None:
-    """YAML 1.1 reads ``yes`` as true, ``1:30`` as 90 and ``010`` as 8: refuse the directive, or read as ever."""
-    try:
-        read = parse(f"%YAML 1.1\n---\na: {text}\n")
-    except InputError:
-        return
-    assert read == parse(f"a: {text}\n")
-
-
-@pytest.mark.parametrize("text", ["", "# nothing\n", "---\n"])
-def test_an_empty_document_is_none(text: str) -> None:
-    assert parse(text) is None
-
-
 # ------------------------------------------------------------------------------------------------------- places
 
 TEXT = """\
@@ -171,13 +156,6 @@ def test_a_missing_file_gets_a_suggestion(tmp_path: Path) -> None:
     assert caught.value.hint == str(tmp_path / "scenario.yaml")
     with pytest.raises(InputError, match="there is no file"):
         Document.read(tmp_path / "no" / "such" / "folder.yaml")
-
-
-def test_a_name_that_cannot_be_a_file() -> None:
-    with pytest.raises(InputError):
-        Document.read(Path("a\0b.yaml"))
-    with pytest.raises(InputError):
-        Document.read(Path("a" * 5000))
 
 
 def test_files_that_are_too_large_or_not_utf_8(tmp_path: Path) -> None:

@@ -2,10 +2,8 @@
 
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from pinarm.errors import InputError, UnitError
@@ -31,15 +29,6 @@ def made(values: Any, declared: Mapping[str, str] | None = None) -> Any:
 )  # fmt: skip
 def test_a_mapping_and_texts_say_the_same(mapping: Mapping[str, object], texts: Any) -> None:
     assert made(mapping) == made(texts) != Document.parse(FILE).data
-
-
-def test_numbers_of_numpy_and_tuples_are_plain_data() -> None:
-    found = made({"a": np.float64(0.5), "b": np.int64(3), "c": np.array([1.0, 2.0]), "d": (1, 2), "e": Path("x/y"),
-                  "f": {"g": np.bool_(True)}})  # fmt: skip
-    assert {key: found[key] for key in "abcdef"} == {
-        "a": 0.5, "b": 3, "c": [1.0, 2.0], "d": [1, 2], "e": "x/y", "f": {"g": True},
-    }  # fmt: skip
-    assert type(found["b"]) is int
 
 
 class TestBareNumbers:

@@ -154,17 +154,6 @@ class TestHelicalWheels:
         assert found["joint.one.moment.y"].values == pytest.approx(0.1 * thrust, rel=1e-12)  # of -x z = -0.1 thrust
         assert found["joint.two.moment.y"].values == pytest.approx(0.05 * thrust, rel=1e-12)
 
-    def test_the_plane_of_the_teeth_shifts_the_moments_and_not_the_forces(self, mechanism):
-        face = '<link name="face"/><joint name="f" type="fixed"><parent link="one_link"/><child link="face"/>' \
-            '<origin xyz="0.02 0 0.3"/></joint>'  # fmt: skip
-        wheels = robot(disc("one", 0.3), disc("two", 0.05, "0.15 0 0.1"), face)
-        found = loaded(mechanism(wheels, gravity="none", couplings={"mesh": gear("one", "two", -2.0, plane="face")}),
-                       {"two": 0.0}, {"one": 20.0})  # fmt: skip
-        radial = 200.0 * np.tan(ALPHA)
-        assert vector(found, "joint.one.force") == pytest.approx([radial, 200.0, 0.0], rel=1e-12, abs=1e-12)
-        assert vector(found, "joint.one.moment")[:2] == pytest.approx([-0.3 * 200.0, 0.3 * radial], rel=1e-12)
-        assert vector(found, "joint.two.moment")[:2] == pytest.approx([0.2 * 200.0, -0.2 * radial], rel=1e-12)
-
 
 def test_bevel_wheels_share_the_separating_force_by_their_cones(mechanism):
     """Straight bevel wheels, 20 deg: radial ``Wt tan(phi) cos(gamma)``, axial ``Wt tan(phi) sin(gamma)`` of the pinion.

@@ -1,6 +1,5 @@
 import typing
 
-import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -155,24 +154,12 @@ def test_complex_steps_give_the_derivatives_of_the_load(force, model, joints, di
         assert by_v[:, k] == pytest.approx(of_v, abs=1e-8)
 
 
-def test_a_load_is_steady_that_is_the_same_in_all_states_and_at_all_times(model, joints):
-    for force in FORCES:
-        element, t = made(force, model, joints), np.linspace(0.2, 0.8, 6)
-        assert element.steady == bool(np.ptp(load(element, t, *motion(t)), axis=0).max() == 0.0), force
-
-
 def test_load_acts_at_the_named_joint_only(model, joints):
     q, v = motion(0.5)
     for force in AT_JOINTS:
         other = 1 - joints[force.joint].v
         assert load(made(force, model, joints), 0.5, q, v)[other] == 0.0, force
         assert made(force, model, joints).wrenches(0.5, q, v) == {}, force
-
-
-def test_unknown_joints_are_refused(model, joints):
-    for force in AT_JOINTS:
-        with pytest.raises(InputError, match="no joint 'trun'"):
-            msgspec.structs.replace(force, joint="trun").bind(model, joints)
 
 
 @at_points
@@ -204,19 +191,6 @@ def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints)
     assert wrenches.keys() == right.keys()
     for joint, wrench in wrenches.items():
         assert wrench == pytest.approx(right[joint], abs=1e-13)
-
-
-def test_an_effort_between_two_points_of_one_link_does_nothing_to_it(model, joints):
-    """It is inside the body."""
-    placement = pin.SE3(np.eye(3), np.array([0.2, 0.1, 0.0]))
-    model = model.copy()
-    model.addFrame(pin.Frame("tip", model.getJointId("slide"), placement, pin.FrameType.BODY))
-    along = coordinates_of(model, joints, {"within": Distance(between=("slide_link", "tip"))})
-    force = CoordinateSpring(coordinate="within", stiffness=90.0, rest=0.1)
-    element, (q, v) = bound(force, model, joints, along), motion(0.4)
-    assert element.efforts(np.array([0.4]), q[None], v[None])[0] < -9.0
-    assert element.wrenches(0.4, q, v) == {}
-    assert load(element, 0.4, q, v) == pytest.approx(0.0, abs=1e-13)
 
 
 @pytest.mark.parametrize(

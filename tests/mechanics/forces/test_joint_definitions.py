@@ -46,25 +46,6 @@ def test_efforts_check_their_units_against_the_joint(model, joints, joint, right
         effort(wrong).bind(model, joints)
 
 
-@pytest.mark.parametrize(("joint", "other"), [("turn", "slide"), ("slide", "turn")])
-@pytest.mark.parametrize("what", ["friction", "creep", "speed of a curve", "effort of a curve"])
-def test_friction_and_curves_check_their_units_against_the_joint(model, joints, joint, other, what):
-    units = {"turn": ("N*m", "rpm"), "slide": ("kN", "mm/s")}
-
-    def element(effort, rate):
-        one = {"friction": measured(1.0, effort), "creep": measured(1.0, rate)}
-        two = {"curve": [(0.0, 0.0), (measured(1.0, rate), measured(1.0, effort))]}
-        if what.endswith("curve"):
-            return TorqueSpeed(joint=joint, **two)
-        return RegularisedFriction(joint=joint, **one)
-
-    right, wrong = units[joint], units[other]
-    element(*right).bind(model, joints)
-    mixed = (wrong[0], right[1]) if what.startswith(("friction", "effort")) else (right[0], wrong[1])
-    with pytest.raises(UnitError, match="not a unit of this quantity"):
-        element(*mixed).bind(model, joints)
-
-
 @pytest.mark.parametrize(("kind", "given"), [
     (JointSpring, {"joint": "turn", "stiffness": -1.0}), (JointSpring, {"joint": "turn", "damping": -1.0}),
     (PointSpring, {"between": ("a", "b"), "stiffness": -1.0}), (PointSpring, {"between": ("a", "b"), "damping": -1.0}),

@@ -136,16 +136,6 @@ def test_a_belt_that_slips_at_the_start_brings_the_wheels_to_one_speed(belt):
     assert run.figures["energy"] < 1e-9
 
 
-def test_the_shafts_carry_both_strands(belt):
-    """Along the line of centres ``(T1 + T2) sin(lap / 2)``, with or without slip; across it the difference's part."""
-    found = Quantities(free(belt(), end=0.01, samples=2, one=30.0).rows)
-    pulled, half = np.abs(found["coupling.belt.friction"].values), 0.5 * LAP
-    assert pulled[0] == pytest.approx(pull(MU, LAP), rel=1e-9)
-    assert pulled[-1] == pytest.approx(0.0, abs=1e-9)
-    assert found["joint.two.force.x"].values == pytest.approx(2.0 * PRETENSION * np.sin(half), rel=1e-9)
-    assert np.abs(found["joint.two.force.y"].values) == pytest.approx(pulled * np.cos(half), rel=1e-9, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("friction", "message"),
     [

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import moved
 
 N = 4
@@ -23,21 +23,6 @@ def states(model):
     generator = np.random.default_rng(1)
     q = np.array([pin.integrate(model, pin.neutral(model), generator.normal(size=model.nv)) for _ in range(N)])
     return q, generator.normal(size=(N, model.nv)), generator.normal(size=(N, model.nv))
-
-
-def test_links_and_their_twists_are_those_of_pinocchio(model, states):
-    links, twists, rates, columns = moving(model, *states)
-    data, tool = model.createData(), model.getFrameId("tool")
-    turn, place = LinkPlacements.at(model, states[0]).frame(tool)
-    for row, (q, v, a) in enumerate(zip(*states, strict=True)):
-        pin.forwardKinematics(model, data, q, v, a)
-        pin.updateFramePlacements(model, data)
-        assert pin.SE3(turn[row], place[row]).isApprox(data.oMf[tool], 1e-12)
-        for joint in range(1, model.njoints):
-            assert pin.SE3(links.turns[row, joint], links.places[row, joint]).isApprox(data.oMi[joint], 1e-12)
-            assert twists[row, joint] == pytest.approx(data.v[joint].vector, abs=1e-12)
-            assert rates[row, joint] == pytest.approx(data.a[joint].vector, abs=1e-12)
-        assert columns[row] == pytest.approx(pin.computeJointJacobians(model, data, q), abs=1e-12)
 
 
 def test_wrenches_change_their_frame_as_pinocchio_changes_it(model, states):

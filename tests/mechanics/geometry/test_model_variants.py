@@ -6,10 +6,7 @@ import pytest
 
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.mechanics.geometry.model_variants import (
-    VariantPlacement,
-    spatial_inertias,
-)
+from pinarm.mechanics.geometry.model_variants import spatial_inertias
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-12
@@ -53,20 +50,6 @@ def test_bodies_are_those_of_pinocchio() -> None:
             np.testing.assert_allclose(tree.levers[k, joint], body.lever, atol=1e-14)
             np.testing.assert_allclose(tree.inertias[k, joint], body.matrix(), atol=1e-13)
             np.testing.assert_allclose(spatial_inertias(body.toDynamicParameters()), body.matrix(), atol=1e-13)
-
-
-def test_placements_are_composed_as_pinocchios() -> None:
-    pin.seed(6)
-    first, second = ([pin.SE3.Random() for _ in range(3)] for _ in range(2))
-    ours, theirs = (
-        VariantPlacement(np.array([one.rotation for one in places]), np.array([one.translation for one in places]))
-        for places in (first, second)
-    )
-    product, back = ours * theirs, ours.inverse()
-    for k, (one, other) in enumerate(zip(first, second, strict=True)):
-        np.testing.assert_allclose(product.rotation[k], (one * other).rotation, atol=1e-15)
-        np.testing.assert_allclose(product.translation[k], (one * other).translation, atol=1e-14)
-        np.testing.assert_allclose(back.translation[k], one.inverse().translation, atol=1e-15)
 
 
 def test_wrenches_are_summed_over_what_lies_beyond() -> None:

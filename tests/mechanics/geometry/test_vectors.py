@@ -4,16 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.mechanics.geometry.vectors import cross, crossed, direction, dot, rotation_vector
+from pinarm.mechanics.geometry.vectors import direction, rotation_vector
 
 GENERATOR = np.random.default_rng(7)
 A, B = GENERATOR.normal(size=(2, 3, 20))
-
-
-def test_products_are_those_of_numpy() -> None:
-    assert dot(A, B) == pytest.approx((A * B).sum(axis=0), rel=1e-14)
-    assert cross(A, B) == pytest.approx(np.cross(A, B, axis=0), rel=1e-14)
-    assert crossed(A.T, B.T) == pytest.approx(np.cross(A.T, B.T), rel=1e-14)
 
 
 def test_a_direction_has_length_1_where_points_meet_too() -> None:

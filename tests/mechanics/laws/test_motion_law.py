@@ -1,4 +1,3 @@
-import itertools
 import math
 import typing
 from pathlib import Path
@@ -157,16 +156,6 @@ def test_jumps_are_those_of_the_acceleration():
         assert law.jumps() == pytest.approx(JUMPS.get(name, []), abs=1e-14), name
 
 
-def test_jumps_do_not_depend_on_the_time_scale():
-    for duration, begin in itertools.product([1e-3, 0.01, 0.1, 0.3, 1.0, 30.0, 1e3], [0.0, 0.3, 1.7]):
-        common = {"start": 0.1, "end": 1.3, "duration": duration, "begin": begin}
-        stop = begin + duration
-        assert Polynomial(**common, degree=3).jumps() == [begin, stop]
-        assert Polynomial(**common, degree=5).jumps() == []
-        assert Polynomial(**common, degree=7).jumps() == []
-        assert Cycloidal(**common).jumps() == []
-
-
 def test_laws_from_rest_to_rest_begin_and_end_there():
     for law in (law for law in LAWS.values() if hasattr(law, "end") and len(law.pieces()) > 1):
         first, *_, last = law.pieces()
@@ -276,12 +265,6 @@ def across(law, t):
 
 class TestGrid:
     law = Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=0.5)
-
-    def test_instants_of_jumps_stand_twice(self):
-        grid = Grid.cover(np.linspace(0.0, 3.0, 7), [self.law])
-        assert grid.t.tolist() == [0.0, 0.5, 0.5, 1.0, 1.5, 1.5, 2.0, 2.5, 2.5, 3.0]
-        assert grid.cuts == (0.0, 0.5, 1.5, 2.5, 3.0)
-        assert grid.rows == (0, 2, 5, 8, 10)
 
     def test_jumps_outside_and_at_the_ends_are_not(self):
         grid = Grid.cover(np.linspace(0.5, 1.5, 5), [self.law])

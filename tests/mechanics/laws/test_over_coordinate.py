@@ -112,14 +112,6 @@ def test_a_cam_repeats_with_every_turn_of_its_drive(speed):
     assert all(np.diff([0.0, *law.breakpoints(), 10.0]) > 1e-3)
 
 
-def test_profiles_of_profiles():
-    first = driven(Harmonic(amplitude=0.5, pulsation=1.0), ConstantSpeed(speed=2.0))
-    second = Over(of="first", profile=Polynomial(start=0.0, end=1.0, duration=0.4, begin=-0.2)).along(first, 0.0, 4.0)
-    t = np.array([0.1, 1.0, 2.4])
-    x = np.clip((0.5 * np.sin(2 * t) + 0.2) / 0.4, 0.0, 1.0)
-    assert values(second, t)[0] == pytest.approx(10 * x**3 - 15 * x**4 + 6 * x**5, abs=1e-14)
-
-
 @pytest.mark.parametrize(("profile", "says"), [
     (ConstantSpeed(speed=0.1), "its value is 0 at 0 and 0.1 after a period"),
     (Harmonic(amplitude=1.0, pulsation=math.pi), "its slope is 3.14159 at 0 and -3.14159"),

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.mechanics.laws import (
-    SCurve,
-    Trapezoid,
-)
+from pinarm.mechanics.laws import SCurve, Trapezoid
 
 from .test_motion_law import LAWS
 
@@ -89,17 +86,6 @@ class TestSCurve:
             # constant on each interval, and either full or none
             assert dds == pytest.approx(dds[0] + slope * (t - t[0]), abs=1e-13)
             assert min(abs(abs(slope) - law.jerk), abs(slope)) < 1e-11
-
-    @pytest.mark.parametrize(
-        ("name", "intervals"),
-        [
-            ("s-curve", 7), ("s-curve without limits", 4), ("s-curve below its limits", 4),
-            ("s-curve below its speed", 6), ("s-curve below its acceleration", 5),
-        ],
-    )  # fmt: skip
-    def test_as_many_stretches_as_limits_are_reached(self, name, intervals):
-        # without a full acceleration two intervals of equal jerk meet in the middle
-        assert len(LAWS[name].pieces()) - 2 == intervals
 
     @pytest.mark.parametrize("limits", [{}, {"speed": 1.0}, {"acceleration": 2.0}, {"speed": 1.0, "acceleration": 2.0}])
     def test_it_arrives_in_minimal_time_at_any_distance(self, limits):

@@ -326,45 +326,25 @@ def test_an_orientation_takes_the_place_of_that_of_a_class_but_not_of_two_points
             assert place.translation == pytest.approx(state.site_xpos[0], abs=1e-9), ways
 
 
-def test_a_range_of_0_is_no_limit_unless_it_is_said_to_be():
-    assert build_model(model(body('<joint name="j" range="0 0"/>' + UNIT))).model.upperPositionLimit.tolist() == [
-        np.inf
-    ]
-    refusal(model(body('<joint name="j" range="0 0" limited="true"/>' + UNIT)))
-
-
-def test_all_masses_are_scaled_to_a_total():
-    two = body(HINGE + SPHERE), body('<joint name="k"/>' + SPHERE.replace("0.1", "0.2"), "c")
-    inertias = build_model(model(*two, before='<compiler settotalmass="9"/>')).model.inertias
-    assert [one.mass for one in inertias] == pytest.approx([0.0, 1.0, 8.0])
-
-
 @pytest.mark.parametrize(
     ("inside", "message"),
     [
         ('<joint name="j" type="screw"/>' + SPHERE, "joint 'j': type is 'screw'"),
         ('<joint name="j" axis="0 0 0"/>' + SPHERE, "joint 'j': its axis is 0 0 0"),
-        ('<joint name="j" damping="-1"/>' + SPHERE, "joint 'j': its damping is negative"),
         ('<joint name="j" stiffness="1 2"/>' + SPHERE, "joint 'j': stiffness='1 2' is a polynomial, which is not read"),
         ('<joint name="j" actuatorfrclimited="true"/>' + SPHERE,
          "joint 'j': actuatorfrclimited='true', and it has no actuatorfrcrange"),
         (HINGE + '<geom type="capsule" size="0.1" fromto="0 0 0 1 0 0" pos="1 0 0"/>',
          "body 'b': geom '': its place is given by pos and fromto"),
-        (HINGE + '<geom type="capsule" size="0.1" fromto="1 0 0 1 0 0"/>',
-         "body 'b': geom '': fromto='1 0 0 1 0 0' has no length"),
         (HINGE + '<inertial pos="0 0 0" mass="1" fullinertia="1 1 1 0 0 0" diaginertia="1 1 1"/>',
          "body 'b': inertial: it has fullinertia and diaginertia"),
         ('<joint name="j" springdamper="0.1 0"/>' + SPHERE, "joint 'j': springdamper='0.1 0'"),
-        ('<joint name="j" springdamper="0.1 1"/>', "springdamper needs a mass that its joint moves"),
-        (HINGE + UNIT + "<frame>" + UNIT + "</frame>", "body 'b': it has 2 <inertial>"),
         ('<joint name="j" class="soft"/>' + SPHERE, "there is no default class 'soft'"),
         (SPHERE + body('<freejoint name="f"/>' + SPHERE, "c"),
          "body 'c': a free joint stands alone, in a body of the world"),
         (HINGE + SPHERE + body(SPHERE, "b"), "two bodies have the name 'b'"),
         (HINGE + '<geom size="-1"/>', "body 'b': geom '': size='-1'"),
-        (HINGE + '<geom pos="0 1e300 0" size="1"/>', "body 'b': geom '': pos: '0 1e300 0' is not 3 finite numbers"),
         (HINGE + '<geom size="1" mass="-2"/>', "body 'b': geom '': its mass or density is negative"),
-        (HINGE + '<geom size="1 1 1 1"/>', "body 'b': geom '': size='1 1 1 1' has 4 numbers"),
         (HINGE + '<geom type="mesh" mesh="m"/>', "body 'b': geom '': the mass of a mesh is not computed here"),
         (HINGE + '<inertial pos="0 0 0" mass="1" diaginertia="1 1 9"/>',
          "body 'b': no body has principal moments of inertia 1, 1, 9 kg*m^2: each is at most the sum of the other two"),
@@ -374,7 +354,6 @@ def test_all_masses_are_scaled_to_a_total():
          "body 'b': inertial: its orientation is given by quat and euler"),
         (HINGE + SPHERE + "<composite/>", "in 'b': <composite> is not read"),
         ('<joint name="j" axs="1 0 0"/>' + SPHERE, "<joint> 'j' has no attribute 'axs'"),
-        (HINGE + "<geeom/>", "<body> 'b' contains no <geeom>"),
         (HINGE + SPHERE + '<replicate count="3"/>', "in 'b': <replicate> is not read"),
     ],
 )  # fmt: skip
@@ -387,9 +366,7 @@ def test_what_no_body_or_joint_can_have_is_refused(inside, message):
     [
         ('<compiler coordinate="global"/>', "the model has global coordinates"),
         ('<compiler angel="radian"/>', "<compiler> has no attribute 'angel'"),
-        ('<option><flag grvity="disable"/></option>', "<flag> in <option> has no attribute 'grvity'"),
         ('<optoin gravity="0 0 0"/>', "<mujoco> contains no <optoin>"),
-        ("<default><default/></default>", "a default class has no name"),
         ('<actuator><motor name="m" joint="jj"/></actuator>', "actuator 'm': there is no joint 'jj'"),
         ('<actuator><motor name="m" joint="j" damping="-1"/></actuator>', "actuator 'm': its damping is negative"),
         ('<equality><joint joint1="j" joint2="j"/></equality>', "joint 'j' mimics itself: j -> j"),
@@ -413,28 +390,18 @@ ALIGNED = "free bodies whose frame MuJoCo moves to their inertia (align): here i
          "armature and damping beyond joints are not modelled: actuator 'motor'"),
         (HINGE + SPHERE, '<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>',
          "tendons are not modelled: t"),
-        (HINGE + SPHERE, '<option density="1.2"/>', "the forces of a medium (density) are not modelled"),
         (HINGE + SPHERE, '<keyframe><key name="home" qpos="1"/></keyframe>',
          "keyframes are not used: the scenario says how a motion begins: home"),
-        ('<joint name="j" springyield="1"/>' + SPHERE, "", "not read: springyield of <joint>"),
-        (HINGE + SPHERE, '<sensor><clock/></sensor><contact/>', "not read: <contact>, <sensor>"),
-        ('<joint name="j" type="ball" range="0 30"/>' + SPHERE, "", "the range of ball joints is not watched: j"),
         ("<freejoint/>" + SPHERE, '<compiler alignfree="true"/>', ALIGNED),
-        ('<freejoint align="true"/>' + SPHERE, "", ALIGNED),
         ('<joint name="j" range="-1 1"/>' + SPHERE, '<compiler autolimits="false"/>',
          "their range is no limit, as autolimits is false and limited is not said: j"),
         ('<joint name="j" ref="30"/>' + SPHERE, "", "drawn at their ref, but begin at 0 where nothing is said: j"),
-        (HINGE + SPHERE + body(SPHERE, "c", 'gravcomp="1"'), "", "gravity compensation is not modelled: c"),
         (HINGE + SPHERE, '<worldbody><body name="h" mocap="true"/></worldbody>',
          "held where they are drawn, though MuJoCo lets its user move them: h"),
     ],
 )  # fmt: skip
 def test_what_is_left_out_is_noted(inside, before, note):
     assert note in build_model(model(body(inside), before=before)).notes
-
-
-def test_the_world_has_no_joints():
-    assert "<worldbody> has a joint of its own" in refusal(model(HINGE, body('<joint name="k"/>' + SPHERE))).message
 
 
 def test_every_root_of_a_file_is_read():
@@ -450,10 +417,6 @@ def test_an_unknown_name_is_told_with_its_line(tmp_path):
         Mechanism.load(tmp_path / "m.xml")
     assert (caught.value.location.line, caught.value.location.column) == (3, 20)
     assert caught.value.hint == "mass"
-
-
-def test_a_geom_whose_inertia_is_beyond_all_numbers_is_refused():
-    assert "beyond all numbers" in refusal(model(body(HINGE + '<geom size="1e90"/>'))).message
 
 
 def test_a_world_with_more_than_what_floats_in_it_is_no_base():

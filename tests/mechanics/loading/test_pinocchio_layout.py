@@ -104,14 +104,6 @@ def test_there_and_back(pair):
 
 
 class TestWhatCannotBeConverted:
-    def test_joints_that_pinocchio_has_merged(self):
-        """Read with ``mimic=True``, Pinocchio's model has no coordinates of the joints that follow."""
-        panda = Mechanism.load("panda")
-        theirs = pin.buildModelFromUrdf(str(panda.source.robot), mimic=True)
-        assert theirs.nq < panda.model.nq == pin.buildModelFromUrdf(str(panda.source.robot)).nq
-        with pytest.raises(InputError, match=r"q has the shape \(8,\)"):
-            panda.from_pinocchio(pin.neutral(theirs))
-
     def test_mjcf(self, tmp_path):
         (tmp_path / "m.xml").write_text(
             '<mujoco><worldbody><body name="b"><joint name="j" type="hinge"/>'
@@ -119,12 +111,6 @@ class TestWhatCannotBeConverted:
         )
         with pytest.raises(InputError, match="MJCF"):
             Mechanism.load(tmp_path / "m.xml").to_pinocchio([0.0], [0.0])
-
-    def test_a_base_that_is_held_here_only(self, tmp_path):
-        (tmp_path / "free.urdf").write_text(urdf(("floating", "1 0 0"), ("revolute", "1 0 0")))
-        with pytest.raises(InputError, match="'j0' a JointModelFreeFlyer") as caught:
-            Mechanism.load(tmp_path / "free.urdf", values={"base": "fixed"}).to_pinocchio([0.0])
-        assert "base" in caught.value.hint
 
     def test_what_is_no_direction(self, tmp_path):
         (tmp_path / "wheel.urdf").write_text(urdf(("continuous", "0 0 1")))

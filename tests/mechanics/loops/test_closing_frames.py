@@ -80,6 +80,12 @@ def test_mistakes_are_told(folder, closures, message):
         loaded(folder, closures=closures)
 
 
+def test_a_closure_has_a_name_of_its_own(folder):
+    loops = {"end": {"kind": "rod", "between": ["base", "coupler"], "length": "1 m"}}
+    with pytest.raises(InputError, match="there is a loop joint 'end' already"):
+        loaded(folder, closures="revolute", loops=loops)
+
+
 def test_a_model_without_such_frames_is_told(folder):
     (folder / "m.urdf").write_text(EXPORTED.replace("closing_", "open_"))
     with pytest.raises(InputError, match="no two frames that no loop joint ties") as caught:
