@@ -41,16 +41,6 @@ def test_numbers_of_the_mechanism_file_can_vary(held: pinarm.Scenario) -> None:
     assert row.numbers[0] == pytest.approx(10 + 4 * pi / 2, rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("text", "labels"),
-    [("M", ("min M", "max M")), (" M @  max", ("M @ max",)), ("t@max( C_B )", ("t @ max(C_B)",)),
-     ("max(a, b) @ t=1.5 s,side=left", ("max(a, b) @ t=1.5 s, side=left",)),
-     ("M @ phi=0 deg, occurrence=2", ("M @ phi=0 deg, occurrence=2",))],
-)  # fmt: skip
-def test_results_are_called_as_they_are_written(text: str, labels: tuple[str, ...]) -> None:
-    assert Wanted.read(text).labels() == labels
-
-
 @pytest.mark.parametrize("text", ["", "@ max", "M @ start(M)", "M @ t=1=2"])
 def test_what_is_no_result_is_refused(text: str) -> None:
     with pytest.raises(PinarmError, match=r"--result .*is no number of a run|asks for nothing"):
@@ -111,11 +101,6 @@ def test_a_target_of_the_error_is_reached_or_the_case_fails(held: pinarm.Scenari
     assert 0 < reached.figures["global error"] < 1e-6
     missed = solved(held, ["alpha @ end"], **FALLING, accuracy={"target": 1e-18})
     assert re.fullmatch(r"the global error is \d\.\de-\d\d, not below its target 1e-18", missed.error)
-
-
-def test_a_result_that_is_of_another_kind_in_one_case_is_refused(held: pinarm.Scenario) -> None:
-    row = solved(held, ["M"], symbols__M="joint.pivot.position")
-    assert "M is in" in row.error
 
 
 def test_cases_with_the_same_mechanism_load_it_once(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,5 @@
 """A result read back from its folder is the result."""
 
-import json
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -96,15 +95,6 @@ def test_it_needs_nothing_outside_of_the_folder(scenario: Callable[..., Any], fo
     assert np.array_equal(again["drive.motor.torque"].values, result["drive.motor.torque"].values)
     assert np.array_equal(again["M"].values, result["M"].values)
     assert again.notes() == result.notes()
-
-
-def test_what_is_saved_again_tells_the_file_that_it_came_of(tmp_path: Path) -> None:
-    given = ROOT / "scenarios" / "gen411_arm_static.yaml"
-    pinarm.run(given).save(tmp_path / "one", plots=False)
-    for first, second in (("one", "two"), ("two", "below/three")):
-        pinarm.restore(tmp_path / first).save(tmp_path / second, plots=False)
-        told = json.loads((tmp_path / second / "manifest.json").read_text())["source"]
-        assert (tmp_path / second / told).resolve() == given.resolve()
 
 
 def test_a_link_to_a_folder_is_read_and_not_written_through(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,13 +46,6 @@ def test_another_format_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "drawing.gif").exists()
 
 
-def test_friction_of_joints_and_couplings_is_listed() -> None:
-    shown = str(pinarm.explain(MODELS / "screw_jack" / "mechanism.yaml"))
-    assert "friction of joint turn: mu 0.08" in shown
-    assert "friction of coupling thread: mu 0.08" in shown
-    assert "without friction" not in shown
-
-
 WHEELS = """<robot name="wheels"><link name="base"/><link name="one"/><link name="two"/>
   <joint name="a" type="continuous"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/></joint>
   <joint name="b" type="continuous"><parent link="base"/><child link="two"/><origin xyz="0.5 0 0"/>
@@ -116,23 +109,6 @@ def test_an_integrated_motion_is_explained_where_it_begins_without_being_solved(
     [axis] = found.sketch().axes
     [tip] = [text.xy for text in axis.texts if text.get_text() == "A"]
     assert tip == pytest.approx([np.cos(np.pi / 6), 0.5], abs=1e-12)
-
-
-FLOATING = """<mujoco><worldbody><body name="b"><freejoint name="b"/><geom type="sphere" size="0.1"/></body></worldbody>
-</mujoco>"""
-
-
-@pytest.mark.parametrize(("model", "said"), [
-    ("kinova", "q and v: of "),
-    (FLOATING, "q and v: of b q has the position and the quaternion x, y, z, w; v the velocity of the origin in the "),
-    (MODELS / "balanced_four_bar" / "mechanism.yaml", None),  # a drawing
-])  # fmt: skip
-def test_conventions_that_are_not_pinocchios_are_said(tmp_path: Path, model: Path | str, said: str | None) -> None:
-    if model == FLOATING:
-        (tmp_path / "b.xml").write_text(FLOATING)
-        model = tmp_path / "b.xml"
-    lines = [line for line in str(pinarm.explain(model)).split("\n") if line.startswith("q and v")]
-    assert (said is None and not lines) or (said is not None and lines[0].startswith(said))
 
 
 def test_what_is_the_same_of_several_joints_is_said_once() -> None:

@@ -18,7 +18,7 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.cli.main import BAD_INPUT, NUMERICS_FAILED, main
+from pinarm.cli.main import BAD_INPUT, NUMERICS_FAILED
 from pinarm.use.workers.cluster import cluster
 
 pytest.importorskip("distributed")
@@ -161,29 +161,6 @@ def killed(path: Path, tmp_path: Path, dask: Cluster, cases: int) -> None:
 @pytest.mark.slow
 def test_ten_thousand_cases_survive_both(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
     killed(path, tmp_path, start(), 10_000)
-
-
-@pytest.mark.slow
-def test_searches_and_sensitivities_have_the_same_numbers_on_a_cluster(
-    path: Path, tmp_path: Path, start: Callable[..., Cluster]
-) -> None:
-    asked = {"sensitivity": {"of": ["M @ max"], "to": {"m": "1 %", "l": "1 mm"}, "monte_carlo": 30}}
-    sought = {"find": {"for": {"arguments.m": "1 kg"}, "so_that": {"M @ end": "30 N*m"}}}
-    dask = start()
-    for _ in range(2):
-        dask.add_worker()
-    with cluster(dask.address) as executor:
-        here, there = (pinarm.run(path, asked, executor=who).section("sensitivity") for who in (None, executor))
-        assert {k: repr(x.values[0]) for k, x in there.numbers.items()} == {
-            k: repr(x.values[0]) for k, x in here.numbers.items()
-        }
-        assert pinarm.run(path, sought, executor=executor).figures == pinarm.run(path, sought).figures
-    told = ["run", str(path), "--set", "sensitivity={of: [M @ max], to: {m: 1 %}}", "--json", "-o"]
-    for name, options in (("here", []), ("there", ["--cluster", dask.address])):
-        assert main([*told, str(tmp_path / name), *options]) == 0
-    tables = [file.read_bytes() for file in sorted(tmp_path.glob("*/sensitivity*.csv"))]
-    assert len(tables) >= 2
-    assert tables[: len(tables) // 2] == tables[len(tables) // 2 :]
 
 
 @pytest.mark.slow

@@ -159,18 +159,6 @@ def test_what_a_case_does_not_come_to_costs_it_no_other_number(tmp_path: Path) -
     assert len(entries(tmp_path / "out")) == 4
 
 
-def test_a_fault_of_the_program_is_not_kept(
-    held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    faulty = module(
-        "from pinarm.use.cases.case import Row\ndef solve(job):\n    return Row((), 'a fault', (), final=False)\n"
-    )
-    with monkeypatch.context() as patched:
-        patched.setattr(solving, "CaseSolver", lambda task: faulty.solve)
-        assert len(pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1).errors) == 10
-    assert not pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1).errors
-
-
 def test_a_file_that_changes_while_the_sweep_runs_ends_it(path: Path, tmp_path: Path) -> None:
     def edit(done: int, failed: int, total: int) -> None:
         if done == 3:
