@@ -144,6 +144,7 @@ def inertia(folder: Path, law: str, find: str, end: str = "1 s") -> Scenario:
     return Scenario.load(folder / "inertia.yaml")
 
 
+@pytest.mark.slow
 def test_the_shortest_time_with_a_limited_torque(tmp_path):
     """Bang-bang: T = 2 (J theta/tau)^(1/2) = 2 s for J = 0.5 kg m², theta = 1 rad, tau = 0.5 N m."""
     scenario = inertia(
@@ -173,6 +174,7 @@ def test_a_run_whose_accuracy_fails_is_refused(tmp_path):
     assert "'return trip'" in refusal({**result.figures, "return trip": 1e-4})
 
 
+@pytest.mark.slow
 def test_the_trapezoid_of_least_heat_spends_a_third_of_its_time_on_each_part(tmp_path):
     """Speed v and acceleration a = v^2/(v - 1) cross 1 rad in 1 s; the rms torque J (2 a v)^(1/2) is least at v = 3/2.
 
