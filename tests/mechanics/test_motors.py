@@ -156,7 +156,7 @@ def reached(torque, flat):
     return speed, INERTIA * speed / (N * N * torque)
 
 
-@pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])
+@pytest.mark.parametrize("period", [{}, pytest.param({"period": "10 ms"}, marks=pytest.mark.slow)])
 def test_a_constant_torque_meets_the_curve_at_an_instant_that_is_told(servo, tmp_path, period):
     """A parabola up to the line, then an exponential: field weakening from 100 rad/s on."""
     curve = [LINE[0], ["100 rad/s", f"{T0} N*m"], LINE[1]]
