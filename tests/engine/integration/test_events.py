@@ -135,6 +135,7 @@ def test_a_release_that_is_far_in_a_long_step_under_a_fast_load_is_found():
     assert len(looks) < sum(looks) / 1000
 
 
+@pytest.mark.slow
 def test_what_varies_too_fast_to_be_looked_at_is_told():
     solution, looks = resting(lambda t: 5.0 - 4.9 * np.sin(3e7 * t), 6.0)
     assert sum(looks) < 1.1 * MOST_STATES

@@ -8,7 +8,7 @@ from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods import METHODS
 
-SETTINGS = {"tolerance": (1e-4, 1e-7, 1e-11), "step": (0.1, 0.01)}
+SETTINGS = {"tolerance": (1e-4, 1e-9), "step": (0.1, 0.02)}
 ALL = [(name, value) for name in ("dop853", "dopri5", "rk4", "stiff") for value in SETTINGS[METHODS[name].setting]]
 
 
