@@ -102,6 +102,7 @@ def test_a_target_is_reached_by_a_setting_that_sees_the_event():
     assert result.trajectory.grid.t[-1] == pytest.approx(STOP, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_stop_that_is_grazed_is_hit_at_any_target():
     """1e-6 m before the amplitude: x = cos(10 (t - 2 k t1)), with the blows at the odd multiples of t1.
 
@@ -175,6 +176,7 @@ def test_every_place_tells_why_there_is_no_bound(swing_file, tmp_path, capsys):
     assert "different courses" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_trade_off_tells_settings_with_other_events():
     """1e-6 m before the amplitude: coarse solutions miss some of the 16 passages of 10 s, and are no small error."""
     asked = swing(reaches="-0.999999 m", then="record")

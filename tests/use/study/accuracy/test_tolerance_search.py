@@ -89,6 +89,7 @@ def test_a_target_is_one_of_the_output_itself_whatever_its_size(oscillator, ampl
     assert 0.01 * result.error < true <= result.error <= 1e-6
 
 
+@pytest.mark.slow
 def test_the_finest_setting_is_tried_before_a_target_is_missed(oscillator):
     """Runge-Kutta 4 errs by ``200 (200/n)^4 / 120`` in n steps: 3.7e-8 in 16,400, 2.3e-9 in twice as many."""
     asked = {"problem.time.end": "20 s", "accuracy": {"target": 1e-8, "method": "rk4"}}
