@@ -340,7 +340,7 @@ def test_no_effort_at_the_nut_turns_a_screw_that_locks_itself(write, joint, thre
     assert (entry["min"], entry["max"]) == (np.inf, np.inf)
     for load in ("6400 kN", "-6400 kN"):
         moved = write(SCREW, LOAD.replace("-6.4 kN", load) + joint + rubs, "{kind: forward, time: {end: 1 s}}", "lift")
-        assert np.ptp(pinarm.run(moved)["lift"].values) == 0.0
+        assert np.ptp(pinarm.run(moved)["lift"].values) < 1e-20  # m: the rounding of what friction holds
 
 
 def test_a_torque_on_a_screw_that_locks_itself_is_held_by_its_bearing_or_turns_it(write):

@@ -264,7 +264,10 @@ BLOW = CubicSpline(POINTS, 15.0 * np.maximum(1.0 - np.abs(POINTS - 7.76) / 0.05,
 """A force measured at 100 Hz: a blow of 0.1 s in a run of 10 s, as a spline that SciPy computes."""
 
 
-@pytest.mark.parametrize(("accuracy", "rests"), [("", False), ("", True), ("accuracy: {target: 1e-6}", True)])
+@pytest.mark.parametrize(
+    ("accuracy", "rests"),
+    [("", False), ("", True), pytest.param("accuracy: {target: 1e-6}", True, marks=pytest.mark.slow)],
+)
 def test_a_short_blow_in_a_long_table_is_not_stepped_over(write, accuracy, rests):
     """On a block in steady motion, and on one that 2 N press onto its stop, which no step before it is short for."""
     points = [[f"{t:.2f} s", f"{f!r} N"] for t, f in zip(POINTS.tolist(), BLOW(POINTS).tolist(), strict=True)]

@@ -31,9 +31,9 @@ function is finite, 1/2 of the inverse root, 0 of the inverse of the distance.""
 SMALLEST = 1e-290
 """Integral below which there is nothing to be relative to."""
 
-ENOUGH, ROUNDING, MOST = 1e-10, 1e-13, 1024
-"""Error of a polynomial for a percentile, relative to the range of the function; relative to the largest value; and how
-many pieces are halved at most."""
+ENOUGH, ROUNDING, MOST, SHARE = 1e-10, 1e-13, 1024, 1e-12
+"""Error of a polynomial for a percentile, relative to the range of the function; relative to the largest value; how
+many pieces are halved at most; and the rounding of a share of the length."""
 
 
 def integrals(curve: Curve, least: float, most: int) -> tuple[Array, Array]:
@@ -166,11 +166,9 @@ def percentile(curve: Curve, share: float) -> tuple[float, float]:
             break
         pieces = curve.refined(pieces, poor)
     arcs, rough = _Arcs.of(pieces), float(error.max())
-    value, unknown = arcs.percentile(share), float(width[error > level].sum() / width.sum())
-    if not unknown:
-        return value, min(rough, level)
-    high, low = arcs.percentile(min(share + unknown, 1.0)), arcs.percentile(max(share - unknown, 0.0))
-    return value, min(rough, level + high - low)
+    unknown = float(width[error > level].sum() / width.sum())
+    within = min(rough, level + arcs.between(share, unknown)) if unknown else min(rough, level)
+    return arcs.percentile(share), within + arcs.between(share, SHARE)  # values may jump just at the share
 
 
 class _Arcs(ValueRecord, frozen=True):
@@ -211,6 +209,10 @@ class _Arcs(ValueRecord, frozen=True):
             ).x
             length[passing] = np.where(self.values[1, passing] > self.values[0, passing], place - low, high - place)
         return float(length.sum())
+
+    def between(self, share: float, unknown: float) -> float:
+        """Return how far the percentiles of shares differ that differ from one by as much as is unknown."""
+        return self.percentile(min(share + unknown, 1.0)) - self.percentile(max(share - unknown, 0.0))
 
     def percentile(self, share: float) -> float:
         """Return the value below which the polynomials are for a share of their length."""

@@ -45,6 +45,7 @@ def test_slopes_of_weights_are_those_of_pinocchio(count: int) -> None:
     np.testing.assert_allclose(found, wanted, atol=1e-12 * max(np.abs(wanted).max(), 1.0))
 
 
+@pytest.mark.slow
 def test_many_loops_rest_where_a_spring_holds_them(tmp_path):
     """``k (theta - rest) = A g sin theta`` of 41 uprights of 1 m and 1 kg, and 40 couplers on their ends."""
     path, n, k, rest, g = written(tmp_path, "fourbars", 40), 40, 2000.0, 0.1, 9.81

@@ -296,8 +296,12 @@ def test_an_interrupt_between_a_line_and_its_count_waits(
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(Journal, "add", interrupted)
-    with pytest.raises(Interrupted) as caught:
-        pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore interrupts
+    try:
+        with pytest.raises(Interrupted) as caught:
+            pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1)
+    finally:
+        signal.signal(signal.SIGINT, before)
     kept = len(entries(tmp_path / "out"))
     assert kept > 0
     assert f"interrupted with {kept} of 10 cases solved" in str(caught.value)
