@@ -112,7 +112,7 @@ def load_derivatives(dynamics: Dynamics, t: float, q: Array, v: Array) -> tuple[
     q_many = np.concatenate([q_steps, np.broadcast_to(q, q_steps.shape)])
     v_many = np.concatenate([np.broadcast_to(v, v_steps.shape), v_steps])
     tau = np.zeros((2 * nv, nv), dtype=complex)
-    with _complex_kept():
+    with complex_kept():
         for force in dynamics.changing:
             _add_load(dynamics.model, force, t, q_many, v_many, tau)
     slopes = np.imag(tau) / STEP
@@ -138,7 +138,7 @@ def _row_derivatives(
     rows, nv = ConstraintRows.of(model, constraints), model.nv
     _require_pairs(rows)
     steps = _steps(model, q)
-    with _complex_kept():
+    with complex_kept():
         moved, still = rows.at(steps), rows.at(np.broadcast_to(q + 0j, steps.shape))
         rows_q = np.imag(moved.matrices) / STEP
         drift_q = np.imag(moved.drifts(np.broadcast_to(v + 0j, (nv, nv)))) / STEP
@@ -165,7 +165,7 @@ def _require_pairs(rows: ConstraintRows) -> None:
 
 
 @contextmanager
-def _complex_kept() -> Iterator[None]:
+def complex_kept() -> Iterator[None]:
     """Raise where an imaginary part would be dropped: the derivative would be wrong without a word."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", np.exceptions.ComplexWarning)

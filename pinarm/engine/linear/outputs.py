@@ -6,7 +6,6 @@ quantity of these states, divided by the step, is its derivative. See ``derivati
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -14,7 +13,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.linear.derivatives import STEP
+from pinarm.engine.linear.derivatives import STEP, complex_kept
 from pinarm.engine.linear.linearisation import LinearMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
@@ -38,8 +37,7 @@ def output_matrices(
         InputError: A quantity does not exist, or has no derivative.
     """
     values = Quantities(_stepped(state, motion), symbols)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", np.exceptions.ComplexWarning)
+    with complex_kept():
         slopes = [np.imag(values[name].values) / STEP for name in names]
     whole = np.array(slopes).reshape(len(names), motion.whole_a.shape[1])
     size = 2 * len(motion.independent)
