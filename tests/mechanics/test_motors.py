@@ -165,7 +165,7 @@ def test_a_constant_torque_meets_the_curve_at_an_instant_that_is_told(servo, tmp
     speed, instant = reached(torque, 100.0)
     t, rate = result["t"].values, N * N * T0 / (INERTIA * (W0 - 100.0))
     motor = np.where(t < instant, N * N * torque * t / INERTIA, W0 - (W0 - speed) * np.exp(-rate * (t - instant)))
-    assert np.abs(result["drive.servo.speed"].values - motor).max() < 1e-5  # 25 times the tolerance of a step, 1e-9 of W0
+    assert np.abs(result["drive.servo.speed"].values - motor).max() < 1e-5  # 25 times 1e-9 of W0, a step
     assert f"gives its peak torque from t = {instant:.6g} s to 3 s" in " ".join(result.notes())
     before = t < instant
     assert np.abs(result["control.servo.margin"].values[before & (motor < 100.0)] - (T0 - torque)).max() < 1e-12
