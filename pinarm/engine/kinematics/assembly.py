@@ -266,7 +266,7 @@ class _Part:
         change = w - first
         try:
             rates = solver.rates(begun, change, still, 0.0)
-            for q, _, _ in solver.steps(begun, *rates, 0.0, 1.0, lambda s: (first + s * change, change, still)):
+            for _, q, _, _ in solver.steps(begun, *rates, 0.0, 1.0, lambda s: (first + s * change, change, still)):
                 if not fault and (beyond := self.beyond(q, begun)):
                     fault = f"the way from the start takes {several(beyond, LISTED)} beyond the limits{self._at(q)}"
         except (AssemblyError, InputError):

@@ -246,11 +246,13 @@ class NewtonSolver:
 
     def advance(self, q: Array, v: Array, a: Array, t: float, to: float, target: Target) -> Motion:
         """Return q, v, a at the instant ``to``, from those at t; see ``steps``."""
-        *_, last = self.steps(q, v, a, t, to, target)
-        return last
+        *_, (_, *last) = self.steps(q, v, a, t, to, target)
+        return last[0], last[1], last[2]
 
-    def steps(self, q: Array, v: Array, a: Array, t: float, to: float, target: Target) -> Iterator[Motion]:
-        """Yield q, v, a after every step from the instant t to ``to``; a step is cut where its prediction is poor.
+    def steps(
+        self, q: Array, v: Array, a: Array, t: float, to: float, target: Target
+    ) -> Iterator[tuple[float, Array, Array, Array]]:
+        """Yield t, q, v, a after every step from the instant t to ``to``; a step is cut where its prediction is poor.
 
         It is cut as well where it would change sides of a singular position without coming close to it: branches that
         all but meet, as of a crank and a rod of nearly the same length, are as smooth across as along.
@@ -280,7 +282,7 @@ class NewtonSolver:
                 part = part_of_leap(rows, there)
                 if part == 1.0:
                     q, (v, a), t, rows = found, rates, pending.pop(), there
-                    yield q, v, a
+                    yield t, q, v, a
                     continue
             if abs(h) > smallest:
                 self.cuts -= 1

@@ -20,7 +20,7 @@ from pinarm.problems.weights import Weight, comparable, reciprocal, weights_of
 
 if TYPE_CHECKING:
     from pinarm.arrays import Array
-    from pinarm.engine.kinematics.redundancy.posture import Posture
+    from pinarm.engine.kinematics.free_pull import Posture
     from pinarm.input.units import Unit
     from pinarm.mechanics.joints import Joint
 
@@ -52,7 +52,7 @@ class NearestPosture(InputStruct, frozen=True):
             InputError: A joint does not exist or follows a law, or the posture is outside of the limits.
             UnitError: A value has another dimension.
         """
-        from pinarm.engine.kinematics.redundancy.posture import Posture
+        from pinarm.engine.kinematics.free_pull import Posture
         from pinarm.mechanics.ball_joints import coordinate_name
 
         model, target, weights = mechanism.model, *np.zeros((2, mechanism.model.nv))
@@ -129,7 +129,7 @@ def joint_motion(
     if resolve is None:
         with place("motion"):
             return DeterminedMotion(mechanism, determining(mechanism, motion))
-    from pinarm.engine.kinematics.redundancy.nearest_motion import NearestMotion
+    from pinarm.engine.kinematics.redundancy import NearestMotion
 
     with place("resolve"):
         posture = resolve.posture(mechanism, motion)

@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import minimize
 
-from pinarm.engine.kinematics.redundancy.nearest_motion import NearestMotion
-from pinarm.engine.kinematics.redundancy.posture import Posture
+from pinarm.engine.kinematics.free_pull import Posture
+from pinarm.engine.kinematics.redundancy import NearestMotion
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, Harmonic, Polynomial
 from pinarm.mechanics.laws.motion_law import Grid

@@ -1,0 +1,274 @@
+"""Pull of a redundant mechanism towards a posture: the part that its path leaves free, as prescribed coordinates.
+
+At every instant the configuration on a path is nearest to a posture q0 where, with prescribed coordinates w,
+
+    q(t) = argmin |W (q - q0)|^2 / 2    subject to    phi(q) = 0,  w(q) = w_d(t),  q_min <= q <= q_max.
+
+With J the rows of phi, w and the joints at limits, and Z a basis of the null space of J, the part of the pull that no
+row of J holds vanishes:
+
+    r(q) = Z Z^T W^2 (q - q0) = 0,    dr/dq = Z Z^T H,    H = W^2 - sum_k lam_k Hess(w_k),    J^T lam = W^2 (q - q0)
+
+The components of r are coordinates, prescribed to be 0; with those of the path they determine the motion, which
+``NewtonSolver`` continues. It is a strict minimum, and smooth, where J has its full rank and ``Z^T H Z`` is positive
+definite (Nocedal and Wright, Numerical Optimization, theorem 12.6; Fiacco, Introduction to Sensitivity and Stability
+Analysis in Nonlinear Programming, theorem 3.2.2). It depends on the path's present point only, so that a closed path
+closes in the joints as well. Limits that hold a joint have a multiplier that presses it inwards.
+
+J is exact. Its derivatives along Z and v are central differences of order 8 over ``STEP``: with J made of sines of the
+joints they are off by 1e-13 relative to J. The path and its rates do not depend on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.kinematics.newton import NewtonSolver, Target
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.errors import AssemblyError
+from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.records import Record
+
+AT_LIMIT = 1e-9
+"""Distance from a limit, relative to ``1 + |limit|`` [rad or m], below which a joint is at it."""
+
+STEP = 0.02
+"""Distance of the configurations between which J is differentiated [rad, or units of length of the mechanism]."""
+
+FIRST = np.array([[4 / 5, -1 / 5, 4 / 105, -1 / 280], [3 / 4, -3 / 20, 1 / 60, 0.0]])
+SECOND = np.array([[8 / 5, -1 / 5, 8 / 315, -1 / 560], [3 / 2, -3 / 20, 1 / 90, 0.0]])
+"""Weights of the central differences of order 8, and of order 6 below them, at 1 to 4 steps to either side; of second
+differences the weight in the middle is minus twice their sum. (Fornberg, Math. Comp. 51 (1988), table 1.)"""
+
+DIFFERED = 1e-6
+"""Largest disagreement of the two orders, relative to J. That of order 8 is smaller by another factor of 1e-3."""
+
+CHANGED = 2.0
+"""Largest ratio of the least eigenvalues before and after a step: where one minimum vanishes, another has another."""
+
+
+class Posture(Record, frozen=True):
+    """A target q0 with weights w: ``sum_i (w_i (q_i - q0_i))^2`` is to be least, with q within limits.
+
+    Attributes:
+        target: q0 [rad or m]; 0 where the weight is, shape (nv,).
+        weights: w; 0 of joints that nothing pulls, shape (nv,).
+        lower: Lower limits [rad or m], infinite where there is none, shape (nv,).
+        upper: Upper limits, likewise.
+        places: Index in q of the coordinates that have a weight or a limit, by their index in v, shape (nv,).
+        names: Names of the coordinates, in the order of v.
+    """
+
+    target: Array
+    weights: Array
+    lower: Array
+    upper: Array
+    places: Indices
+    names: tuple[str, ...]
+
+    def margins(self, positions: Array) -> Array:
+        """Return how far positions, shape (.., nv), are within lower and upper limits, shape (.., 2, nv)."""
+        return np.stack([positions - self.lower, self.upper - positions], axis=-2)
+
+    def limit(self, joint: int, side: int) -> float:
+        """Return the lower (0) or the upper (1) limit of a joint, by its index in v [rad or m]."""
+        return float((self.lower, self.upper)[side][joint])
+
+    @cached_property
+    def slack(self) -> Array:
+        """How near to a limit counts as at it [rad or m], shape (2, nv)."""
+        limits = np.stack([self.lower, self.upper])
+        return np.asarray(AT_LIMIT * (1.0 + np.where(np.isfinite(limits), np.abs(limits), 0.0)))
+
+
+class FreePull:
+    """The part r(q) of the pull towards a posture that no row of J holds, and its derivatives.
+
+    In coordinates ``q / unit``, in which W is 1 for every joint that is pulled and 0 for the others.
+
+    Args:
+        path: The rows of J: constraints, coordinates of the path and joints at limits.
+        posture: What is to be near.
+        rank: That of J in a position of no special kind.
+    """
+
+    def __init__(self, path: NewtonSolver, posture: Posture, rank: int) -> None:
+        self.path, self.posture, self.rank = path, posture, rank
+        weights = posture.weights / max(float((posture.weights * path.scale).max(initial=0.0)), 1e-300)
+        self.pulled = (weights > 0.0).astype(np.float64)
+        self.unit = np.where(weights > 0.0, 1.0 / np.where(weights > 0.0, weights, 1.0), path.scale)
+        self._last: FreePullAt | None = None
+        self._bend: tuple[Kinematics, Array] | None = None
+
+    def at(self, q: Array) -> FreePullAt:
+        """Return the pull at a configuration, shape (nq,); the last one is kept."""
+        if self._last is None or not np.array_equal(self._last.q, q):
+            self._last = FreePullAt(self, q)
+        return self._last
+
+    def rows(self, q: Array) -> Array:
+        """Return J, shape (m, nv)."""
+        return np.asarray(self.path.rows(self.path.closure.state(q)) * (self.unit / self.path.scale))
+
+    def moved(self, q: Array, step: Array) -> Array:
+        """Return the configuration a step away."""
+        return np.asarray(pin.integrate(self.path.model, q, self.unit * step))
+
+    def bend(self, state: Kinematics) -> Array:
+        """Return the second derivative of r, where it is 0, along the velocity of a state, shape (nv,)."""
+        if self._bend is None or self._bend[0] is not state:
+            here, along = self.at(state.q), state.v / self.unit
+            first, second = self.bent_rows(state.q, along)
+            rate = here.inverse.T @ (self.pulled * along - first.T @ here.lam)
+            self._bend = state, -here.free @ (here.free.T @ (2.0 * first.T @ rate + second.T @ here.lam))
+        return self._bend[1]
+
+    def bent_rows(self, q: Array, direction: Array) -> tuple[Array, Array]:
+        """Return the first and the second derivative of J along a direction, each of shape (m, nv).
+
+        Raises:
+            AssemblyError: J is not smooth enough there to be differentiated.
+        """
+        here, length = self.rows(q), float(np.abs(self.unit * direction / self.path.scale).max(initial=0.0))
+        if not length:
+            return np.zeros_like(here), np.zeros_like(here)
+        h = STEP / length
+        ahead, behind = (
+            np.array([self.rows(self.moved(q, side * k * h * direction)) for k in range(1, FIRST.shape[1] + 1)])
+            for side in (1.0, -1.0)
+        )
+        first = np.tensordot(FIRST, ahead - behind, 1) / h
+        second = np.tensordot(SECOND, ahead + behind - 2.0 * here, 1) / h**2
+        off = max(np.abs(first[0] - first[1]).max() / length, np.abs(second[0] - second[1]).max() / length**2)
+        if not off <= DIFFERED * np.abs(here).max():
+            raise AssemblyError(
+                "a prescribed coordinate bends too sharply for the nearest configuration to have an acceleration",
+                expected="rotations that keep clear of half a turn, distances that keep clear of 0",
+                hint="relative_to: a reference that is turned as the body is wanted", q=q,
+            )  # fmt: skip
+        return first[0], second[0]
+
+    def components(self) -> list[PullComponent]:
+        """Return the components of r as coordinates."""
+        return [PullComponent(self, k) for k in range(len(self.unit))]
+
+
+class FreePullAt(Record, frozen=True):
+    """The pull at one configuration, shape (nq,)."""
+
+    pull: FreePull
+    q: Array
+
+    @cached_property
+    def _split(self) -> tuple[Array, Array, Array]:
+        """Singular values of J, its pseudo-inverse, shape (nv, m), and Z, shape (nv, f)."""
+        u, s, vt = np.linalg.svd(self.pull.rows(self.q))
+        r = min(self.pull.rank, len(s))
+        return s, (vt[:r].T / np.maximum(s[:r], 1e-300)) @ u[:, :r].T, vt[r:].T
+
+    @property
+    def inverse(self) -> Array:
+        """Pseudo-inverse of J, shape (nv, m)."""
+        return self._split[1]
+
+    @property
+    def free(self) -> Array:
+        """Z, shape (nv, f)."""
+        return self._split[2]
+
+    @property
+    def regularity(self) -> float:
+        """Least singular value of J that counts, over the largest; 1 where none counts."""
+        s, r = self._split[0], self.pull.rank
+        return 0.0 if len(s) < r else float(s[r - 1] / s[0]) if r else 1.0
+
+    @cached_property
+    def whole(self) -> Array:
+        """The pull W (q - q0), shape (nv,)."""
+        posture, own = self.pull.posture, self.pull
+        return np.asarray(own.pulled * (self.q[posture.places] - posture.target) / own.unit)
+
+    @property
+    def lam(self) -> Array:
+        """Multipliers of J, shape (m,)."""
+        return np.asarray(self.whole @ self.inverse)
+
+    @cached_property
+    def value(self) -> Array:
+        """r, shape (nv,)."""
+        return np.asarray(self.free @ (self.free.T @ self.whole))
+
+    @cached_property
+    def bent(self) -> Array:
+        """H Z, shape (nv, f)."""
+        own, lam = self.pull, self.lam
+        columns = [own.bent_rows(self.q, way)[0].T @ lam for way in self.free.T]
+        return np.asarray(own.pulled[:, None] * self.free - np.array(columns).reshape(-1, len(self.free)).T)
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Derivative of r where it is 0, per unit of velocity in SI, shape (nv, nv)."""
+        return np.asarray(self.free @ self.bent.T / self.pull.unit)
+
+    @cached_property
+    def stiffness(self) -> tuple[Array, Array]:
+        """Eigenvalues of ``Z^T H Z``, ascending, shape (f,), and the motions that belong to them, shape (nv, f)."""
+        reduced = self.free.T @ self.bent
+        values, ways = np.linalg.eigh(0.5 * (reduced + reduced.T))
+        return values, self.free @ ways
+
+    @property
+    def least(self) -> float:
+        """Least of these eigenvalues; infinite without freedom."""
+        return float(self.stiffness[0].min(initial=np.inf))
+
+
+class PullComponent(Record, frozen=True):
+    """A component of r as a coordinate, by its index in v."""
+
+    unit: ClassVar[Unit] = DIMENSIONLESS
+    wraps: ClassVar[bool] = False
+    pull: FreePull
+    index: int
+
+    def value(self, state: Kinematics) -> float:
+        return float(self.pull.at(state.q).value[self.index])
+
+    def row(self, state: Kinematics) -> Array:
+        return np.asarray(self.pull.at(state.q).slopes[self.index])
+
+    def drift(self, state: Kinematics) -> float:
+        return float(self.pull.bend(state)[self.index])
+
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        return {}
+
+
+class NearestSolver(NewtonSolver):
+    """Newton's method on a path and the free pull of a posture; steps stay near the minimum that they begin in."""
+
+    def __init__(self, closure: Closure, prescribed: PrescribedCoordinates, pull: FreePull) -> None:
+        super().__init__(closure, prescribed)
+        self.pull, self.least = pull, np.inf
+
+    def steps(
+        self, q: Array, v: Array, a: Array, t: float, to: float, target: Target
+    ) -> Iterator[tuple[float, Array, Array, Array]]:
+        self.least = self.pull.at(q).least
+        yield from super().steps(q, v, a, t, to, target)
+
+    def continues(self, turned: Array, predicted: Array, found: Array) -> bool:
+        least, before = self.pull.at(found).least, self.least
+        if not before <= CHANGED * least <= CHANGED**2 * before or not super().continues(turned, predicted, found):
+            return False
+        self.least = least
+        return True

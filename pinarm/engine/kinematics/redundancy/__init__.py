@@ -1,1 +1,0 @@
-"""Configurations and motions nearest to a posture, where laws leave joints free."""
