@@ -24,9 +24,9 @@ FLOOR_PLAN = {
     "input": "numbers units roots xml_text xml_names formulas yaml csv_rows motion_tables xacro robots",
     "mechanics": "geometry joints laws limited_states motors drives coordinates paths control rotors ball_joints loops "
     "forces couplings loading friction payloads points perturbation planar description",
-    "engine": "series labelled_array one_run kernel integration constraints dynamics mesh_inertias model_source "
-    "kinematics statics friction control motion checks quantities linear mechanism mechanism_parts mechanism_loading "
-    "mechanism_variants",
+    "engine": "series dataframes labelled_array one_run kernel integration constraints dynamics mesh_inertias "
+    "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_parts "
+    "mechanism_loading mechanism_variants",
     "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
     "position_bands equilibria inverse kinematics linear states recording forward batch_table simplify",
     "use": "progress mechanism result workers cases assessments scenario output show store views study report",

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Complex
 from pinarm.errors import InputError
 from pinarm.input.units import HERTZ, Unit, unit
 from pinarm.records import Record
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 PARTS = ("values", "rows", "columns", "row_units", "column_units")
 """Names of the plain arrays that a table is stored as."""
@@ -53,13 +57,27 @@ class LabelledArray(Record, frozen=True):
                 raise InputError(f"the table has no '{name}'", expected=f"one of {', '.join(names)}")
         return complex(self.values[list(self.rows).index(row), list(self.columns).index(column)])
 
+    def headings(self) -> tuple[list[str], list[str]]:
+        """Return the names of the rows and of the columns with their units."""
+        return _with_units(self.rows, self.row_units), _with_units(self.columns, self.column_units)
+
+    def to_dataframe(self) -> DataFrame:
+        """Return it as a pandas table; an entry is in the product of the units of its row and column."""
+        from pinarm.engine.dataframes import dataframe
+
+        rows, columns = self.headings()
+        return dataframe(self.values, columns).set_axis(rows, axis="index")
+
     def cells(self) -> list[list[str]]:
         """Return the table as texts: headings, and a line for each row, with the unit of the row."""
-        heads = [f"{name} [{own}]" if own is not None and str(own) != "1" else name
-                 for name, own in zip(self.columns, self.column_units, strict=True)]  # fmt: skip
+        _, heads = self.headings()
         lines = [[name, str(own or UNKNOWN), *(_text(x) for x in line)]
                  for name, own, line in zip(self.rows, self.row_units, self.values.tolist(), strict=True)]  # fmt: skip
         return [["", "unit", *heads], *lines]
+
+
+def _with_units(names: Sequence[str], units: Sequence[Unit | None]) -> list[str]:
+    return [f"{name} [{own or UNKNOWN}]" if str(own) != "1" else name for name, own in zip(names, units, strict=True)]
 
 
 def _text(x: complex) -> str:
@@ -79,10 +97,14 @@ def plain_arrays(tables: Mapping[str, LabelledArray]) -> dict[str, Any]:
     """Return tables as arrays of numbers and texts, from which ``labelled_arrays`` makes them again."""
     found: dict[str, Any] = {"array.names": np.array([*tables], str)} if tables else {}
     for k, table in enumerate(tables.values()):
-        units = [np.array([str(x) if x else UNKNOWN for x in own]) for own in (table.row_units, table.column_units)]
-        parts = (table.values, np.array([*table.rows], str), np.array([*table.columns], str), *units)
-        found |= {f"array.{k}.{name}": part for name, part in zip(PARTS, parts, strict=True)}
+        found |= {f"array.{k}.{name}": part for name, part in zip(PARTS, plain_table(table), strict=True)}
     return found
+
+
+def plain_table(table: LabelledArray) -> list[NDArray[Any]]:
+    """Return a table as arrays of numbers and texts, in the order of ``PARTS``."""
+    units = [np.array([str(x) if x else UNKNOWN for x in own]) for own in (table.row_units, table.column_units)]
+    return [np.asarray(table.values), np.array([*table.rows], str), np.array([*table.columns], str), *units]
 
 
 def labelled_arrays(arrays: Mapping[str, Any]) -> dict[str, LabelledArray]:

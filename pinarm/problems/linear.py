@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Complex, distinct
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.assembly import first_position, start_near
@@ -48,6 +48,12 @@ MODE_UNITS: Mapping[str, Unit] = {
 }  # fmt: skip
 """Measures of a mode and their units."""
 
+LEAST_DAMPING = 1e-4
+"""Damping ratio below which a resonance gets no frequencies of its own: its peak would leave the picture."""
+
+STEPS = np.linspace(-85.0, 85.0, 35)
+"""Steps about a resonance [deg]."""
+
 
 class About(InputStruct, frozen=True):
     """The state about which the motion is linearised.
@@ -72,7 +78,7 @@ class Frequencies(InputStruct, frozen=True, rename={"start": "from", "end": "to"
     Attributes:
         start: ``from`` in files: the lowest, such as ``0.1 Hz``.
         end: ``to`` in files: the highest, such as ``100 Hz``.
-        samples: How many, such as ``400``.
+        samples: How many, such as ``400``; a few more lie about each resonance, so that its peak is among them.
     """
 
     start: AnyQuantity
@@ -87,9 +93,16 @@ class Frequencies(InputStruct, frozen=True, rename={"start": "from", "end": "to"
         if not 0.0 < float(self.start) < float(self.end):
             raise InputError("the frequencies are not in order", expected="{from: 0.1 Hz, to: 100 Hz}")
 
-    def values(self) -> Array:
-        """Return the frequencies [Hz], shape (n,)."""
-        return np.geomspace(float(self.start), float(self.end), self.samples)
+    def values(self, eigenvalues: Complex) -> Array:
+        """Return the frequencies [Hz], ascending, shape (n,).
+
+        About a resonance at ``lambda = -s + i w`` they are ``w + s tan(x)`` with x evenly spaced: even steps on the
+        circle that the response takes there in the complex plane.
+        """
+        resonant = eigenvalues[np.abs(eigenvalues.real) > LEAST_DAMPING * np.abs(eigenvalues)]
+        near = (resonant.imag + np.abs(resonant.real) * np.tan(np.radians(STEPS))[:, None]).ravel() / (2.0 * np.pi)
+        low, high = float(self.start), float(self.end)
+        return distinct(np.concatenate([np.geomspace(low, high, self.samples), near[(near > low) & (near < high)]]))
 
 
 class Prepared(Record, frozen=True):
@@ -238,11 +251,12 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         found["C"] = LabelledArray(c, self.outputs, linear.states, units, per_state)
         found["D"] = LabelledArray(d @ weights.T, self.outputs, inputs, units, per_input)
         if self.frequencies is not None:
-            response = linear.response(self.frequencies.values(), c, linear.B @ weights.T) + d @ weights.T
+            frequencies = self.frequencies.values(linear.modes.eigenvalues)
+            response = linear.response(frequencies, c, linear.B @ weights.T) + d @ weights.T
             named = [(name, own, *other) for name, own in zip(self.outputs, units, strict=True)
                      for other in zip(inputs, per_input, strict=True)]  # fmt: skip
             found["response"] = LabelledArray(
-                response.reshape(len(response), -1), [f"{f:.9g} Hz" for f in self.frequencies.values()],
+                response.reshape(len(response), -1), [f"{f:.9g} Hz" for f in frequencies],
                 [f"{name} / {effort}" for name, _, effort, _ in named], [ONE] * len(response),
                 [None if own is None else own * per for _, own, _, per in named],
             )  # fmt: skip

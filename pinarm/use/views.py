@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 MOST_PLOTS = 8
 """Outputs that a notebook draws without being asked; ``plot`` draws any."""
 
+MOST_LINES = 60
+"""Rows of a table that a notebook shows."""
+
 FRAME_HEIGHT = 400
 """Height of the replay in a notebook [px]."""
 
@@ -29,8 +32,10 @@ FRAME_HEIGHT = 400
 def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Picture:
     """Return a figure with one axis per quantity; see ``Result.plot``."""
     from pinarm.use.show.figure import figure
-    from pinarm.use.show.plot import plot
+    from pinarm.use.show.plot import graph, graph_named, plot
 
+    if (drawn := graph_named(result, names)) is not None:
+        return figure(graph(drawn, result.presentation))
     return figure(plot(result, names, against=against))
 
 
@@ -67,14 +72,25 @@ def save(result: Result, folder: Path, *, plots: PictureFormat | bool, dpi: int)
 
 def html(result: Result) -> str:
     """Return ranges of the outputs, accuracy, plots, the positions at start and end, and the replay, for notebooks."""
-    from pinarm.use.show.notebook import blocks, frame, heading, lines, picture, section_html, side_by_side, table
+    from pinarm.use.show.notebook import (
+        blocks,
+        folded,
+        frame,
+        heading,
+        lines,
+        picture,
+        section_html,
+        side_by_side,
+        table,
+    )
     from pinarm.use.show.terminal import ranges, remarks
 
     outputs = list(dict.fromkeys(result.content.outputs))
     parts = [heading(result.content.title or result.name), table(ranges(result)), lines(remarks(result))]
     parts += [section_html(section, result.presentation) for section in result.shown_sections.values()]
-    for name, array in result.arrays.items():
-        parts += [heading(name), table(array.cells())]
+    parts += [
+        folded(name, table(array.cells())) for name, array in result.arrays.items() if len(array.rows) <= MOST_LINES
+    ]
     if len(result) > 1:
         parts.append(side_by_side(picture(result.plot(*outputs[:MOST_PLOTS])), picture(result.sketch())))
     try:

@@ -202,7 +202,7 @@ class Result(Record, frozen=True):
     @property
     def numbered(self) -> Mapping[str, Numbered]:
         """What its sections are of, by key; see ``section_number``."""
-        return {**self.known, **self.content.assessments}
+        return {**self._evaluated, **self.content.assessments}
 
     @property
     def sections(self) -> Mapping[str, Section]:
@@ -247,7 +247,11 @@ class Result(Record, frozen=True):
 
     @cached_property
     def _evaluated(self) -> dict[str, Section]:
-        return dict(self.known)
+        if not self.arrays:
+            return dict(self.known)
+        from pinarm.use.result.vibrations import linear_sections
+
+        return {**linear_sections(self), **self.known}
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""
@@ -271,7 +275,7 @@ class Result(Record, frozen=True):
 
         Its columns are those of ``table_columns``.
         """
-        from pinarm.use.result.dataframes import dataframe
+        from pinarm.engine.dataframes import dataframe
 
         return dataframe(
             {series.label: series.values for series in map(self.presentation.written, self.table_columns())}
@@ -281,7 +285,9 @@ class Result(Record, frozen=True):
         """Return a figure with one axis per quantity.
 
         Args:
-            names: Quantities, symbols or formulas; the outputs of the scenario where none is given.
+            names: Quantities, symbols or formulas; the outputs of the scenario where none is given. Of a linear
+                analysis also a graph: ``eigenvalues``, ``bode`` or ``nyquist``, with ``_OUTPUT`` where there are
+                several.
             against: What runs along the horizontal axis; the run's parameter where it is left out.
         """
         from pinarm.use import views

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from msgspec import field
 
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
 
 Cell = str | float
+
+Scales = Literal["", "x", "xy"]
+"""Axes with logarithmic scales."""
 
 
 class SectionTable(Record, frozen=True):
@@ -70,7 +73,7 @@ class SectionTable(Record, frozen=True):
 
     def to_dataframe(self) -> DataFrame:
         """Return it as a pandas table, units in the headings."""
-        from pinarm.use.result.dataframes import dataframe
+        from pinarm.engine.dataframes import dataframe
 
         return dataframe(list(self.rows), self.headings())
 
@@ -99,14 +102,20 @@ class Graph(Record, frozen=True):
         title: Its heading, in words.
         curves: Its curves; names and units on the axes are those of the first.
         equal: Whether a unit is as long on both axes, as for paths in a plane.
+        below: Curves of a second panel over the same horizontal axis, such as the phase below an amplitude.
+        logarithmic: Axes with logarithmic scales: ``x``, or ``xy``, of which the second panel has the horizontal one.
+        marks: Vertical lines: places on the horizontal axis [SI], and a short text for each.
     """
 
-    unshown = ("curves",)
+    unshown = ("curves", "below")
 
     name: str
     title: str
     curves: Sequence[Curve]
     equal: bool = False
+    below: Sequence[Curve] = ()
+    logarithmic: Scales = ""
+    marks: Sequence[tuple[float, str]] = ()
 
 
 class Section(Record, frozen=True):

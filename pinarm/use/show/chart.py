@@ -113,6 +113,8 @@ class Panel(Record, frozen=True):
         ticks: Places of the ticks of the horizontal axis; round numbers where it is empty.
         grid: Whether lines run through the picture at the ticks.
         window: Ends of both axes; those of the lines, with the margin, where it is left out.
+        logarithmic: Axes with logarithmic scales: none, ``x``, ``y`` or ``xy``.
+        marks: Vertical lines: places on the horizontal axis, and a short text above each.
     """
 
     unshown = ("lines",)
@@ -128,6 +130,8 @@ class Panel(Record, frozen=True):
     ticks: Sequence[float] = ()
     grid: bool = True
     window: Window | None = None
+    logarithmic: str = ""
+    marks: Sequence[tuple[float, str]] = ()
 
     def extent(self) -> Window:
         """Return the ends of both axes: the window, or those of the lines, with a margin; see ``limits``."""

@@ -29,6 +29,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 from matplotlib.text import Annotation  # noqa: E402
+from matplotlib.ticker import MaxNLocator  # noqa: E402
 
 INK = "#24292f"
 """Colour of axes and texts."""
@@ -44,6 +45,12 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8, "legend.edgecolor": "none", "legend.framealpha": 0.7,
 }  # fmt: skip
 """Settings of all pictures; those of the user's matplotlibrc have no effect. Texts of SVG stay texts."""
+
+MARK = "#6a737d"
+"""Colour of vertical lines."""
+
+EQUAL_TICKS = 6
+"""Ticks at most of the horizontal axis where a unit is as long on both axes: it may be short."""
 
 SCREEN, PRINT = 100, 200
 """Pixels per inch of an ordinary screen, and of the files that are written."""
@@ -151,10 +158,16 @@ def _panel(axis: Axes, panel: Panel, *, last: bool) -> None:
         _line(axis, line)
     for note in panel.notes:
         _note(axis, note)
+    if panel.marks:
+        _marks(axis, panel)
     if panel.equal:
         axis.set_xlim(*panel.extent()[0])
         axis.set_ylim(*panel.extent()[1])
         axis.set_aspect("equal", adjustable="box")
+        if panel.framed:
+            axis.xaxis.set_major_locator(MaxNLocator(EQUAL_TICKS))
+    elif panel.logarithmic:
+        _logarithmic(axis, panel)
     else:
         axis.margins(x=panel.margin)
         axis.set_ylim(*panel.extent()[1])
@@ -168,6 +181,27 @@ def _panel(axis: Axes, panel: Panel, *, last: bool) -> None:
         axis.set_xticks(list(panel.ticks))
     if not panel.framed:
         axis.set_axis_off()
+
+
+def _logarithmic(axis: Axes, panel: Panel) -> None:
+    """Set scales: frequencies get plain numbers, phases below them ticks at parts of a turn."""
+    for name in ("x", "y"):
+        if name in panel.logarithmic:
+            getattr(axis, f"set_{name}scale")("log")
+    axis.xaxis.set_major_formatter("{x:g}")
+    if "°" in panel.up and "y" not in panel.logarithmic:
+        axis.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.5, 3, 4.5, 9, 10]))
+    axis.grid(visible=True, which="minor", alpha=0.12)
+    axis.margins(x=0.0)
+
+
+def _marks(axis: Axes, panel: Panel) -> None:
+    """Draw vertical lines, and their texts above the panel."""
+    places = [place for place, _ in panel.marks]
+    axis.vlines(places, 0.0, 1.0, MARK, "--", linewidth=0.9, zorder=0, transform=axis.get_xaxis_transform())
+    for place, text in panel.marks:
+        axis.annotate(text, (place, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2), fontsize=7, color=MARK,
+                      textcoords="offset points", ha="center", va="bottom")  # fmt: skip
 
 
 def _line(axis: Axes, line: Line) -> None:

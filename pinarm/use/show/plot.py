@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import cycle, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast, get_args
@@ -24,7 +24,7 @@ from pinarm.use.show.labels import PLAIN, axis_label, plain, shown
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
-    from pinarm.use.result.section import Graph
+    from pinarm.use.result.section import Curve, Graph
 
 POINTS: dict[str, Any] = {"style": "", "marker": "o"}
 """Look of separate rows: points that are not joined."""
@@ -90,18 +90,45 @@ def _bounds(result: Result, curve: Line, name: str, factor: float) -> list[Line]
 
 def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
     """Return a graph of a section."""
-    (scale, along), (own, measured) = shown(drawn.curves[0].across, how), shown(drawn.curves[0].up, how)
+    panels = [_panel(drawn, curves, how) for curves in (drawn.curves, drawn.below) if curves]
+    if drawn.below:
+        panels = [replace(panels[0], across=""), replace(panels[1], marks=[(place, "") for place, _ in drawn.marks],
+                                                         logarithmic=drawn.logarithmic.replace("y", ""))]  # fmt: skip
+    height, count = WIDTH * (0.9 if drawn.below else 0.7), len(drawn.curves)
+    if count <= len(COLOURS):
+        return Chart(plain(drawn.title), panels, WIDTH, height)
+    return Chart(plain(drawn.title), panels, WIDTH, height + ENTRY * -(-count // 2), "below")
+
+
+def graph_named(result: Result, names: Sequence[str]) -> Graph | None:
+    """Return the graph of a linear analysis that a name asks for: ``bode``, ``nyquist_theta4``; ``None`` of quantities.
+
+    Raises:
+        InputError: Several graphs begin with this name.
+    """
+    if len(names) != 1 or not result.arrays:
+        return None
+    graphs = {graph.name: graph for section in result.sections.values() for graph in section.graphs}
+    chosen = [names[0]] if names[0] in graphs else [name for name in graphs if name.startswith(f"{names[0]}_")]
+    if len(chosen) > 1:
+        raise InputError(f"there are several graphs '{names[0]}'", expected=f"one of {', '.join(chosen)}")
+    return graphs[chosen[0]] if chosen else None
+
+
+def _panel(drawn: Graph, curves: Sequence[Curve], how: Presentation) -> Panel:
+    """Return a panel of a graph; its axes are named after its first curve."""
+    first = curves[0]
+    (scale, along), (own, measured) = shown(first.across, how), shown(first.up, how)
     lines = [
         Line(curve.across.values / scale, curve.up.without_rounding().values / own, colour, label=plain(curve.label),
              **(POINTS if curve.points else {"style": style}))
-        for curve, (style, colour) in zip(drawn.curves, cycle(product(STYLES, COLOURS)))
+        for curve, (style, colour) in zip(curves, cycle(product(STYLES, COLOURS)))
     ]  # fmt: skip
-    across, up = drawn.curves[0].across.name, drawn.curves[0].up.name
-    panel = Panel(lines, across=axis_label(across, along, how), up=axis_label(up, measured, how),
-                  equal=drawn.equal, margin=0.05)  # fmt: skip
-    if len(lines) <= len(COLOURS):
-        return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7)
-    return Chart(plain(drawn.title), [panel], WIDTH, WIDTH * 0.7 + ENTRY * -(-len(lines) // 2), "below")
+    return Panel(
+        lines, across=axis_label(first.across.name, along, how), up=axis_label(first.up.name, measured, how),
+        equal=drawn.equal, margin=0.05, logarithmic=drawn.logarithmic,
+        marks=[(place / scale, text) for place, text in drawn.marks],
+    )  # fmt: skip
 
 
 class Printed(ValueRecord, frozen=True):
@@ -168,7 +195,7 @@ def charts(result: Result) -> Iterator[tuple[str, Chart]]:
     """Yield the pictures of a run by the names of their files: its outputs, its sections, start and end positions."""
     from pinarm.use.show.sketch import sketch
 
-    outputs = list(dict.fromkeys(result.content.outputs))
+    outputs = [] if result.arrays else list(dict.fromkeys(result.content.outputs))
     for number, group in enumerate(tuple(outputs[i : i + PER_FILE]) for i in range(0, len(outputs), PER_FILE)):
         own = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40]
         yield own if len(group) == 1 else f"outputs_{number + 1}", plot(result, group)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pinarm.engine.dataframes import dataframe
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, require_name
 from pinarm.input.numbers import DECIMAL
-from pinarm.use.result.dataframes import dataframe
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.store.files import cell, write_arrays, write_parts
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.labelled_array import plain_arrays
+from pinarm.engine.labelled_array import PARTS, LabelledArray, plain_arrays, plain_table
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
 from pinarm.engine.series import Series
@@ -64,6 +64,10 @@ def save(
         write(draft / model, _model(mechanism, folder))
         write_parts(draft / "trajectory.csv", csv([result.presentation.written(series) for series in columns]))
         write_arrays(draft / "trajectory.npz", arrays(result, columns))
+        if result.arrays:
+            write_arrays(draft / "tables.npz", table_arrays(result.arrays))
+            for name, table in result.arrays.items():
+                write(draft / f"{re.sub('[^A-Za-z0-9_.-]+', '_', name)}.csv", array_csv(table))
         if result.sections:
             from pinarm.use.store.section_files import SECTIONS, sections_text
 
@@ -85,6 +89,27 @@ def table_csv(table: SectionTable) -> str:
     lines = [",".join(cell(heading) for heading in table.headings())]
     lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
     return "\n".join(lines) + "\n"
+
+
+def table_arrays(tables: Mapping[str, LabelledArray]) -> dict[str, Any]:
+    """Return tables by their names: numbers [SI] as ``A``, names and units as ``A.rows``, ``A.column_units``."""
+    parts = ["", *(f".{part}" for part in PARTS[1:])]
+    return {
+        f"{name}{part}": array
+        for name, table in tables.items()
+        for part, array in zip(parts, plain_table(table), strict=True)
+    }
+
+
+def array_csv(table: LabelledArray) -> str:
+    """Return a table [SI] as CSV: names with units in the first row and column; of complex numbers both parts."""
+    (rows, columns), values = table.headings(), table.values
+    if np.iscomplexobj(values):
+        columns = [f"{part} {name}" for name in columns for part in ("Re", "Im")]
+        values = np.ascontiguousarray(values, complex).view(float)
+    lines = [["", *map(cell, columns)]]
+    lines += [[cell(name), *map(repr, line)] for name, line in zip(rows, (values + 0.0).tolist(), strict=True)]
+    return "".join(",".join(line) + "\n" for line in lines)
 
 
 RECORDED, MOTION = "recorded", "recorded.csv"

@@ -6,14 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
+from pinarm.use.result.section import Cell, Curve, Graph, Scales, Section, SectionTable
 from pinarm.use.store.files import json_text
 
 SECTIONS = "sections.json"
@@ -97,18 +97,32 @@ def _cell(data: Any) -> Cell:
 
 
 def _graph(graph: Graph) -> dict[str, Any]:
-    curves = [{"across": _series(curve.across), "up": _series(curve.up), "label": curve.label, "points": curve.points}
-              for curve in graph.curves]  # fmt: skip
-    return {"name": graph.name, "title": graph.title, "curves": curves, "equal": graph.equal}
+    plain = {"name": graph.name, "title": graph.title, "curves": _curves(graph.curves), "equal": graph.equal}
+    marks = [[_number(place), text] for place, text in graph.marks]
+    return {**plain, "below": _curves(graph.below), "logarithmic": graph.logarithmic, "marks": marks}
+
+
+def _curves(curves: Sequence[Curve]) -> list[dict[str, Any]]:
+    return [
+        {"across": _series(curve.across), "up": _series(curve.up), "label": curve.label, "points": curve.points}
+        for curve in curves
+    ]
 
 
 def _graph_again(data: Any) -> Graph:
-    curves = [Curve(_series_again(each["across"]), _series_again(each["up"]), str(each["label"]), bool(each["points"]))
-              for each in data["curves"]]  # fmt: skip
-    name = str(data["name"])
-    if not name.isidentifier():
+    name, scales = str(data["name"]), data.get("logarithmic", "")
+    if not name.isidentifier() or scales not in get_args(Scales):
         raise ValueError(f"'{name[:40]}' names no graph")
-    return Graph(name, str(data["title"]), curves, bool(data["equal"]))
+    marks = [(_number_again(place), str(text)) for place, text in data.get("marks", ())]
+    curves, below = (_curves_again(data.get(key, ())) for key in ("curves", "below"))
+    return Graph(name, str(data["title"]), curves, bool(data["equal"]), below, scales, marks)
+
+
+def _curves_again(data: Any) -> list[Curve]:
+    return [
+        Curve(_series_again(each["across"]), _series_again(each["up"]), str(each["label"]), bool(each["points"]))
+        for each in data
+    ]
 
 
 def _series(series: Series) -> dict[str, Any]:

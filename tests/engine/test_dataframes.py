@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
+from pinarm.engine.dataframes import dataframe
 from pinarm.errors import InputError
-from pinarm.use.result.dataframes import dataframe
 
 
 def test_columns_and_rows_become_a_table() -> None:

@@ -6,13 +6,17 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import NDArray
+
 from pinarm.errors import InputError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def dataframe(data: Mapping[str, Any] | Sequence[Any], columns: Sequence[str] | None = None) -> DataFrame:
+def dataframe(
+    data: Mapping[str, Any] | Sequence[Any] | NDArray[Any], columns: Sequence[str] | None = None
+) -> DataFrame:
     """Return a table of pandas; see ``pandas.DataFrame``.
 
     Raises:

@@ -1,0 +1,200 @@
+"""Sections of a linear analysis: modes with their eigenvalues, frequency responses as Bode and Nyquist plots.
+
+They are made from the tables of the result, so that a saved result has them too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby, product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array, Complex
+from pinarm.engine.series import Series
+from pinarm.input.units import HERTZ, Unit, unit
+from pinarm.records import Record, replace
+from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
+
+if TYPE_CHECKING:
+    from pinarm.engine.labelled_array import LabelledArray
+    from pinarm.use.result.result import Result
+
+RIGID = 1e3
+"""Size of an eigenvalue relative to its error by rounding up to which it is 0."""
+
+MEASURES = ("frequency", "damped_frequency", "damping", "time_constant", "growth")
+"""Measures of a mode in the table."""
+
+
+class Response(Record, frozen=True):
+    """The frequency response of an output to an input.
+
+    Attributes:
+        output: Name of the output.
+        input: Name of the input.
+        unit: Unit of the amplitude; ``None`` where it is not known.
+        frequencies: [Hz], shape (n,).
+        values: Per unit of the input, shape (n,).
+    """
+
+    output: str
+    input: str
+    unit: Unit | None
+    frequencies: Array
+    values: Complex
+
+    @property
+    def amplitude(self) -> Series:
+        """Amplitude of the output per amplitude of the input."""
+        return Series(f"|{self.output} / {self.input}|", self.unit, np.abs(self.values))
+
+    @property
+    def phase(self) -> Series:
+        """Phase of the output relative to the input, without jumps of a turn."""
+        turned = np.unwrap(np.angle(self.values))
+        return Series("phase", unit("rad"), turned - 2.0 * np.pi * np.ceil(turned.max() / (2.0 * np.pi) - 0.51))
+
+
+def linear_sections(result: Result) -> dict[str, Section]:
+    """Return the sections of a linear analysis by key; none of other results."""
+    found = dict[str, Section]()
+    if "eigenvalues" in result.arrays:
+        found["modes"] = _modes(result)
+    if "response" in result.arrays:
+        found["frequency_response"] = _frequency_response(result)
+    return found
+
+
+def responses(arrays: Mapping[str, LabelledArray]) -> list[Response]:
+    """Return the frequency responses among the tables of a linear analysis: outputs first, inputs second."""
+    table = arrays["response"]
+    frequencies = np.array([float(name.split()[0]) for name in table.rows])
+    outputs = zip(arrays["C"].rows, arrays["C"].row_units, strict=True)
+    inputs = zip(arrays["B"].columns, arrays["B"].column_units, strict=True)
+    pairs = product(outputs, list(inputs))
+    return [
+        Response(output, given, _quotient(own, per), frequencies, np.asarray(table.values[:, k]))
+        for k, ((output, own), (given, per)) in enumerate(pairs)
+    ]
+
+
+def _quotient(own: Unit | None, per: Unit | None) -> Unit | None:
+    """Return the unit of an output per unit of an input, written as their quotient; ``per`` is the inverse of that."""
+    if own is None or per is None:
+        return None
+    whole, below = own * per, str(unit("1") / per)
+    if below == "1" or str(own) == below:
+        return own if below == "1" else whole
+    return Unit(whole.factor, whole.dimension, f"{own}/({below})" if re.search(r"\W", below) else f"{own}/{below}")
+
+
+def _modes(result: Result) -> Section:
+    """Return the table of the modes, and their eigenvalues in the complex plane."""
+    eigenvalues = _eigenvalues(result)
+    numbers = range(1, len(eigenvalues) + 1)
+    measured = [[result[f"mode.{k}.{name}"] for name in MEASURES] for k in numbers]
+    errors = [float(result[f"mode.{k}.error"].values[0]) for k in numbers]
+    said = [_nature(value, error) for value, error in zip(eigenvalues, errors, strict=True)]
+    rows: list[Sequence[Cell]] = [
+        (f"{k}", *(float(series.values[0]) for series in row), nature)
+        for k, row, nature in zip(numbers, measured, said, strict=True)
+    ]
+    units = [series.unit for series in measured[0]] if measured else [None] * len(MEASURES)
+    headings = ("mode", *(name.replace("_", " ") for name in MEASURES), "")
+    table = SectionTable("modes", "Modes, by ascending frequency", headings, (None, *units, None), rows)
+    plane = Graph("eigenvalues", "Eigenvalues", list(_plane(eigenvalues, said)), marks=[(0.0, "")])
+    return Section("modes", "Modes", [table], graphs=[plane] if measured else [])
+
+
+def _nature(eigenvalue: complex, error: float) -> str:
+    """Return a word for a mode whose table of numbers would be misread without it."""
+    if abs(eigenvalue) <= RIGID * error:
+        return "rigid"
+    if eigenvalue.real > error:
+        return "unstable"
+    return "" if eigenvalue.imag else "no oscillation"
+
+
+def _plane(eigenvalues: Complex, said: Sequence[str]) -> Iterator[Curve]:
+    """Yield the eigenvalues as points: both of a conjugate pair, unstable ones apart."""
+    both = np.concatenate([eigenvalues, eigenvalues[eigenvalues.imag > 0.0].conj()])
+    unstable = np.array([word == "unstable" for word in said])
+    unstable = np.concatenate([unstable, unstable[eigenvalues.imag > 0.0]])
+    for chosen, label in ((~unstable, "stable" if unstable.any() else ""), (unstable, "unstable")):
+        if chosen.any():
+            yield Curve(
+                Series("real part", unit("1/s"), both[chosen].real),
+                Series("imaginary part", unit("rad/s"), both[chosen].imag), label, points=True,
+            )  # fmt: skip
+
+
+def _frequency_response(result: Result) -> Section:
+    """Return the largest amplitudes, and a Bode and a Nyquist plot for each output and unit of inputs."""
+    known = responses(result.arrays)
+    groups = [list(group) for _, group in groupby(known, key=lambda own: (own.output, str(own.unit)))]
+    low, high = known[0].frequencies[[0, -1]].tolist()
+    damped = [result[f"mode.{k}.damped_frequency"].values[0] for k in range(1, len(_eigenvalues(result)) + 1)]
+    marks = [(float(place), f"{k}") for k, place in enumerate(damped, 1) if low <= place <= high]
+    names = _names(groups)
+    bodes = [_bode(f"bode{name}", group, marks) for name, group in zip(names, groups, strict=True)]
+    nyquists = [_nyquist(f"nyquist{name}", group) for name, group in zip(names, groups, strict=True)]
+    remarks = ["dashed lines: damped frequencies of the modes, by their numbers"] if marks else []
+    return Section("frequency_response", "Frequency response", [_largest(known)], remarks=remarks,
+                   graphs=[*bodes, *nyquists])  # fmt: skip
+
+
+def _eigenvalues(result: Result) -> Complex:
+    return np.asarray(result.arrays["eigenvalues"].values[0], complex)
+
+
+def _names(groups: Sequence[Sequence[Response]]) -> list[str]:
+    """Return endings of names of graphs: none for a single graph, else the output, with a number where it recurs."""
+    if len(groups) == 1:
+        return [""]
+    names = list[str]()
+    for group in groups:
+        name = "_" + re.sub(r"\W+", "_", group[0].output).strip("_")[:40]
+        names.append(f"{name}_{len(names) + 1}" if name in names else name)
+    return names
+
+
+def _largest(known: Sequence[Response]) -> SectionTable:
+    """Return the largest amplitude of each response among its samples, and that at the lowest frequency."""
+    rows: list[Sequence[Cell]] = []
+    for response in known:
+        amplitude = response.amplitude.values
+        top = int(np.argmax(amplitude))
+        rows.append((response.output, response.input, str(response.unit or "?"), float(amplitude[0]),
+                     float(amplitude[top]), float(response.frequencies[top])))  # fmt: skip
+    headings = ("output", "input", "unit", "at the lowest frequency", "largest sample", "at")
+    units = (None, None, None, None, None, HERTZ)
+    return SectionTable("largest", "Largest amplitudes", headings, units, rows, row_unit=2)
+
+
+def _bode(name: str, group: Sequence[Response], marks: Sequence[tuple[float, str]]) -> Graph:
+    across = Series("frequency", HERTZ, group[0].frequencies)
+    if len(group) == 1:
+        above = [Curve(across, group[0].amplitude)]
+    else:
+        above = [Curve(across, replace(own.amplitude, name="amplitude"), f"input {own.input}") for own in group]
+    below = [Curve(across, own.phase) for own in group]
+    return Graph(name, _title("Frequency response", group), above, below=below, logarithmic="xy", marks=marks)
+
+
+def _nyquist(name: str, group: Sequence[Response]) -> Graph:
+    curves = [
+        Curve(
+            Series("real part", own.unit, own.values.real), Series("imaginary part", own.unit, own.values.imag),
+            f"input {own.input}" if len(group) > 1 else "",
+        )
+        for own in group
+    ]  # fmt: skip
+    return Graph(name, _title("Nyquist plot", group), curves, equal=True)
+
+
+def _title(words: str, group: Sequence[Response]) -> str:
+    inputs = group[0].input if len(group) == 1 else "its inputs"
+    return f"{words} of {group[0].output} to {inputs}"

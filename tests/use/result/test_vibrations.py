@@ -1,0 +1,107 @@
+"""Sections, graphs and files of a linear analysis, compared with a carriage on a spring and a damper."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+from pinarm.use.result.result import Result
+from pinarm.use.show.plot import charts
+from pinarm.use.show.terminal import report
+
+CARRIAGE = """<robot name="carriage"><link name="rail"/><link name="body"><inertial><mass value="2"/>
+<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="slide" type="prismatic"><parent link="rail"/><child link="body"/><axis xyz="1 0 0"/>
+<limit lower="-9" upper="9" effort="1e6" velocity="1e3"/></joint></robot>"""
+MASS, STIFFNESS, DAMPING = 2.0, 300.0, 4.0
+NATURAL = np.sqrt(STIFFNESS / MASS)
+RATIO = DAMPING / (2.0 * MASS * NATURAL)
+
+
+@pytest.fixture
+def carriage(tmp_path: Path) -> Callable[..., Result]:
+    (tmp_path / "carriage.urdf").write_text(CARRIAGE)
+
+    def run(damping: float = DAMPING, outputs: tuple[str, ...] = ("slide",)) -> Result:
+        spring = {"kind": "joint_spring", "joint": "slide", "stiffness": "300 N/m", "damping": f"{damping} N*s/m"}
+        mechanism = {"pinarm": 1, "robot": str(tmp_path / "carriage.urdf"), "gravity": "none"}
+        with pinarm.file_root(tmp_path):
+            return pinarm.run({
+                "pinarm": 1, "mechanism": {**mechanism, "forces": {"mount": spring}},
+                "problem": {"kind": "linear", "outputs": list(outputs),
+                            "frequencies": {"from": "0.1 Hz", "to": "50 Hz", "samples": 30}},
+                "outputs": ["mode.1.frequency"],
+            })  # fmt: skip
+
+    return run
+
+
+def test_a_bode_plot_has_amplitude_and_phase_and_marks_the_resonance(carriage: Callable[..., Result]) -> None:
+    """``x/F = 1/(k - m w^2 + i c w)``."""
+    axes = carriage().plot("bode").axes
+    frequencies, amplitude = axes[0].lines[0].get_data()
+    w = 2.0 * np.pi * np.asarray(frequencies)
+    expected = 1.0 / (STIFFNESS - MASS * w**2 + 1j * DAMPING * w)
+    assert np.asarray(amplitude) == pytest.approx(np.abs(expected), rel=1e-5)
+    assert np.asarray(axes[1].lines[0].get_ydata()) == pytest.approx(np.degrees(np.angle(expected)), abs=1e-4)
+    damped = NATURAL * np.sqrt(1.0 - RATIO**2) / (2.0 * np.pi)
+    assert axes[0].collections[0].get_segments()[0][0, 0] == pytest.approx(damped)
+    assert (axes[0].get_xscale(), axes[0].get_yscale(), axes[1].get_yscale()) == ("log", "log", "linear")
+    assert axes[0].get_ylabel() == "|slide / slide| [m/N]"
+
+
+def test_the_peak_of_a_resonance_is_among_the_samples(carriage: Callable[..., Result]) -> None:
+    """``1/(2 zeta k)`` to first order, with a damping so small that 30 samples would miss it."""
+    largest = carriage(0.04).section("frequency_response").tables[0].rows[0][4]
+    assert largest == pytest.approx(1.0 / (2.0 * RATIO / 100.0 * STIFFNESS), rel=1e-5)
+
+
+def test_eigenvalues_and_the_circle_of_a_resonance_are_drawn(carriage: Callable[..., Result]) -> None:
+    result = carriage(0.04)
+    x, y = result.plot("eigenvalues").axes[0].lines[0].get_data()
+    assert x == pytest.approx([-0.01, -0.01])
+    assert sorted(y) == pytest.approx([-NATURAL, NATURAL])
+    x, y = (np.asarray(values) for values in result.plot("nyquist").axes[0].lines[0].get_data())
+    steps = np.hypot(np.diff(x), np.diff(y))
+    assert steps.max() < 0.1 * np.ptp(y)
+
+
+def test_the_table_of_modes_marks_unstable_ones(carriage: Callable[..., Result]) -> None:
+    upright = pinarm.run("scenarios/gen411_arm_modes.yaml", {"problem.about.equilibrium": {"O": "80 deg"}})
+    assert [row[-1] for row in upright.section("modes").tables[0].rows].count("unstable") == 2
+    assert [row[-1] for row in carriage(100.0).section("modes").tables[0].rows] == ["no oscillation"] * 2
+    lines = report(upright).splitlines()
+    assert any("time constant [s]" in line for line in lines)
+    assert sum(line.endswith(" unstable") for line in lines) == 2
+
+
+def test_several_outputs_have_graphs_of_their_own(carriage: Callable[..., Result]) -> None:
+    result = carriage(outputs=("slide", "joint.slide.velocity"))
+    names = [name for name, _ in charts(result)]
+    assert "frequency_response_bode_joint_slide_velocity" in names
+    assert "slide" not in names
+    with pytest.raises(InputError, match="bode_slide, bode_joint_slide_velocity"):
+        result.plot("bode")
+
+
+def test_a_folder_holds_the_matrices_with_names_and_units(carriage: Callable[..., Result], tmp_path: Path) -> None:
+    result = carriage()
+    folder = result.save(tmp_path / "saved", plots=False)
+    with np.load(folder / "tables.npz") as stored:
+        assert stored["A"] == pytest.approx(np.array([[0.0, 1.0], [-STIFFNESS / MASS, -DAMPING / MASS]]))
+        assert stored["B.columns"].tolist() == ["slide"]
+    assert (folder / "A.csv").read_text().startswith(",slide [1/m],slide' [s/m]\nslide [m/s],0.0,1.0\n")
+    assert (folder / "response.csv").read_text().startswith(",Re slide / slide")
+    again = pinarm.restore(folder)
+    assert again.section("frequency_response").graphs[0].marks == result.section("frequency_response").graphs[0].marks
+    assert [axis.get_xscale() for axis in again.plot("bode").axes] == ["log", "log"]
+
+
+def test_tables_become_frames_with_units(carriage: Callable[..., Result]) -> None:
+    pytest.importorskip("pandas")
+    frame = carriage().arrays["A"].to_dataframe()
+    assert list(frame.columns) == ["slide [1/m]", "slide' [s/m]"]
+    assert list(frame.index) == ["slide [m/s]", "slide' [m/s^2]"]
