@@ -18,6 +18,8 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, b_of, rate_of_b
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.rotation_rows import whole_turns
+from pinarm.mechanics.geometry.vectors import arctan2
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.records import ValueRecord
 
@@ -71,10 +73,11 @@ def roll_pitch_yaw(quaternion: Array) -> Array:
         quaternion: (x, y, z, w), of unit length, shape (..., 4).
     """
     x, y, z, w = np.moveaxis(quaternion, -1, 0)
-    half_sum, half_difference = np.arctan2(x + z, w - y), np.arctan2(x - z, w + y)
-    pitch = 2.0 * np.arctan2(np.hypot(x - z, w + y), np.hypot(x + z, w - y)) - 0.5 * np.pi
+    half_sum, half_difference = arctan2(x + z, w - y), arctan2(x - z, w + y)
+    lengths = (np.sqrt(a * a + b * b) for a, b in ((x - z, w + y), (x + z, w - y)))
+    pitch = 2.0 * arctan2(*lengths) - 0.5 * np.pi
     turned = np.stack([half_sum + half_difference, pitch, half_sum - half_difference], axis=-1)
-    return turned - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
+    return turned - whole_turns(turned)
 
 
 class BallCoordinate(ValueRecord, frozen=True):

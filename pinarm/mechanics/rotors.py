@@ -24,10 +24,11 @@ from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.rotation_rows import whole_turns
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.records import replace
 
-ENDLESS, TURN = np.array([np.inf]), 2.0 * np.pi
+ENDLESS = np.array([np.inf])
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +63,12 @@ class GearedRotor:
 
     def gap(self, state: Kinematics) -> Array:
         """Return ``x - w(q)``, shape (1,); but for whole turns where w is told up to these: x counts them."""
-        apart = state.q[self.rotor.q] - self.coordinate.value(state)
-        return np.array([apart - TURN * round(apart / TURN) if self.coordinate.wraps else apart])
+        apart = np.array([state.q[self.rotor.q] - self.coordinate.value(state)])
+        return apart + self.missing_turns(apart, state.q) if self.coordinate.wraps else apart
+
+    def missing_turns(self, gap: Array, q: Array) -> Array:
+        """Return the whole turns that gaps of an angle lack [rad]."""
+        return -whole_turns(gap)
 
     def rows(self, state: Kinematics) -> Array:
         """Return the row of ``x' - w'``, shape (1, nv)."""

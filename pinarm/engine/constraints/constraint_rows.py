@@ -1,8 +1,7 @@
 """Gaps, rows of G and drifts of constraints and coordinates, at many states at once.
 
-Loop joints, distances and points of links are pairs of frames: those whose paths have like joints and that hold the
-same are evaluated together. Couplings are functions of the joint coordinates. What is neither, such as a component of a
-rotation vector, is evaluated state by state.
+Loop joints, distances, points and rotations of links are pairs of frames: those whose paths have like joints and that
+hold the same are evaluated together. Couplings are functions of the joint coordinates.
 
 States lead, q has the shape (.., nq); of variants of a model it is (n, k, nq), or (n, 1, nq) where all move alike.
 """
@@ -11,28 +10,39 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, Indices, constants_of
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
-from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
+from pinarm.mechanics.ball_joints import BallAngle, BallCoordinate
+from pinarm.mechanics.coordinates import (
+    Coordinate,
+    DistanceCoordinate,
+    FrameCoordinate,
+    LinearCoordinate,
+    RotationCoordinate,
+)
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.frame_pairs import FramePairs, RelativeMotion, likeness
-from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first
-from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
+from pinarm.mechanics.geometry.model_variants import Model
+from pinarm.mechanics.geometry.rotation_rows import RollPitchYawRow, RotationVectorRow
 from pinarm.mechanics.joints import UNIVERSE
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import PointOnPlane
+from pinarm.mechanics.loops.relative import SlidOut, TurnedAbout
 from pinarm.mechanics.loops.rod import Tie
 from pinarm.mechanics.paths import PathLength
-from pinarm.records import Record
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.geometry.vectors import Axes
     from pinarm.mechanics.loops.pair import Pair
+    from pinarm.mechanics.rotors import GearedRotor
 
 BLOCK = 4000
 """Links times states that are worked on at once: arrays of more would not stay in the processor's cache."""
@@ -65,7 +75,7 @@ class ConstraintRows(Record, frozen=True):
         pairs: Pairs of frames.
         constants: What the gaps are measured from, such as the length of a cable [m or rad], shape (m,).
         relations: First row of each relation of joint coordinates, and the relation.
-        others: First row of each thing that is evaluated state by state, and the thing.
+        turning: Row of each angle that is known but for whole turns, and the coordinate or rotor that counts them.
         pattern: Where G has entries.
     """
 
@@ -73,41 +83,35 @@ class ConstraintRows(Record, frozen=True):
     pairs: tuple[PairRows, ...]
     constants: Array
     relations: tuple[tuple[int, JointRelation | LinearCoordinate], ...]
-    others: tuple[tuple[int, Measured], ...]
+    turning: tuple[tuple[int, TurnedAbout | GearedRotor], ...]
     pattern: Pattern
 
     @classmethod
     def of(cls, model: Model, ones: Sequence[Measured]) -> ConstraintRows:
-        """Return the rows of constraints or coordinates of a model.
-
-        Raises:
-            VariantsDiffer: The model has variants, and something is evaluated state by state.
-        """
+        """Return the rows of constraints or coordinates of a model."""
         alike: dict[Hashable, tuple[Pair, list[tuple[int, int]], list[range]]] = {}
-        relations, others = list[tuple[int, JointRelation | LinearCoordinate]](), list[tuple[int, Measured]]()
+        relations, turning = list[tuple[int, JointRelation | LinearCoordinate]](), []
         constants = list[float]()
         for given in ones:
             one = given.coordinate if isinstance(given, GuidedCoordinate) else given
             rows = range(start := len(constants), start + getattr(one, "size", 1))
             constants += [one.length if isinstance(one, CableLoop) else 0.0] * len(rows)
-            if isinstance(one, JointRelation | LinearCoordinate):
-                relations.append((start, one))
-            elif (parts := frame_pairs_of(one)) is None:
-                others.append((start, given))
-            else:
-                for number, (pair, *ends) in enumerate(parts):
-                    key = constants_of(pair), likeness(model, *ends), number  # parts of one cable have the same row
-                    _, frames, places = alike.setdefault(key, (pair, [], []))
-                    frames.append((ends[0], ends[1]))
-                    places.append(rows)
-        if others and isinstance(model, ModelVariants):
-            raise VariantsDiffer("coordinates that are evaluated state by state")
+            if isinstance(one, TurnedAbout) or (hasattr(one, "rotor") and cast("GearedRotor", one).coordinate.wraps):
+                turning.append((start, cast("TurnedAbout | GearedRotor", one)))
+            for number, part in enumerate(parts_of(model, one)):
+                if not isinstance(part, FramePair):
+                    relations.append((start, part))
+                    continue
+                key = constants_of(part.pair), likeness(model, part.first, part.second), number  # one row of a cable
+                _, frames, places = alike.setdefault(key, (part.pair, [], []))
+                frames.append((part.first, part.second))
+                places.append(rows)
         groups = [(pair, FramePairs.of(model, frames), np.array(places).T) for pair, frames, places in alike.values()]
-        pattern = Pattern.of(model.nv, len(constants), groups, relations, others)
+        pattern = Pattern.of(model.nv, len(constants), groups, relations)
         pairs = (
             PairRows(pair, frames, rows, pattern.entries(rows, frames.velocities)) for pair, frames, rows in groups
         )
-        return cls(model, tuple(pairs), np.array(constants), tuple(relations), tuple(others), pattern)
+        return cls(model, tuple(pairs), np.array(constants), tuple(relations), tuple(turning), pattern)
 
     @property
     def size(self) -> int:
@@ -137,14 +141,12 @@ class Pattern(Record, frozen=True):
     @classmethod
     def of(
         cls, nv: int, size: int, pairs: Sequence[tuple[Pair, FramePairs, Indices]],
-        relations: Sequence[tuple[int, JointRelation | LinearCoordinate]], others: Sequence[tuple[int, Measured]],
+        relations: Sequence[tuple[int, JointRelation | LinearCoordinate]],
     ) -> Pattern:  # fmt: skip
         """Return the pattern of m rows."""
         numbers = [
             (rows[:, None] * nv + frames.velocities).ravel() for _, frames, rows in pairs
-        ] + [start * nv + moved_by(relation) for start, relation in relations] + [
-            start * nv + np.arange(getattr(one, "size", 1) * nv) for start, one in others
-        ]  # fmt: skip
+        ] + [start * nv + moved_by(relation) for start, relation in relations]  # fmt: skip
         every = np.array(sorted({place for part in numbers for place in part.tolist()}), dtype=np.intp)
         rows, columns = np.divmod(every, nv) if nv else (every, every)
         return cls(nv, rows, columns, np.searchsorted(rows, np.arange(size + 1)))
@@ -162,18 +164,83 @@ class FramePair(NamedTuple):
     second: int
 
 
-def frame_pairs_of(one: Measured) -> list[FramePair] | None:
-    """Return the pairs of frames whose rows, added up, are those of a thing; ``None`` where there are none."""
+def parts_of(model: Model, one: Measured) -> list[FramePair | JointRelation | LinearCoordinate]:
+    """Return the pairs of frames and the relations whose rows, added up, are those of a constraint or coordinate."""
+    if isinstance(one, JointRelation | LinearCoordinate):
+        return [one]
     if isinstance(one, LoopJoint):
         return [FramePair(one.pair, one.first, one.second)]
+    if isinstance(one, SlidOut | TurnedAbout):
+        return [FramePair(one.way.pair, one.way.first, one.way.second)]
     if isinstance(one, FrameCoordinate):
         return [FramePair(PointOnPlane.around(one.axis), UNIVERSE, one.frame)]
     if isinstance(one, DistanceCoordinate):
         return [FramePair(Tie(0.0), one.first, one.second)]
+    if isinstance(one, RotationCoordinate):
+        return [FramePair(RotationVectorRow(one.component, np.eye(3)), one.reference, one.frame)]
+    if isinstance(one, BallCoordinate | BallAngle):
+        return [_of_ball(model, one)]
+    if hasattr(one, "rotor"):
+        tie = cast("GearedRotor", one)
+        return [_rotor(model, tie), *map(_reversed, parts_of(model, tie.coordinate))]
     path = one.path if isinstance(one, CableLoop) else one
-    if isinstance(path, PathLength):
-        return [FramePair(Tie(0.0), part.first, part.second) for part in path.parts]
-    return None
+    assert isinstance(path, PathLength), f"no rows of {type(one).__name__}"
+    return [FramePair(Tie(0.0), part.first, part.second) for part in path.parts]
+
+
+def _of_ball(model: Model, one: BallCoordinate | BallAngle) -> FramePair:
+    """Return the rotation of a ball joint's link, in the joint's placement on its parent."""
+    index, kind = one.ball.index, RotationVectorRow if isinstance(one, BallCoordinate) else RollPitchYawRow
+    parent = int(model.parents[index])
+    first, second = (model.getFrameId(model.names[joint], pin.JOINT) if joint else UNIVERSE
+                     for joint in (parent, index))  # fmt: skip
+    return FramePair(kind(one.component, np.asarray(model.jointPlacements[index].rotation)), first, second)
+
+
+def _rotor(model: Model, one: GearedRotor) -> LinearCoordinate:
+    weights, places = np.zeros(model.nv), np.zeros(model.nv, dtype=np.intp)
+    weights[one.rotor.v], places[one.rotor.v] = 1.0, one.rotor.q
+    return LinearCoordinate(one.coordinate.unit, weights, places)
+
+
+def _reversed(part: FramePair | JointRelation | LinearCoordinate) -> FramePair | LinearCoordinate:
+    if isinstance(part, FramePair):
+        return part._replace(pair=Reversed(part.pair))
+    assert isinstance(part, LinearCoordinate), "coordinates of rotors are no couplings"
+    return replace(part, weights=-part.weights)
+
+
+class Reversed(Record, frozen=True):
+    """A pair whose rows have the opposite sign.
+
+    Attributes:
+        pair: The pair.
+    """
+
+    pair: Pair
+
+    @property
+    def along(self) -> Sequence[bool]:
+        return self.pair.along
+
+    @property
+    def about(self) -> Sequence[bool]:
+        return self.pair.about
+
+    @property
+    def constant(self) -> tuple[Array, Array] | None:
+        constant = self.pair.constant
+        return None if constant is None else (-constant[0], -constant[1])
+
+    def gap(self, p: Array, axes: Axes) -> list[Array]:
+        return [-gap for gap in self.pair.gap(p, axes)]
+
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        e, w = self.pair.directions(p, axes)
+        return -e, -w
+
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
+        return -self.pair.bend(p, axes, dp, omega)
 
 
 def moved_by(relation: JointRelation | LinearCoordinate) -> Indices:
@@ -225,10 +292,9 @@ class EvaluatedRows(Record, frozen=True):
         flat = self.q.reshape(-1, self.q.shape[-1])
         for row, relation in self.rows.relations:
             own = relation.at(flat) if isinstance(relation, LinearCoordinate) else relation.gaps_at(flat)
-            found[row] = own.reshape(self.q.shape[:-1])
-        for start, one in self.rows.others:
-            for k, state in enumerate(self._each()):
-                found[start : start + _size(one), k] = _value(one, state)
+            found[row] += own.reshape(self.q.shape[:-1])
+        for row, one in self.rows.turning:
+            found[row] += one.missing_turns(found[row], self.q)
         return states_first(found - self.rows.constants.reshape(-1, *(1,) * len(self.states)), 1)
 
     @cached_property
@@ -242,14 +308,10 @@ class EvaluatedRows(Record, frozen=True):
         for row, relation in self.rows.relations:
             own = slice(*pattern.starts[row : row + 2])
             if isinstance(relation, LinearCoordinate):
-                found[own] = relation.weights[pattern.columns[own]].reshape(-1, *(1,) * len(self.states))
+                found[own] += relation.weights[pattern.columns[own]].reshape(-1, *(1,) * len(self.states))
             else:
                 rows = relation.rows_at(flat)[:, pattern.columns[own]]
-                found[own] = rows.T.reshape(-1, *self.q.shape[:-1])
-        for start, one in self.rows.others:
-            own = slice(pattern.starts[start], pattern.starts[start + _size(one)])
-            for k, state in enumerate(self._each()):
-                found[own, k] = _rows(one, state).ravel()
+                found[own] += rows.T.reshape(-1, *self.q.shape[:-1])
         return found
 
     def times(self, x: Array) -> tuple[Array, Array]:
@@ -293,15 +355,8 @@ class EvaluatedRows(Record, frozen=True):
         flat, speeds = self.q.reshape(-1, self.q.shape[-1]), v.reshape(-1, v.shape[-1])
         for row, relation in self.rows.relations:
             if isinstance(relation, JointRelation):
-                found[row] = relation.drifts_at(flat, speeds).reshape(self.q.shape[:-1])
-        for start, one in self.rows.others:
-            for k, state in enumerate(self._each(v)):
-                found[start : start + _size(one), k] = one.drift(state)
+                found[row] += relation.drifts_at(flat, speeds).reshape(self.q.shape[:-1])
         return states_first(found, 1)
-
-    def _each(self, v: Array | None = None) -> Iterator[Kinematics]:
-        for k, q in enumerate(self.q):
-            yield Kinematics.at(self.rows.model, q, None if v is None else v[k])
 
 
 def power(directions: Array, motions: Array) -> Array:
@@ -327,18 +382,6 @@ def _directions(pair: Pair, motion: RelativeMotion) -> tuple[Array, Array]:
 def _spread(x: Array, motion: RelativeMotion) -> Array:
     """Return a number of all pairs, shape (.., N), by pairs and states; 1 in place of N where all are alike."""
     return x.reshape(*x.shape[:-1], *(motion.p.shape[1:] if x.shape[-1] > 1 else (1,) * (motion.p.ndim - 1)))
-
-
-def _size(one: Measured) -> int:
-    return int(getattr(one, "size", 1))
-
-
-def _value(one: Measured, state: Kinematics) -> Array | float:
-    return one.gap(state) if hasattr(one, "gap") else one.value(state)
-
-
-def _rows(one: Measured, state: Kinematics) -> Array:
-    return one.rows(state) if hasattr(one, "rows") else one.row(state)
 
 
 def rows_of(model: Model, coordinates: Sequence[Coordinate], q: Array) -> Array:

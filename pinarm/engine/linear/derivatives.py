@@ -125,7 +125,6 @@ def _add_load(model: pin.Model, force: ForceElement, t: float, q: Array, v: Arra
         force.add_load(t, q, v, tau)
         return
     rows = ConstraintRows.of(model, [force.coordinate])
-    _require_pairs(rows)
     here = rows.at(q)
     row = here.matrices[:, 0]
     tau += np.asarray(force.effort(t, here.gaps[:, 0], (row * v).sum(axis=-1)))[..., None] * row
@@ -136,7 +135,6 @@ def _row_derivatives(
 ) -> tuple[Array, Array, Array, Array]:
     """Return G, its derivative by q, and those of ``G' v`` by q and by v."""
     rows, nv = ConstraintRows.of(model, constraints), model.nv
-    _require_pairs(rows)
     steps = _steps(model, q)
     with complex_kept():
         moved, still = rows.at(steps), rows.at(np.broadcast_to(q + 0j, steps.shape))
@@ -149,19 +147,6 @@ def _row_derivatives(
 def _steps(model: pin.Model, q: Array) -> Array:
     """Return a configuration with an imaginary step along every velocity, shape (nv, nq)."""
     return q + 1j * STEP * pin.tangentMap(model, q).T  # type: ignore[no-any-return]
-
-
-def _require_pairs(rows: ConstraintRows) -> None:
-    """Raise where something is evaluated state by state, by Pinocchio, which takes no complex steps.
-
-    Raises:
-        InputError: Names the kinds.
-    """
-    if rows.others:
-        kinds = ", ".join(sorted({type(getattr(one, "coordinate", one)).__name__ for _, one in rows.others}))
-        raise InputError(
-            f"the linear analysis has no derivatives of {kinds}", expected="loops, couplings and forces of other kinds"
-        )
 
 
 @contextmanager

@@ -107,6 +107,14 @@ def direction(p: Array) -> Array:
     return np.where(meeting, SLANTED.reshape(3, *(1,) * (p.ndim - 1)), p / np.where(meeting, 1.0, length))
 
 
+def arctan2(y: Array, x: Array) -> Array:
+    """Return the angle of ``x + i y``; complex steps continue it to first order."""
+    if np.isrealobj(y) and np.isrealobj(x):
+        return np.asarray(np.arctan2(y, x))
+    a, b = np.real(x), np.real(y)
+    return np.asarray(np.arctan2(b, a) + 1j * (a * np.imag(y) - b * np.imag(x)) / (a * a + b * b))
+
+
 def combined(axes: Axes, weights: Weights) -> Array:
     """Return ``sum_k weights_k axes_k``, a vector given by its components along axes; 0 costs nothing and 1 little."""
     total: Array | None = None

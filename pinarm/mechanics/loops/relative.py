@@ -14,6 +14,7 @@ from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.rotation_rows import AngleAbout, whole_turns
 from pinarm.mechanics.joints import METRE, RADIAN
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import LowerPair, normals
@@ -69,7 +70,7 @@ class TurnedAbout(Record, frozen=True):
         way: The direction as one row of a loop joint.
         turns: Sum of the angles of the joints between the frames, which tells the turns; ``None`` where it does not.
         offset: What the angle is more than that, but for whole turns [rad].
-        thread: That of a screw.
+        counted: Whether the place along a screw counts the turns.
         unit: Radian.
     """
 
@@ -77,24 +78,21 @@ class TurnedAbout(Record, frozen=True):
     way: LoopJoint
     turns: LinearCoordinate | None = None
     offset: float = 0.0
-    thread: Thread | None = None
+    counted: bool = False
     unit: Unit = RADIAN
 
     @property
     def wraps(self) -> bool:
-        return self.turns is None and self.thread is None
+        return self.turns is None and not self.counted
 
     def value(self, state: Kinematics) -> float:
-        between = state.data.oMf[self.way.first].actInv(state.data.oMf[self.way.second])
-        u, v = normals(_axis(self.way))
-        ru, rv = between.rotation @ u, between.rotation @ v
-        angle = float(np.arctan2(v @ ru - u @ rv, u @ ru + v @ rv))
-        counted = angle
-        if self.thread is not None:
-            counted = float(self.thread.angle(between.translation))
-        elif self.turns is not None:
-            counted = self.turns.value(state) + self.offset
-        return angle + 2.0 * np.pi * round((counted - angle) / (2.0 * np.pi))
+        angle = self.way.gap(state)
+        return float((angle + self.missing_turns(angle, state.q))[0])
+
+    def missing_turns(self, angle: Array, q: Array) -> Array:
+        """Return the turns that angles from -pi to pi lack [rad] at configurations, shape (.., nq)."""
+        counted = angle if self.turns is None else self.turns.at(q) + self.offset
+        return whole_turns(counted - angle)
 
     def row(self, state: Kinematics) -> Array:
         """Return the row of ``axis . omega``, seen from frame 1."""
@@ -124,9 +122,11 @@ def _own(model: pin.Model, loop: LoopJoint) -> Mapping[str, Coordinate]:
         return found
     nothing, axis = np.zeros((1, 3)), pair.axis[None]
     if loop.kind in TURNING:
-        way = LoopJoint(loop.name, loop.kind, loop.first, loop.second, LowerPair(nothing, axis, pair.axis, None))
-        thread = pair.rotation if isinstance(pair.rotation, Thread) else None
-        found[f"{loop.name}.angle"] = TurnedAbout(loop.name, way, *_counting(model, way), thread)
+        thread = pair.rotation.angle if isinstance(pair.rotation, Thread) else None
+        about = LowerPair(nothing, axis, pair.axis, AngleAbout(pair.axis, normals(pair.axis), thread))
+        way = LoopJoint(loop.name, loop.kind, loop.first, loop.second, about)
+        turns = (None, 0.0) if thread else _counting(model, way)
+        found[f"{loop.name}.angle"] = TurnedAbout(loop.name, way, *turns, thread is not None)
     if loop.kind in SLIDING:
         way = LoopJoint(loop.name, loop.kind, loop.first, loop.second, LowerPair(axis, nothing, pair.axis, None))
         found[f"{loop.name}.position"] = SlidOut(loop.name, way)
