@@ -42,6 +42,11 @@ def continued(function: Callable[[Array], Sequence[Array]], x: Array) -> Array:
     return np.asarray(value + 1j * slope * np.imag(x))
 
 
+def magnitude(x: Array) -> Array:
+    """Return ``|x|``; complex steps continue it to first order, away from 0."""
+    return np.abs(x) if np.isrealobj(x) else np.asarray(x * np.sign(np.real(x)))
+
+
 def as_rows(x: Array, width: int, name: str) -> Array:
     """Return an array of states as rows, shape (n, .., width), where axes between are those of variants.
 

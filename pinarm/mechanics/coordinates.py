@@ -20,7 +20,8 @@ from pinarm.input.yaml.schema import InputStruct, Weight
 from pinarm.mechanics.geometry.joint_axes import check_parallel
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
-from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
+from pinarm.mechanics.geometry.rotation_rows import RotationVectorRow
+from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction, rotated
 from pinarm.mechanics.joints import (
     METRE,
     RADIAN,
@@ -242,12 +243,11 @@ class RotationCoordinate(ValueRecord, frozen=True):
         return float((b @ rate + rate_of_b(w, b @ omega) @ omega)[self.component])
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return the moments with the same power, ``effort B^T e_k`` in the link's axes, and back on the reference."""
+        """Return the moments with the same power, along the direction of the angle's row, and back on the reference."""
         turns, references = links.frame(self.frame)[0], links.frame(self.reference)[0]
-        along = [
-            turn @ b_of(pin.log3(ref.T @ turn))[self.component] for turn, ref in zip(turns, references, strict=True)
-        ]
-        moment = effort[:, None] * np.array(along)
+        axes = (references.swapaxes(-1, -2) @ turns).transpose(2, 1, 0)
+        (_, (along,)) = RotationVectorRow(self.component, IDENTITY).directions(axes[0], axes)
+        moment = effort[:, None] * rotated(references, along.T)
         wrench = np.concatenate([np.zeros_like(moment), moment], axis=1)
         return opposed(links.model, self.reference, self.frame, wrench)
 

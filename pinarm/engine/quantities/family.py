@@ -168,7 +168,7 @@ class Family(AbstractRecord, frozen=True):
         if axis not in AXES or len(extra) % 2 or not set(extra[::2]) <= {"about", "along"}:
             raise asked.unknown
         if axis == "norm":
-            return _length(vectors)
+            return length(vectors)
         if "along" in extra[::2]:
             turns = self.evaluation.turn(extra[extra.index("along") + 1])
             return np.asarray((turns[..., AXES.index(axis)] * vectors).sum(axis=-1))
@@ -198,7 +198,7 @@ def _rate_unit(base: Unit, order: int) -> Unit:
     return ANGULAR[order]
 
 
-def _length(vectors: Array) -> Array:
+def length(vectors: Array) -> Array:
     """Return lengths of vectors, shape (n,); of complex steps, their derivatives as well."""
     if np.iscomplexobj(vectors):
         return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
@@ -208,4 +208,4 @@ def _length(vectors: Array) -> Array:
 def _split(vectors: Array, axes: Array, part: str) -> Array:
     """Return a component of ``ALONG_AXIS`` of vectors by unit vectors, both of shape (n, 3); shape (n,)."""
     axial = np.asarray((vectors * axes).sum(axis=-1))
-    return axial if part == "axial" else _length(vectors - axial[..., None] * axes)
+    return axial if part == "axial" else length(vectors - axial[..., None] * axes)

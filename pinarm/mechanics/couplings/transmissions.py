@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, magnitude
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.joints import Joint
 from pinarm.records import Record
@@ -122,7 +122,7 @@ class ToothContact(Record, frozen=True):
     surfaces: PitchSurfaces
 
     def wrenches(self, lam: Array) -> dict[int, Array]:
-        force = np.multiply.outer(lam, self.along) + np.multiply.outer(np.abs(lam), self.apart)
+        force = np.multiply.outer(lam, self.along) + np.multiply.outer(magnitude(lam), self.apart)
         wrench = _at_origin(self.point, force)
         return {self.second: wrench, self.first: -wrench}
 
@@ -135,7 +135,7 @@ class ToothContact(Record, frozen=True):
 
     def part(self, name: str, lam: Array) -> Array:
         size, keeps = self.components[name]
-        return np.asarray(size * (np.abs(lam) if keeps else lam))
+        return np.asarray(size * (magnitude(lam) if keeps else lam))
 
     def __str__(self) -> str:
         return self.words

@@ -25,7 +25,19 @@ TOUCHING = 1e-13
 work, though rounding may leave it open there."""
 
 
-class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
+class Evaluated(AbstractRecord, frozen=True, kw_only=True):
+    """How a coordinate is evaluated at many states.
+
+    Attributes:
+        many: ``q -> w, J`` at configurations, shape (n, nq), which may be complex steps; Pinocchio where it is left out.
+    """
+
+    unshown = ("many",)
+
+    many: Callable[[Array], tuple[Array, Array]] | None = None
+
+
+class AlongCoordinate(Evaluated, ForceElement, frozen=True):
     """An effort along a coordinate w with the row J, ``load = J^T effort``.
 
     Attributes:
@@ -33,7 +45,7 @@ class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
         coordinate: The coordinate.
     """
 
-    unshown = ("model",)
+    unshown = ("model", "many")
 
     model: pin.Model
     coordinate: Coordinate
@@ -76,6 +88,9 @@ class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
         if isinstance(self.coordinate, LinearCoordinate):
             weights = self.coordinate.weights
             return np.asarray(q[..., self.coordinate.places] @ weights), np.broadcast_to(weights, v.shape)
+        if self.many is not None:
+            w, rows = self.many(q.reshape(-1, q.shape[-1]))
+            return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], v.shape[-1])
         states = [Kinematics.at(self.model, one) for one in q.reshape(-1, q.shape[-1])]
         w = np.array([self.coordinate.value(state) for state in states])
         rows = np.array([self.coordinate.row(state) for state in states])

@@ -156,7 +156,7 @@ class ForceElement(ABC):
         found: dict[int, Array] = {}
         for k, state in enumerate(zip(t, q, v, strict=True)):
             for joint, wrench in self.wrenches(*state).items():
-                found.setdefault(joint, np.zeros((len(q), *wrench.shape)))[k] = wrench
+                found.setdefault(joint, np.zeros((len(q), *wrench.shape), wrench.dtype))[k] = wrench
         return found
 
     @property

@@ -44,7 +44,7 @@ class FrictionLaw:
 
     def slipping(self, speed: Array | float) -> tuple[Array, Array]:
         """Return ``mu(u)`` and ``c(u) + viscous u``, each of the shape of the speeds u >= 0."""
-        speed = np.asarray(speed, float)
+        speed = np.asarray(speed)
         rest = np.exp(-((speed / self.stribeck) ** 2)) if self.stribeck else np.zeros_like(speed)
         mu = self.mu + (self.static_mu - self.mu) * rest
         constant = self.constant + (self.static_constant - self.constant) * rest

@@ -18,6 +18,7 @@ from pinarm.engine.quantities.family import (
     Asked,
     Family,
     Offered,
+    length,
 )
 from pinarm.engine.quantities.reactions import tree_axis
 from pinarm.engine.quantities.transmitted import SAY_HOW, WRENCH, WrenchFamily, acts
@@ -161,7 +162,7 @@ class JointQuantities(WrenchFamily, frozen=True):
         vectors = ball.vectors(rates[part]) if part in rates else self._ball_effort(asked, ball)
         if part == "link_effort":
             vectors = vectors - ball.vectors(run.mechanism.model.armature) * ball.vectors(run.a)
-        values = np.linalg.norm(vectors, axis=1) if axis == ["norm"] else vectors[:, AXES.index(axis[0])]
+        values = length(vectors) if axis == ["norm"] else vectors[:, AXES.index(axis[0])]
         return Series(asked.name, BALL_VECTORS[part], np.asarray(values))
 
     def _ball_effort(self, asked: Asked, ball: Ball) -> Array:
