@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -29,10 +30,10 @@ class Evaluated(AbstractRecord, frozen=True, kw_only=True):
     """How a coordinate is evaluated at many states.
 
     Attributes:
-        many: ``q -> w, J`` at configurations, shape (n, nq), which may be complex steps; Pinocchio where it is left out.
+        many: ``q -> w, J`` at configurations, shape (n, nq), also complex steps; Pinocchio where it is left out.
     """
 
-    unshown = ("many",)
+    unshown: ClassVar[tuple[str, ...]] = ("many",)
 
     many: Callable[[Array], tuple[Array, Array]] | None = None
 
