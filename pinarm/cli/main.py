@@ -385,7 +385,7 @@ def _replay(options: argparse.Namespace) -> int:
         from pinarm.use.show.replay import pictures
 
         if options.png:
-            pictures.picture(shown, pictures.place(result.trajectory, options.png), target)
+            pictures.picture(shown, pictures.place(shown.run, options.png), target)
         else:
             pictures.video(shown, target, fps=options.fps, speed=options.speed, progress=_progress)
     else:

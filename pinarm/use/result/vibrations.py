@@ -95,8 +95,9 @@ def _modes(result: Result) -> Section:
     """Return the table of the modes, and their eigenvalues in the complex plane."""
     eigenvalues = _eigenvalues(result)
     numbers = range(1, len(eigenvalues) + 1)
-    measured = [[result[f"mode.{k}.{name}"] for name in MEASURES] for k in numbers]
     errors = [float(result[f"mode.{k}.error"].values[0]) for k in numbers]
+    measured = [[_cleared(result[f"mode.{k}.{name}"], value, error) for name in MEASURES]
+                for k, value, error in zip(numbers, eigenvalues, errors, strict=True)]  # fmt: skip
     said = [_nature(value, error) for value, error in zip(eigenvalues, errors, strict=True)]
     rows: list[Sequence[Cell]] = [
         (f"{k}", *(float(series.values[0]) for series in row), nature)
@@ -107,6 +108,12 @@ def _modes(result: Result) -> Section:
     table = SectionTable("modes", "Modes, by ascending frequency", headings, (None, *units, None), rows)
     plane = Graph("eigenvalues", "Eigenvalues", list(_plane(eigenvalues, said)), marks=[(0.0, "")])
     return Section("modes", "Modes", [table], graphs=[plane] if measured else [])
+
+
+def _cleared(series: Series, eigenvalue: complex, error: float) -> Series:
+    """Return a measure of a mode, 0 where it is rounding: of what neither decays nor grows."""
+    rounding = abs(eigenvalue.real) <= error and series.name.endswith((".damping", ".growth"))
+    return replace(series, values=np.zeros(1)) if rounding else series
 
 
 def _nature(eigenvalue: complex, error: float) -> str:

@@ -25,6 +25,7 @@ from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, 
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
 from pinarm.use.show.replay.meshes import thinned
+from pinarm.use.show.replay.modes import CYCLE, mode_pictures, require_bare
 from pinarm.use.show.replay.names import gathered, names_of
 from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
 
 FILES = Path(__file__).parent / "page"
-SCRIPTS = ("data.js", "motion.js", "names.js", "solids.js", "view.js", "overlays.js", "plots.js", "main.js")
+SCRIPTS = ("data.js", "motion.js", "names.js", "solids.js", "view.js", "overlays.js", "plots.js", "modes.js", "main.js")
 CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3a87b7")
 LINKS = 6.0
 """Typical links along the extent of a mechanism; one of more has smaller marks."""
@@ -56,10 +57,12 @@ class Replay:
     Attributes:
         html: The page.
         notes: Visuals that cannot be drawn, and why.
+        run: What it shows, of modes one period.
     """
 
     html: str = field(repr=False)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...]
+    run: Trajectory = field(repr=False)
 
     def save(self, path: str | Path) -> Path:
         """Write the page to a file and return its path; see ``write_file``.
@@ -94,16 +97,25 @@ def replay_page(
     Raises:
         InputError: A name is unknown, or the run has no such quantities.
     """
+    modes = None
+    if "shapes" in result.arrays:
+        require_bare(traces, arrows, plots)
+        modes, plots = mode_pictures(result), ()
     names = list(dict.fromkeys(result.content.outputs if plots is None else as_names(plots)))
     curves = list(_with_bounds(result.quantities, names))
     rows = rows_shown(result.trajectory, [series.values for series in curves])
     run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
+    run = modes.run if modes else run
     packing = Packing()
     scene, notes = _scene(run, as_names(traces), as_names(arrows), packing)
     scene |= {"names": _names(run, result.presentation), "named": named}
     scene["plots"] = [_curve(series, result.presentation, rows, CURVES[k % len(CURVES)], packing)
                       for k, series in enumerate(curves)]  # fmt: skip
     scene["parameter"] = _parameter(run, result.presentation.unit(result.parameter), result.presentation)
+    if modes:
+        phase = {"name": "phase", "unit": "°", "scale": np.pi / 180.0, "time": False, "discrete": False}
+        scene |= {"modes": modes.plain(), "rows": packing.add(modes.phases), "parameter": {**phase, "seconds": CYCLE}}
+        notes = (*modes.notes, *notes)
     skipped = f"{len(rows)} of {len(result)} rows" if len(rows) < len(result) else ""
     more = [f"and {len(notes) - 2} more"] if len(notes) > 2 else []
     scene["notes"] = [text for text in (skipped, *notes[:2], *more) if text]
@@ -114,7 +126,8 @@ def replay_page(
         "style": _text("page.css"), "script": "\n".join(_text(name) for name in SCRIPTS),
     }  # fmt: skip
     pieces = re.split(r"\{\{(\w+)\}\}", _text("page.html"))
-    return Replay("".join(parts[piece] if k % 2 else piece for k, piece in enumerate(pieces)), notes)
+    page = "".join(parts[piece] if k % 2 else piece for k, piece in enumerate(pieces))
+    return Replay(page, notes, modes.period if modes else result.trajectory)
 
 
 def _scene(

@@ -70,7 +70,8 @@ class Player {
 
   /** Return how long the whole motion takes at speed 1. */
   seconds() {
-    const { time, discrete } = this.scene.parameter;
+    const { time, discrete, seconds } = this.scene.parameter;
+    if (seconds) return seconds;
     return time || discrete ? Math.abs(this.motion.last - this.motion.first) : SWEEP;
   }
 
@@ -78,6 +79,7 @@ class Player {
     const { first, last } = this.motion;
     const passed = this.clock === null ? 0 : (clock - this.clock) / 1000;
     this.clock = clock;
+    if (this.scene.modes && this.value === last) this.value = first; // a period has no end
     if (this.value === last) {
       this.rest += passed;
       if (!this.element("loop").checked) this.pause();
@@ -205,6 +207,7 @@ async function main() {
   if (names && scene.named) names.toggle(true);
   const curves = plots(scene, array, motion, (value) => player.visit(value));
   legend(scene.legend);
+  if (scene.modes) modes(scene.modes, motion, () => player.draw());
   document.getElementById("notes").textContent = [...(view ? [`grid ${shown(view.cell)} m`] : []), ...scene.notes].join(" · ");
   if (view) {
     view.viewer.controls.addEventListener("change", () => player.draw());

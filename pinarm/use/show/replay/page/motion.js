@@ -11,6 +11,9 @@ class Motion {
     this.last = this.rows[this.count - 1];
     this.direction = this.last < this.first ? -1 : 1;
     this.nodes = scene.nodes.map((node) => ({ ...node, values: node.values ? array(node.values) : null }));
+    this.modes = scene.modes;
+    for (const node of this.nodes) node.whole = node.values;
+    if (scene.modes) this.choose(0, 0.5);
     if (!THREE) return; // without graphics there are only rows
     for (const node of this.nodes) {
       node.origin = new THREE.Vector3(...node.place.slice(0, 3));
@@ -19,6 +22,25 @@ class Motion {
       node.matrix = new THREE.Matrix4();
     }
     this.unit = new THREE.Vector3(1, 1, 1);
+  }
+
+  /** Show a mode with a share of its amplitude: positions of its levels, one after the other, with evenly between. */
+  choose(mode, share) {
+    const { levels } = this.modes;
+    const level = Math.min(Math.floor(share * (levels - 1)), levels - 2);
+    const fraction = share * (levels - 1) - level;
+    for (const node of this.nodes) {
+      if (!node.whole) continue;
+      const width = node.kind === "pose" ? 7 : 1;
+      const size = this.count * width;
+      const from = (mode * levels + level) * size;
+      node.values = Float64Array.from({ length: size }, (_, k) =>
+        node.whole[from + k] + fraction * (node.whole[from + size + k] - node.whole[from + k]));
+      for (let k = 3; width === 7 && k < size; k += 7) {
+        const length = Math.hypot(...node.values.subarray(k, k + 4));
+        for (let part = k; part < k + 4; part += 1) node.values[part] /= length;
+      }
+    }
   }
 
   /** Return [row, fraction of the way to the next]; at a jump, where two rows share a value, the later one. */

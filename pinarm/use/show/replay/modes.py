@@ -1,0 +1,172 @@
+"""Modes of a linear analysis as moving pictures: positions along ``a Re(x exp(i phi))`` at several amplitudes a.
+
+Loops are closed anew in every position, by the least change. What decays or grows is shown with a constant amplitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Complex
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import InputError
+from pinarm.input.units import unit
+from pinarm.mechanics.ball_joints import coordinate_name
+from pinarm.mechanics.joints import METRE
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.use.result.result import Result
+
+LEVELS, PHASES = 5, 33
+"""Amplitudes, of which the first is 0, and positions of a period; the page goes evenly from one to the next."""
+
+MOST_MODES = 14
+"""Modes in the page, those of the lowest frequencies."""
+
+TURN, SLIDE = np.radians(20.0), 0.12
+"""Largest deviation of a joint at full amplitude: of an angle [rad], of a length relative to the mechanism."""
+
+HALVINGS = 6
+"""Times that an amplitude at which loops do not close is halved."""
+
+ITERATIONS, CLOSED = 12, 1e-11
+"""Newton steps at most; gap [m or rad] of a closed loop, relative to ``1 +`` the extent of the mechanism."""
+
+DEPENDENT = 1e-9
+"""Singular value of rows, relative to the largest, that is 0."""
+
+FAR = 0.5
+"""Change that closes loops, relative to the deviation, beyond which the position is no longer that of the mode."""
+
+CYCLE = 2.0
+"""Seconds of a period in the page, whatever the frequency is."""
+
+
+class ModePictures(Record, frozen=True):
+    """Positions of the modes.
+
+    Attributes:
+        run: Positions of all modes: the phase varies fastest, then the amplitude, then the mode.
+        phases: Phases of a period [rad], shape (PHASES,).
+        texts: Name and description of each mode.
+        notes: Modes whose loops do not close, and modes that are left out.
+    """
+
+    run: Trajectory
+    phases: Array
+    texts: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...]
+
+    def plain(self) -> dict[str, Any]:
+        """Return what the page needs beside the positions."""
+        return {"levels": LEVELS, "names": [name for name, _ in self.texts], "texts": [text for _, text in self.texts]}
+
+    @property
+    def period(self) -> Trajectory:
+        """The first mode over one period, to name a phase of it."""
+        return replace(
+            self.run.some(np.arange(PHASES)), grid=Grid.cover(self.phases, []), parameter="phase", unit=unit("rad"),
+            separate=False,
+        )  # fmt: skip
+
+
+def mode_pictures(result: Result) -> ModePictures:
+    """Return the positions of the modes of a linear analysis."""
+    run, phases = result.trajectory, np.linspace(0.0, 2.0 * np.pi, PHASES)
+    mechanism, shapes = run.mechanism, _shapes(result)
+    numbers = range(min(shapes.shape[1], MOST_MODES))
+    notes = [f"{shapes.shape[1] - MOST_MODES} modes more"] if shapes.shape[1] > MOST_MODES else []
+    positions, texts = [], []
+    for k in numbers:
+        shape, where = _scaled(mechanism, shapes[:, k])
+        q, size = _positions(mechanism, run.q[0], shape, phases)
+        if not size:
+            notes.append(f"mode {k + 1}: to first order, its loops do not close")
+        positions.append(q)
+        texts.append((f"mode {k + 1}", f"{_description(result, k + 1)}; full amplitude: {where(size or 1.0)}"))
+    rows = np.concatenate(positions)
+    many = replace(run.some(np.zeros(len(rows), np.intp)), grid=Grid.cover(np.arange(float(len(rows))), []), q=rows)
+    return ModePictures(many, phases, tuple(texts), tuple(notes))
+
+
+def require_bare(traces: object, arrows: object, plots: object) -> None:
+    """Raise where a picture of modes is to have what only motions have.
+
+    Raises:
+        InputError: Names it.
+    """
+    for asked, name in ((traces, "paths"), (arrows, "arrows"), (plots, "plots")):
+        if asked:
+            raise InputError(f"the replay of modes has no {name}", hint="a run of the kind forward has them")
+
+
+def _shapes(result: Result) -> Complex:
+    """Return the mode shapes in all joint velocities, shape (nv, k)."""
+    table, model = result.arrays["shapes"], result.trajectory.mechanism.model
+    rows = [list(table.rows).index(coordinate_name(model, index)) for index in range(model.nv)]
+    return np.asarray(table.values[rows], complex)
+
+
+def _scaled(mechanism: Mechanism, shape: Complex) -> tuple[Complex, Any]:
+    """Return a shape at full amplitude, and a function that tells its largest deviation for a part of that."""
+    sliding = {joint.v for joint in mechanism.joints.values() if joint.unit == METRE}
+    length = SLIDE * float(mechanism.closure.extent or 1.0)
+    allowed = np.array([length if index in sliding else TURN for index in range(len(shape))])
+    largest = int(np.argmax(np.abs(shape) / allowed))
+    full = shape * allowed[largest] / np.abs(shape[largest])
+    name, size = coordinate_name(mechanism.model, largest), float(allowed[largest])
+
+    def where(part: float) -> str:
+        shown = f"{1000.0 * part * size:.3g} mm" if largest in sliding else f"{np.degrees(part * size):.3g}°"
+        return f"{name} {shown}"
+
+    return full, where
+
+
+def _positions(mechanism: Mechanism, q: Array, shape: Complex, phases: Array) -> tuple[Array, float]:
+    """Return the positions of a mode, shape (LEVELS * PHASES, nq), and the part of the amplitude; 0 to first order."""
+    turning = np.real(shape * np.exp(1j * phases)[:, None])
+    steps = (np.linspace(0.0, 1.0, LEVELS)[:, None, None] * turning).reshape(-1, len(shape))
+    for halvings in range(HALVINGS):
+        part = 0.5**halvings
+        closed = _closed(mechanism, q, part * steps)
+        if closed is not None:
+            return closed, part
+    return _moved(mechanism.model, [q] * len(steps), steps), 0.0
+
+
+def _closed(mechanism: Mechanism, q: Array, steps: Array) -> Array | None:
+    """Return the closed positions beside steps from a closed one, shape (n, nq); ``None`` where there are none near."""
+    rows, gap = ConstraintRows.of(mechanism.model, mechanism.constraints), CLOSED * (1.0 + mechanism.closure.extent)
+    closed, change = _moved(mechanism.model, [q] * len(steps), steps), np.zeros_like(steps)
+    for _ in range(ITERATIONS):
+        measured = rows.at(closed)
+        if np.abs(measured.gaps).max(initial=0.0) <= gap:
+            near = np.linalg.norm(change, axis=1) <= FAR * np.linalg.norm(steps, axis=1) + gap
+            return closed if near.all() else None
+        correction = -(np.linalg.pinv(measured.matrices, DEPENDENT) @ measured.gaps[..., None])[..., 0]
+        closed, change = _moved(mechanism.model, closed, correction), change + correction
+    return None
+
+
+def _moved(model: pin.Model, q: Sequence[Array] | Array, steps: Array) -> Array:
+    return np.array([pin.integrate(model, *pair) for pair in zip(q, steps, strict=True)])
+
+
+def _description(result: Result, number: int) -> str:
+    """Return the frequency and the damping of a mode in words."""
+    row = next(cells for cells in result.section("modes").tables[0].rows if cells[0] == str(number))
+    frequency, damping, nature = float(row[1]), float(row[3]), str(row[-1])
+    if nature == "rigid":
+        return "rigid"
+    if nature and not float(row[2]):
+        return f"{'grows' if nature == 'unstable' else 'decays'} without oscillation, {abs(float(row[4])):.4g} s"
+    return f"{frequency:.4g} Hz, damping ratio {damping:.3g}" + (", unstable" if nature else "")
