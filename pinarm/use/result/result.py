@@ -35,6 +35,7 @@ from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
 if TYPE_CHECKING:
     import meshcat
+    from control import StateSpace
     from pandas import DataFrame
 
     from pinarm.engine.labelled_array import LabelledArray
@@ -280,6 +281,19 @@ class Result(Record, frozen=True):
         return dataframe(
             {series.label: series.values for series in map(self.presentation.written, self.table_columns())}
         )
+
+    def to_control(self) -> StateSpace:
+        """Return a linear analysis as a state space of python-control, with names of states, inputs and outputs.
+
+        All is in SI. Dots in names, which python-control does not allow, become underscores. The states are the outputs
+        where the problem names none.
+
+        Raises:
+            InputError: It is no linear analysis, or python-control is not installed.
+        """
+        from pinarm.use.result.vibrations import state_space
+
+        return state_space(self)
 
     def plot(self, *names: str, against: str | None = None) -> Picture:
         """Return a figure with one axis per quantity.

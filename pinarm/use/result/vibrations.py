@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from itertools import groupby, product
 from typing import TYPE_CHECKING
 
@@ -14,11 +15,14 @@ import numpy as np
 
 from pinarm.arrays import Array, Complex
 from pinarm.engine.series import Series
+from pinarm.errors import InputError
 from pinarm.input.units import HERTZ, Unit, unit
 from pinarm.records import Record, replace
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:
+    from control import StateSpace
+
     from pinarm.engine.labelled_array import LabelledArray
     from pinarm.use.result.result import Result
 
@@ -89,6 +93,28 @@ def _quotient(own: Unit | None, per: Unit | None) -> Unit | None:
     if below == "1" or str(own) == below:
         return own if below == "1" else whole
     return Unit(whole.factor, whole.dimension, f"{own}/({below})" if re.search(r"\W", below) else f"{own}/{below}")
+
+
+def state_space(result: Result) -> StateSpace:
+    """Return a linear analysis as a state space of python-control; see ``Result.to_control``.
+
+    Raises:
+        InputError: It is no linear analysis, or python-control is not installed.
+    """
+    tables = result.arrays
+    if "A" not in tables:
+        raise InputError("the result has no matrices A, B, C, D", expected="a run of the kind linear")
+    try:
+        control = import_module("control")
+    except ImportError:
+        raise InputError("python-control is not installed", hint="pip install 'pinarm[control]'") from None
+    a, b = tables["A"], tables["B"]
+    c, d, outputs = np.eye(len(a.rows)), np.zeros((len(a.rows), len(b.columns))), a.rows
+    if "C" in tables:
+        c, d, outputs = tables["C"].values, tables["D"].values, tables["C"].rows
+    names = {"states": a.rows, "inputs": b.columns, "outputs": outputs}
+    allowed = {key: [name.replace(".", "_") for name in some] for key, some in names.items()}
+    return control.ss(a.values, b.values, c, d, name=result.name.replace(".", "_"), **allowed)
 
 
 def _modes(result: Result) -> Section:

@@ -1,5 +1,6 @@
 """Sections, graphs and files of a linear analysis, compared with a carriage on a spring and a damper."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.result.result import Result
+from pinarm.use.result.vibrations import responses
 from pinarm.use.show.plot import charts
 from pinarm.use.show.terminal import report
 
@@ -98,6 +100,28 @@ def test_a_folder_holds_the_matrices_with_names_and_units(carriage: Callable[...
     again = pinarm.restore(folder)
     assert again.section("frequency_response").graphs[0].marks == result.section("frequency_response").graphs[0].marks
     assert [axis.get_xscale() for axis in again.plot("bode").axes] == ["log", "log"]
+
+
+def test_python_control_gets_the_matrices_with_their_names(carriage: Callable[..., Result]) -> None:
+    control = pytest.importorskip("control")
+    result = carriage()
+    plant = result.to_control()
+    assert (plant.state_labels, plant.input_labels, plant.output_labels) == (["slide", "slide'"], ["slide"], ["slide"])
+    dotted = carriage(outputs=("joint.slide.velocity",)).to_control()
+    assert dotted.output_labels == ["joint_slide_velocity"]
+    known = responses(result.arrays)[0]
+    assert plant(2j * np.pi * known.frequencies) == pytest.approx(known.values, rel=1e-5)
+    assert control.damp(plant, doprint=False)[1] == pytest.approx([RATIO, RATIO])
+
+
+def test_without_matrices_or_python_control_it_says_so(
+    carriage: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError, match="no matrices A, B, C, D"):
+        pinarm.run("scenarios/gen411_arm_static.yaml").to_control()
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(InputError, match=r"pip install 'pinarm\[control\]'"):
+        carriage().to_control()
 
 
 def test_tables_become_frames_with_units(carriage: Callable[..., Result]) -> None:
