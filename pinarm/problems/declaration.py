@@ -26,24 +26,20 @@ class Declaration(ValueRecord, frozen=True):
         held: Coordinate -> the value at which it stands still.
         moved: Coordinates that are prescribed and not known before: swept over a range, or with given rates.
         laws: Coordinate -> the law that it follows.
-        span: First and last instant at which the laws are wanted [s].
         watched: Coordinates that the problem looks at, and that have to be there.
         drives: Coordinates along which the drives act; empty for those that the kind of problem chooses.
         loads: Applied forces of the run.
         integrated: Whether coordinates that nothing imposes move under the forces.
-        massless: Whether only the motion is asked for, and masses play no part.
     """
 
     without: Callable[[Collection[str]], Problem]
     held: Mapping[str, float] = field(default_factory=dict)
     moved: Collection[str] = ()
     laws: Mapping[str, Motion] = field(default_factory=dict)
-    span: tuple[float, float] = (0.0, 0.0)
     watched: Collection[str] = ()
     drives: Sequence[str] = ()
     loads: Mapping[str, Force] = field(default_factory=dict)
     integrated: bool = False
-    massless: bool = False
 
     @property
     def prescribed(self) -> list[str]:

@@ -123,7 +123,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
     def declaration(self) -> Declaration:
         return Declaration(
-            self._without, laws=self.motion, span=(self.time.start, self.time.end),
+            self._without, laws=self.motion,
             watched=[*(event.when for event in self.events.values()), *self._commanded()], loads=self.loads,
             integrated=True,
         )  # fmt: skip

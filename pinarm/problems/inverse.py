@@ -85,9 +85,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         """
         if self.share is not None or self.resolve is not None:
             return None
-        return Declaration(
-            self._without, laws=self.motion, span=(self.time.start, self.time.end), drives=self.drives, loads=self.loads
-        )
+        return Declaration(self._without, laws=self.motion, drives=self.drives, loads=self.loads)
 
     def _without(self, names: Collection[str]) -> Inverse:
         drives = [name for name in self.drives if name not in names]

@@ -60,7 +60,7 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
         """Return what the problem says about coordinates; nothing where a posture chooses: joints depend on all."""
         if self.resolve is not None:
             return None
-        return Declaration(self._without, laws=self.motion, span=(self.time.start, self.time.end), massless=True)
+        return Declaration(self._without, laws=self.motion)
 
     def _without(self, names: Collection[str]) -> KinematicMotion:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))

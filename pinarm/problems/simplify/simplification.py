@@ -1,8 +1,7 @@
-"""A problem solved on the part of a mechanism that it requires, and the outcome put back into the whole.
+"""A problem solved with the joints locked that it holds still, and the outcome put back into the whole mechanism.
 
-A joint is *locked* where a law, a value of ``hold`` or a coupling keeps it still: with what it carries it becomes one
-body with its parent. It is *dropped* with its bodies where it follows a law and no joint that stays is beyond it, nor
-before it but where only the motion is asked. See ``problems.simplify.removal`` for what stays.
+A joint is locked where a law, a value of ``hold`` or a coupling keeps it still: with what it carries it becomes one
+body with its parent. See ``problems.simplify.locking`` for the joints that stay.
 """
 
 from __future__ import annotations
@@ -11,22 +10,19 @@ from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint import joint_ties
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place, listed
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import bind_loads
 from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
-    from pinarm.problems.simplify.model_reduction import ReducedMechanism
+    from pinarm.problems.simplify.locked_mechanism import LockedMechanism
 
 
 class Removal(ValueRecord, frozen=True):
@@ -34,7 +30,7 @@ class Removal(ValueRecord, frozen=True):
 
     Attributes:
         joint: Its name.
-        how: ``locked``, or ``dropped`` with its bodies.
+        how: ``locked``; files of earlier versions also have ``dropped``, with its bodies.
         why: In words.
     """
 
@@ -60,7 +56,7 @@ class Simplification(Record, frozen=True):
     accuracy: Accuracy
     place: Place
     problem: Problem
-    part: ReducedMechanism | None = None
+    part: LockedMechanism | None = None
 
     @classmethod
     def whole(cls, problem: Problem, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Simplification:
@@ -86,23 +82,21 @@ class Simplification(Record, frozen=True):
         tied = joint_ties(mechanism.constraints) or any(drive.turns_rotor for drive in mechanism.drives.values())
         if declared is None or tied or mechanism.frictions:  # these move, or stick and slip, with several joints
             return whole
-        from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
+        from pinarm.problems.simplify.locking import locking
 
-        known = KnownMotion(declared, mechanism, known_laws(declared, mechanism, place))
-        stay = {mechanism.joints[name].v for name in requested if name in mechanism.joints}
-        if known.own_laws.keys() | known.stationary.keys() <= stay:
-            return whole
-        forces = bind_loads(mechanism, declared.loads, place)
         try:
-            found = removable(known, forces, requested)
+            found = locking(declared, mechanism, requested)
         except KeyError:  # a name that does not exist: the question tells of it when it is solved
             found = None
         if found is None:
             return whole
-        from pinarm.problems.simplify.model_reduction import ReducedMechanism
+        from pinarm.problems.simplify.locked_mechanism import LockedMechanism
 
+        forces = bind_loads(mechanism, declared.loads, place)
+        part = LockedMechanism.of(mechanism, forces, declared.loads, found)
+        if part is None:
+            return whole
         problem.prepare(mechanism, accuracy, place)
-        part = ReducedMechanism(mechanism, forces, *found)
         removed = mechanism.coordinates.keys() - part.mechanism.coordinates.keys()
         return cls(problem, mechanism, accuracy, place, declared.without(removed), part)
 
@@ -139,15 +133,9 @@ class Simplification(Record, frozen=True):
         """Return states of the solved mechanism as those of the whole one."""
         return run if self.part is None else self.part.restored_rows(run)
 
-    def spread(self, grid: Grid, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return states of what is solved as those of the whole mechanism.
-
-        Args:
-            grid: The n instants.
-            q: Configurations, shape (..., n, nq of what is solved).
-            v: Velocities, likewise.
-        """
-        return (q, v) if self.part is None else self.part.spread(grid, q, v)
+    def spread(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return states of what is solved, shapes (.., nq) and (.., nv), as those of the whole mechanism."""
+        return (q, v) if self.part is None else self.part.spread(q, v)
 
     def _as_put(self) -> tuple[Outcome, Outcome]:
         run = self.question.solve(self.mechanism, self.accuracy, self.place, self._prepared)
@@ -166,21 +154,15 @@ class Simplification(Record, frozen=True):
         """What is removed and why, joint by joint."""
         if self.part is None:
             return ()
-        removed, found = self.part.removed, []
-        for joint in self.mechanism.joints.values():
-            if joint.v in removed.locked:
-                value = removed.locked[joint.v].on(0.0, 0.0)(np.zeros(1))[0][0]
-                found.append(Removal(joint.name, "locked", f"held at {value:.6g} {joint.unit}"))
-            elif joint.v in removed.dropped:
-                found.append(Removal(joint.name, "dropped", ALONE))
-        return tuple(found)
-
-
-ALONE = "follows its law; nothing that is free, or asked as a force, depends on it"
+        positions, joints = self.part.locking.positions, self.mechanism.joints.values()
+        return tuple(
+            Removal(joint.name, "locked", f"held at {positions[joint.v]:.6g} {joint.unit}")
+            for joint in joints
+            if joint.v in positions
+        )
 
 
 def removal_lines(removals: Sequence[Removal]) -> list[str]:
-    """Return what is removed in a line for each reason, many joints counted."""
-    reasons = {"locked": "held still", "dropped": "moved by laws, and nothing that is free or asked depends on it"}
-    names = {how: [removal.joint for removal in removals if removal.how == how] for how in reasons}
-    return [f"{how}: {listed('joint', joints)} ({reasons[how]})" for how, joints in names.items() if joints]
+    """Return what is removed in a line, many joints counted."""
+    names = [removal.joint for removal in removals]
+    return [f"locked: {listed('joint', names)} (held still)"] if names else []

@@ -36,7 +36,7 @@ from pinarm.input.yaml.schema import Measured
 from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.mechanics.perturbation import perturbed_numbers
 from pinarm.problems import KINDS, Problem, problem_class
-from pinarm.problems.simplify.requested_joints import requested_joints
+from pinarm.problems.simplify.locking import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace

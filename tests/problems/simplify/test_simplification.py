@@ -148,7 +148,7 @@ JERKS = {"law": "trapezoid", "from": "0 rad", "to": "1 rad", "acceleration": "6 
 ALL_LEVEL = re.sub('axis xyz="[^"]*"', 'axis xyz="0 1 0"', TWO_ARMS).replace("0.1 0.2 0.3", "0 0.2 0")
 """The same with all axes parallel, so that angles can be summed."""
 LAWS = {"waist": HELD, "shoulder_a": MOVES, "elbow_a": HELD, "shoulder_b": JERKS, "elbow_b": MOVES}
-ONLY_A = {"waist": "locked", "elbow_a": "locked", "shoulder_b": "dropped", "elbow_b": "dropped"}
+STILL = {"waist": "locked", "elbow_a": "locked"}
 
 
 @pytest.fixture
@@ -177,18 +177,6 @@ def inverse(**laws):
 RK4 = {"method": "rk4", "step": "20 ms"}
 
 
-def test_an_arm_on_a_held_trunk_needs_no_other_arm(scene):
-    """Beside the whole mechanism, a model that never had the other arm says the same."""
-    asked = scene(inverse(), "joint.shoulder_a.effort")
-    assert assert_unchanged(asked) == ONLY_A
-    effort = asked.run()["joint.shoulder_a.effort"].values
-    motion = {name: LAWS[name] for name in ("waist", "shoulder_a", "elbow_a")}
-    alone = scene({"kind": "inverse", "motion": motion}, "joint.shoulder_a.effort", model=ONE_ARM).run()
-    rows = np.isin(asked.run().trajectory.grid.t, alone.trajectory.grid.t)  # without those of the other arm's jerks
-    assert rows.sum() == 21
-    np.testing.assert_allclose(effort[rows], alone["joint.shoulder_a.effort"], rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     "asked",
     ["joint.elbow_b.force.z", "drive.motor.torque", "published"],
@@ -196,18 +184,13 @@ def test_an_arm_on_a_held_trunk_needs_no_other_arm(scene):
 def test_what_is_asked_as_a_force_is_solved_for(scene, asked):
     told = {"drives": {"motor": {"joint": "elbow_b", "ratio": 50}}, "symbols": {"published": "joint.elbow_b.effort"}}
     found = assert_unchanged(scene(inverse(), asked, **told))
-    assert found == {"waist": "locked", "shoulder_a": "dropped", "elbow_a": "locked"}
-    assert assert_unchanged(scene(inverse(), "joint.shoulder_a.effort", **told)) == ONLY_A
+    assert found == STILL
+    assert assert_unchanged(scene(inverse(), "joint.shoulder_a.effort", **told)) == STILL
 
 
 def test_motion_asked_of_what_is_removed_is_there(scene):
     outputs = ("joint.shoulder_a.effort", "point.b2.position.z", "joint.elbow_b.velocity", "energy.total", "waist")
-    assert assert_unchanged(scene(inverse(), *outputs)) == ONLY_A
-
-
-def test_a_trunk_that_moves_is_kept_and_carries_what_was_dropped(scene):
-    asked = scene(inverse(waist=dict(MOVES)), "joint.elbow_a.effort")
-    assert assert_unchanged(asked) == {"shoulder_b": "dropped", "elbow_b": "dropped"}
+    assert assert_unchanged(scene(inverse(), *outputs)) == STILL
 
 
 OTHER_ARM = {"shoulder_b": JERKS, "elbow_b": HELD}
@@ -216,8 +199,8 @@ OTHER_ARM = {"shoulder_b": JERKS, "elbow_b": HELD}
 @pytest.mark.parametrize(
     ("waist", "removed"),
     [
-        ({"waist": HELD}, {"waist": "locked", "shoulder_b": "dropped", "elbow_b": "locked"}),
-        ({"waist": MOVES}, {"shoulder_b": "dropped", "elbow_b": "locked"}),
+        ({"waist": HELD}, {"waist": "locked", "elbow_b": "locked"}),
+        ({"waist": MOVES}, {"elbow_b": "locked"}),
         ({}, {"elbow_b": "locked"}),
     ],
     ids=["held", "moved", "free"],
@@ -227,17 +210,6 @@ def test_an_arm_that_falls_feels_the_other_only_through_a_free_trunk(scene, wais
     motors = {name: {"joint": name, "ratio": 50, "rotor_inertia": "8e-5 kg*m^2"} for name in LAWS}
     asked = scene(problem, "joint.elbow_a.acceleration", drives=motors, accuracy=RK4)
     assert assert_unchanged(asked) == removed
-
-
-def test_a_joint_whose_effort_is_asked_keeps_what_follows_a_profile_over_it(scene):
-    """The note that its effort is without the follower's is told; asked elsewhere, the follower is dropped."""
-    profile = {"law": "harmonic", "amplitude": "0.2 rad", "pulsation": "2 rad/rad"}
-    follows = {"law": "over", "of": "shoulder_a", "profile": profile}
-    asked = scene(inverse(elbow_b=follows), "joint.shoulder_a.effort")
-    assert assert_unchanged(asked) == {"waist": "locked", "elbow_a": "locked"}
-    assert any("'elbow_b' is moved along its profile over 'shoulder_a'" in note for note in asked.run().notes())
-    found = assert_unchanged(scene(inverse(elbow_b=follows), "joint.elbow_a.effort"))
-    assert found == {"waist": "locked", "shoulder_b": "dropped", "elbow_b": "dropped"}
 
 
 def test_a_free_base_carries_what_is_locked(scene):
@@ -271,7 +243,7 @@ def test_a_hand_on_its_way_needs_no_other_arm(scene):
         "start": {"shoulder_a": "0.5 rad", "elbow_a": "0.8 rad", "elbow_b": "1 rad"},
     }
     found = scene(problem, "joint.elbow_a.position", coordinates=hand)
-    assert assert_unchanged(found) == {"waist": "locked", "shoulder_b": "dropped", "elbow_b": "dropped"}
+    assert assert_unchanged(found) == {"waist": "locked"}
 
 
 GEARED = {"couplings": {"gear": {"kind": "gear", "joints": ["elbow_a", "elbow_b"], "ratio": -2, "offset": "0.1 rad"}}}
@@ -298,8 +270,7 @@ def test_loops_are_carried_by_what_is_locked(scene, kind):
     motion = {"waist": HELD, "shoulder_a": MOVES, "elbow_a": HELD, "elbow_b": JERKS}
     problem = {"kind": kind, "motion": motion, "start": {"shoulder_b": "0.3 rad"}}
     asked = scene(problem, "joint.shoulder_a.effort" if kind == "inverse" else "shoulder_b", loops=loops)
-    dropped = {"elbow_b": "dropped"} if kind == "kinematics" else {}
-    assert assert_unchanged(asked) == {"waist": "locked", **dropped}
+    assert assert_unchanged(asked) == {"waist": "locked"}
     assert kind == "kinematics" or np.abs(asked.run().trajectory.lam).min() > 0.1
 
 
@@ -323,7 +294,7 @@ def test_loads_move_with_what_is_locked(scene):
     found = assert_unchanged(
         scene(problem, "joint.elbow_a.acceleration", "power.band", "force.pad.moment.x", accuracy=RK4)
     )
-    assert found == {"waist": "locked", "elbow_b": "locked"}, "an arm that pulls another is not dropped"
+    assert found == {"waist": "locked", "elbow_b": "locked"}
 
 
 def test_reactions_of_the_part_are_those_of_the_whole(scene):
@@ -390,10 +361,9 @@ def test_it_says_what_was_removed_and_why(scene, tmp_path):
     result = asked.run()
     said = {one["joint"]: (one["how"], one["why"]) for one in result.summary()["not solved for"]}
     assert said["elbow_a"] == ("locked", "held at 0.3 rad")
-    assert said["elbow_b"] == ("dropped", "follows its law; nothing that is free, or asked as a force, depends on it")
     assert "locked: joints waist, elbow_a (held still)" in report(result).splitlines()
     told = str(explain(tmp_path / "scenario.yaml")).splitlines()
-    assert "solved for: 1 of 5 joints" in told
+    assert "solved for: 3 of 5 joints" in told
     assert "  waist: locked, held at 0.3 rad" in told
     again = restore(result.save(tmp_path / "result", plots=False))
     assert again.removals == result.removals

@@ -256,7 +256,7 @@ class Block:
             q, v = (np.full((len(self), len(self.t), x.shape[1]), np.nan) for x in (self.q, self.v))
             for motion, instant, run, rows in self._tables():
                 q[motion, instant], v[motion, instant] = run.q[rows], run.v[rows]
-        return self.question.scenario.simplification.spread(self.question.hybrid.grid_of_each(self.t), q, v)
+        return self.question.scenario.simplification.spread(q, v)
 
     def _tables(self) -> Iterator[tuple[Indices, Indices, Trajectory, Indices]]:
         """Yield motions, the instants that they have come to, trajectories, and their rows there."""
