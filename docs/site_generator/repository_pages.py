@@ -19,7 +19,7 @@ PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGEL
 """Pages that stand beside ``docs``, and their places in the site."""
 
 LANGUAGES = {".yaml": "yaml", ".py": "python", ".xacro": "xml", ".urdf": "xml", ".xml": "xml", ".csv": "text",
-             ".cff": "yaml", ".toml": "toml", "": "text"}  # fmt: skip
+             ".cff": "yaml", ".toml": "toml", ".md": "markdown", "": "text"}  # fmt: skip
 """Suffix of a file that is shown, and the language that it is highlighted as."""
 
 FOLDER = "repository"

@@ -314,7 +314,7 @@ class StickSlip:
         watches, same = list[tuple[int, Watch]](), same_joint(self.contacts)
         held = {i for group in slip.stuck for i in group.members}
         if all(isinstance(law, Constant) for law in self.prescribed.laws):  # so all of them stand still
-            held |= set(np.flatnonzero(np.array(slip.direction) == 0.0).tolist())
+            held |= set(np.flatnonzero(sizes(self.contacts, np.array(slip.direction)) == 0.0).tolist())
         for i in (i for i in range(len(same)) if int(same[i].argmax()) == i):
             parts, contact = np.flatnonzero(same[i]), self.contacts[i]
             if not held.intersection(parts.tolist()):
