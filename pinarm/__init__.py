@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.answers.selftest import SelfTest, selftest
-    from pinarm.use.study.batch.batch import Batch, batch
     from pinarm.use.study.explain import explain
     from pinarm.use.study.quantities import quantities
     from pinarm.use.study.run import run, validate
+    from pinarm.use.study.sweep.batches import Batch, batch
     from pinarm.use.study.sweep.sweep import Sweep, sweep
 
 __version__ = "0.1.0"
@@ -35,8 +35,8 @@ _HOMES = {
     "Series": "pinarm.engine.series",
     "Trajectory": "pinarm.engine.motion.trajectory",
     "PinarmError": "pinarm.errors",
-    "Batch": "pinarm.use.study.batch.batch",
-    "batch": "pinarm.use.study.batch.batch",
+    "Batch": "pinarm.use.study.sweep.batches",
+    "batch": "pinarm.use.study.sweep.batches",
     "check": "pinarm.use.study.answers.check",
     "examples": "pinarm.use.store.examples",
     "explain": "pinarm.use.study.explain",

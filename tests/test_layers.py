@@ -28,7 +28,7 @@ FLOOR_PLAN = {
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_parts "
     "mechanism_loading mechanism_variants",
     "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
-    "position_bands equilibria inverse kinematics linear states recording forward batch_table simplify",
+    "position_bands equilibria inverse kinematics linear states recording forward simplify",
     "use": "progress mechanism result workers cases assessments scenario output show store views study report",
     "cli": "options streams main",
 }

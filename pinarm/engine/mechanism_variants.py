@@ -26,7 +26,7 @@ def mechanism_variants(
     The others take other branches of the model, or have numbers that no body can have: they are to be read alone.
 
     Args:
-        mechanism: The first of the variants, whose force elements are springs and dampers of joints.
+        mechanism: The first of the variants.
         given: The arguments that it was read with [SI].
         columns: Those that vary, with their values in all variants [SI].
 
@@ -36,6 +36,8 @@ def mechanism_variants(
     """
     _require_plain(mechanism)
     source = mechanism.source
+    if source.model is not None or source.base is not None or mechanism.description.planar is not None:
+        raise VariantsDiffer("a model that is not read from a file as it is")
     expanded = expand_columns(source.robot, given, columns, root=root_of(source.folder / "mechanism.yaml"))
     if expanded is None or not expanded.columns:
         raise VariantsDiffer("a model whose expansion is not recorded, or in which no number varies")
@@ -65,23 +67,19 @@ def some_variants(mechanism: Mechanism, places: Indices) -> Mechanism:
 
 
 def _require_plain(mechanism: Mechanism) -> None:
-    """Raise where more depends on the model than the motion of its links.
+    """Raise where more depends on the model than the motion of its links; of forces see ``require_joint_forces``.
 
     Raises:
         VariantsDiffer: Says what.
     """
-    source = mechanism.source
     if mechanism.frictions or mechanism.control or mechanism.balls:
         raise VariantsDiffer("friction, controllers or ball joints")
     if not all(isinstance(constraint, LoopJoint) for constraint in mechanism.constraints):
         raise VariantsDiffer("couplings or cables")
-    require_joint_forces(mechanism.forces)
-    if source.model is not None or source.base is not None or mechanism.description.planar is not None:
-        raise VariantsDiffer("a model that is not read from a file as it is")
 
 
 def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
-    """Raise where force elements do more than push joints by their coordinates and velocities.
+    """Raise where force elements do more than push joints evenly, or by their coordinates and velocities.
 
     Raises:
         VariantsDiffer: One depends on where links are.
@@ -90,7 +88,7 @@ def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
         return
     from pinarm.mechanics.forces.joint_springs import SpringDamper
 
-    if others := [name for name, force in forces.items() if not isinstance(force, SpringDamper)]:
+    if others := [name for name, force in forces.items() if not (force.steady or isinstance(force, SpringDamper))]:
         raise VariantsDiffer(f"the force element '{others[0]}'")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -190,19 +190,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         hybrid = prepared or self.prepare(mechanism, accuracy, place)
         with place("initial"):
             q, v = hybrid.start
-        outcome = self.solve_from(mechanism, hybrid, q, v, hybrid.initial.given_rates())
-        return replace(outcome, notes=(*hybrid.assembly.notes, *outcome.notes))
-
-    def solve_from(self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, given: Array) -> Outcome:
-        """Return the motion from an assembled state; see ``solve``.
-
-        Args:
-            mechanism: The mechanism.
-            hybrid: What is integrated.
-            q: Configuration at the start, shape (nq,).
-            v: Velocity there, shape (nv,).
-            given: What was given of it; see ``Initial.given_rates``.
-        """
         mechanism = self._losing(mechanism)
         try:
             motion = integrate_to_size(hybrid, q, v)
@@ -223,7 +210,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         whole = integrated.outcome(grid)
         energy = energy_balance(*accounts)
         remarks = [
-            *_changed(mechanism, given, v),
+            *_changed(mechanism, hybrid.initial.given_rates(), v),
             *_uncertain(hybrid.guided, q, v),
             *motion.remarks(),
             *_motors(hybrid, motion),
@@ -234,7 +221,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             *profile_remarks(mechanism, self.motion),
         ]
         figures = {**motion.cost(), **energy, **motion.rounding}
-        return replace(whole, figures=figures, notes=(*remarks, *motion.diagnose()))
+        notes = *hybrid.assembly.notes, *remarks, *motion.diagnose()
+        return replace(whole, figures=figures, notes=notes)
 
     def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""
@@ -287,42 +275,23 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                     with place("initial", part, Key(name)):
                         raise InputError(f"'{name}' follows a law", expected="initial values of free joints only")
         with place("initial"):
-            [initial] = self.initial_states(mechanism, prescribed, {}, {}, 1)
-        return initial
+            return self._begun(mechanism, prescribed)
 
-    def initial_states(
-        self, mechanism: Mechanism, prescribed: PrescribedCoordinates, position: Mapping[str, Array],
-        velocity: Mapping[str, Array], count: int,
-    ) -> Iterator[Initial]:  # fmt: skip
-        """Yield the initial states of some motions, which are this one but for positions and velocities of their own.
-
-        Args:
-            mechanism: The mechanism.
-            prescribed: What follows laws.
-            position: Joint -> its coordinates [rad or m], shape (count,).
-            velocity: Joint -> its velocities [rad/s or m/s], shape (count,).
-            count: How many motions there are.
-        """
+    def _begun(self, mechanism: Mechanism, prescribed: PrescribedCoordinates) -> Initial:
         start, joints, balls = {**self.start, **self.initial.position}, mechanism.joints, mechanism.balls
         others = rates_of_coordinates(mechanism, self.initial.velocity)
         own = {name: rate for name, rate in self.initial.velocity.items() if name not in others}
-        q = np.tile(start_configuration(mechanism, start), (count, 1))
-        v = np.tile(velocity_of(mechanism.model, joints, balls, own), (count, 1))
-        for name, values in position.items():
-            q[:, joints[name].q] = values
-        for name, values in velocity.items():
-            v[:, joints[name].v] = values
         positions, velocities = (
             tuple(dict.fromkeys(index for name in given for index in indices_of(name, joints, balls)))
-            for given in ((*self.initial.position, *position), (*own, *velocity))
+            for given in (self.initial.position, own)
         )
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
-        followers = followers_of(mechanism, {*start, *position}, {*self.initial.velocity, *velocity})
+        followers = followers_of(mechanism, start, self.initial.velocity)
         grid = Grid.cover(np.array([self.time.start, self.time.end]), prescribed.laws)
         drawn = near_given(mechanism, start_configuration(mechanism, {}), [], prescribed, grid)
-        for rough, speeds in zip(q, v, strict=True):
-            near = near_given(mechanism, rough, [*start, *position], prescribed, grid)
-            yield Initial(near, speeds, positions, velocities, rates, followers, near if self.start else drawn)
+        near = near_given(mechanism, start_configuration(mechanism, start), [*start], prescribed, grid)
+        v = velocity_of(mechanism.model, joints, balls, own)
+        return Initial(near, v, positions, velocities, rates, followers, near if self.start else drawn)
 
 
 def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:

@@ -72,9 +72,10 @@ def _motions(problem: Batch, method: str, tolerance: float) -> Run:
 
     def run() -> np.ndarray:
         motions = pinarm.batch(scenario, position, velocity)
+        q, _ = motions.states()
         if motions.failures:
             raise ArithmeticError(f"{len(motions.failures)} motions failed")
-        return motions.states()[0][:, -1, columns]
+        return q[:, -1, columns]
 
     return run
 

@@ -335,7 +335,8 @@ def variant_energies(dynamics: Dynamics, ensemble: Ensemble, interpolated: Flags
     NaN where it is unknown.
 
     Args:
-        dynamics: The equation of motion of the variants, whose force elements are springs and dampers of joints.
+        dynamics: The equation of motion of the variants, whose force elements are at joints: springs, dampers, steady
+            ones.
         ensemble: Their motions.
         interpolated: Steps within which there are rows of the table, shape (steps,).
     """
@@ -347,6 +348,10 @@ def variant_energies(dynamics: Dynamics, ensemble: Ensemble, interpolated: Flags
     step, ends = np.vstack([parts.step, last]), np.vstack([parts.start, steps.until[last]])
     q, v = ensemble.states_in(step, ends)
     lost = _variant_losses(exchanging, ensemble, parts) if exchanging else np.zeros_like(parts.h)
+    for force in dynamics.forces.values():
+        if force.steady:
+            force.add_load(0.0, q[0, 0], v[0, 0], load := np.zeros(v.shape[-1]))
+            lost = lost - np.diff(q, axis=0) @ load
     columns = *dynamics.energy(q, v), np.concatenate([0.0 * lost[:1], np.cumsum(lost, axis=0)])
     drift = np.sum([column - column[0] for column in columns], axis=0)
     return unaccounted(np.abs(drift).max(axis=0), np.array(columns))

@@ -1,7 +1,6 @@
-"""Many motions integrated together: from many initial states of one system, or of variants of a system.
+"""Motions of variants of a system, or from several initial states, integrated together in compiled code.
 
-Each motion has its own time and step length, and takes the steps that it takes alone. Compiled motions take many steps
-in one call; others take one step each, with the accelerations of all motions evaluated together.
+Each motion has its own time and step length, and takes the steps that it takes alone, many of them in one call.
 """
 
 from __future__ import annotations
@@ -13,27 +12,18 @@ from functools import cached_property, partial
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration.integrator import Interval, Manifold, StepsOver
+from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.runge_kutta import (
     FASTEST,
-    PASSED,
     SHORTEST,
-    along,
-    error_of,
     first_step,
-    growth,
-    shrinkage,
-    stages,
 )
 from pinarm.engine.integration.solution import Solution
 from pinarm.records import Record
 
 ROOM, FEWEST, MOST = 16384, 8, 512
 """Steps that all motions together may take in one call of the library each, and bounds of those of a single motion."""
-
-ROWS = 16384
-"""Number of states that are evaluated by dense output at once."""
 
 
 class Motions(Record, frozen=True):
@@ -85,13 +75,6 @@ class Ensemble(Record, frozen=True):
         """The first step of each motion, shape (b,)."""
         return np.cumsum(self.counts) - self.counts
 
-    @cached_property
-    def ends(self) -> Array:
-        """Last time reached by each motion [s], shape (b,); -inf without steps."""
-        ends = np.full(len(self.arrived), -np.inf)
-        ends[self.motion] = self.solution.steps.until
-        return ends
-
     @property
     def sizes(self) -> Array:
         """Largest coordinate or velocity of each motion at the starts of its steps, in SI, shape (b,)."""
@@ -122,24 +105,6 @@ class Ensemble(Record, frozen=True):
         q, v = self.solution.states_in(step.ravel(), t.ravel())
         return q.reshape(*step.shape, -1), v.reshape(*step.shape, -1)
 
-    def states(self, t: Array) -> tuple[Array, Array]:
-        """Return the states of all motions at times t [s], ascending, shape (n,), NaN beyond the end of a motion.
-
-        q of shape (b, n, nq) and v of shape (b, n, nv).
-        """
-        reached, manifold = self.reached(t), self.solution.manifold
-        motion, instant = reached.nonzero()
-        q, v = (np.full((*reached.shape, n), np.nan) for n in (manifold.nq, manifold.nv))
-        steps = self.located(np.arange(len(reached)), t).T[reached]
-        for begin in range(0, len(steps), ROWS):
-            k, i = (x[begin : begin + ROWS] for x in (motion, instant))
-            q[k, i], v[k, i] = self.solution.states_in(steps[begin : begin + ROWS], t[i])
-        return q, v
-
-    def reached(self, t: Array) -> Flags:
-        """Return which motions have states at which times, shape (b, n)."""
-        return np.asarray(t <= self.ends[:, None])
-
     def with_others(self, motions: Indices, others: Ensemble) -> Ensemble:
         """Return these variants with others in the place of some of the motions, if they have come to their ends.
 
@@ -159,35 +124,6 @@ class Ensemble(Record, frozen=True):
         arrived = self.arrived.copy()
         method, manifold = self.solution.method, self.solution.manifold
         return _ensemble(Solution(method, manifold, intervals), chunks, arrived, self.failures)
-
-
-def integrate_batch(
-    intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: Adaptive, *,
-    max_steps: int = 1_000_000, steps_over: StepsOver | None = None,
-) -> Ensemble:  # fmt: skip
-    """Integrate from many initial states, each with the steps that ``driver.integrate`` takes from it.
-
-    Args:
-        intervals: Consecutive intervals with the accelerations of many states at once, without constraints.
-        manifold: The configuration space.
-        q: Initial configurations, shape (b, nq).
-        v: Initial velocities, shape (b, nv).
-        method: The embedded pair.
-        max_steps: Largest number of steps of a motion, rejected ones included.
-        steps_over: Whether a step may have stepped over a piece of a load; it is rejected then.
-    """
-    y, parts = np.concatenate([manifold.project(q), v], axis=1), [part for one in intervals for part in one.parts()]
-    integration = _Integration(method, manifold, parts, max_steps, len(y))
-    number, h = np.arange(len(y)), np.zeros(len(y))
-    for index, interval in enumerate(parts):
-        if not len(number):
-            break
-        integration.interval[:] = index
-        flow, step = interval.compiled, partial(integration.step, interval, steps_over)
-        usable = flow is not None and not flow.settles and not steps_over
-        arrived = integration.followed(integration.begun(number, y, h), integration.take if usable else step)
-        number, y, h = arrived.number, arrived.y, arrived.h
-    return integration.ensemble(number)
 
 
 def integrate_variants(
@@ -292,29 +228,6 @@ class _Integration:
         for number, t in zip(active.number[failed].tolist(), active.t[failed].tolist(), strict=True):
             self.failures[number] = f"the integration cannot go on at t = {t:.9g} s: {why}"
         return active.some(~failed)
-
-    def step(self, interval: Interval, steps_over: StepsOver | None, active: Motions) -> Motions:
-        """Try one step of each motion in an interval; return the motions behind it."""
-        tableau, t, y, end = self.method.tableau, active.t, active.y, interval.end
-        last = t + 1.01 * active.h >= end
-        h, until = np.where(last, end - t, active.h), np.where(last, end, t + active.h)
-        slopes = np.empty((len(y), tableau.stages + 1, y.shape[1]))
-        slopes[:, 0] = active.slope
-        new = stages(tableau.rows, partial(interval.slopes, self.manifold, t), t, h, y, slopes)
-        error = error_of(tableau, h, y, new, slopes, (self.method.tolerance, interval.size))
-        if steps_over:
-            nq, states = self.manifold.nq, zip(*along(t, h, y, new, slopes), strict=True)
-            error[[steps_over(times, each[:, :nq], each[:, nq:]) for times, each in states]] = PASSED
-        done, order = error <= 1.0, tableau.error_order + 1  # False for NaN
-        grown = h * growth(error, order, active.ceiling)
-        grown = np.where(last, np.maximum(active.h, grown), grown)
-        self.record(active.number[done], np.stack([t, h, until], axis=1)[done], y[done], slopes[done])
-        self.tries[active.number] += 1
-        return Motions(
-            active.number, np.where(done, until, t), np.where(done, grown, h * shrinkage(error, order)),
-            np.where(done, FASTEST, 1.0), np.where(done[:, None], new, y),
-            np.where(done[:, None], slopes[:, -1], active.slope),
-        )  # fmt: skip
 
     def record(self, number: Indices, times: Array, y: Array, slopes: Array) -> None:
         """Record accepted steps."""

@@ -113,7 +113,8 @@ class IntegratedVariants:
     @cached_property
     def dynamics(self) -> Dynamics:
         """The equation of motion of the variants."""
-        return Dynamics.of_variants(self.mechanism.model, self.motion.hybrid.dynamics.forces)
+        hybrid = self.motion.hybrid
+        return Dynamics.of_variants(self.mechanism.model, hybrid.dynamics.on(*hybrid.time).forces)
 
     @cached_property
     def _grid(self) -> Grid:

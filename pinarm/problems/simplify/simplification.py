@@ -10,11 +10,9 @@ from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint import joint_ties
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place, listed
 from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
@@ -124,18 +122,6 @@ class Simplification(Record, frozen=True):
     def solved(self) -> Mechanism:
         """The mechanism that is solved."""
         return self.mechanism if self.part is None else self.part.mechanism
-
-    def restored(self, outcome: Outcome) -> Outcome:
-        """Return what came out for the solved mechanism as what comes out for the whole one."""
-        return outcome if self.part is None else self.part.restored(outcome)
-
-    def restored_rows(self, run: Trajectory) -> Trajectory:
-        """Return states of the solved mechanism as those of the whole one."""
-        return run if self.part is None else self.part.restored_rows(run)
-
-    def spread(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return states of what is solved, shapes (.., nq) and (.., nv), as those of the whole mechanism."""
-        return (q, v) if self.part is None else self.part.spread(q, v)
 
     def _as_put(self) -> tuple[Outcome, Outcome]:
         run = self.question.solve(self.mechanism, self.accuracy, self.place, self._prepared)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -53,36 +55,49 @@ where the motion comes to any."""
 NO_SECTIONS: Mapping[str, Numbered] = MappingProxyType({})
 
 
-@dataclass(frozen=True)
-class RowValues:
-    """The values of a quantity in all rows.
+class Taken(ABC):
+    """Numbers that are taken from the result of each case, as many in every case.
 
     Attributes:
-        quantity: A quantity, a symbol or a formula.
+        number: The number of the run that they are, if they are one.
+        broken_off: Whether they are taken also from the beginning of a run that failed.
     """
 
-    quantity: str
-    number: ClassVar[None] = None
+    number: AnyNumber | None = None
+    broken_off: ClassVar[bool] = False
 
+    @abstractmethod
     def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the values in all rows [SI], with no error of a quadrature.
+        """Return the numbers [SI], each with the error of its quadrature.
 
         Raises:
-            InputError: Friction at rest leaves one of them open.
+            InputError: The result does not have them.
             DynamicsError: One is not finite.
         """
+
+    @abstractmethod
+    def of_rows(self, quantities: Quantities) -> list[Array]:
+        """Return the numbers of variants, each of shape (k,) or (1,), from the quantities of their rows."""
+
+
+@dataclass(frozen=True)
+class RowValues(Taken):
+    """The values of a quantity, a symbol or a formula in all rows."""
+
+    quantity: str
+
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
         values = result.quantities.determined(self.quantity).values
         if not np.isfinite(values).all():
             raise DynamicsError(f"{self.quantity} is not finite")
         return [(float(value), 0.0) for value in values]
 
     def of_rows(self, quantities: Quantities) -> list[Array]:
-        """Return the values of variants, each of shape (k,) or (1,)."""
         return [*quantities[self.quantity].values]
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Wanted(Taken):
     """A number of the run, or the bounds of a quantity in its rows.
 
     Attributes:
@@ -142,17 +157,10 @@ class Wanted:
         return replace(self, unit=series.unit), columns
 
     def of_rows(self, quantities: Quantities) -> list[Array]:
-        """Return the least and the greatest values of variants, each of shape (k,) or (1,)."""
         values = quantities[self.quantity].values
         return [values.min(axis=0), values.max(axis=0)]
 
     def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the numbers [SI], each with the error of its quadrature.
-
-        Raises:
-            InputError: The place does not exist in this run, or the quantity is of another kind in this case.
-            DynamicsError: A number is not finite.
-        """
         numbers = self._numbers(result)
         if self.optional:
             return [(number + 0.0, error) if np.isfinite(number) else (np.nan, 0.0) for number, error in numbers]
@@ -172,16 +180,13 @@ class Wanted:
         return [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
 
 
-Taken: TypeAlias = RowValues | Wanted
-"""Numbers that are taken from the result of each case, as many in every case."""
-
-
 @dataclass(frozen=True)
 class Row:
     """What came out of one case.
 
     Attributes:
-        numbers: Results, then the measures of accuracy in the order of ``WORTH``; nothing where the case failed.
+        numbers: Results, then the measures of accuracy in the order of ``WORTH``. A case that failed has none, or those
+            that are ``broken_off``.
         error: Why it failed; empty where it did not.
         files: The files that it refers to.
         final: Whether solving it again would give the same; not so where the program itself failed.
@@ -214,16 +219,18 @@ class Task:
         anchors: Cases, from the first of which that can be solved the loops of all others are closed where they are
             solved together: the last digits depend on it, and so on no worker. Without any, each worker begins with a
             case of its own.
+        measured: Whether the measures of accuracy are wanted.
     """
 
     source: ScenarioSource
     wanted: tuple[Taken, ...]
     anchors: tuple[Case, ...] = ()
+    measured: bool = True
 
     @classmethod
-    def of(cls, scenario: Scenario, wanted: Iterable[Taken], *anchors: Case) -> Task:
+    def of(cls, scenario: Scenario, wanted: Iterable[Taken], *anchors: Case, measured: bool = True) -> Task:
         """Return what is the same in all cases of a scenario, for a process in any folder."""
-        return cls(scenario.source, tuple(wanted), anchors)
+        return cls(scenario.source, tuple(wanted), anchors, measured)
 
     @cached_property
     def scenario(self) -> Scenario:
@@ -260,7 +267,7 @@ def solve_case(task: Task, values: Case) -> Row:
 
 
 def solved_case(task: Task, values: Case) -> tuple[Row, Result | None]:
-    """Return the row of one case and its result, ``None`` where it failed; the row says why.
+    """Return the row of one case and its result, where it failed the beginning of it if any; the row says why.
 
     Args:
         task: The scenario and what is wanted of it.
@@ -275,30 +282,45 @@ def solved_case(task: Task, values: Case) -> tuple[Row, Result | None]:
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             if result.shortfall:
                 return Row((), result.shortfall, _names(files)), None
-            result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
-            worth = _worth(result, numbers)
-            row = Row((*(number for number, _ in numbers), *(worth.get(name, np.nan) for name in WORTH)))
+            if task.measured:
+                result = replace(result, figures={**result.figures, **plain(result.quantities.figures())})
+            row = Row((*(number for number, _ in numbers), *(_worth(result, numbers) if task.measured else UNMEASURED)))
             return replace(row, files=_names(files)), result
         except Interrupted:
             raise
         except PinarmError as error:
-            return Row((), _one_line(error), _names(files)), None
+            partial = error.partial if isinstance(error, NumericsError) else None
+            begun = partial if hasattr(partial, "quantities") else None
+            return Row(_broken_off(task, begun), _one_line(error), _names(files)), begun
         except Exception as error:  # a fault of the program costs one case, and is told as what it is
             if of_interrupt(error):
                 raise KeyboardInterrupt from None
             return Row((), f"the program failed: {fault(error)}", _names(files), final=False), None
 
 
-def _worth(result: Result, numbers: Iterable[tuple[float, float]]) -> dict[str, float]:
+UNMEASURED = (np.nan,) * len(WORTH)
+
+
+def _broken_off(task: Task, begun: Result | None) -> tuple[float, ...]:
+    """Return the numbers of a run that failed on the way; none where not all of them can be taken."""
+    if begun is None or not all(entry.broken_off for entry in task.wanted):
+        return ()
+    with suppress(PinarmError):
+        return (*(number for entry in task.wanted for number, _ in entry.numbers(begun)), *UNMEASURED)
+    return ()
+
+
+def _worth(result: Result, numbers: Iterable[tuple[float, float]]) -> tuple[float, ...]:
     """Return what tells the accuracy of a case; see ``WORTH``."""
     quadrature = [error / abs(number) for number, error in numbers if error and number]
     decisions = result.outcome.decisions
-    return {
+    known = {
         **result.figures,
         QUADRATURE: max(quadrature, default=np.nan),
         GLOBAL_ERROR: np.nan if result.error is None else result.error,
         OPEN: float(sum(decision.is_open for decision in decisions)) if decisions else np.nan,
     }
+    return tuple(known.get(name, np.nan) for name in WORTH)
 
 
 def failure(task: Task, values: Case, row: Row) -> PinarmError:

@@ -110,7 +110,7 @@ class ForwardCases:
     @property
     def forces(self) -> Mapping[str, ForceElement]:
         """The force elements of all cases."""
-        return self.motion.hybrid.dynamics.forces
+        return self.motion.hybrid.dynamics.on(*self.motion.hybrid.time).forces
 
     @property
     def length(self) -> int:

@@ -39,6 +39,7 @@ from pinarm.use.result.section_number import SectionNumber
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.use.result.result import Result
 
 NUMBERS = 800_000
@@ -84,7 +85,7 @@ class Stack:
     def begin(cls, task: Task, values: Case) -> tuple[Stack | None, Row]:
         """Solve a first case alone, and return what others need of it, ``None`` for nothing; and its row."""
         row, result = solved_case(task, values)
-        if result is None or any(isinstance(entry.number, SectionNumber) for entry in task.wanted):
+        if row.error or result is None or any(isinstance(entry.number, SectionNumber) for entry in task.wanted):
             return None, row
         asks = result.content.find or result.content.accuracy.target is not None or result.trajectory.columns
         motions = None if asks else _motions(result, values)
@@ -177,15 +178,24 @@ class Stack:
         outputs = [quantities[name].values for name in scenario.content.outputs]
         for values in (*outputs, *told.numbers):
             finite &= np.isfinite(values).all(axis=0) if values.ndim > 1 else np.isfinite(values)
+        figures = self._figures(variants, run, quantities, finite) if self.task.measured else {}
+        figures[QUADRATURE] = told.quadrature
+        columns = [*told.numbers, *(figures.get(name, np.nan) for name in WORTH)]
+        return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite & told.sound
+
+    def _figures(self, variants: Any, run: Trajectory, quantities: Quantities, finite: Flags) -> dict[str, Array]:
+        """Return the measures of accuracy of variants, each of shape (k,) or (1,), and note which are finite.
+
+        Raises:
+            VariantsDiffer: They are not those of the first case.
+        """
         figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
         for figure in figures.values():
             finite &= np.isfinite(figure)
         figures |= self.motions.figures(variants)
         if _known_first(figures) != self.first.figures.keys() - COSTS:
             raise VariantsDiffer("which figures can be measured")
-        figures[QUADRATURE] = told.quadrature
-        columns = [*told.numbers, *(figures.get(name, np.nan) for name in WORTH)]
-        return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite & told.sound
+        return figures
 
     def agrees(self, values: Case, alone: Row) -> bool | None:
         """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
@@ -201,8 +211,8 @@ class Stack:
         if not len(rows) or alone.error:
             return False if len(rows) else None
         own, other = rows.numbers[0], np.array(alone.numbers)
-        size = np.nanmax(np.abs(other), initial=0.0)
-        return bool((np.isnan(own) == np.isnan(other)).all() and np.nanmax(np.abs(own - other)) <= AGREED * size)
+        size, apart = (np.nanmax(np.abs(x), initial=0.0) for x in (other, own - other))
+        return bool((np.isnan(own) == np.isnan(other)).all() and apart <= AGREED * size)
 
 
 def _known_first(figures: Mapping[str, Array]) -> set[str]:

@@ -20,7 +20,7 @@ from pinarm.errors import InputError, NumericsError
 from pinarm.input.roots import given_root
 from pinarm.use.workers.executors import WorkerDeath, Workers
 from pinarm.use.workers.versions import differences, file_digest, versions
-from pinarm.use.workers.worker import Answers, LostJob, in_order, work
+from pinarm.use.workers.worker import Answers, LostJob, work
 
 CHUNK_TIME, TIME_PER_WORKER = 0.5, 0.005
 """Time of a chunk [s]: at least, and for each worker there is, so that answers come 200 times a second at most."""
@@ -96,10 +96,6 @@ class Dispatch(Generic[JobT, AnswerT]):
         """Yield jobs and their answers, in the order in which answers come; see ``answers``."""
         for some, answers in self.answers(jobs):
             yield from ((job, answer) for (_, job), answer in zip(some, answers, strict=True))
-
-    def in_order(self, jobs: Iterable[JobT]) -> Iterator[AnswerT | LostJob]:
-        """Yield the answers in the order of their jobs; see ``answers``."""
-        return in_order(([number for number, _ in some], answers) for some, answers in self.answers(jobs))
 
     def close(self) -> None:
         """End the workers."""

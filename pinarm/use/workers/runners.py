@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from itertools import islice
@@ -28,6 +28,9 @@ AnswerT = TypeVar("AnswerT")
 
 Apply = Callable[[Iterable[JobT]], Iterator[AnswerT | LostJob]]
 """Jobs -> their answers, in their order; the answers are the same whoever gives them."""
+
+Answering = Callable[[Iterable[JobT]], Iterator[tuple[list[tuple[int, JobT]], Collection[AnswerT | LostJob]]]]
+"""Jobs -> numbered jobs and their answers, as many as come together, in the order in which answers come."""
 
 
 def check_number(workers: int | None) -> None:
@@ -56,35 +59,51 @@ class Runners(ValueRecord, frozen=True):
         check_number(self.number)
 
     @contextmanager
-    def applying(self, function: Callable[[JobT], AnswerT]) -> Iterator[Apply[JobT, AnswerT]]:
+    def answering(
+        self, function: Callable[[Any], AnswerT], written: Callable[[list[JobT]], Any] = list
+    ) -> Iterator[Answering[JobT, AnswerT]]:
         """Yield what applies a function to jobs, as often as it is asked; workers end with the block.
 
         Args:
             function: Importable by its name, as is all that it holds; it may be ``Together``.
+            written: Returns jobs as the function gets them: a list of them, or what stands for it.
 
         Raises:
             InputError: A worker has other versions, or other files.
             NumericsError: Workers die one after the other, or there are none any more.
         """
         if self.number is None and self.executor is None:
-            yield partial(_applied_here, function)
+            yield partial(_answers_here, function, written)
             return
         from pinarm.use.workers.dispatch import Dispatch
         from pinarm.use.workers.executors import chosen_workers
 
-        with closing(Dispatch(function, chosen_workers(self.number, self.executor))) as dispatch:
-            yield dispatch.in_order
+        with closing(Dispatch(function, chosen_workers(self.number, self.executor), written)) as dispatch:
+            yield dispatch.answers
+
+    @contextmanager
+    def applying(self, function: Callable[[JobT], AnswerT]) -> Iterator[Apply[JobT, AnswerT]]:
+        """Yield what applies a function to jobs and returns answers in their order; see ``answering``."""
+        with self.answering(function) as answers:
+
+            def apply(jobs: Iterable[JobT]) -> Iterator[AnswerT | LostJob]:
+                return in_order(([number for number, _ in some], told) for some, told in answers(jobs))
+
+            yield apply
 
 
 HERE = Runners()
 """This process."""
 
 
-def _applied_here(function: Callable[[JobT], AnswerT], jobs: Iterable[JobT]) -> Iterator[Any]:
+def _answers_here(
+    function: Callable[[JobT], AnswerT], written: Callable[[list[JobT]], Any], jobs: Iterable[JobT]
+) -> Iterator[tuple[list[tuple[int, JobT]], Collection[Any]]]:
     """Yield the answers of jobs, which are solved when they are asked for, or with one before them."""
+    left = enumerate(jobs)
     if not isinstance(function, Together):
-        yield from map(function, jobs)
+        yield from (([(number, job)], [function(job)]) for number, job in left)
         return
-    left = iter(jobs)
     while some := list(islice(left, TOGETHER)):
-        yield from in_order(function.together(some))
+        for places, answers in function.together(written([job for _, job in some])):
+            yield [some[place] for place in places], answers

@@ -9,7 +9,6 @@ import pinarm
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.ensemble import integrate_batch
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.tableaus import DOPRI5
 from pinarm.engine.kernel.library import library
@@ -49,18 +48,15 @@ def decay(t):
 def states(route, method):
     """Return the states of the slide at some times, and at the ends of its steps."""
     manifold, interval = slide()
-    q, v, t = np.ones((1, 1)), np.zeros((1, 1)), np.linspace(0.0, 1.0, 601)
-    if route == "together":
-        ensemble = integrate_batch([interval], manifold, q, v, method)
-        solution, found = ensemble.solution, np.concatenate(ensemble.states(t), axis=2)[0]
-    else:
-        given = interval if route == "compiled" else replace(interval, compiled=None)
-        solution = integrate([given], manifold, q[0], v[0], method)
-        found = np.concatenate(solution.states(t), axis=1)
+    q, v, t = np.ones(1), np.zeros(1), np.linspace(0.0, 1.0, 601)
+    solution = integrate(
+        [interval if route == "compiled" else replace(interval, compiled=None)], manifold, q, v, method
+    )
+    found = np.concatenate(solution.states(t), axis=1)
     return t, found, solution.steps.t, solution.steps.y
 
 
-@pytest.mark.parametrize("route", ["compiled", "in Python", "together"])
+@pytest.mark.parametrize("route", ["compiled", "in Python"])
 @pytest.mark.parametrize("method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5)])
 def test_beyond_the_limit_of_stability_states_within_steps_are_as_good_as_ends(route, method):
     """When the fast part has died away, dense outputs of whole steps erred 30 to 1000 times as much."""

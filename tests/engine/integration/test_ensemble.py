@@ -7,7 +7,7 @@ import pytest
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration import ensemble as ensembles
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.ensemble import integrate_batch, integrate_variants
+from pinarm.engine.integration.ensemble import integrate_variants
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.kernel.library import absence
@@ -27,45 +27,27 @@ METHOD, COUNT, JOINTS = Adaptive(1e-9), 5, 3
 
 @pytest.fixture(scope="module")
 def motion():
-    """A tree with a ball joint under a steady effort, the motion in two intervals, and states of no special kind."""
+    """A tree with a ball joint under a steady effort, and states of no special kind."""
     dynamics = regular(["RZ", "Spherical", "PX"], forces={"push": AppliedEffort(0, Constant(value=0.7))})
-    compiled, python = intervals(dynamics, 0.0, 0.4, 1.5)
+    compiled, _ = intervals(dynamics, 0.0, 1.5)
     q, v = (np.array(x) for x in zip(*states(dynamics.model, 9), strict=True))
-    return dynamics.manifold, compiled, python, q, 0.5 * v
-
-
-def test_steps_are_those_of_each_motion_by_itself(motion, monkeypatch):
-    """To the last digit: the same code takes them."""
-    manifold, compiled, _, q, v = motion
-    monkeypatch.setattr(ensembles, "MOST", 7)  # several rounds in an interval
-    monkeypatch.setattr(ensembles, "ROOM", 63)
-    found = integrate_batch(compiled, manifold, q, v, METHOD)
-    assert found.arrived.all()
-    t = np.linspace(0.0, 1.5, 23)
-    together = found.states(t)
-    for number in range(len(q)):
-        single = integrate(compiled, manifold, q[number], v[number], METHOD)
-        assert found.counts[number] == len(single.steps)
-        for one, other in zip(together, single.states(t), strict=True):
-            assert one[number] == pytest.approx(other, rel=1e-11, abs=1e-11)
+    return dynamics.manifold, compiled[0], q, 0.5 * v
 
 
 def test_motions_that_cannot_go_on_leave_the_others(motion):
     """One spins so fast that its steps are used up."""
-    manifold, compiled, _, q, v = motion
-    fast = v / 1e3
-    fast[4] = v[4]
-    fast[4] *= 1e3
-    usual = integrate_batch(compiled, manifold, q, v / 1e3, METHOD)
+    manifold, compiled, q, v = motion
+    y = np.concatenate([q, v / 1e3], axis=1)
+    usual = integrate_variants([compiled] * len(y), manifold, y, METHOD, 10_000)
+    y[4, q.shape[1] :] *= 1e6
     most = 2 * usual.counts.max() + 20
-    found = integrate_batch(compiled, manifold, q, fast, METHOD, max_steps=most)
+    found = integrate_variants([compiled] * len(y), manifold, y, METHOD, most)
     assert list(found.failures) == [4]
     assert f"it has taken {most} steps" in found.failures[4]
-    others, t = np.arange(9) != 4, np.array([1.5])
+    others = np.arange(len(y)) != 4
     assert (found.arrived == others).all()
-    assert found.reached(t)[:, 0].tolist() == others.tolist()
-    assert np.isnan(found.states(t)[0][4]).all()
-    assert (found.states(t)[0][others] == usual.states(t)[0][others]).all()
+    assert found.counts[others].tolist() == usual.counts[others].tolist()
+    assert (found.sizes[others] == usual.sizes[others]).all()
 
 
 @pytest.mark.parametrize("room", [16384, 40])

@@ -93,10 +93,6 @@ class HybridSystem(Record, frozen=True):
             bounds = tuple(replace(bound, size=size) if isinstance(bound, Bound) else bound for bound in bounds)
         return replace(self, size=size, bounds=bounds, max_steps=max_steps)
 
-    def beginning(self, initial: Initial) -> HybridSystem:
-        """Return the same with another initial state."""
-        return replace(self, initial=initial, _systems={}, _shares={})
-
     def system(self, held: Held = frozenset()) -> System:
         """Return the equations while joints rest on the given stops.
 
@@ -188,11 +184,6 @@ class HybridSystem(Record, frozen=True):
         """Return the grid of given instants, cut where a law, a reference of a controller or the motion jumps."""
         followed = self.controls.sampled_references if self.controls else []
         return Grid.cover(t, [*self._laws, *followed], seams)
-
-    def grid_of_each(self, t: Array) -> Grid:
-        """Return the grid of given instants, each once: where a law jumps, the row is that just after the jump."""
-        cuts, slack = np.array(self.cuts), ROUNDING * (t[-1] - t[0])
-        return Grid(t, self.cuts, (0, *map(int, np.searchsorted(t, cuts[1:-1] - slack)), len(t)))
 
     @cached_property
     def cuts(self) -> tuple[float, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.input.units import DIMENSIONLESS
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Row, Task
 from pinarm.use.cases.case_table import CaseTable, RowTable
@@ -23,8 +24,7 @@ from pinarm.use.output.manifest import DRAFT
 from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
 from pinarm.use.study.sweep.sweep_files import Parts
-from pinarm.use.workers.dispatch import Dispatch
-from pinarm.use.workers.executors import Workers
+from pinarm.use.workers.runners import Runners
 from pinarm.use.workers.worker import LostJob
 
 UNSOLVED = "not solved"
@@ -43,7 +43,7 @@ class Solving:
     Attributes:
         task: What is the same in all of them.
         cases: Their values.
-        named: The columns of their rows, still empty.
+        results: The columns of what is taken from them, still empty.
         progress: Called after every case.
         streams: Whether parts of the table are written as Parquet as soon as their cases are done.
         sources: The files that cases refer to.
@@ -55,32 +55,32 @@ class Solving:
 
     task: Task
     cases: Cases
-    named: Sequence[Series]
-    progress: Progress
+    results: Sequence[Series]
+    progress: Progress = lambda done, failed, total: None
     streams: bool = False
     sources: Sources = field(default_factory=Sources)
     errors: dict[int, str] = field(default_factory=dict)
     done: int = 0
 
     def __post_init__(self) -> None:
+        self.named = [*self.results, *(Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH)]
         self.solved = np.zeros(len(self.cases), bool)
-        self.numbers: Array = np.broadcast_to(np.nan, (len(self.cases), len(self.named)))
+        self.numbers: Array = np.full((len(self.cases), len(self.named)), np.nan)
         self.parts: Parts | None = None
         self.counted: list[tuple[int, int]] = []
 
-    def run(self, workers: Workers, folder: Path | None) -> None:
+    def run(self, runners: Runners, folder: Path | None = None) -> None:
         """Solve all cases.
 
         Args:
-            workers: Who solves them.
+            runners: Who solves them.
             folder: Where to keep the journal; ``None`` for none.
 
         Raises:
             InputError: The folder cannot be written, or a file changes on the way.
         """
         if folder is None:
-            self.numbers = self.numbers.copy()
-            self._solve(workers, None)
+            self._solve(runners, None)
             return
         check_replaceable(folder, "sweep", beside=(JOURNAL,))
         try:
@@ -91,11 +91,11 @@ class Solving:
             self.numbers = table_on_disk(len(self.cases), len(self.named), folder)
             if self.streams:
                 self.parts = Parts(folder, self.cases, self._filled(), self.errors)
-            self._solve(workers, journal)
+            self._solve(runners, journal)
 
-    def _solve(self, workers: Workers, journal: Journal | None) -> None:
-        with closing(Dispatch(CaseSolver(self.task), workers, self._written)) as spread:
-            for some, answers in spread.answers(self._unknown(journal)):
+    def _solve(self, runners: Runners, journal: Journal | None) -> None:
+        with runners.answering(CaseSolver(self.task), self._written) as answering:
+            for some, answers in answering(self._unknown(journal)):
                 cases = np.array([case for _, case in some])
                 with signals_waiting():  # so that what is in the journal is counted
                     if isinstance(answers, RowTable):
@@ -116,7 +116,7 @@ class Solving:
             if known is None:
                 yield case
             else:
-                self._take(case, known)
+                self.take(case, known)
                 self._tell()
 
     def _tell(self) -> None:
@@ -141,12 +141,13 @@ class Solving:
         self.sources.check(row.files)
         if journal and row.final:
             journal.add([(journal.key(self.cases.values(case)), row)], self.sources)
-        self._take(case, row)
+        self.take(case, row)
 
-    def _take(self, case: int, row: Row) -> None:
+    def take(self, case: int, row: Row) -> None:
+        """Take the row of a case."""
         if row.error:
             self.errors[case] = row.error
-        else:
+        if row.numbers:
             self.numbers[case] = row.numbers
         self._note(np.array([case]))
 

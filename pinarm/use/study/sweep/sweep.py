@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
+from pinarm.engine.dynamics.parallel import cores
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, as_names, require_map, require_name
 from pinarm.input.roots import noting_files
-from pinarm.input.units import DIMENSIONLESS
 from pinarm.input.yaml.values import Values, require_apart
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Taken, Task, Wanted
@@ -26,8 +26,7 @@ from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Samplin
 from pinarm.use.study.sweep.solving import Solving
 from pinarm.use.study.sweep.sweep_files import require_parquet
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
-from pinarm.use.workers.executors import chosen_workers
-from pinarm.use.workers.runners import check_number
+from pinarm.use.workers.runners import Runners, check_number
 
 if TYPE_CHECKING:
     from pinarm.use.show.figure import Picture
@@ -182,41 +181,43 @@ def sweep(
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
         require_apart(scenario.document.data, values or (), (column.path for column in chosen.columns()))
-        wanted, columns = _measured(scenario, chosen, as_names(results) or scenario.content.outputs)
-    worth = [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
-    solving = Solving(_task(scenario, chosen, wanted), chosen, columns + worth, progress, parquet)
+        wanted, columns = measured_results(scenario, chosen, as_names(results) or scenario.content.outputs)
+    solving = Solving(_task(scenario, chosen, wanted), chosen, columns, progress, parquet)
     solving.sources.check(tuple(map(str, files)))
-    definition = {
-        "scenario": str(scenario.document.path or ""),
-        "over": given,
-        "cases": None if cases is None else str(cases),
-        "units": {column.path: column.unit for column in chosen.columns() if column.unit},
-        "samples": samples,
-        "seed": seed,
-        "sampling": sampling,
-        "results": [series.name for series in columns],
-        "base": {key: value for key, value in scenario.document.data.items() if key != "expect"},
-    }
+    definition = {"over": given, "cases": None if cases is None else str(cases), "samples": samples, "seed": seed,
+                  "sampling": sampling}  # fmt: skip
     interrupted = False
     try:
-        solving.run(chosen_workers(workers, executor), None if folder is None else Path(folder))
+        runners = Runners(workers if executor is not None else workers or cores(), executor)
+        solving.run(runners, None if folder is None else Path(folder))
     except KeyboardInterrupt:
         interrupted = True
-    swept = Sweep(
-        name=scenario.name,
-        title=scenario.content.title,
-        definition=definition,
-        cases=chosen,
-        columns=solving.columns(),
-        errors=solving.failures(),
-        presentation=scenario.content.presentation,
-        notes=_notes(scenario, chosen, wanted),
-    )
+    swept = swept_of(scenario, solving, definition, _notes(scenario, chosen, wanted))
     if interrupted:
         said = f"interrupted with {solving.done} of {len(chosen)} cases solved"
         hint = "the same command again: it goes on from there" if folder is not None else ""
         raise Interrupted(said, partial=swept, hint=hint)
     return swept
+
+
+def swept_of(scenario: Scenario, solving: Solving, definition: Mapping[str, Any], notes: Sequence[str] = ()) -> Sweep:
+    """Return the table of cases that have been solved.
+
+    Args:
+        scenario: What was solved.
+        solving: The cases.
+        definition: How their values were given.
+        notes: What to know of the results.
+    """
+    cases = solving.cases
+    base = {key: value for key, value in scenario.document.data.items() if key != "expect"}
+    units = {column.path: column.unit for column in cases.columns() if column.unit}
+    whole = {"scenario": str(scenario.document.path or ""), **definition, "units": units,
+             "results": [series.name for series in solving.results], "base": base}  # fmt: skip
+    return Sweep(
+        name=scenario.name, title=scenario.content.title, definition=whole, cases=cases, columns=solving.columns(),
+        errors=solving.failures(), presentation=scenario.content.presentation, notes=notes,
+    )  # fmt: skip
 
 
 def _plain(given: object) -> object:
@@ -226,9 +227,9 @@ def _plain(given: object) -> object:
     return given.tolist() if isinstance(given, np.ndarray) else given
 
 
-def _measured(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Wanted], list[Series]]:
+def measured_results(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Wanted], list[Series]]:
     """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty."""
-    quantities, sections = _end(scenario, cases).quantities(), scenario.numbered
+    quantities, sections = first_case(scenario, cases).quantities(), scenario.numbered
     measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results]
     taken = [replace(entry, optional=isinstance(entry.number, SectionNumber)) for entry, _ in measured]
     return taken, [column for _, columns in measured for column in columns]
@@ -288,7 +289,7 @@ def _axes(
     yield from (values for values in read if isinstance(values, Axis))
 
 
-def _end(scenario: Scenario, cases: Cases) -> Scenario:
+def first_case(scenario: Scenario, cases: Cases) -> Scenario:
     """Return the first case, or where that is refused one of several others; a sweep that has none is refused itself.
 
     The variants of the scenario are none of the sweep's.

@@ -60,17 +60,22 @@ def save(
     """
     source = Path(given) if (given := sweep.definition.get("scenario")) else None
     with whole_folder(folder, "sweep", source=source, beside=(JOURNAL,)) as draft:
-        write(draft / "sweep.yaml", yaml_text(_definition(sweep, folder)))
-        sweep.write(draft, "cases")
+        write_tables(sweep, draft, folder)
         if parquet:
             _write_parquet(sweep, draft / PARQUET)
-        write(draft / "summary.json", json_text(summary(sweep)) + "\n")
         if plots:
             from pinarm.use.show.plot import picture_format
             from pinarm.use.study.sweep.plots import save_plots
 
             save_plots(sweep, draft, picture_format(plots, dpi), dpi)
     return folder
+
+
+def write_tables(sweep: Sweep, draft: Path, folder: Path) -> None:
+    """Write the definition, the table and the summary of a sweep to a draft of its folder."""
+    write(draft / "sweep.yaml", yaml_text(_definition(sweep, folder)))
+    sweep.write(draft, "cases")
+    write(draft / "summary.json", json_text(summary(sweep)) + "\n")
 
 
 def _definition(sweep: Sweep, folder: Path) -> dict[str, Any]:

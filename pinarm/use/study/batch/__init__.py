@@ -1,1 +1,0 @@
-"""Batches: one scenario from many initial states."""
