@@ -12,13 +12,12 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.kinematics.assembly import start_near
+from pinarm.engine.linear.equilibrium import Equilibrium, ForceBalance, Modes
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import along
-from pinarm.engine.statics.equilibrium import Equilibrium, ForceBalance
-from pinarm.engine.statics.stiffness import Modes
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.deferred import Deferred

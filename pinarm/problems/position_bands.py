@@ -16,11 +16,10 @@ from pinarm.arrays import Array
 from pinarm.engine.friction.columns import BANDS, own_effort
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.linear.equilibrium import ForceBalance, Modes
 from pinarm.engine.motion.prescribed_motion import Prescription
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import along
-from pinarm.engine.statics.equilibrium import ForceBalance
-from pinarm.engine.statics.stiffness import Modes
 from pinarm.errors import AssemblyError, DynamicsError
 from pinarm.input.units import unit
 from pinarm.records import replace

@@ -10,9 +10,9 @@ import pytest
 from scipy.optimize import brentq
 
 import pinarm
+from benchmarks.growth import written
+from pinarm.engine.linear.equilibrium import ForceBalance
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.statics.equilibrium import ForceBalance
-from pinarm.engine.statics.stiffness import slope
 from pinarm.errors import AssemblyError, DynamicsError, InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.point import PointSpring, Wrench
@@ -213,25 +213,6 @@ def test_a_slide_of_another_process_does_not_turn(mechanism, chain):
     starts = [{"x": start} for start in (0.2, 3.0, 6.0, 9.3, 12.0)]
     run = solve(pickle.loads(pickle.dumps(slide)), starts, loads={"wave": wave})
     assert run.q[:, 0] == pytest.approx(math.pi * np.arange(5.0), abs=1e-12)
-
-
-FUNCTIONS = {
-    "sine": (np.sin, np.cos),
-    "steep": (lambda x: np.tanh(40 * x), lambda x: 40 / np.cosh(40 * x) ** 2),
-    "root": (lambda x: np.sqrt(1e-4 + x * x), lambda x: x / np.sqrt(1e-4 + x * x)),
-    "line": (lambda x: 3e6 * x - 2.0, lambda x: 3e6 + 0 * x),
-    "constant": (lambda x: 5.0 + 0 * x, lambda x: 0 * x),
-    "square": (lambda x: x * x, lambda x: 2 * x),
-}
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-@pytest.mark.parametrize("at", [0.013, -0.7])
-def test_slopes_of_loads_are_right_to_a_part_in_1e12(name, at):
-    value, derivative = FUNCTIONS[name]
-    found = slope(value, np.array([at]), np.ones(1))[0, 0]
-    around = np.abs(derivative(at + np.linspace(-0.05, 0.05, 101))).max()
-    assert found == pytest.approx(derivative(np.array(at)), abs=1e-12 * (around + abs(value(np.array(at)))))
 
 
 def test_the_stiffness_is_the_second_derivative_of_the_potential_energy(mechanism, chain, differentiate):
@@ -537,3 +518,21 @@ def test_the_stiffness_of_a_loop_is_not_told_as_it_hangs_on_where_it_is_opened()
             pinarm.run(scenario)
         found = pinarm.run({**scenario, "outputs": ["equilibrium.frequency2_1"]})
         assert np.isfinite(found["equilibrium.frequency2_1"].values).all()
+
+
+@pytest.mark.slow
+def test_many_loops_rest_where_a_spring_holds_them(tmp_path):
+    """``k (theta - rest) = A g sin theta`` of 41 uprights of 1 m and 1 kg, and 40 couplers on their ends."""
+    path, n, k, rest, g = written(tmp_path, "fourbars", 40), 40, 2000.0, 0.1, 9.81
+    with (tmp_path / "mechanism.yaml").open("a") as file:
+        file.write(f"forces:\n  s: {{kind: joint_spring, joint: u0, stiffness: {k} N*m/rad, rest: {rest} rad}}\n")
+    path.write_text(
+        "pinarm: 1\nmechanism: mechanism.yaml\nproblem:\n  kind: equilibria\n  starts: [{u0: 0 deg}]\n"
+        "outputs: [joint.u0.position, joint.u40.position, equilibrium.frequency2_1]\n"
+    )
+    run = pinarm.Scenario.load(path).run()
+    [theta], lever, inertia = run["joint.u0.position"].values, 0.5 * (n + 1) + n, 0.33 * (n + 1) + n
+    assert k * (theta - rest) == pytest.approx(lever * g * np.sin(theta), rel=1e-9)
+    assert run["joint.u40.position"].values == pytest.approx([theta], rel=1e-9)
+    square = (k - lever * g * np.cos(theta)) / inertia
+    assert run["equilibrium.frequency2_1"].values == pytest.approx([square], rel=1e-8)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.kinematics.abscissa import instant
@@ -204,3 +205,15 @@ def _carried(ways: Array, effort: Array, load: Array, rounding: Array) -> Flags:
     terms = np.abs(ways * effort[:, None]).max(axis=(1, 2), initial=0.0)
     size = np.maximum(terms, np.abs(load).max(axis=1, initial=0.0))
     return np.asarray(~(left > np.maximum(CARRIED * size, rounding)))
+
+
+def weight_terms(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Return ``sum_b m_b |g| |dc_b/dq_i|`` over the centres of mass c_b [N*m or N], shape (nv,)."""
+    pin.computeJointJacobians(model, data, q)
+    total, gravity = np.zeros(model.nv), float(np.linalg.norm(model.gravity.linear))
+    for joint in range(1, model.njoints):
+        jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL).reshape(6, -1)
+        inertia = model.inertias[joint]
+        moved = jacobian[:3] - np.cross(inertia.lever, jacobian[3:].T).T
+        total += inertia.mass * gravity * np.linalg.norm(moved, axis=0)
+    return total

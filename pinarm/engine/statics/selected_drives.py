@@ -11,8 +11,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.statics.effort_distribution import ROUNDED, UNIQUE, EffortDistribution
-from pinarm.engine.statics.stiffness import weight_terms
+from pinarm.engine.statics.effort_distribution import ROUNDED, UNIQUE, EffortDistribution, weight_terms
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along

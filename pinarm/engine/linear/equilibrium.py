@@ -4,30 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import SplitRows
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.dynamics.mass_matrix import MASSLESS, mass_matrix
 from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
-from pinarm.engine.statics.stiffness import ZERO, Modes, edge_at, force, slope, stiffness
+from pinarm.engine.linear.derivatives import equation_derivatives, load_derivatives
+from pinarm.engine.statics.effort_distribution import weight_terms
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.force_element import ForceElement, refusals
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import METRE, format_configuration
 from pinarm.mechanics.laws import Constant
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+
+ZERO = 1e-9
+"""Stiffness, relative to the terms that make it up, below which it is 0."""
+
+EDGE_STEP, KINK, ROUNDED = 2e-5, 1e-2, 1e-6
+"""Step over which the slopes of a load to both sides are compared [rad or units of length, 1 m at most]; part of the
+slope by which they may differ, and part of the largest term of K that is rounding of these differences."""
 
 BALANCED = 1e-13
 """Largest generalised force left, relative to the terms that make it up; Newton's method ends near 1e-16."""
@@ -44,8 +53,67 @@ STRIDE, PUSH, ITERATIONS = 0.5, 0.1, 100
 """Largest turn of a joint in one step [rad]; how far a stationary start is moved [rad or m]; steps at most."""
 
 
-@dataclass(frozen=True, eq=False)
-class Equilibrium:
+class Modes(Record, frozen=True):
+    """Small motions about an equilibrium, those of ``M x'' + K x = 0``.
+
+    Attributes:
+        squares: ``w^2`` of ``K x = w^2 M x`` [rad^2/s^2], ascending, shape (n,); NaN where a direction has no mass.
+        stiffnesses: Eigenvalues of K, ascending, shape (n,).
+        stability: 1 stable, 0 indifferent, -1 unstable; that of K alone where a direction has no mass; NaN where the
+            forces do not balance.
+        edge: Name of a load whose slope is another one to either side: then all of these are NaN; empty for none.
+    """
+
+    squares: Array
+    stiffnesses: Array
+    stability: float
+    edge: str = ""
+
+    @classmethod
+    def unknown(cls, count: int, edge: str = "") -> Modes:
+        """Return unknown modes in so many directions."""
+        return cls(np.full(count, np.nan), np.full(count, np.nan), np.nan, edge)
+
+    @classmethod
+    def of(cls, stiffness: Array, mass: Array, doubt: Array) -> Modes:
+        """Return the small motions.
+
+        Args:
+            stiffness: K, shape (n, n); not symmetric under loads without a potential.
+            mass: M, shape (n, n).
+            doubt: How large an entry of K may be and still be 0, shape (n, n).
+        """
+        unit, massless = np.eye(len(mass)), _massless(mass)
+        springs, _ = _modes_of(stiffness, unit, doubt)
+        squares, modes = _modes_of(stiffness, unit if massless else mass, doubt)
+        unsure = np.einsum("ik,ij,jk->k", np.abs(modes), doubt, np.abs(modes))
+        falls = (squares.real < -unsure) | (np.abs(squares.imag) > unsure)
+        stability = -1.0 if falls.any() else float((squares.real > unsure).all())
+        ascending = np.full(len(mass), np.nan) if massless else np.sort(squares.real)
+        return cls(ascending, np.sort(springs.real), stability)
+
+
+def _modes_of(stiffness: Array, mass: Array, doubt: Array) -> tuple[Array, Array]:
+    """Return the eigenvalues of ``K x = w^2 M x``, shape (n,), and x with ``x^H M x = 1`` as columns, shape (n, n).
+
+    Where K is symmetric within ``doubt`` they are real; under loads without a potential they may be complex.
+    """
+    from scipy.linalg import eig, eigh
+
+    if (np.abs(stiffness - stiffness.T) <= doubt).all():
+        squares, modes = eigh(0.5 * (stiffness + stiffness.T), mass)
+    else:
+        squares, modes = eig(stiffness, mass)
+        modes = modes / np.sqrt(np.einsum("ik,ij,jk->k", modes.conj(), mass, modes).real)
+    return squares, modes
+
+
+def _massless(mass: Array) -> bool:
+    size = np.sqrt(np.diag(mass))
+    return bool((size == 0.0).any() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < MASSLESS)
+
+
+class Equilibrium(Record, frozen=True):
     """A configuration at which the forces balance.
 
     Attributes:
@@ -69,8 +137,7 @@ class Equilibrium:
         return bool((np.abs(apart) <= tolerance * (1.0 + np.abs(q))).all())
 
 
-@dataclass(frozen=True, eq=False)
-class ForceBalance:
+class ForceBalance(Record, frozen=True):
     """The generalised force of one mechanism at rest, along the motions that loops and held coordinates leave free.
 
     Attributes:
@@ -154,23 +221,43 @@ class ForceBalance:
         return np.asarray(free @ u @ vt)
 
     def force(self, q: Array) -> Array:
-        """Return f = loads - weights on all coordinates [N*m or N], shape (nv,)."""
-        return force(self.dynamics, q)
+        """Return f = loads - weights at rest on all coordinates [N*m or N], shape (nv,)."""
+        weights = np.asarray(pin.computeGeneralizedGravity(self.dynamics.model, self.dynamics.data, q))
+        return np.asarray(self.dynamics.loads(0.0, q, np.zeros_like(q)) - weights)
 
     def terms(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return K and the sizes of its terms and of those of f; see ``stiffness``.
+        """Return K = -df/dq, and the sizes of its terms and of those of f, which tell 0 from rounding.
 
         Rows that turn with q add to K: ``-d(G^T lam)/dq`` with ``f + G^T lam = 0``.
         """
-        slopes, sizes, size = stiffness(self.dynamics, q, self.turns, self.closure.scale)
-        if self.rows.size:
-            rows, lam = self.rows, self.split(q).multipliers(-self.force(q))
-            own = slope(
-                lambda states: np.array([rows.rows(rows.state(state)).T @ lam for state in states]), q,
-                self.closure.scale,
-            )  # fmt: skip
-            slopes, sizes = slopes - own, sizes + np.abs(own)
-        return slopes, sizes, size
+        model, still, lam = self.dynamics.model, np.zeros_like(q), self.split(q).multipliers(-self.force(q))
+        at = equation_derivatives(self.dynamics, self.rows.constraints, 0.0, q, still, still, lam)
+        size = weight_terms(model, self.dynamics.data, q)
+        sizes = np.triu(np.outer(self.turns, size))  # a turn of the joint before moves what the one after lifts
+        sizes += np.triu(sizes, 1).T + np.abs(np.einsum("kmj,m->jk", at.rows_q, lam))
+        for load in self._loads.values():
+            sizes += np.abs(load_derivatives(load, 0.0, q, still)[0])
+            size = size + np.abs(load.loads(0.0, q, still))
+        return at.force_q, sizes, size
+
+    @cached_property
+    def _loads(self) -> dict[str, Dynamics]:
+        """The loads one by one."""
+        dynamics = self.dynamics
+        return {name: Dynamics.of(dynamics.model, {name: force}) for name, force in dynamics.forces.items()}
+
+    def edge(self, q: Array) -> str:
+        """Return the name of a load whose slope at q is another one to either side; empty where there is none."""
+        h, still = EDGE_STEP * np.minimum(self.closure.scale, 1.0), np.zeros_like(q)
+        least = ROUNDED * float(self.terms(q)[1].max(initial=0.0))
+        for name, load in self._loads.items():
+            states = q + np.concatenate([np.zeros((1, len(q))), np.diag(h), -np.diag(h)])
+            here, *others = (load.loads(0.0, state, still).copy() for state in states)
+            ahead, behind = np.split(np.array(others), 2)
+            bend, slope = np.abs(ahead + behind - 2.0 * here) / h[:, None], np.abs(ahead - behind) / h[:, None]
+            if (bend > KINK * slope.max(initial=0.0) + least).any():
+                return name
+        return ""
 
     def efforts(self, q: Array) -> tuple[Array, Array]:
         """Return tau at the joints that are held, shape (nv,), and the multipliers, shape (m,)."""
@@ -255,7 +342,7 @@ class ForceBalance:
     def _judged(self, q: Array) -> Equilibrium:
         """Return the equilibrium at q with its small motions."""
         basis = self.basis(q)
-        if edge := edge_at(self.dynamics, q, self.closure.scale):
+        if edge := self.edge(q):
             return Equilibrium(q, Modes.unknown(basis.shape[1], edge))
         slopes, sizes, _ = self.terms(q)
         mass = basis.T @ mass_matrix(self.dynamics.model, q) @ basis
