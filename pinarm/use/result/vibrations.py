@@ -17,6 +17,7 @@ from pinarm.arrays import Array, Complex
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import HERTZ, Unit, unit
+from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.records import Record, replace
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
 
@@ -109,12 +110,19 @@ def state_space(result: Result) -> StateSpace:
     except ImportError:
         raise InputError("python-control is not installed", hint="pip install 'pinarm[control]'") from None
     a, b = tables["A"], tables["B"]
-    c, d, outputs = np.eye(len(a.rows)), np.zeros((len(a.rows), len(b.columns))), a.rows
+    matrices = [a.values, b.values, np.eye(len(a.rows)), np.zeros((len(a.rows), len(b.columns)))]
     if "C" in tables:
-        c, d, outputs = tables["C"].values, tables["D"].values, tables["C"].rows
-    names = {"states": a.rows, "inputs": b.columns, "outputs": outputs}
+        matrices[2:] = tables["C"].values, tables["D"].values
+    names = {"states": a.rows, "inputs": b.columns, "outputs": tables["C"].rows if "C" in tables else a.rows}
     allowed = {key: [name.replace(".", "_") for name in some] for key, some in names.items()}
-    return control.ss(a.values, b.values, c, d, name=result.name.replace(".", "_"), **allowed)
+    return control.ss(*matrices, name=result.name.replace(".", "_"), **allowed)
+
+
+def mode_shapes(result: Result) -> Complex:
+    """Return the mode shapes of a linear analysis in all joint velocities, shape (nv, k)."""
+    table, model = result.arrays["shapes"], result.trajectory.mechanism.model
+    rows = [list(table.rows).index(coordinate_name(model, index)) for index in range(model.nv)]
+    return np.asarray(table.values[rows], complex)
 
 
 def _modes(result: Result) -> Section:

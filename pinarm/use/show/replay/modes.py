@@ -20,6 +20,7 @@ from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
+from pinarm.use.result.vibrations import mode_shapes
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -81,7 +82,7 @@ class ModePictures(Record, frozen=True):
 def mode_pictures(result: Result) -> ModePictures:
     """Return the positions of the modes of a linear analysis."""
     run, phases = result.trajectory, np.linspace(0.0, 2.0 * np.pi, PHASES)
-    mechanism, shapes = run.mechanism, _shapes(result)
+    mechanism, shapes = run.mechanism, mode_shapes(result)
     numbers = range(min(shapes.shape[1], MOST_MODES))
     notes = [f"{shapes.shape[1] - MOST_MODES} modes more"] if shapes.shape[1] > MOST_MODES else []
     positions, texts = [], []
@@ -106,13 +107,6 @@ def require_bare(traces: object, arrows: object, plots: object) -> None:
     for asked, name in ((traces, "paths"), (arrows, "arrows"), (plots, "plots")):
         if asked:
             raise InputError(f"the replay of modes has no {name}", hint="a run of the kind forward has them")
-
-
-def _shapes(result: Result) -> Complex:
-    """Return the mode shapes in all joint velocities, shape (nv, k)."""
-    table, model = result.arrays["shapes"], result.trajectory.mechanism.model
-    rows = [list(table.rows).index(coordinate_name(model, index)) for index in range(model.nv)]
-    return np.asarray(table.values[rows], complex)
 
 
 def _scaled(mechanism: Mechanism, shape: Complex) -> tuple[Complex, Any]:

@@ -11,8 +11,9 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.input.units import unit
+from pinarm.input.units import HERTZ, unit
 from pinarm.use.study.sweep.axes import Axis
+from pinarm.use.study.sweep.branches import MEASURE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 FAMILY = 6
 """Curves in one picture; a longer family is drawn as a map."""
+ROOT_LOCUS = "root_locus"
+"""Picture of all eigenvalues."""
+
 PICTURES = 24
 """Columns that are drawn of themselves."""
 
@@ -41,14 +45,18 @@ def plot(sweep: Sweep, series: Series) -> Picture:
     figure = new(7.0, 4.2)
     with style():
         axis = figure.subplots()
-        _kind(sweep)(axis, sweep, series)
+        _kind(sweep, series)(axis, sweep, series)
         failed = f" ({len(sweep.errors)} of {len(sweep)} cases failed)" if sweep.errors else ""
         figure.suptitle(label(plain(f"{sweep.title or sweep.name}{failed}")))
     return figure
 
 
-def _kind(sweep: Sweep) -> Draw:
+def _kind(sweep: Sweep, series: Series) -> Draw:
     axes = sweep.cases.axes
+    if series.name == ROOT_LOCUS:
+        return _root_locus
+    if len(axes) == 1 and axes[0].columns[0].is_numeric and not axes[0].drawn and _branches_of(sweep, series.name):
+        return _branches
     simple = all(len(axis.columns) == 1 and not axis.drawn for axis in axes)
     if simple and len(axes) == 1:
         return _family
@@ -56,6 +64,68 @@ def _kind(sweep: Sweep) -> Draw:
         numeric = all(axis.columns[0].is_numeric for axis in axes)
         return _map if numeric and min(map(len, axes)) > FAMILY else _family
     return _histogram
+
+
+def _branches_of(sweep: Sweep, name: str) -> dict[str, Series]:
+    """Return all branches of the measure of a mode that a name such as ``mode.1.damping`` tells: mode -> its column."""
+    match = MEASURE.fullmatch(name)
+    found = {series.name: MEASURE.fullmatch(series.name) for series in sweep.results()} if match else {}
+    return {own[1]: sweep[text] for text, own in found.items() if match and own and own[2] == match[2]}
+
+
+def _branches(axis: Axes, sweep: Sweep, series: Series) -> None:
+    """Draw a measure of all modes over a number; over a speed, with the lines of once and twice the speed."""
+    from pinarm.use.show.figure import label
+    from pinarm.use.show.labels import axis_label, shown
+
+    along, column = sweep.cases.axes[0], sweep.cases.table()[0]
+    x, order = _ticks(axis.xaxis, along), np.argsort(column.values, kind="stable")
+    for k, (mode, branch) in enumerate(_branches_of(sweep, series.name).items()):
+        scale, measured = shown(branch, sweep.presentation)
+        axis.plot(x[order], (branch.values / scale)[order], **_look(k), label=f"mode {mode}")
+    if series.name.endswith("frequency") and column.unit and column.unit.dimension == HERTZ.dimension:
+        _speed_lines(axis, x, column.values * column.unit.factor / (2.0 * np.pi))
+    axis.set_xlabel(_named(along))
+    axis.set_ylabel(label(axis_label(series.name.rpartition(".")[2].replace("_", " "), measured)))
+    if series.name.endswith((".damping", ".growth")):
+        axis.axhline(0.0, color="0.4", linewidth=0.9, linestyle="--", zorder=0)
+    axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _speed_lines(axis: Axes, x: Array, turns: Array) -> None:
+    """Draw the frequencies of a rotor's turns, once and twice, as far as the modes go: where these cross, it shakes."""
+    low, high = axis.get_ylim()
+    ends = np.argsort(x)[[0, -1]]
+    for times, style in ((1, "--"), (2, ":")):
+        axis.plot(x[ends], times * np.abs(turns[ends]), color="0.4", linewidth=1.0, linestyle=style,
+                  label=f"{times} × speed", zorder=0)  # fmt: skip
+    axis.set_ylim(min(low, 0.0), high)
+
+
+def _root_locus(axis: Axes, sweep: Sweep, series: Series) -> None:
+    """Draw the eigenvalues of all branches in the complex plane, from a ring at the lowest value to a dot."""
+    order = np.argsort(sweep.cases.table()[0].values, kind="stable")
+    for k, (mode, growth) in enumerate(_branches_of(sweep, "mode.1.growth").items()):
+        real, look = growth.values[order], _look(k)
+        imaginary = 2.0 * np.pi * sweep[f"mode.{mode}.damped_frequency"].values[order]
+        for sign in (1.0, -1.0):
+            axis.plot(real, sign * imaginary, **look, label=f"mode {mode}" if sign > 0.0 else None)
+            for end, fill in ((0, "white"), (-1, look["color"])):
+                axis.plot(real[end], sign * imaginary[end], "o", color=look["color"], markerfacecolor=fill)
+    axis.axvline(0.0, color="0.4", linewidth=0.9, linestyle="--", zorder=0)
+    axis.set_xlabel("real part [1/s]")
+    axis.set_ylabel("imaginary part [rad/s]")
+    ends = (_value(sweep.cases.axes[0], int(order[end])) for end in (0, -1))
+    title = "\n".join(f"{mark} {value}" for mark, value in zip("○●", ends, strict=True))
+    axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), title=title, title_fontsize=8)
+
+
+def _look(k: int) -> dict[str, Any]:
+    """Return colour and dashes of a branch."""
+    from pinarm.use.show.chart import COLOURS
+    from pinarm.use.show.plot import STYLES
+
+    return {"color": COLOURS[k % len(COLOURS)], "linestyle": STYLES[k // len(COLOURS) % len(STYLES)]}
 
 
 def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
@@ -166,12 +236,22 @@ def _named(axis: Axis) -> str:
     return label(axis_label(column.path, unit(column.unit or "1")))
 
 
+def pictured(sweep: Sweep) -> list[Series]:
+    """Return a column for each picture: all branches of a measure of modes are in one, their eigenvalues in another."""
+    found = dict[str, Series]()
+    for series in sweep.results():
+        match = MEASURE.fullmatch(series.name) if len(sweep.cases.axes) == 1 else None
+        found.setdefault(match[2] if match else f"{series.name} ", series)
+    locus = {"growth", "damped_frequency"} <= found.keys()
+    return [*found.values(), *([Series(ROOT_LOCUS, None, np.zeros(0))] if locus else [])]
+
+
 def save_plots(sweep: Sweep, folder: Path, form: PictureFormat, dpi: int) -> list[Path]:
     """Write a picture for every result into ``plots/``; return the files."""
     folder = folder / "plots"
     folder.mkdir(exist_ok=True)
     files = []
-    for number, series in enumerate(sweep.results()[:PICTURES], 1):
+    for number, series in enumerate(pictured(sweep)[:PICTURES], 1):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", series.name).strip("_")[:40]
         files.append(folder / f"{number:02d}_{name}.{form}")
         files[-1].write_bytes(plot(sweep, series).encoded(form, dpi))

@@ -23,6 +23,7 @@ from pinarm.use.result.section_number import SectionNumber
 from pinarm.use.scenario.scenario import Given, Scenario, load
 from pinarm.use.store.line_table import LineTable
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
+from pinarm.use.study.sweep.branches import ALL, MEASURE, RAW, ModeValues
 from pinarm.use.study.sweep.solving import Solving
 from pinarm.use.study.sweep.sweep_files import require_parquet
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
@@ -93,11 +94,15 @@ class Sweep(LineTable):
         """Return a plot of a column over what was varied: curves, a map, or how often which value came out.
 
         Args:
-            name: The column; the first result where it is left out.
+            name: The column; the first result where it is left out. ``mode.1.damping`` draws all branches of modes,
+                ``root_locus`` their eigenvalues.
         """
-        from pinarm.use.study.sweep.plots import plot
+        from pinarm.use.study.sweep.plots import pictured, plot
 
-        return plot(self, self[name] if name else self.columns[0])
+        if name is None:
+            return plot(self, self.columns[0])
+        pictures = {series.name: series for series in pictured(self)}
+        return plot(self, pictures[name] if name in pictures else self[name])
 
     def save(
         self,
@@ -209,14 +214,19 @@ def swept_of(scenario: Scenario, solving: Solving, definition: Mapping[str, Any]
         definition: How their values were given.
         notes: What to know of the results.
     """
-    cases = solving.cases
+    cases, columns, found = solving.cases, solving.columns(), list(notes)
+    asked = [series.name for series in solving.results if not series.name.startswith(RAW)]
+    for entry in solving.task.wanted:
+        if isinstance(entry, ModeValues):
+            columns, more = entry.followed(cases, columns)
+            asked, found = [*entry.asked, *asked], [*found, *more]
     base = {key: value for key, value in scenario.document.data.items() if key != "expect"}
     units = {column.path: column.unit for column in cases.columns() if column.unit}
     whole = {"scenario": str(scenario.document.path or ""), **definition, "units": units,
-             "results": [series.name for series in solving.results], "base": base}  # fmt: skip
+             "results": asked, "base": base}  # fmt: skip
     return Sweep(
-        name=scenario.name, title=scenario.content.title, definition=whole, cases=cases, columns=solving.columns(),
-        errors=solving.failures(), presentation=scenario.content.presentation, notes=notes,
+        name=scenario.name, title=scenario.content.title, definition=whole, cases=cases, columns=columns,
+        errors=solving.failures(), presentation=scenario.content.presentation, notes=found,
     )  # fmt: skip
 
 
@@ -227,12 +237,20 @@ def _plain(given: object) -> object:
     return given.tolist() if isinstance(given, np.ndarray) else given
 
 
-def measured_results(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Wanted], list[Series]]:
-    """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty."""
+def measured_results(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Taken], list[Series]]:
+    """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty.
+
+    Measures of modes, ``mode.1.damping`` or ``modes`` for all, are those of branches; see ``branches``.
+    """
     quantities, sections = first_case(scenario, cases).quantities(), scenario.numbered
-    measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results]
-    taken = [replace(entry, optional=isinstance(entry.number, SectionNumber)) for entry, _ in measured]
-    return taken, [column for _, columns in measured for column in columns]
+    modes = [text for text in results if scenario.problem.kind == "linear" and (text == ALL or MEASURE.fullmatch(text))]
+    measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results if text not in modes]
+    taken: list[Taken] = [replace(entry, optional=isinstance(entry.number, SectionNumber)) for entry, _ in measured]
+    columns = [column for _, columns in measured for column in columns]
+    if not modes:
+        return taken, columns
+    values = ModeValues.of(quantities, modes)
+    return [values, *taken], [*values.columns(), *columns]
 
 
 def _task(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> Task:
