@@ -44,7 +44,12 @@ def continued(function: Callable[[Array], Sequence[Array]], x: Array) -> Array:
 
 def magnitude(x: Array) -> Array:
     """Return ``|x|``; complex steps continue it to first order, away from 0."""
-    return np.abs(x) if np.isrealobj(x) else np.asarray(x * np.sign(np.real(x)))
+    return np.asarray(np.abs(x) if np.isrealobj(x) else x * np.sign(np.real(x)))
+
+
+def vecmat(x: Array, matrices: Array) -> Array:
+    """Return ``x^T M``, shapes (.., n) and (.., n, m); ``np.vecmat`` takes the conjugate of complex steps."""
+    return np.asarray(np.vecmat(np.conj(x) if np.iscomplexobj(x) else x, matrices))
 
 
 def as_rows(x: Array, width: int, name: str) -> Array:

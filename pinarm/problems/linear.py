@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array, Complex, distinct
-from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.arrays import Array, Complex, Flags, distinct
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.assembly import first_position, start_near
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.labelled_array import LabelledArray
-from pinarm.engine.linear.linear_states import Linearisation, linearised
-from pinarm.engine.linear.outputs import output_matrices
-from pinarm.engine.linear.steady import SteadyState, steady_state
+from pinarm.engine.linear.inputs import Input, input_of, with_inputs
+from pinarm.engine.linear.linear_states import Linearisation, linearised, require_same
+from pinarm.engine.linear.participation import RIGID, participations, rigid_modes
+from pinarm.engine.linear.steady import Driven, SteadyState, advanced, state_row, steady_state
+from pinarm.engine.linear.stepped_state import Drives
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -28,13 +30,13 @@ from pinarm.input.units import DIMENSIONLESS as ONE
 from pinarm.input.units import HERTZ, Unit, unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Rate, check_unit
-from pinarm.mechanics.coordinates import LinearCoordinate, driven_along
-from pinarm.mechanics.joints import METRE, joint_of
+from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
+from pinarm.problems.loads import LOADS, bind_loads, require_constant, schema_row
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
@@ -47,6 +49,9 @@ MODE_UNITS: Mapping[str, Unit] = {
     "growth": unit("1/s"), "error": unit("1/s"),
 }  # fmt: skip
 """Measures of a mode and their units."""
+
+VAGUE = 1e-6
+"""Relative error of an eigenvalue from which on it is noted."""
 
 LEAST_DAMPING = 1e-4
 """Damping ratio below which a resonance gets no frequencies of its own: its peak would leave the picture."""
@@ -110,41 +115,40 @@ class Prepared(Record, frozen=True):
 
     Attributes:
         dynamics: The equation of motion with the loads of the run.
-        held: Coordinates that drives hold.
-        values: Their values, shape (h,).
-        weights: Rows of the coordinates that drives hold or turn, shape (k, nv).
+        driven: Coordinates that drives hold or turn.
+        inputs: The inputs.
         q: Configuration near the state, shape (nq,).
-        v: Velocity of the state, shape (nv,).
     """
 
     dynamics: Dynamics
-    held: PrescribedCoordinates
-    values: Array
-    weights: Array
+    driven: Driven
+    inputs: Sequence[Input]
     q: Array
-    v: Array
 
 
 class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
-    """Small motions about a state at which nothing accelerates: ``x' = A x``.
+    """Small motions about a state at which nothing accelerates: ``x' = A x + B u``.
 
     Trees and loops, springs, dampers, weights, gyroscopic terms; drives keep the constant efforts that hold the state.
     The results are ``mode.1.frequency``, ``mode.1.damping`` and so on, by ascending frequency, one of each conjugate
     pair: with the eigenvalue lambda of A, ``frequency = |lambda| / (2 pi)``, ``damped_frequency = Im lambda / (2 pi)``,
     ``damping = -Re lambda / |lambda|``, ``time_constant = -1 / Re lambda``, ``growth = Re lambda``, and ``error``, that
-    of lambda by rounding. Tables of the result hold the mode shapes and A.
+    of lambda by rounding. Tables of the result hold the mode shapes, the parts of bodies, springs and dampers in the
+    energy of each mode, and A.
 
-    Dry friction, kinks of loads and singular positions are refused: no motion is linear there.
+    Joints that dry friction holds stay where they are, which a note says; kinks of loads and singular positions are
+    refused: no motion is linear there.
 
     Attributes:
         about: The state, such as ``{equilibrium: {phi: 80 deg}}``.
-        inputs: Coordinates of joints along which efforts act, such as ``[O]``: the columns of B and D. All joints where
-            none is named.
+        inputs: Columns of B and D, such as ``[O, force.shaking]``: efforts along coordinates, torques of motors,
+            ``drive.D.torque``, amplitudes of forces that follow a law, and prescribed positions of coordinates that are
+            held or turn, ``joint.base.position``. Efforts at all joints where none is named.
         outputs: Quantities or formulas whose derivatives are the rows of C and D, such as ``[point.A.position.y,
-            joint.B.force.y]``: motions, forces of joints, energies.
+            joint.B.force.y]``.
         frequencies: Where the response of every output to every input is computed: ``C (2 pi i f - A)^-1 B + D``.
         loads: Applied constant forces and springs of this run, such as ``{spring: {kind: joint_spring, joint: O,
-            stiffness: 20 N*m/rad}}``.
+            stiffness: 20 N*m/rad}}``; those that are inputs may follow any law, and act with 0 in the state.
     """
 
     kind: ClassVar[str] = "linear"
@@ -159,9 +163,9 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         """Return one row near the state: enough to see which quantities there are."""
         drives = along(mechanism, self._driven)
         row = schema_row(mechanism, self.about.equilibrium, self.loads, ROW, unit("1"), drives)
-        closure = mechanism.closure
-        free = closure.split(closure.rows(closure.state(row.q[0]))).free.shape[1]
-        return replace(row, columns=_columns(np.full((2 * free, len(MODE_UNITS)), np.nan)), separate=True)
+        rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
+        modes = _columns(np.full((_most(mechanism, row), len(MODE_UNITS)), np.nan))
+        return replace(row, columns={**rest, **modes}, separate=True)
 
     @property
     def _driven(self) -> list[str]:
@@ -173,33 +177,46 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         """Check all names and units; return the state to begin with."""
         check_levels(mechanism, self.about.equilibrium, place, "about", "equilibrium")
-        held, rows = [], []
+        driven = self._coordinates(mechanism, place)
+        with place("about"):
+            q = start_near(mechanism, self.about.equilibrium, driven.held, Grid.cover(np.zeros(1), []))
+        forces = with_inputs(mechanism, bind_loads(mechanism, self.loads, place), self.inputs)
+        require_constant(forces, place)
+        inputs = self._inputs(mechanism, forces, place)
+        return Prepared(Dynamics.of(mechanism.model, forces).on(0.0, 1.0), driven, inputs, q)
+
+    def _coordinates(self, mechanism: Mechanism, place: Place) -> Driven:
+        """Return the coordinates that drives hold or turn."""
+        coordinates = list[Coordinate]()
         for key, given in (("hold", self.about.hold), ("steady", self.about.steady)):
             for name, value in given.items():
                 with place("about", key, Key(name)):
-                    coordinate = mechanism.coordinate(name)
-                    if not isinstance(coordinate, LinearCoordinate):
-                        raise InputError(f"'{name}' is no coordinate of joints", expected="joints, or sums of them")
+                    coordinates.append(mechanism.coordinate(name))
                     if name in self.about.hold and name in self.about.steady:
                         raise InputError(f"'{name}' is held and turns", expected="one of them")
                 with place("about", key, name):
-                    check_unit(value, coordinate.unit if key == "hold" else coordinate.unit / unit("s"))
-                rows.append(coordinate.weights)
-                held += [coordinate] if key == "hold" else []
-        v = np.zeros(mechanism.model.nv)
-        for name, rate in self.about.steady.items():
-            with place("about", "steady", Key(name)):
-                v[joint_of(mechanism.joints, name).v] = float(rate)
-        values = tuple(map(float, self.about.hold.values()))
-        prescribed = PrescribedCoordinates(
-            (*self.about.hold,), tuple(held), tuple(Constant(value=value) for value in values)
-        )
-        with place("about"):
-            q = start_near(mechanism, self.about.equilibrium, prescribed, Grid.cover(np.zeros(1), []))
-        forces = bind_constant_loads(mechanism, self.loads, place)
-        dynamics = Dynamics.of(mechanism.model, forces).on(0.0, 1.0)
-        weights = np.array(rows).reshape(-1, mechanism.model.nv)
-        return Prepared(dynamics, prescribed, np.array(values), weights, q, v)
+                    measured = coordinates[-1].unit
+                    check_unit(value, measured if key == "hold" else measured / unit("s"))
+        held = tuple(map(float, self.about.hold.values()))
+        laws = tuple(Constant(value=value) for value in held)
+        prescribed = PrescribedCoordinates((*self.about.hold,), tuple(coordinates[: len(held)]), laws)
+        rates = np.array([*(0.0 for _ in held), *map(float, self.about.steady.values())])
+        return Driven(self._driven, coordinates, prescribed, np.array(held), rates)
+
+    def _inputs(self, mechanism: Mechanism, forces: Mapping[str, ForceElement], place: Place) -> list[Input]:
+        """Return the inputs by name; efforts at all joints where none is named.
+
+        Raises:
+            InputError: There is none of a name, or a position is not held.
+        """
+        found = list[Input]()
+        for index, name in enumerate(self.inputs or [*mechanism.joints]):
+            with place("inputs", index):
+                found.append(input_of(mechanism, forces, name))
+                if found[-1].position and found[-1].position not in self._driven:
+                    raise InputError(f"the position '{name}' is prescribed, and about does not say where",
+                                     expected=f"about: {{hold: {{{found[-1].position}: ...}}}}, or steady")  # fmt: skip
+        return found
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
@@ -208,68 +225,81 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
 
         Raises:
             AssemblyError: No steady state is near the start.
-            DynamicsError: The state is singular, or something without mass is free.
+            DynamicsError: The state is singular, something without mass is free, or a joint begins to slip.
         """
         begun = prepared or self.prepare(mechanism, accuracy, place)
         with place("about"):
-            near = first_position(mechanism.closure, begun.held, begun.values, 0.0, begun.q)
-            state = steady_state(mechanism, begun.dynamics, begun.held, begun.values, begun.weights, near.q, begun.v)
-            linear = linearised(mechanism, begun.dynamics, 0.0, state.q, state.v, state.tau)
-        rows = _rows(mechanism, begun, state, _columns(_measures(linear)), (*self._driven,))
+            near = first_position(mechanism.closure, begun.driven.held, begun.driven.values, 0.0, begun.q)
+            state = steady_state(mechanism, begun.dynamics, begun.driven, near.q)
+            linear = self._linearised(mechanism, begun, state)
+            for later in advanced(mechanism, state.q, state.v):
+                require_same(linear, self._linearised(mechanism, begun, replace(state, q=later)))
+        tables = linear.tables() | participations(linear) | self._response(place, begun, linear)
+        row, drives = linear.at.state, along(mechanism, self._driven)
+        measures = {**row.columns, **_columns(_measures(linear, _most(mechanism, row)))}
+        rows = replace(
+            row, grid=Grid.cover(np.ones(1), []), a=np.zeros_like(row.a), columns=measures, driven=drives.driven,
+            drives=(*self._driven,),
+        )  # fmt: skip
         figures = {"unstable modes": float((linear.modes.eigenvalues.real > linear.modes.errors).sum())}
-        tables = linear.tables() | self._response(mechanism, place, rows, linear)
         return Outcome(rows, figures=figures, notes=(*near.notes, *_remarks(linear)), arrays=tables)
 
-    def _inputs(self, mechanism: Mechanism, place: Place) -> tuple[list[str], Array, list[Unit]]:
-        """Return the names of the inputs, their rows of weights, shape (k, nv), and their units."""
-        rows, units = [], []
-        names = self.inputs or [*mechanism.joints]
-        for index, name in enumerate(names):
-            with place("inputs", index):
-                coordinate = mechanism.coordinate(name)
-                if not isinstance(coordinate, LinearCoordinate):
-                    raise InputError(f"'{name}' is no coordinate of joints", expected="joints, or sums of them")
-            rows.append(coordinate.weights)
-            units.append(unit("N" if coordinate.unit == METRE else "N*m"))
-        return names, np.array(rows).reshape(-1, mechanism.model.nv), units
+    def _linearised(self, mechanism: Mechanism, begun: Prepared, state: SteadyState) -> Linearisation:
+        """Return the motion linearised about a state."""
+        positions = {one.position for one in begun.inputs}
+        driven = begun.driven
+        prescribed = np.array([name in positions for name in driven.names], dtype=bool)
+        drives = Drives(driven.names, driven.coordinates, state.efforts, prescribed)
+        tau, _ = drives.acting(mechanism.model.nv, state.efforts[:, None])
+        row = state_row(mechanism, begun.dynamics, 0.0, state.q, state.v)
+        return linearised(replace(row, tau=tau.T, closure=along(mechanism, self._driven).closure), drives)
 
-    def _response(
-        self, mechanism: Mechanism, place: Place, rows: Trajectory, linear: Linearisation
-    ) -> dict[str, LabelledArray]:
+    def _response(self, place: Place, begun: Prepared, linear: Linearisation) -> dict[str, LabelledArray]:
         """Return B for the inputs, C and D, and the frequency response."""
-        inputs, weights, efforts = self._inputs(mechanism, place)
-        per_input, per_state = [ONE / own for own in efforts], [ONE / own for own in linear.state_units]
-        found = {"B": LabelledArray(
-            linear.B @ weights.T, linear.states, inputs, [own / unit("s") for own in linear.state_units], per_input
-        )}  # fmt: skip
+        size, inputs, second = len(linear.states), begun.inputs, unit("s")
+        names = [f"{one.position}''" if one.position else one.name for one in inputs]
+        measured = [one.unit / second**2 if one.position else one.unit for one in inputs]
+        with place("outputs"):
+            slopes = linear.at.slopes(self.outputs)
+            load, by_force = linear.at.force_slopes(self.outputs, [one.force for one in inputs if one.force])
+            quantities = Quantities(linear.at.state)
+            units = [quantities[name].unit for name in self.outputs]
+        columns = linear.columns(inputs, load)
+        b, d = linear.B @ columns, slopes[:, size:] @ columns
+        d[:, [bool(one.force) for one in inputs]] = by_force
+        per_input, per_state = [ONE / own for own in measured], [ONE / own for own in linear.state_units]
+        found = {"B": LabelledArray(b, linear.states, names, [own / second for own in linear.state_units], per_input)}
         if not self.outputs:
             return found
-        quantities = Quantities(rows)
-        with place("outputs"):
-            c, d = output_matrices(rows, linear.motion, {}, self.outputs)
-            units = [quantities[name].unit for name in self.outputs]
-        found["C"] = LabelledArray(c, self.outputs, linear.states, units, per_state)
-        found["D"] = LabelledArray(d @ weights.T, self.outputs, inputs, units, per_input)
+        found["C"] = LabelledArray(slopes[:, :size], self.outputs, linear.states, units, per_state)
+        found["D"] = LabelledArray(d, self.outputs, names, units, per_input)
         if self.frequencies is not None:
-            frequencies = self.frequencies.values(linear.modes.eigenvalues)
-            response = linear.response(frequencies, c, linear.B @ weights.T) + d @ weights.T
-            named = [(name, own, *other) for name, own in zip(self.outputs, units, strict=True)
-                     for other in zip(inputs, per_input, strict=True)]  # fmt: skip
+            f = self.frequencies.values(linear.modes.eigenvalues)
+            response = linear.response(f, slopes[:, :size], b) + d
+            squares = np.array([bool(one.position) for one in inputs])
+            response = response * np.where(squares, -((2.0 * np.pi * f[:, None, None]) ** 2), 1.0)
+            shown = [(name, own, one) for name, own in zip(self.outputs, units, strict=True) for one in inputs]
             found["response"] = LabelledArray(
-                response.reshape(len(response), -1), [f"{f:.9g} Hz" for f in frequencies],
-                [f"{name} / {effort}" for name, _, effort, _ in named], [ONE] * len(response),
-                [None if own is None else own * per for _, own, _, per in named],
+                response.reshape(len(f), -1), [f"{x:.9g} Hz" for x in f],
+                [f"{name} / {one.name}" for name, _, one in shown], [ONE] * len(f),
+                [None if own is None else own / one.unit for _, own, one in shown],
             )  # fmt: skip
         return found
 
 
-def _measures(linear: Linearisation) -> Array:
-    """Return the measures of modes, shape (2 d, measures); NaN beyond them, as conjugate pairs are one mode."""
+def _most(mechanism: Mechanism, row: Trajectory) -> int:
+    """Return the largest number of modes: that of free states."""
+    closure = mechanism.closure
+    return 2 * int(closure.split(closure.rows(closure.state(row.q[0]))).free.shape[1])
+
+
+def _measures(linear: Linearisation, count: int) -> Array:
+    """Return the measures of modes, shape (count, measures); NaN beyond them, as conjugate pairs are one mode."""
     modes = linear.modes
     growth = modes.eigenvalues.real
     with np.errstate(divide="ignore"):
         constants = np.where(np.abs(growth) > modes.errors, -1.0 / growth, np.inf)
-    found = np.full((len(linear.states), len(MODE_UNITS)), np.nan)
+    found = np.full((count, len(MODE_UNITS)), np.nan)
     found[: len(growth)] = np.column_stack(
         [modes.frequencies, modes.damped_frequencies, modes.damping_ratios, constants, growth, modes.errors]
     )
@@ -284,29 +314,22 @@ def _columns(measures: Array) -> dict[str, Series]:
     }
 
 
-def _rows(
-    mechanism: Mechanism, begun: Prepared, state: SteadyState, columns: Mapping[str, Series], drives: tuple[str, ...]
-) -> Trajectory:
-    """Return the state as a table of one row."""
-    grid, still = Grid.cover(np.ones(1), []), np.zeros((1, mechanism.model.nv))
-    coordinates = [mechanism.coordinate(name) for name in drives]
-    return Trajectory(
-        mechanism, ROW, unit("1"), grid, state.q[None], state.v[None], still, state.tau[None],
-        Multipliers.known(state.lam[None], mechanism.closure.size), mechanism.closure, begun.dynamics, columns=columns,
-        separate=True, driven=driven_along(coordinates, mechanism.model.nv), drives=drives,
-    )  # fmt: skip
-
-
 def _remarks(linear: Linearisation) -> list[str]:
-    """Return notes on modes that grow and on eigenvalues that are not determined to many digits."""
-    modes = linear.modes
-    numbers = np.arange(1, len(modes.eigenvalues) + 1)
-    growing = numbers[modes.eigenvalues.real > modes.errors]
-    notes = [f"unstable: mode {', '.join(map(str, growing))} grows"] if len(growing) else []
-    rigid = numbers[np.abs(modes.eigenvalues) <= modes.errors * 1e3]
-    if len(rigid):
-        notes.append(f"mode {', '.join(map(str, rigid))}: nothing drives it back, its frequency is 0")
-    vague = numbers[(modes.errors > 1e-6 * np.abs(modes.eigenvalues)) & ~np.isin(numbers, rigid)]
-    if len(vague):
-        notes.append(f"mode {', '.join(map(str, vague))}: less than six digits hold, as of eigenvalues that meet")
-    return notes
+    """Return notes on what friction holds, modes that grow, and eigenvalues that have few digits."""
+    modes, size = linear.modes, np.abs(linear.modes.eigenvalues)
+    notes = [linear.at.friction.note] if linear.at.friction.note else []
+    notes += [] if len(size) else ["nothing is free to move: there are no modes"]
+    notes += _modes_that("unstable: {} grows", modes.eigenvalues.real > modes.errors)
+    known = size > modes.errors * RIGID
+    notes += rigid_modes(linear)
+    twins = [(j, k) for j, k in modes.defective if known[j] and known[k]]
+    notes += [f"mode {j + 1}, {k + 1}: a defective pair, one mode but for rounding" for j, k in twins]
+    known[[k for pair in twins for k in pair]] = False
+    return notes + _modes_that(
+        "{}: less than six digits hold, as of eigenvalues that meet", known & (modes.errors > VAGUE * size)
+    )
+
+
+def _modes_that(said: str, which: Flags) -> list[str]:
+    numbers = ", ".join(str(k + 1) for k in np.flatnonzero(which))
+    return [said.format(f"mode {numbers}")] if numbers else []

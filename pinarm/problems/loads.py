@@ -30,12 +30,21 @@ def bind_constant_loads(mechanism: Mechanism, loads: Mapping[str, Force], place:
         InputError: A load names something that does not exist, or changes with time.
     """
     forces = bind_loads(mechanism, loads, place)
+    require_constant(forces, place)
+    return forces
+
+
+def require_constant(forces: Mapping[str, ForceElement], place: Place) -> None:
+    """Raise where a force follows a law over time.
+
+    Raises:
+        InputError: Says which.
+    """
     for name, force in forces.items():
         if not all(isinstance(law, Constant) for law in force.laws()):
             with place("loads", name):
                 raise InputError(f"the force '{name}' follows a law over time and has no value at rest",
                                  hint="law: constant")  # fmt: skip
-    return forces
 
 
 def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:

@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import pinarm
 from pinarm.errors import AssemblyError, DynamicsError, InputError
+from pinarm.input.units import unit
 
 GOVERNOR = """<robot name="governor"><link name="base"/>
 <link name="column"><inertial><mass value="1"/>
@@ -130,3 +132,99 @@ def test_results_are_restored_with_their_tables(governor, tmp_path):
     again = pinarm.restore(result.save(tmp_path / "saved"))
     assert again.arrays["A"].values == pytest.approx(result.arrays["A"].values, abs=0.0)
     assert list(again.arrays["shapes"].rows) == ["spindle", "arm"]
+
+
+MOUNTED = """<robot name="mounted"><link name="floor"/><link name="base"/><joint name="shake" type="prismatic">
+<parent link="floor"/><child link="base"/><axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1e6" velocity="1e3"/>
+</joint><link name="machine"><inertial><mass value="12"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+</inertial></link><joint name="mount" type="prismatic"><parent link="base"/><child link="machine"/><axis xyz="0 0 1"/>
+<limit lower="-9" upper="9" effort="1e6" velocity="1e3"/></joint></robot>"""
+
+
+def mounted(tmp_path, **forces):
+    """A machine on a spring and damper, on a floor without mass that moves."""
+    (tmp_path / "mounted.urdf").write_text(MOUNTED)
+    mount = {"kind": "joint_spring", "joint": "mount", "stiffness": "5 kN/m", "damping": "60 N*s/m"}
+    return {"pinarm": 1, "robot": str(tmp_path / "mounted.urdf"), "gravity": {"direction": "-z"},
+            "forces": {"mount": mount, **forces}}  # fmt: skip
+
+
+def test_the_transmissibility_of_a_shaken_base(tmp_path):
+    """``(k + i c w) / (k - m w^2 + i c w)``; the force of the mount on the floor, ``-m w^2`` times that."""
+    mass, k, c = 12.0, 5e3, 60.0
+    with pinarm.file_root(tmp_path):
+        result = pinarm.run({
+            "pinarm": 1, "mechanism": mounted(tmp_path),
+            "problem": {"kind": "linear", "about": {"hold": {"shake": "0 mm"}}, "inputs": ["joint.shake.position"],
+                        "outputs": ["point.machine.position.z", "joint.shake.effort", "mount"],
+                        "frequencies": {"from": "0.1 Hz", "to": "50 Hz", "samples": 9}},
+            "outputs": ["mode.1.frequency", "joint.shake.effort"],
+        })  # fmt: skip
+    table = result.arrays["response"]
+    w = 2.0 * np.pi * np.array([float(name.split()[0]) for name in table.rows])
+    carried = (k + 1j * c * w) / (k - mass * w**2 + 1j * c * w)
+    assert table.columns[0] == "point.machine.position.z / joint.shake.position"
+    assert table.values[:, 0] == pytest.approx(carried, rel=1e-6)  # frequencies are named with nine digits
+    assert table.values[:, 1] == pytest.approx(-mass * w**2 * carried, rel=1e-6)
+    assert table.values[:, 2] == pytest.approx(carried - 1.0, rel=1e-6)
+    assert result["joint.shake.effort"].values == pytest.approx([mass * 9.81])
+    assert len(result.arrays["eigenvalues"].columns) == 1  # the base has no mode
+    assert list(result.arrays["A"].rows) == ["mount", "shake", "mount'", "shake'"]
+    assert list(result.arrays["B"].columns) == ["shake''"]
+    assert result["mode.1.frequency"].values == pytest.approx(math.sqrt(k / mass) / (2.0 * math.pi), rel=1e-12)
+
+
+def test_a_shaking_force_is_an_input_by_its_amplitude(tmp_path):
+    """``1 / (k - m w^2 + i c w)`` in m/N, whatever the amplitude; the floor feels ``k + i c w`` times that."""
+    mass, k, c = 12.0, 5e3, 60.0
+    shaking = {"kind": "wrench", "point": "machine", "force": ["0 N", "0 N", "40 N"],
+               "factor": {"law": "harmonic", "amplitude": "1 1", "pulsation": "30 rad/s"}}  # fmt: skip
+    with pinarm.file_root(tmp_path):
+        result = pinarm.run({
+            "pinarm": 1, "mechanism": mounted(tmp_path, shaking=shaking),
+            "problem": {"kind": "linear", "about": {"hold": {"shake": "0 mm"}},
+                        "inputs": ["force.shaking", "joint.shake.position"],
+                        "outputs": ["mount", "joint.shake.force.z", "power.shaking"],
+                        "frequencies": {"from": "0.1 Hz", "to": "50 Hz", "samples": 9}},
+            "outputs": ["mode.1.frequency"],
+        })  # fmt: skip
+    table = result.arrays["response"]
+    w = 2.0 * np.pi * np.array([float(name.split()[0]) for name in table.rows])
+    moved = 1.0 / (k - mass * w**2 + 1j * c * w)
+    assert table.columns[0] == "mount / force.shaking"
+    assert table.unit(0, 0).dimension == (unit("m") / unit("N")).dimension
+    assert table.values[:, 0] == pytest.approx(moved, rel=1e-6)
+    assert table.values[:, 2] == pytest.approx(-(k + 1j * c * w) * moved, rel=1e-6)
+    assert table.values[:, 4] == pytest.approx(0.0, abs=1e-12)  # nothing moves in the state
+
+
+def test_parts_of_springs_dampers_and_bodies_by_hand(tmp_path):
+    """Carriages of 2 and 3 kg in a row: ``x^T K_i x`` and ``x^T M_i x`` of the eigenvectors of 2 by 2 matrices."""
+    links = "".join(
+        f'<link name="{name}"><inertial><mass value="{mass}"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<joint name="{name}_slide" type="prismatic"><parent link="{parent}"/><child link="{name}"/>'
+        '<axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="1e6" velocity="1e3"/></joint>'
+        for name, parent, mass in (("one", "rail", 2), ("two", "one", 3))
+    )
+    (tmp_path / "row.urdf").write_text(f'<robot name="row"><link name="rail"/>{links}</robot>')
+    springs = {
+        "first": {"kind": "joint_spring", "joint": "one_slide", "stiffness": "70 N/m", "damping": "0.02 N*s/m"},
+        "second": {"kind": "joint_spring", "joint": "two_slide", "stiffness": "40 N/m", "damping": "0.06 N*s/m"},
+    }
+    with pinarm.file_root(tmp_path):
+        result = pinarm.run({
+            "pinarm": 1, "problem": {"kind": "linear"}, "outputs": ["mode.1.frequency"],
+            "mechanism": {"pinarm": 1, "robot": str(tmp_path / "row.urdf"), "gravity": "none", "forces": springs},
+        })  # fmt: skip
+    stiffness = np.array([[110.0, -40.0], [-40.0, 40.0]])  # over absolute positions
+    x = eigh(stiffness, np.diag([2.0, 3.0]))[1]
+    stretched = np.array([x[0], x[1] - x[0]])
+    energy = np.array([70.0, 40.0])[:, None] * stretched**2
+    assert list(result.arrays["springs"].rows) == ["first", "second"]
+    # shapes of lightly damped modes differ by the damping
+    assert result.arrays["springs"].values == pytest.approx(energy / energy.sum(axis=0), abs=1e-5)
+    kinetic = np.array([2.0, 3.0])[:, None] * x**2
+    assert result.arrays["masses"].values == pytest.approx(kinetic / kinetic.sum(axis=0), abs=1e-5)
+    lost = np.array([0.02, 0.06])[:, None] * stretched**2
+    assert result.arrays["dampers"].values == pytest.approx(lost / lost.sum(axis=0), abs=1e-5)

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, vecmat
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, EvaluatedRows
 from pinarm.engine.constraints.loop_sizes import LoopSizes, extent, slides, unit_of_length
@@ -325,7 +325,7 @@ class Closure(Record, frozen=True):
         loads = np.zeros((*states, self.model.nv))
         sizes[..., 1] += self._arms * sizes[..., 0]
         for constraint, rows in idle:
-            loads += np.vecmat(lam[..., rows], replace(self, constraints=(constraint,)).at(q)[1])
+            loads += vecmat(lam[..., rows], replace(self, constraints=(constraint,)).at(q)[1])
         return total, sizes, loads
 
     @cached_property

@@ -23,14 +23,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.constraint import Constraint
-from pinarm.engine.constraints.constraint_rows import ConstraintRows
+from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.records import Record
+from pinarm.records import Record, replace
 
 STEP = 1e-30
 """Imaginary step h: its square vanishes beside 1, and no difference is taken."""
@@ -62,18 +61,18 @@ class EquationDerivatives(Record, frozen=True):
 
 
 def equation_derivatives(
-    dynamics: Dynamics, constraints: Sequence[Constraint], t: float, q: Array, v: Array, a: Array, lam: Array
+    dynamics: Dynamics, constraints: Sequence[Measured], t: float, q: Array, v: Array, a: Array, lam: Array
 ) -> EquationDerivatives:
     """Return the derivatives at a state.
 
     Args:
         dynamics: The equation of motion with its loads.
-        constraints: Its constraints.
+        constraints: Its constraints, and coordinates along which efforts act.
         t: Instant of loads that follow laws [s].
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,).
         a: Acceleration, shape (nv,).
-        lam: Multipliers of the constraints, shape (m,).
+        lam: Multipliers of the constraints, and these efforts, shape (m,).
 
     Raises:
         InputError: A constraint or a load has no derivative here.
@@ -106,32 +105,41 @@ def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Ar
 def load_derivatives(dynamics: Dynamics, t: float, q: Array, v: Array) -> tuple[Array, Array]:
     """Return the derivatives of the generalised loads by q and by v, shape (nv, nv) each."""
     nv = dynamics.model.nv
-    if not dynamics.changing:
-        return np.zeros((nv, nv)), np.zeros((nv, nv))
-    q_steps, v_steps = _steps(dynamics.model, q), v + 1j * STEP * np.eye(nv)
+    by_q, by_v = np.zeros((2, nv, nv))
+    for force in dynamics.changing:
+        of_q, of_v = element_derivatives(dynamics.model, force, t, q, v)
+        by_q, by_v = by_q + of_q, by_v + of_v
+    return by_q, by_v
+
+
+def element_derivatives(model: pin.Model, force: ForceElement, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return the derivatives of the load of one force element by q and by v, shape (nv, nv) each."""
+    nv = model.nv
+    q_steps, v_steps = _steps(model, q), v + 1j * STEP * np.eye(nv)
     q_many = np.concatenate([q_steps, np.broadcast_to(q, q_steps.shape)])
     v_many = np.concatenate([np.broadcast_to(v, v_steps.shape), v_steps])
     tau = np.zeros((2 * nv, nv), dtype=complex)
     with complex_kept():
-        for force in dynamics.changing:
-            _add_load(dynamics.model, force, t, q_many, v_many, tau)
+        analytic(model, force).add_load(t, q_many, v_many, tau)
     slopes = np.imag(tau) / STEP
     return slopes[:nv].T, slopes[nv:].T
 
 
-def _add_load(model: pin.Model, force: ForceElement, t: float, q: Array, v: Array, tau: Array) -> None:
-    """Add a load at complex states, shape (n, nv); loads along coordinates by the rows of these."""
+def analytic(model: pin.Model, force: ForceElement) -> ForceElement:
+    """Return a force element that takes complex steps: one along a coordinate by the coordinate's rows."""
     if not isinstance(force, AlongCoordinate) or isinstance(force.coordinate, LinearCoordinate):
-        force.add_load(t, q, v, tau)
-        return
+        return force
     rows = ConstraintRows.of(model, [force.coordinate])
-    here = rows.at(q)
-    row = here.matrices[:, 0]
-    tau += np.asarray(force.effort(t, here.gaps[:, 0], (row * v).sum(axis=-1)))[..., None] * row
+
+    def many(q: Array) -> tuple[Array, Array]:
+        here = rows.at(q)
+        return here.gaps[:, 0], here.matrices[:, 0]
+
+    return replace(force, many=many)
 
 
 def _row_derivatives(
-    model: pin.Model, constraints: Sequence[Constraint], q: Array, v: Array
+    model: pin.Model, constraints: Sequence[Measured], q: Array, v: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Return G, its derivative by q, and those of ``G' v`` by q and by v."""
     rows, nv = ConstraintRows.of(model, constraints), model.nv

@@ -10,18 +10,28 @@ import numpy as np
 from pinarm.arrays import Array, Complex, real
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import accelerations
+from pinarm.engine.dynamics.mass_matrix import require_masses
 from pinarm.engine.labelled_array import LabelledArray
 from pinarm.engine.linear.derivatives import EquationDerivatives, equation_derivatives
-from pinarm.engine.linear.linearisation import LinearMotion, Modes, linear_motion
+from pinarm.engine.linear.friction import with_friction
+from pinarm.engine.linear.inputs import Input
+from pinarm.engine.linear.linearisation import LinearMotion, Modes
+from pinarm.engine.linear.steady import state_row
+from pinarm.engine.linear.stepped_state import Drives, SteppedState
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities import states
-from pinarm.errors import InputError
+from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.joints import METRE
-from pinarm.records import Record
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+
+CHANGED = 1e-6
+"""Change of A in a steady motion, relative to its largest entry, that is rounding."""
 
 AT_KINK = 1e-9
 """Distance of a load from its kink, relative to ``1 +`` the coordinate in SI, at which it has no one derivative."""
@@ -33,11 +43,13 @@ class Linearisation(Record, frozen=True):
     Attributes:
         motion: The matrices and their bases.
         states: Names of the states x: deviations of d independent coordinates, then of their velocities ``NAME'``.
-        inputs: Names of the inputs u: efforts at joints.
+        inputs: Names of the inputs u: efforts at joints, then accelerations ``NAME''`` of prescribed coordinates.
         state_units: Units of the states.
         input_units: Units of the inputs.
-        velocity_units: Units of all joints' coordinates.
+        joints: Names of all joints' coordinates.
+        joint_units: Their units.
         acceleration: Accelerations at the state, shape (nv,): 0 at an equilibrium.
+        at: The state, and what holds, moves and slips at it.
     """
 
     motion: LinearMotion
@@ -45,8 +57,10 @@ class Linearisation(Record, frozen=True):
     inputs: Sequence[str]
     state_units: Sequence[Unit]
     input_units: Sequence[Unit]
-    velocity_units: Sequence[Unit]
+    joints: Sequence[str]
+    joint_units: Sequence[Unit]
     acceleration: Array
+    at: SteppedState
 
     @property
     def A(self) -> Array:
@@ -65,9 +79,24 @@ class Linearisation(Record, frozen=True):
 
     def shapes(self) -> Complex:
         """Return the mode shapes in all joint velocities, shape (nv, k), the largest component of each 1."""
-        shapes = self.motion.motions(self.modes.vectors)
+        shapes = self.motion.shapes[0]
         largest = np.abs(shapes).argmax(axis=0)
         return np.asarray(shapes / shapes[largest, np.arange(shapes.shape[1])])
+
+    def columns(self, inputs: Sequence[Input], loads: Array) -> Array:
+        """Return inputs as combinations of the columns of B, shape (i, k).
+
+        Args:
+            inputs: The k inputs.
+            loads: Loads of the forces among them per amplitude, shape (nv, forces).
+        """
+        found, forces = np.zeros((len(self.inputs), len(inputs))), iter(loads.T)
+        for k, one in enumerate(inputs):
+            if one.position:
+                found[list(self.inputs).index(f"{one.position}''"), k] = 1.0
+            else:
+                found[: len(self.joints), k] = next(forces) if one.weights is None else one.weights
+        return found
 
     def response(self, frequencies: Array, outputs: Array, inputs: Array | None = None) -> Complex:
         """Return the frequency response ``C (2 pi i f - A)^-1 B``.
@@ -96,7 +125,7 @@ class Linearisation(Record, frozen=True):
         inverse = [unit("1") / measured for measured in self.state_units]
         return {
             "eigenvalues": LabelledArray(self.modes.eigenvalues[None], ["eigenvalue"], modes, [rate], one),
-            "shapes": LabelledArray(self.shapes(), self.inputs, modes, self.velocity_units, one),
+            "shapes": LabelledArray(self.shapes(), self.joints, modes, self.joint_units, one),
             "A": LabelledArray(self.A, self.states, self.states, [own * rate for own in self.state_units], inverse),
             "B": LabelledArray(
                 self.B, self.states, self.inputs, [own * rate for own in self.state_units],
@@ -108,14 +137,15 @@ class Linearisation(Record, frozen=True):
 def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None, t: float) -> EquationDerivatives:
     """Return the derivatives of the equation of motion; see ``Mechanism.derivatives``."""
     q, v, a, tau = _one_state(mechanism, q, v=v, a=a, tau=tau)
-    return _derivatives(mechanism, mechanism.dynamics.on(t, float(np.nextafter(t, np.inf))), t, q, v, a, tau)
-
-
-def _derivatives(
-    mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, a: Array, tau: Array
-) -> EquationDerivatives:
-    """Return the derivatives, with the multipliers that hold what the efforts do not."""
-    _require_smooth(mechanism, dynamics, t, q, v)
+    dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
+    if mechanism.frictions:
+        joints = ", ".join(dict.fromkeys(friction.name for friction in mechanism.frictions))
+        raise InputError(
+            f"the equation of motion has no derivative where dry friction sticks: {joints}",
+            expected="a mechanism without dry friction",
+            hint="friction: {} in the mechanism file, or linearise, which holds joints that stick",
+        )
+    _require_smooth(dynamics, t, q, v)
     held = dynamics.inverse(t, q[None], v[None], a[None]) - tau
     lam = Multipliers.least(mechanism.closure, q[None], held, np.zeros((1, 0)))
     return equation_derivatives(dynamics, mechanism.constraints, t, q, v, a, lam[0])
@@ -124,31 +154,78 @@ def _derivatives(
 def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None, t: float) -> Linearisation:
     """Return the linearised motion; see ``Mechanism.linearise``."""
     q, v, _, tau = _one_state(mechanism, q, v=v, a=None, tau=tau)
-    a = np.asarray(states.forward(mechanism, q, v, tau, t))
+    states.forward(mechanism, q, v, tau, t)  # refuses open loops, and one-sided constraints that would pull
     dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
-    return linearised(mechanism, dynamics, t, q, v, tau, a)
+    return linearised(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
 
 
-def linearised(
-    mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array, a: Array | None = None
-) -> Linearisation:
-    """Return the motion linearised about a state under the loads of a run; ``a`` is 0 where it is left out."""
-    model, a = mechanism.model, np.zeros_like(v) if a is None else a
-    motion = linear_motion(model, _derivatives(mechanism, dynamics, t, q, v, a, tau), v)
+def linearised(state: Trajectory, drives: Drives | None = None) -> Linearisation:
+    """Return the motion linearised about a state.
+
+    Args:
+        state: A table of one row with its efforts at joints, those of ``drives`` included; its friction, multipliers
+            and accelerations follow from these.
+        drives: Drives along coordinates, beside those at joints; none where it is left out.
+    """
+    drives = drives or Drives()
+    mechanism, dynamics, t = state.mechanism, state.dynamics, float(state.grid.t[0])
+    _require_smooth(dynamics, t, state.q[0], state.v[0])
+    at = SteppedState(_completed(state, drives), drives)
+    motion, model = at.motion, mechanism.model
     names = [coordinate_name(model, index) for index in range(model.nv)]
     sliding = {joint.v for joint in mechanism.joints.values() if joint.unit == METRE}
     every = [unit("m") if index in sliding else unit("rad") for index in range(model.nv)]
     free = motion.independent.tolist()
-    own = [every[index] for index in free]
+    moved = [(drives.names[k], drives.coordinates[k].unit) for k in np.flatnonzero(drives.prescribed).tolist()]
+    positions = [*((names[index], every[index]) for index in free), *moved]
+    efforts = [(name, unit("N") if index in sliding else unit("N*m")) for index, name in enumerate(names)]
+    inputs = [*efforts, *((f"{name}''", own / unit("s^2")) for name, own in moved)]
+    second = unit("s")
     return Linearisation(
         motion,
-        [*(names[index] for index in free), *(f"{names[index]}'" for index in free)],
+        [*(name for name, _ in positions), *(f"{name}'" for name, _ in positions)],
+        [name for name, _ in inputs],
+        [*(own for _, own in positions), *(own / second for _, own in positions)],
+        [own for _, own in inputs],
         names,
-        [*own, *(measured / unit("s") for measured in own)],
-        [unit("N") if index in sliding else unit("N*m") for index in range(model.nv)],
         every,
-        a,
+        at.state.a[0],
+        at,
     )
+
+
+def _completed(state: Trajectory, drives: Drives) -> Trajectory:
+    """Return a state with its friction, accelerations and multipliers; prescribed coordinates do not accelerate."""
+    mechanism, dynamics, t, q, v = state.mechanism, state.dynamics, float(state.grid.t[0]), state.q, state.v
+    own, moved = mechanism.closure.size, np.flatnonzero(drives.prescribed).tolist()
+    closure = mechanism.closure.with_guides([drives.names[k] for k in moved], [drives.coordinates[k] for k in moved])
+    _, guided = drives.acting(mechanism.model.nv, drives.efforts[:, None])
+    tau = state.tau + guided[:, 0] @ state.closure.rows(state.closure.state(q[0]))[own:]
+    if mechanism.frictions:
+        from pinarm.engine.friction.given_efforts import friction_under
+
+        state = with_friction(state, friction_under(mechanism.frictions, dynamics, closure, t, q, v, tau)[0])
+        tau = tau + state.friction_loads
+    if not mechanism.massive:
+        require_masses(closure, q, t)
+    a = accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
+    held = dynamics.inverse(t, q, v, a) - tau
+    lam = np.asarray(Multipliers.least(mechanism.closure, q, held, np.zeros((1, 0))))
+    return replace(state, a=a, lam=Multipliers.known(np.hstack([lam, guided.T]), own))
+
+
+def require_same(linear: Linearisation, later: Linearisation) -> None:
+    """Raise where a steady motion has other coefficients later: its small motions are then not those of constant ones.
+
+    Raises:
+        DynamicsError: They differ.
+    """
+    if linear.states != later.states or np.abs(linear.A - later.A).max() > CHANGED * np.abs(linear.A).max():
+        raise DynamicsError(
+            "the linear motion about this steady one has periodic coefficients, and no modes: it depends on how far "
+            "the mechanism has turned",
+            hint="a rotor with equal moments of inertia about its axis, or equal springs around it",
+        )
 
 
 def _one_state(
@@ -169,19 +246,12 @@ def _one_state(
     return found[0], found[1], found[2], found[3]
 
 
-def _require_smooth(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array) -> None:
-    """Raise where the motion has no derivative: with dry friction, or at a kink of a load.
+def _require_smooth(dynamics: Dynamics, t: float, q: Array, v: Array) -> None:
+    """Raise where a load has a kink.
 
     Raises:
-        InputError: Says where.
+        InputError: Says which.
     """
-    if mechanism.frictions:
-        joints = ", ".join(dict.fromkeys(friction.name for friction in mechanism.frictions))
-        raise InputError(
-            f"dry friction has no derivative where it sticks: {joints}",
-            expected="a mechanism without dry friction",
-            hint="friction: {} in the mechanism file, or a coupling that holds the sticking joint",
-        )
     for name, force in dynamics.forces.items():
         for edge in force.edges():
             near = np.abs(edge.value(np.array([t]), q[None], v[None])) <= AT_KINK * (1.0 + np.abs(q).max(initial=0.0))

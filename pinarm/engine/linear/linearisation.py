@@ -1,23 +1,28 @@
 """The motion of a tree or of loops, linearised about a state: ``x' = A x + B u``.
 
-The velocities that the constraints allow are ``v = N w``, w being those of d independent joints and N having their rows
-equal to 1. A neighbouring motion deviates by ``delta`` in position and ``dv`` in velocity, with
+Rows G of constraints, of joints that friction holds and of prescribed coordinates hold ``G v = E r'``, r being the
+deviations of the prescribed coordinates. The velocities that they allow are ``v = N w + P r'``, w being those of d
+independent joints and N having their rows equal to 1, P 0. A neighbouring motion deviates by ``delta`` in position and
+``dv`` in velocity, with
 
-    G delta = 0,    G dv + (G v)_q delta = 0
+    G delta = E r,    G dv + (G v)_q delta = E r'
 
-so that ``delta = N z`` and ``dv = N w + W z`` with the deviations z and w of the independent joints, W having zeros in
-their rows. The acceleration of a deviation follows from the differentiated equation of motion,
+so that ``delta = N z + P r`` and ``dv = N w + P r' + W [z; r]`` with the deviations z and w of the independent joints,
+W having zeros in their rows. The acceleration of a deviation follows from the differentiated equation of motion,
 
-    M da - G^T dlam = S du - F_q delta - F_v dv,    G da = -(G a + G' v)_q delta - (G a + G' v)_v dv
+    M da - G^T dlam = S du + H^T df - F_q delta - F_v dv,    G da = E r'' - (G a + G' v)_q delta - (G a + G' v)_v dv
 
 and of the independent joints ``z' = w``, less ``omega x z`` where three of them are a ball joint, and ``w' = da``. The
-curvature of the rows and the geometric stiffness of the constraint forces are in F_q and ``(G a + G' v)_q``.
+curvature of the rows and the geometric stiffness of the constraint forces are in F_q and ``(G a + G' v)_q``. Friction
+f of joints that slip, with the rows H of the slips, depends on the motion and on the forces of constraints,
+``df = f_x x + f_u u + f_f df``: it is eliminated last. States are ``x = [z; r; w; r']``, inputs ``[u; r'']``.
 
 Source: Schiehlen and Eberhard, Applied Dynamics (2014), section 5.4 (linear equations of motion).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -25,8 +30,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Complex, Indices
 from pinarm.engine.linear.derivatives import EquationDerivatives
-from pinarm.errors import DynamicsError
-from pinarm.records import Record
+from pinarm.errors import DynamicsError, InputError
+from pinarm.records import Record, replace
 
 DEPENDENT = 1e-9
 """Least pivot of scaled rows, relative to the largest, above which a row is independent."""
@@ -34,36 +39,69 @@ DEPENDENT = 1e-9
 SINGULAR = 1e-6
 """Least pivot at which a position counts as regular: between this one and ``DEPENDENT`` it is refused."""
 
+DEFECTIVE = 1e-6
+"""How far the cosine of the angle between two mode shapes may be from 1 where they are one shape."""
+
+
+class Rows(Record, frozen=True):
+    """Which rows of the derivatives hold, move as prescribed, or slip with friction.
+
+    Attributes:
+        holding: Rows that hold, shape (m,).
+        prescribed: Which of these have prescribed values, places in ``holding``, shape (p,).
+        slipping: Rows H of slips with friction, shape (k,).
+    """
+
+    holding: Indices
+    prescribed: Indices
+    slipping: Indices
+
+    @classmethod
+    def all_holding(cls, count: int) -> Rows:
+        """Return rows that all hold."""
+        none = np.zeros(0, dtype=np.intp)
+        return cls(np.arange(count), none, none)
+
 
 class LinearMotion(Record, frozen=True):
-    """Linearised motion: ``x = [z; w]``, ``x' = a x + b u``.
+    """Linearised motion: ``x' = a x + b u`` with n states and i inputs.
 
     Attributes:
         independent: Velocities of the independent joints, by their indices in v, shape (d,).
-        allowed: N, shape (nv, d).
-        carried: W, shape (nv, d).
-        a: State matrix, shape (2 d, 2 d).
-        b: Input matrix of efforts at all joints, shape (2 d, nv).
-        whole_a: Accelerations of all joints per state and per input, shape (nv, 2 d + nv).
-        whole_lam: Multipliers likewise, shape (m, 2 d + nv).
+        position: Deviations of all joints per state, shape (nv, n).
+        velocity: Deviations of all velocities per state, shape (nv, n).
+        a: State matrix, shape (n, n).
+        b: Input matrix of efforts at all joints and of prescribed accelerations, shape (n, i).
+        whole_a: Accelerations of all joints per state and per input, shape (nv, n + i).
+        whole_lam: Multipliers of the rows that hold likewise, shape (m, n + i).
+        friction: Friction of joints that slip likewise, shape (k, n + i).
     """
 
     independent: Indices
-    allowed: Array
-    carried: Array
+    position: Array
+    velocity: Array
     a: Array
     b: Array
     whole_a: Array
     whole_lam: Array
+    friction: Array
+
+    @cached_property
+    def free(self) -> Indices:
+        """The states that are free: those of the independent joints, shape (2 d,)."""
+        d, half = len(self.independent), len(self.a) // 2
+        return np.concatenate([np.arange(d), half + np.arange(d)])
 
     @cached_property
     def modes(self) -> Modes:
-        """Eigenvalues and eigenvectors of A."""
-        return Modes.of(self.a)
+        """Eigenvalues and eigenvectors of A, the prescribed coordinates at rest; vectors over the free states."""
+        return Modes.of(self.a[np.ix_(self.free, self.free)])
 
-    def motions(self, vectors: Complex) -> Complex:
-        """Return the deviations of all joints for states, shape (2 d, k), as an array of shape (nv, k)."""
-        return np.asarray(self.allowed @ vectors[: len(self.independent)])
+    @property
+    def shapes(self) -> tuple[Complex, Complex]:
+        """Deviations of all joints in the modes and of their velocities, shape (nv, k) each."""
+        vectors = self.modes.vectors
+        return np.asarray(self.position[:, self.free] @ vectors), np.asarray(self.velocity[:, self.free] @ vectors)
 
 
 class Modes(Record, frozen=True):
@@ -86,6 +124,8 @@ class Modes(Record, frozen=True):
         """Return the modes of a state matrix, balanced by its scales first."""
         from scipy.linalg import eig, matrix_balance
 
+        if not len(a):
+            return cls(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0), 0.0)
         balanced, scales = matrix_balance(a, permute=False)
         eigenvalues, left, right = eig(balanced, left=True, right=True)
         kept = np.flatnonzero(eigenvalues.imag >= 0.0)
@@ -111,42 +151,126 @@ class Modes(Record, frozen=True):
         size = np.abs(self.eigenvalues)
         return np.asarray(-self.eigenvalues.real / np.where(size > 0.0, size, 1.0))
 
-    @property
+    @cached_property
     def errors(self) -> Array:
-        """Errors of the eigenvalues by rounding, to first order: condition times backward error [1/s], shape (k,)."""
-        return self.conditions * self.error
+        """Errors of the eigenvalues by rounding [1/s], shape (k,): to first order condition times backward error.
+
+        The condition of m eigenvalues that meet has no bound; they move by about ``|A| eps^(1/m)``.
+        """
+        eps = np.finfo(float).eps
+        size = self.error / eps
+        apart = np.abs(self.eigenvalues[:, None] - self.eigenvalues)
+        meeting = np.maximum((apart <= size * eps ** (1.0 / 3.0)).sum(axis=1), 2)
+        return np.asarray(np.minimum(self.conditions * self.error, size * eps ** (1.0 / meeting)))
+
+    @property
+    def defective(self) -> list[tuple[int, int]]:
+        """Pairs of modes with one shape and one eigenvalue but for their errors, by their numbers from 0."""
+        alike = np.abs(self.vectors.conj().T @ self.vectors) > 1.0 - DEFECTIVE
+        apart = np.abs(self.eigenvalues[:, None] - self.eigenvalues)
+        first, second = np.nonzero(np.triu(alike & (apart <= self.errors[:, None] + self.errors), 1))
+        return list(zip(first.tolist(), second.tolist(), strict=True))
 
 
-def linear_motion(model: pin.Model, at: EquationDerivatives, v: Array) -> LinearMotion:
+Slopes = Callable[[LinearMotion], Array]
+"""From a motion whose last k inputs are frictions to their slopes by all states and inputs, shape (k, n + i)."""
+
+
+def linear_motion(
+    model: pin.Model, at: EquationDerivatives, v: Array, rows: Rows | None = None, slopes: Slopes | None = None
+) -> LinearMotion:
     """Return the linearised motion about a state.
 
     Args:
         model: Pinocchio's model.
         at: Derivatives of the equation of motion there.
         v: Velocity there, shape (nv,).
+        rows: What its rows do; all of them hold where it is left out.
+        slopes: Of friction, where joints slip.
 
     Raises:
         DynamicsError: The position is singular, or something without mass is free.
+        InputError: A prescribed coordinate cannot move.
     """
+    rows = rows or Rows.all_holding(len(at.rows))
+    pushes, holding = at.rows[rows.slipping], rows.holding
+    at = replace(
+        at, rows=at.rows[holding], rows_q=at.rows_q[:, holding], acceleration_q=at.acceleration_q[holding],
+        acceleration_v=at.acceleration_v[holding],
+    )  # fmt: skip
     independent, allowed = independent_joints(at.rows)
     _require_regular(at, allowed)
-    carried = -np.linalg.lstsq(at.rows, np.einsum("kmj,j,kd->md", at.rows_q, v, allowed), rcond=DEPENDENT)[0]
+    moved = np.hstack([allowed, _prescribed(at.rows, rows.prescribed, independent, allowed)])
+    carried = -np.linalg.lstsq(at.rows, np.einsum("kmj,j,kd->md", at.rows_q, v, moved), rcond=DEPENDENT)[0]
     carried -= allowed @ carried[independent]
-    position, velocity = np.hstack([allowed, np.zeros_like(allowed)]), np.hstack([carried, allowed])
+    motion = _moved(model, at, v, independent, moved, carried, pushes)
+    return motion if slopes is None else _eliminated(motion, slopes(motion), len(pushes))
+
+
+def _prescribed(rows: Array, prescribed: Indices, independent: Indices, allowed: Array) -> Array:
+    """Return P: the motion of all joints per prescribed coordinate, independent joints at rest, shape (nv, p).
+
+    Raises:
+        InputError: Constraints hold a coordinate.
+    """
+    wanted = np.zeros((len(rows), len(prescribed)))
+    wanted[prescribed, np.arange(len(prescribed))] = 1.0
+    moved = np.linalg.lstsq(rows, wanted, rcond=DEPENDENT)[0]
+    if np.abs(rows @ moved - wanted).max(initial=0.0) > SINGULAR:
+        raise InputError("constraints hold a prescribed coordinate: it cannot move",
+                         expected="as many such inputs as the mechanism has freedoms, at most")  # fmt: skip
+    return np.asarray(moved - allowed @ moved[independent])
+
+
+def _moved(
+    model: pin.Model, at: EquationDerivatives, v: Array, independent: Indices, moved: Array, carried: Array,
+    pushes: Array,
+) -> LinearMotion:  # fmt: skip
+    """Return the motion, frictions being its last inputs; ``moved`` is [N, P], ``carried`` W."""
+    nv, size, d = model.nv, 2 * moved.shape[1], len(independent)
+    allowed, driven = moved[:, :d], moved[:, d:]
+    position, velocity = np.hstack([moved, np.zeros_like(moved)]), np.hstack([carried, moved])
     force = at.force_q @ position + at.force_v @ velocity
     bend = at.acceleration_q @ position + at.acceleration_v @ velocity
-    mass = allowed.T @ at.mass @ allowed
     accelerated = np.linalg.lstsq(at.rows, -bend, rcond=DEPENDENT)[0]
-    pushed = np.hstack([-force - at.mass @ accelerated, np.eye(model.nv)])
-    solved = _solved(mass, allowed.T @ pushed)
-    whole = np.pad(accelerated, ((0, 0), (0, model.nv))) + allowed @ solved
-    held = at.mass @ whole + np.hstack([force, -np.eye(model.nv)])
-    multipliers = np.linalg.lstsq(at.rows.T, held, rcond=DEPENDENT)[0]
+    given = np.hstack([accelerated, np.zeros((nv, nv)), driven, np.zeros((nv, len(pushes)))])
+    left = np.hstack([force, -np.eye(nv), np.zeros_like(driven), -pushes.T]) + at.mass @ given
+    whole = given - allowed @ _solved(allowed.T @ at.mass @ allowed, allowed.T @ left)
+    multipliers = np.linalg.lstsq(at.rows.T, left + at.mass @ (whole - given), rcond=DEPENDENT)[0]
     turning = (velocity - _transport(model, v) @ position)[independent]
-    size = position.shape[1]
-    a = np.vstack([turning, whole[independent, :size]])
-    b = np.vstack([np.zeros((len(independent), model.nv)), whole[independent, size:]])
-    return LinearMotion(independent, allowed, carried, a, b, whole, multipliers)
+    none = np.zeros((len(pushes), whole.shape[1]))
+    none[:, whole.shape[1] - len(pushes) :] = np.eye(len(pushes))
+    a, b = _state_space(whole, independent, size, d, turning)
+    return LinearMotion(independent, position, velocity, a, b, whole, multipliers, none)
+
+
+def _state_space(whole: Array, independent: Indices, size: int, d: int, turning: Array) -> tuple[Array, Array]:
+    """Return A and B of accelerations per state and input, and of the rates ``turning`` of the independent joints."""
+    half, inputs = size // 2, whole.shape[1] - size
+    a, b = np.zeros((size, size)), np.zeros((size, inputs))
+    a[:d] = turning
+    a[d:half, half + d :] = np.eye(half - d)
+    a[half : half + d], b[half : half + d] = whole[independent, :size], whole[independent, size:]
+    b[half + d :, len(whole) : len(whole) + half - d] = np.eye(half - d)
+    return a, b
+
+
+def _eliminated(motion: LinearMotion, slopes: Array, count: int) -> LinearMotion:
+    """Return the motion with friction that follows from it, ``f = slopes [x; u; f]``.
+
+    Raises:
+        DynamicsError: Friction raises its own load without end.
+    """
+    known = slopes.shape[1] - count
+    matrix = np.eye(count) - slopes[:, known:]
+    if count and np.linalg.cond(matrix) > 1.0 / DEPENDENT:
+        raise DynamicsError("friction of joints that slip raises the load that it depends on without end: it jams",
+                            expected="a smaller mu")  # fmt: skip
+    friction = np.linalg.solve(matrix, slopes[:, :known])
+    whole_a, whole_lam = (x[:, :known] + x[:, known:] @ friction for x in (motion.whole_a, motion.whole_lam))
+    size, d = len(motion.a), len(motion.independent)
+    a, b = _state_space(whole_a, motion.independent, size, d, motion.a[:d])
+    return replace(motion, a=a, b=b, whole_a=whole_a, whole_lam=whole_lam, friction=friction)
 
 
 def independent_joints(rows: Array) -> tuple[Indices, Array]:
@@ -181,8 +305,10 @@ def _require_regular(at: EquationDerivatives, allowed: Array) -> None:
     Raises:
         DynamicsError: The position is singular.
     """
-    left, values, _ = np.linalg.svd(at.rows)
     rank = at.rows.shape[1] - allowed.shape[1]
+    if rank == len(at.rows):
+        return
+    left, values, _ = np.linalg.svd(at.rows)
     turning = np.einsum("mr,kmj,kd,je->rde", left[:, rank:], at.rows_q, allowed, allowed)
     if np.abs(turning).max(initial=0.0) > SINGULAR * max(values.max(initial=0.0), np.abs(at.rows_q).max(initial=0.0)):
         raise _singular()

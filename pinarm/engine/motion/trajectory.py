@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from msgspec import field
 
-from pinarm.arrays import Array, Flags, Indices, in_one
+from pinarm.arrays import Array, Flags, Indices, in_one, vecmat
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
@@ -217,7 +217,7 @@ class Trajectory(Record, frozen=True):
             return np.zeros_like(self.v)
         from pinarm.mechanics.friction.contact import slip_rows
 
-        return np.asarray(np.vecmat(self.friction, slip_rows(self.mechanism.model, self.mechanism.frictions, self.q)))
+        return np.asarray(vecmat(self.friction, slip_rows(self.mechanism.model, self.mechanism.frictions, self.q)))
 
     def intervals(self) -> list[tuple[slice, Dynamics]]:
         """Return the rows between jumps, where there are any, each with the dynamics that holds there."""

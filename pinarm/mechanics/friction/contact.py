@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, vecmat
 from pinarm.input.units import Unit
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -147,7 +147,7 @@ class JointContact:
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         turn = links.turns[:, self.index]
         wrench = joints[:, self.index]
-        return np.concatenate([np.vecmat(wrench[:, :3], turn), np.vecmat(wrench[:, 3:], turn)], axis=1)
+        return np.concatenate([vecmat(wrench[:, :3], turn), vecmat(wrench[:, 3:], turn)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ class LoopContact:
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the wrench of the first link on the second, at frame 2, in the axes of frame 1."""
         wrench, turn = self.joint.wrench(links, lam[self.joint.name]), links.frame(self.joint.first)[0]
-        return np.concatenate([np.vecmat(wrench[:, :3], turn), np.vecmat(wrench[:, 3:], turn)], axis=1)
+        return np.concatenate([vecmat(wrench[:, :3], turn), vecmat(wrench[:, 3:], turn)], axis=1)
 
 
 def slip_rows_at(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:

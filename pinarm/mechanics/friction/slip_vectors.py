@@ -27,7 +27,7 @@ def several(contacts: Sequence[FrictionContact]) -> Flags:
 
 @lru_cache(maxsize=16)  # asked at every evaluation of an equation of motion
 def _same_names(names: tuple[str, ...]) -> tuple[Flags, Flags]:
-    same = np.array([[name == other for other in names] for name in names], dtype=bool).reshape(len(names), -1)
+    same = np.array([[name == other for other in names] for name in names], dtype=bool).reshape(len(names), len(names))
     return same, same.sum(axis=1) > 1
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, vecmat
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
@@ -119,7 +119,7 @@ def _wrench(pair: Pair, one: tuple[Array, Array], two: tuple[Array, Array], lam:
         columns = lam.reshape(-1, lam.shape[-1]).T
         inner = ((direction.T @ columns).reshape(3, *lam.shape[:-1]) for direction in pair.constant)
         return joined(*(rotated(turn, states_first(part, 1)) for part in inner))
-    axes, p = turn.swapaxes(-1, -2) @ other, np.vecmat(place - origin, turn)
+    axes, p = turn.swapaxes(-1, -2) @ other, vecmat(place - origin, turn)
     states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
     axes, p, lam = (
         np.broadcast_to(x, (*states, *x.shape[len(states) :])).reshape(-1, *x.shape[len(states) :])

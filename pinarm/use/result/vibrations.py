@@ -78,12 +78,18 @@ def responses(arrays: Mapping[str, LabelledArray]) -> list[Response]:
     table = arrays["response"]
     frequencies = np.array([float(name.split()[0]) for name in table.rows])
     outputs = zip(arrays["C"].rows, arrays["C"].row_units, strict=True)
-    inputs = zip(arrays["B"].columns, arrays["B"].column_units, strict=True)
-    pairs = product(outputs, list(inputs))
+    inputs = [_answered(*column) for column in zip(arrays["B"].columns, arrays["B"].column_units, strict=True)]
+    pairs = product(outputs, inputs)
     return [
         Response(output, given, _quotient(own, per), frequencies, np.asarray(table.values[:, k]))
         for k, ((output, own), (given, per)) in enumerate(pairs)
     ]
+
+
+def _answered(name: str, per: Unit | None) -> tuple[str, Unit | None]:
+    """Return the input of a response, with the inverse of its unit: of a prescribed acceleration the position."""
+    position = name.removesuffix("''")
+    return (name, per) if position == name or per is None else (position, per / unit("s^2"))
 
 
 def _quotient(own: Unit | None, per: Unit | None) -> Unit | None:

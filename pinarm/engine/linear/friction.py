@@ -1,0 +1,171 @@
+"""Dry friction in a linearised motion: joints that stick are held, joints that slip have the slope of their law.
+
+A joint that slips has ``f = -(u/|u|) (mu(|u|) N + c(|u|))`` with the slip u = H v and the load N of its bearing, which
+depends on positions, velocities, accelerations and the forces of constraints and friction (``mechanics.friction``). One
+that sticks is a constraint; one that begins to slip has no derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
+from pinarm.engine.friction.columns import friction_columns
+from pinarm.engine.linear.derivatives import STEP, complex_kept
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.reactions import Reactions
+from pinarm.errors import DynamicsError, InputError
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.friction.contact import FrictionContact, LoopContact, slip_rows_at
+from pinarm.mechanics.friction.slip_vectors import same_joint, sizes
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.joints import RADIAN
+from pinarm.records import Record, replace
+
+AT_REST = 1e-9
+"""Slip and its acceleration, relative to ``1 +`` the largest in SI, that are rounding of a joint at rest."""
+
+AT_LIMIT = 1e-6
+"""Part of its limit by which friction at rest has to be away from it, to be said to hold."""
+
+VANISHED = 1e-9
+"""Normal force, relative to the reaction, that is rounding of none: its length has no derivative there."""
+
+
+class FrictionState(Record, frozen=True):
+    """Friction at one state.
+
+    Attributes:
+        contacts: The k slips.
+        f: Friction along them [N*m or N], shape (k,).
+        stuck: Which of them friction holds, shape (k,).
+    """
+
+    contacts: Sequence[FrictionContact]
+    f: Array
+    stuck: Flags
+
+    def rows(self, model: pin.Model) -> list[Measured]:
+        """Return the slips, as coordinates or rows of loop joints."""
+        return [measured(model, contact) for contact in self.contacts]
+
+    @property
+    def note(self) -> str:
+        """What is said of joints that stick; empty where none does."""
+        names = dict.fromkeys(one.name for one, stuck in zip(self.contacts, self.stuck, strict=True) if stuck)
+        return f"held by dry friction in the small motion: {', '.join(names)}" if names else ""
+
+
+def at_rest(contacts: Sequence[FrictionContact], slips: Array, v: Array) -> Flags:
+    """Return which contacts stick, if they are held: they have dry friction and no slip, shape (k,)."""
+    dry = np.array([any(contact.law.resting) for contact in contacts], dtype=bool)
+    return np.asarray(dry & (sizes(contacts, slips) <= AT_REST * (1.0 + np.abs(v).max(initial=0.0))))
+
+
+def friction_state(state: Trajectory) -> FrictionState:
+    """Return the friction of a state, a table of one row with accelerations, multipliers and friction.
+
+    Raises:
+        DynamicsError: A joint begins to slip.
+    """
+    contacts, f = state.mechanism.frictions, state.friction[0]
+    slips = slips_of(state, contacts)[0]
+    stuck = at_rest(contacts, slips, state.v[0])
+    here = Kinematics.at(state.mechanism.model, state.q[0], state.v[0])
+    begun = np.array([contact.row(here) @ state.a[0] + contact.drift(here) for contact in contacts])
+    limits = np.array([contact.law.static_mu * load + contact.law.static_constant
+                       for contact, load in zip(contacts, _loads(state, contacts)[0], strict=True)])  # fmt: skip
+    moves = np.abs(begun) > AT_REST * (1.0 + np.abs(state.a[0]).max(initial=0.0))
+    for k in np.flatnonzero(stuck & (moves | (sizes(contacts, f) > (1.0 - AT_LIMIT) * limits))).tolist():
+        raise DynamicsError(
+            f"{contacts[k].name} begins to slip here: friction has a kink where it does not hold a joint at rest",
+            expected=f"a load along it below {limits[k]:.6g} {contacts[k].effort}, or a velocity",
+        )
+    return FrictionState(contacts, f, stuck)
+
+
+def slip_friction(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
+    """Return the friction of contacts that slip at n states, which may be complex steps, shape (n, k)."""
+    slips, loads = slips_of(run, contacts), _loads(run, contacts)
+    speeds = np.sqrt((slips * slips) @ same_joint(contacts).astype(float))
+    found = np.zeros_like(slips * loads)
+    for k, contact in enumerate(contacts):
+        if not any(contact.law.resting):
+            found[:, k] = -contact.law.viscous * slips[:, k]
+            continue
+        mu, constant = contact.law.slipping(speeds[:, k])
+        found[:, k] = -slips[:, k] / speeds[:, k] * (mu * loads[:, k] + constant)
+    return found
+
+
+def friction_slopes(steps: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
+    """Return the slopes of the friction of contacts that slip, along imaginary steps, a row each; shape (k, n).
+
+    Raises:
+        InputError: A load of a bearing has a kink.
+    """
+    with complex_kept():
+        return np.asarray(np.imag(slip_friction(steps, contacts)).T / STEP)
+
+
+def slips_of(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
+    """Return the slips u of k contacts at n states, shape (n, k)."""
+    model = run.mechanism.model
+    rows = ConstraintRows.of(model, [measured(model, contact) for contact in contacts])
+    return np.asarray(np.matvec(rows.at(run.q).matrices, run.v))
+
+
+def with_friction(run: Trajectory, friction: Array) -> Trajectory:
+    """Return states with their friction, shape (n, k)."""
+    return replace(run, columns={**run.columns, **friction_columns(run.mechanism.frictions, friction)})
+
+
+def measured(model: pin.Model, contact: FrictionContact) -> Measured:
+    """Return the slip of a contact as a coordinate or a row of a loop joint.
+
+    Raises:
+        InputError: Its row has no derivative.
+    """
+    if isinstance(contact, LoopContact):
+        return contact.slip
+    if not contact.row_is_constant:
+        raise InputError(f"the linear analysis has no derivatives of the friction of {contact.name}",
+                         expected="friction of joints, threads, teeth or belts")  # fmt: skip
+    weights = slip_rows_at(model, (contact,), pin.neutral(model))[0]
+    return LinearCoordinate(RADIAN, weights, np.zeros(len(weights), dtype=np.intp))
+
+
+def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
+    """Return the loads N of k bearings in units of their friction, shape (n, k); 0 of friction that has none.
+
+    Raises:
+        InputError: A normal force vanishes in the state and not beside it.
+    """
+    found = np.zeros((len(run), len(contacts)), run.q.dtype)
+    if not any(contact.law.loaded for contact in contacts):
+        return found
+    reactions, multipliers = Reactions(run, 0), np.asarray(run.lam)
+    lam = {name: multipliers[:, rows] for name, rows in run.closure.slices.items()}
+    for k, contact in enumerate(contacts):
+        if contact.law.loaded:
+            wrench = contact.transmitted(reactions.links, reactions.joints, lam)
+            normals = np.matvec(contact.bearing.parts, wrench[..., None, :])
+            _require_contact(contact, normals, wrench)
+            found[:, k] = np.sqrt((normals * normals).sum(axis=-1)) @ contact.bearing.levers + contact.bearing.preload
+    return found
+
+
+def _require_contact(contact: FrictionContact, normals: Array, wrench: Array) -> None:
+    """Raise where a normal force, shape (n, p, 3), is 0 but for rounding and changes by complex steps."""
+    size = np.abs(np.real(normals)).max(axis=-1, initial=0.0)
+    change = np.abs(np.imag(normals)).max(axis=-1, initial=0.0) / STEP
+    none = size <= VANISHED * np.abs(np.real(wrench)).max(axis=-1, keepdims=True, initial=0.0)
+    if (none & (change > VANISHED * change.max(initial=0.0))).any():
+        raise InputError(
+            f"the friction of {contact.name} has a kink here: a normal force of its bearing is 0",
+            expected="a state in which the bearing is loaded, or friction without a load: constant",
+        )

@@ -1,0 +1,181 @@
+"""Inputs of a linearised motion by name: efforts, motors, amplitudes of forces, positions of prescribed coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.linear.derivatives import STEP, analytic
+from pinarm.errors import InputError, choices
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.forces.along_coordinate import EffortAlong, effort_along
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.forces.joint_efforts import AppliedEffort
+from pinarm.mechanics.forces.point import AppliedWrench
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import MotionLaw, Values
+from pinarm.records import Record, replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.motion.trajectory import Trajectory
+
+
+class Input(Record, frozen=True):
+    """An input of a linearised motion: an effort at joints, the amplitude of a force, or the position of a coordinate.
+
+    Attributes:
+        name: Its name.
+        unit: Its unit.
+        weights: Efforts at joints per unit, shape (nv,); ``None`` of other inputs.
+        force: Name of the force element; empty of other inputs.
+        position: Name of the coordinate whose position it is; empty of other inputs.
+    """
+
+    name: str
+    unit: Unit
+    weights: Array | None = None
+    force: str = ""
+    position: str = ""
+
+
+def input_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], name: str) -> Input:
+    """Return an input by name.
+
+    ``C`` or ``joint.C.effort`` is the effort along a coordinate, ``drive.D.torque`` that of a motor, ``force.F`` the
+    amplitude of a force that follows a law, ``joint.C.position`` the prescribed position of a coordinate.
+
+    Raises:
+        InputError: There is none of that name.
+    """
+    word, _, rest = name.partition(".")
+    stem, _, last = rest.rpartition(".")
+    known = mechanism.coordinates
+    if word in ("joint", "coordinate") and stem in known and last == "position":
+        return Input(name, known[stem].unit, position=stem)
+    if name in known or (word in ("joint", "coordinate") and stem in known and last == "effort"):
+        return _effort(name, known, name if name in known else stem)
+    if word == "drive" and last == "torque" and stem in mechanism.drives:
+        return _torque(mechanism, name, stem)
+    if word == "force" and rest in forces:
+        return Input(name, _amplitude_unit(mechanism, forces[rest], rest), force=rest)
+    driven = (f"force.{key}" for key, force in forces.items() if force.laws())
+    expected, hint = choices(name, [*known, *driven, *(f"drive.{key}.torque" for key in mechanism.drives)])
+    raise InputError(
+        f"there is no input '{name}'", expected=expected,
+        hint=hint or "joint.J.position for the prescribed position of a joint",
+    )  # fmt: skip
+
+
+def _effort(name: str, known: Mapping[str, Coordinate], coordinate: str) -> Input:
+    along = known[coordinate]
+    if isinstance(along, LinearCoordinate):
+        return Input(name, effort_along(along), along.weights)
+    return Input(name, effort_along(along), force=added_name(coordinate))
+
+
+def added_name(coordinate: str) -> str:
+    """Return the name of the force element that stands for an effort along a task coordinate."""
+    return f"effort along {coordinate}"
+
+
+def _torque(mechanism: Mechanism, name: str, drive: str) -> Input:
+    """Return the torque of a motor: ``ratio`` times that at its joint, or at its rotor.
+
+    Raises:
+        InputError: Its gear has losses, which have a kink.
+    """
+    definition, joint = mechanism.drives[drive], mechanism.driven_joint(drive)
+    if definition.efficiency < 1.0:
+        raise InputError(f"the losses of the gear of '{drive}' depend on the direction of power: they are not linear",
+                         expected=f"the effort at its joint, '{definition.coordinate}'")  # fmt: skip
+    weights = np.zeros(mechanism.model.nv)
+    weights[joint.v] = float(definition.ratio)
+    return Input(name, unit("N*m"), weights)
+
+
+def with_inputs(mechanism: Mechanism, forces: Mapping[str, ForceElement], names: list[str]) -> dict[str, ForceElement]:
+    """Return forces with an effort of 0 along each task coordinate that is an input.
+
+    Those of inputs that follow a law over time act with 0 in the state: it is their mean.
+    """
+    found = dict(forces)
+    for name in names:
+        key = name.partition(".")[2] if name.startswith("force.") else ""
+        if key in forces and not all(isinstance(law, Constant) for law in forces[key].laws()):
+            found[key] = with_law(forces[key], Constant(value=0.0))
+        key = name.removeprefix("coordinate.").removeprefix("joint.").removesuffix(".effort")
+        along = mechanism.coordinates.get(name) or mechanism.coordinates.get(key)
+        if along is not None and not isinstance(along, LinearCoordinate) and not name.endswith(".position"):
+            found[added_name(key)] = EffortAlong(mechanism.model, along, Constant(value=0.0))
+    return found
+
+
+def _amplitude_unit(mechanism: Mechanism, force: ForceElement, name: str) -> Unit:
+    """Return the unit of the amplitude of a force element; see ``_factor``.
+
+    Raises:
+        InputError: The element follows no law.
+    """
+    if isinstance(force, AppliedWrench):
+        pushes, turns = force.wrench[:3].any(), force.wrench[3:].any()
+        return DIMENSIONLESS if pushes and turns else unit("N*m" if turns else "N")
+    if isinstance(force, EffortAlong):
+        return effort_along(force.coordinate)
+    if isinstance(force, AppliedEffort):
+        return effort_unit(next(joint for joint in mechanism.joints.values() if joint.v == force.v))
+    raise InputError(f"the force '{name}' has no amplitude: it follows no law over time",
+                     expected="a wrench, joint_effort or coordinate_effort")  # fmt: skip
+
+
+def _factor(force: ForceElement) -> float:
+    """Return the factor of a wrench per unit of its force or its moment; 1 of one with both, and of efforts."""
+    sizes = np.linalg.norm(force.wrench.reshape(2, 3), axis=1) if isinstance(force, AppliedWrench) else np.zeros(2)
+    return 1.0 if sizes.all() or not sizes.any() else 1.0 / float(sizes.max())
+
+
+class SteppedLaw(Record, frozen=True):
+    """A law with an imaginary step.
+
+    Attributes:
+        law: The law.
+        step: The step.
+    """
+
+    law: MotionLaw
+    step: complex
+
+    def on(self, start: float, end: float) -> Callable[[Array], Values]:
+        """Return the function on an interval; see ``MotionLaw``."""
+        function = self.law.on(start, end)
+
+        def stepped(t: Array) -> Values:
+            value, rate, growth = function(t)
+            return np.asarray(value + self.step), rate, growth
+
+        return stepped
+
+
+def with_law(force: ForceElement, law: object) -> ForceElement:
+    """Return a force element with another law."""
+    return replace(force, law=law)
+
+
+def stepped_force(force: ForceElement) -> ForceElement:
+    """Return a force element with an imaginary step of its amplitude, on any interval."""
+    assert isinstance(force, AppliedWrench | EffortAlong | AppliedEffort)
+    return with_law(force, SteppedLaw(force.law, 1j * STEP * _factor(force)))
+
+
+def force_load(state: Trajectory, name: str) -> Array:
+    """Return the load of a force per unit of its amplitude at a state of one row, shape (nv,)."""
+    t, tau = float(state.grid.t[0]), np.zeros((1, state.v.shape[1]), complex)
+    force = stepped_force(state.dynamics.forces[name]).on(t, float(np.nextafter(t, np.inf)))
+    q, v = (np.asarray(x[:1] + 0j) for x in (state.q, state.v))
+    analytic(state.mechanism.model, force).add_load(t, q, v, tau)
+    return np.asarray(np.imag(tau[0]) / STEP)

@@ -1,0 +1,123 @@
+"""Parts of bodies, springs and dampers in the energy of modes: which spring to stiffen, which mass to move.
+
+With the mode shape x of all joints, the velocities v of the mode, a body's mass matrix ``M_i``, and the derivatives
+``K_F = -dtau_F/dq`` and ``D_F = -dtau_F/dv`` of the load of a force element, the parts are
+
+    x^H M_i x,    Re x^H K_F x,    Re v^H D_F v
+
+each relative to their sum. K_F has the geometric stiffness of a prestressed element; those of the weights, of what
+moves and of the forces of constraints are parts as well, so that the sum is the whole stiffness. Scaling a spring by
+``1 + e`` raises the frequency of an undamped mode by ``e / 2`` times its part (Rayleigh).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pinarm.arrays import Array, Complex
+from pinarm.engine.labelled_array import LabelledArray
+from pinarm.engine.linear.derivatives import element_derivatives, tree_derivatives
+from pinarm.engine.linear.linear_states import Linearisation
+from pinarm.input.units import DIMENSIONLESS
+from pinarm.mechanics.geometry.link_placements import speeding
+
+NONE = 1e-9
+"""Sum of parts, relative to the sum of their sizes, that is rounding of none."""
+
+WEIGHTS, CONSTRAINTS = "weights and velocities", "forces of constraints"
+"""What stiffens beside force elements."""
+
+RIGID = 1e3
+"""Size of an eigenvalue, relative to its error, up to which it is 0."""
+
+
+def participations(linear: Linearisation) -> dict[str, LabelledArray]:
+    """Return the parts of bodies, springs and dampers in each mode as tables: rows are their names."""
+    found = {"masses": _masses(linear), "springs": stiffnesses(linear), "dampers": _dampings(linear)}
+    modes = [f"mode.{k}" for k in range(1, len(linear.modes.eigenvalues) + 1)]
+    return {
+        name: LabelledArray(_shares(parts), [*parts], modes, [DIMENSIONLESS] * len(parts), [DIMENSIONLESS] * len(modes))
+        for name, parts in found.items() if parts
+    }  # fmt: skip
+
+
+def rigid_modes(linear: Linearisation) -> list[str]:
+    """Return which modes have the eigenvalue 0, and why, in words."""
+    modes, shapes = linear.modes, np.abs(linear.shapes())
+    zero = np.flatnonzero(np.abs(modes.eigenvalues) <= RIGID * modes.errors)
+    parts, scale = stiffnesses(linear), _scale(linear)
+    found: dict[str, list[str]] = {}
+    for k in zero.tolist():
+        moving = [name for name, part in zip(linear.joints, shapes[:, k], strict=True) if part > 1e-6]
+        acting = [name for name, sizes in parts.items() if abs(sizes[k]) > NONE * scale[k]]
+        why = f"{', '.join(acting)} cancel each other" if acting else "no force depends on where they are"
+        found.setdefault(f"nothing drives {', '.join(moving)} back: {why}", []).append(str(k + 1))
+    return [f"mode {', '.join(numbers)}: {why}" for why, numbers in found.items()]
+
+
+def stiffnesses(linear: Linearisation) -> dict[str, Array]:
+    """Return ``Re x^H K x`` of force elements, weights and constraints, shape (k,) each; those that have any."""
+    at, shapes = linear.at, linear.motion.shapes[0]
+    model, q, v, a = at.state.mechanism.model, at.state.q[0], at.state.v[0], at.state.a[0]
+    loads = _slopes(linear, 0)
+    tree = tree_derivatives(model, q, v, a)[1]
+    held = at.derivatives.force_q - tree - sum(loads.values(), np.zeros_like(tree))
+    every = {**loads, WEIGHTS: tree, CONSTRAINTS: held}
+    least = NONE * max(float(np.abs(k).max(initial=0.0)) for k in every.values())
+    return {name: _power(shapes, k) for name, k in every.items() if np.abs(k).max(initial=0.0) > least}
+
+
+def _masses(linear: Linearisation) -> dict[str, Array]:
+    """Return ``x^H M_i x / 2`` of all bodies and rotors, shape (k,) each."""
+    state, shapes = linear.at.state, linear.motion.shapes[0]
+    model, found = state.mechanism.model, dict[str, Array]()
+    both = np.hstack([shapes.real, shapes.imag]).T
+    links, twists = speeding(model, np.broadcast_to(state.q, (len(both), model.nq)), both)
+    energies = links.energies(twists)[0].reshape(2, shapes.shape[1], -1).sum(axis=0)
+    for index in range(1, model.njoints):
+        if model.inertias[index].mass:
+            found[str(model.names[index])] = energies[:, index]
+    rotors = 0.5 * model.armature[:, None] * np.abs(shapes) ** 2
+    return found | {f"rotor at {linear.joints[k]}": rotors[k] for k in np.flatnonzero(model.armature).tolist()}
+
+
+def _dampings(linear: Linearisation) -> dict[str, Array]:
+    """Return ``Re v^H D v`` of force elements and of friction that slips, shape (k,) each; those that have any."""
+    motion, at = linear.motion, linear.at
+    velocities = motion.shapes[1]
+    found = {name: _power(velocities, d) for name, d in _slopes(linear, 1).items()}
+    slipping = np.flatnonzero(~at.friction.stuck).tolist()
+    friction: Complex = motion.friction[:, motion.free] @ linear.modes.vectors
+    for row, k, f in zip(at.derivatives.rows[at.rows.slipping], slipping, friction, strict=True):
+        found[f"friction of {at.friction.contacts[k].name}"] = -np.real(np.conj(row @ velocities) * f)
+    return {name: parts for name, parts in found.items() if parts.any()}
+
+
+def _slopes(linear: Linearisation, order: int) -> dict[str, Array]:
+    """Return K or D of force elements by name: less the derivatives of their loads by q, or by v, shape (nv, nv)."""
+    state = linear.at.state
+    t, q, v = float(state.grid.t[0]), state.q[0], state.v[0]
+    return {
+        name: -element_derivatives(state.mechanism.model, force, t, q, v)[order]
+        for name, force in state.dynamics.forces.items() if not force.steady
+    }  # fmt: skip
+
+
+def _power(shapes: Complex, matrix: Array) -> Array:
+    return np.asarray(np.real(np.einsum("ik,ij,jk->k", shapes.conj(), matrix, shapes)))
+
+
+def _scale(linear: Linearisation) -> Array:
+    """Return the size that stiffness has in the shapes, shape (k,)."""
+    size = np.abs(linear.at.derivatives.force_q).max(initial=0.0)
+    return np.asarray(size * (np.abs(linear.motion.shapes[0]) ** 2).sum(axis=0))
+
+
+def _shares(parts: Mapping[str, Array]) -> Array:
+    """Return parts relative to their sum, NaN where that is rounding, shape (rows, k)."""
+    table = np.array([*parts.values()])
+    total, sizes = table.sum(axis=0), np.abs(table).sum(axis=0)
+    known = np.abs(total) > NONE * sizes
+    return np.where(known, table / np.where(known, total, 1.0), np.nan)
