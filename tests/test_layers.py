@@ -43,7 +43,7 @@ EXCEPTIONS = {
 
 COSTLY = {"matplotlib", "pandas", "meshcat", "scipy"}
 LATE = {
-    "use/show/figure.py": {"matplotlib"},
+    "use/show/picture.py": {"matplotlib"},
 }
 """Modules that are imported by functions only, and what they need."""
 

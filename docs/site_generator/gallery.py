@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import pinarm
-from pinarm.use.show.figure import svg
 from pinarm.use.show.replay.page import Replay
 from pinarm.use.show.sketch import sketch
 from site_generator.kind_pages import Made
@@ -68,7 +67,7 @@ def gallery_pages() -> Iterator[Made]:
         result = pinarm.run(ROOT / "scenarios" / f"{entry.scenario}.yaml")
         replay: Replay = result.replay(traces=entry.traces, arrows=entry.arrows)
         yield Made(f"gallery/{entry.scenario}.html", replay.html)
-        yield Made(f"gallery/{entry.scenario}.svg", svg(sketch(result)))
+        yield Made(f"gallery/{entry.scenario}.svg", sketch(result).svg())
         lines += _section(entry, result.content.title)
     yield Made("gallery.md", "\n".join(lines))
 

@@ -13,7 +13,6 @@ import yaml
 
 import pinarm
 from pinarm.use.result.result import Result
-from pinarm.use.show.figure import svg
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import report
@@ -29,9 +28,9 @@ FOLDER = "kinds"
 
 
 PICTURES: Mapping[str, Callable[[Result], str]] = {
-    "positions": lambda result: svg(sketch(result)),
+    "positions": lambda result: sketch(result).svg(),
     "solids": solids,
-    "curves": lambda result: svg(plot(result, tuple(result.content.outputs[:4]))),
+    "curves": lambda result: plot(result, tuple(result.content.outputs[:4])).svg(),
 }
 """Name of a picture -> what draws it, as SVG."""
 
@@ -70,7 +69,7 @@ def member_pages(family: Kinds, member: str) -> Iterator[Made]:
     place = f"{FOLDER}/{family.name}/{member}"
     pictures = {name: PICTURES[name](result) for name in family.pictures}
     graphs = [drawn for section in result.sections.values() for drawn in section.graphs]
-    pictures |= {f"graph_{k}": svg(graph(drawn, result.presentation)) for k, drawn in enumerate(graphs, 1)}
+    pictures |= {f"graph_{k}": graph(drawn, result.presentation).svg() for k, drawn in enumerate(graphs, 1)}
     for name, picture in pictures.items():
         yield Made(f"{place}_{name}.svg", picture)
     definition = family.members[member]

@@ -14,11 +14,9 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import normals
 from pinarm.use.mechanism import Mechanism
 from pinarm.use.result.result import Result
-from pinarm.use.show.chart import COLOURS
-from pinarm.use.show.figure import new, style, svg
-from pinarm.use.show.replay.overlays import pairs
-from pinarm.use.show.replay.shapes import Shape, visuals
-from pinarm.use.show.replay.tracks import placed
+from pinarm.use.show.bodies import connections, placed
+from pinarm.use.show.picture import COLOURS, drawing
+from pinarm.use.show.shapes import Shape, visuals
 from pinarm.use.show.sketch import sketch
 
 SIZE = 4.4
@@ -47,11 +45,10 @@ def solids(result: Result) -> str:
     run = result.trajectory
     boxes = [shape for shape in visuals(run.mechanism).shapes if shape.node and shape.kind == "box"]
     if not boxes:
-        return svg(sketch(result))
-    strings = [pair for pair in pairs(run.mechanism, run.dynamics.forces) if pair.kind in ("rod", "cable")]
+        return sketch(result).svg()
+    strings = [pair for pair in connections(run.mechanism, run.dynamics.forces) if pair.kind in ("rod", "cable")]
     rows = np.unique(np.linspace(0, len(run) - 1, ROWS).round().astype(int))
-    with style():
-        figure = new(SIZE, SIZE)
+    with drawing(SIZE, SIZE, result.content.title) as figure:
         figure.set_layout_engine("none")
         axis = figure.add_axes((0.0, 0.03, 0.92, 0.9), projection="3d", proj_type="ortho")
         axis.computed_zorder = False
@@ -70,7 +67,6 @@ def solids(result: Result) -> str:
                 )
         _frame(axis, np.vstack(points))
         _draw_joints(axis, run.mechanism, placed(run.mechanism.model, run.q))
-        figure.suptitle(result.content.title, fontsize=10)
     return figure.encoded("svg").decode()
 
 

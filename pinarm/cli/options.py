@@ -81,7 +81,7 @@ def _resolution(text: str) -> int:
     Raises:
         ArgumentTypeError: They are none that pictures have.
     """
-    from pinarm.use.show.plot import COARSEST, FINEST
+    from pinarm.use.show.picture_files import COARSEST, FINEST
 
     if not text.isdecimal() or not COARSEST <= int(text) <= FINEST:
         raise ArgumentTypeError(f"'{text}' is no resolution: expected a whole number from {COARSEST} to {FINEST}")

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     import meshcat
 
     from pinarm.use.result.result import Result
-    from pinarm.use.show.figure import Picture
-    from pinarm.use.show.plot import PictureFormat
+    from pinarm.use.show.picture import Picture
+    from pinarm.use.show.picture_files import PictureFormat
     from pinarm.use.show.replay.page import Replay
 
 MOST_PLOTS = 8
@@ -31,20 +31,17 @@ FRAME_HEIGHT = 400
 
 def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Picture:
     """Return a figure with one axis per quantity; see ``Result.plot``."""
-    from pinarm.use.show.figure import figure
     from pinarm.use.show.plot import graph, graph_named, plot
 
-    if (drawn := graph_named(result, names)) is not None:
-        return figure(graph(drawn, result.presentation))
-    return figure(plot(result, names, against=against))
+    drawn = graph_named(result, names)
+    return plot(result, names, against=against) if drawn is None else graph(drawn, result.presentation)
 
 
 def sketch(result: Result) -> Picture:
     """Return a drawing of the mechanism at the start and the end of the run."""
-    from pinarm.use.show.figure import figure
     from pinarm.use.show.sketch import sketch
 
-    return figure(sketch(result))
+    return sketch(result)
 
 
 def replay(

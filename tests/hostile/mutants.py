@@ -36,7 +36,7 @@ import pinarm
 from pinarm.cli.main import main as command
 from pinarm.errors import PinarmError
 from pinarm.use.cases.case import Row
-from pinarm.use.show.replay.mesh_files import read_mesh
+from pinarm.use.show.meshes import read_mesh
 from pinarm.use.store.restore import restore
 from pinarm.use.study.sweep.journal import Journal, Sources
 from pinarm.use.study.sweep.value_syntax import read_cases

@@ -14,7 +14,6 @@ import msgspec
 from pinarm.engine.series import Series
 from pinarm.errors import PinarmError
 from pinarm.problems import KINDS
-from pinarm.records import replace
 from pinarm.use.report.link_graph import LinkGraph, link_graph
 from pinarm.use.report.mechanism_tables import mechanism_tables, mobility_words
 from pinarm.use.report.question import question
@@ -23,7 +22,6 @@ from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUA
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.section_number import read_number
-from pinarm.use.show.chart import Chart
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import FEW, error_lines, ranges
@@ -161,7 +159,7 @@ def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
         warnings=[*_warnings(result), *missed, *limits],
         merits=_merits(result, verdicts, missed),
         answers=[table for table in (_ranges(result), _numbers(result), _findings(result)) if table.rows],
-        sketch=_untitled(sketch(result)),
+        sketch=sketch(result, titled=False).svg(),
         mobility=mobility_words(result),
         graph=link_graph(mechanism),
         mechanism=mechanism_tables(mechanism),
@@ -246,25 +244,16 @@ def _curves(result: Result) -> Iterator[str]:
         return
     names = [series.name for series in result.columns()[1:]]
     for first in range(0, len(names), CURVES):
-        yield _untitled(plot(result, tuple(names[first : first + CURVES])))
-
-
-def _untitled(chart: Chart) -> str:
-    """Return a picture without its title, which the report has already."""
-    from pinarm.use.show.figure import svg
-
-    return svg(replace(chart, title=""))
+        yield plot(result, tuple(names[first : first + CURVES]), titled=False).svg()
 
 
 def _part(section: Section, how: Presentation) -> Part:
-    from pinarm.use.show.figure import svg
-
     tables = [_section_table(table, section.key) for table in section.tables]
     printed = {cell for table in tables for row in table.rows for cell in row}
     others = {name: series for name, series in section.numbers.items() if _cell(series) not in printed}
     rows = [[name, unit_text(series.unit), _cell(series)] for name, series in others.items()]
     more = [ReportTable(["Number", "unit", "value"], rows, range(2))] if rows else []
-    return Part(section.title, [*more, *tables], section.remarks, [svg(graph(drawn, how)) for drawn in section.graphs])
+    return Part(section.title, [*more, *tables], section.remarks, [graph(drawn, how).svg() for drawn in section.graphs])
 
 
 def _cell(series: Series) -> str:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.section_number import Numbered
     from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.scenario.scenario_file import ScenarioFile
-    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.picture import Picture
     from pinarm.use.show.replay.page import Replay
 
 

@@ -16,12 +16,6 @@ PLAIN = Presentation()
 LONG = 70
 """Letters of a name that an axis shows."""
 
-ORDINARY = 0.64
-"""Width of most letters of DejaVu Sans, relative to their size."""
-
-WIDTHS = dict.fromkeys("ijl.,:;'|!I ", 0.34) | dict.fromkeys("frtJs_-()[]", 0.5) | dict.fromkeys("mwMW%@", 0.99)
-"""Width of narrow and of wide letters."""
-
 _GREEK = ("alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega "
           "Gamma Delta Theta Lambda Xi Sigma Phi Psi Omega")  # fmt: skip
 _SYMBOL = re.compile(rf"(?P<greek>{_GREEK.replace(' ', '|')})_?(?P<number>\d*)(?P<rate>d{{0,2}})"
@@ -104,13 +98,6 @@ def runs(label: str) -> list[TextRun]:
         elif part:
             parts.append(TextRun(part.replace(r"\$", "$").replace("\\\\", "\\") if r"\$" in part else part))
     return parts
-
-
-def text_width(label: str, size: float) -> float:
-    """Return about how wide a label is in DejaVu Sans [points], in letters of a size [points]."""
-    return size * sum(
-        (0.7 if run.at else 1.0) * sum(WIDTHS.get(letter, ORDINARY) for letter in run.text) for run in runs(label)
-    )
 
 
 def unicode_label(label: str) -> str:

@@ -16,7 +16,7 @@ from pinarm.use.show.terminal import further_rows, table_rows
 if TYPE_CHECKING:
     from pinarm.use.result.presentation import Presentation
     from pinarm.use.result.section import Section, SectionTable
-    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.picture import Picture
 
 
 def blocks(*parts: str) -> str:
@@ -72,12 +72,11 @@ def frame(page: str, *, height: int) -> str:
 
 def section_html(section: Section, how: Presentation) -> str:
     """Return the first table, remarks, other tables folded, and graphs; long tables by their first rows."""
-    from pinarm.use.show.figure import figure
     from pinarm.use.show.plot import graph
 
     first = [_table(section, shown) for shown in section.tables[:1]]
     others = [folded(shown.title, _table(section, shown)) for shown in section.tables[1:]]
-    pictures = [picture(figure(graph(drawn, how))) for drawn in section.graphs]
+    pictures = [picture(graph(drawn, how)) for drawn in section.graphs]
     return blocks(heading(section.title), *first, lines(section.remarks), *others, *pictures)
 
 

@@ -2,34 +2,49 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import cycle, product
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError
 from pinarm.input.yaml.schema import in_si
-from pinarm.records import ValueRecord, replace
+from pinarm.records import ValueRecord
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import ERRATA
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.row_lookup import NotReached
-from pinarm.use.show.chart import COLOURS, HEAD, HEIGHT, WIDTH, Chart, Line, Panel, Style
 from pinarm.use.show.labels import PLAIN, axis_label, plain, shown
+from pinarm.use.show.picture import (
+    COLOURS,
+    HEAD,
+    HEIGHT,
+    MARK,
+    WIDTH,
+    Picture,
+    draw,
+    drawing,
+    fit,
+    label,
+    legend,
+    legend_below,
+    panels,
+    write_above,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Curve, Graph
 
-POINTS: dict[str, Any] = {"style": "", "marker": "o"}
+POINTS: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 4}
 """Look of separate rows: points that are not joined."""
 
-STYLES: tuple[Style, ...] = ("-", "--", ":", "-.")
+STYLES = ("-", "--", ":", "-.")
 """Dashes of the first curve in a colour, of the second one, and so on."""
 
 ENTRY = 0.23
@@ -38,66 +53,98 @@ ENTRY = 0.23
 FEW = 12
 """Number of separate rows up to which each has its own tick."""
 
-PER_FILE = 6
-"""Quantities in one file."""
-
 WRONG = "#D00000"
 """Colour of published values that are wrong; their marks have another shape too."""
 
-PictureFormat = Literal["svg", "png", "pdf"]
-"""Formats of picture files."""
-
-RESOLUTION, COARSEST, FINEST = 200, 20, 1200
-"""Pixels per inch of PNG files: usual, least and largest."""
+OPEN = "least and greatest, as several frictions or stops hold one motion"
+"""Name of the bounds of a quantity that static friction leaves open."""
 
 
-def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Chart:
-    """Return the named quantities, each in a panel.
+def plot(result: Result, names: tuple[str, ...], *, against: str | None = None, titled: bool = True) -> Picture:
+    """Return a figure of the named quantities, a panel each.
 
     Args:
         result: The run.
         names: Quantities, symbols or formulas.
         against: The quantity along the horizontal axis; the run's parameter where it is left out.
+        titled: Whether the title of the scenario is above it.
     """
     run, how = result.trajectory, result.presentation
-    along = result[against] if against else result.parameter
+    along, units = result[against] if against else result.parameter, [shown(result[name], how)[1] for name in names]
     scale, measured = shown(along, how)
-    keys, look = answer_key(result, along.name), POINTS if run.numbered else {}
-    own_ticks = along.name == ROW and len(run) <= FEW
-    panels = []
-    for index, name in enumerate(names):
-        series = result[name].without_rounding()
-        factor, unit = shown(series, how)
-        curve = Line(along.values / scale, series.values / factor, COLOURS[index % len(COLOURS)], **look)
-        bounds = _bounds(result, curve, name, factor)
-        marks = _marks([entry for entry in keys if entry.quantity == name], scale, factor, joined=not look)
-        panels.append(Panel(
-            (curve, *bounds, *marks), title=axis_label(series.name, unit, how), margin=0.05 if look else 0.01,
-            across=axis_label(along.name, measured, how) if index == len(names) - 1 else "",
-            ticks=tuple(run.grid.t.tolist()) if own_ticks else (),
-        ))  # fmt: skip
-    return Chart(plain(result.content.title or result.name), panels, WIDTH, HEAD + HEIGHT * len(names))
+    titles = [axis_label(result[name].name, unit, how) for name, unit in zip(names, units, strict=True)]
+    across = axis_label(along.name, measured, how)
+    keys, title = answer_key(result, along.name), result.content.title or result.name if titled else ""
+    with drawing(WIDTH, HEAD + HEIGHT * len(names), plain(title)) as picture:
+        for axis, name, colour in zip(panels(picture, titles, across), names, cycle(COLOURS), strict=False):
+            _quantity(axis, result, name, along.values / scale, colour)
+            _marks(axis, [key for key in keys if key.quantity == name], scale, shown(result[name], how)[0])
+            fit(axis, 0.05 if run.numbered else 0.01)
+            legend(axis, axis.lines, loc="best")
+            if along.name == ROW and len(run) <= FEW:
+                axis.set_xticks(run.grid.t.tolist())
+    return picture
 
 
-def _bounds(result: Result, curve: Line, name: str, factor: float) -> list[Line]:
-    """Return the least and greatest values of a quantity that static friction leaves open; none of other quantities."""
-    if not result.quantities.open_rows(name).any():
-        return []
-    least, greatest = (replace(curve, y=bound.values / factor, width=0.8, style="--")
-                       for bound in result.quantities.bounds(name))  # fmt: skip
-    return [replace(least, label="least and greatest, as several frictions or stops hold one motion"), greatest]
+def _quantity(axis: Axes, result: Result, name: str, x: Array, colour: str) -> None:
+    """Draw a quantity, with its least and greatest values where static friction leaves it open."""
+    factor = shown(result[name], result.presentation)[0]
+    look = POINTS if result.trajectory.numbered else {}
+    draw(axis, x, result[name].without_rounding().values / factor, color=colour, **look)
+    if result.quantities.open_rows(name).any():
+        for bound, text in zip(result.quantities.bounds(name), (OPEN, ""), strict=True):
+            thin = {**look, "linewidth": 0.8, "linestyle": "--"}
+            draw(axis, x, bound.values / factor, text, color=colour, **thin)
 
 
-def graph(drawn: Graph, how: Presentation = PLAIN) -> Chart:
-    """Return a graph of a section."""
-    panels = [_panel(drawn, curves, how) for curves in (drawn.curves, drawn.below) if curves]
-    if drawn.below:
-        panels = [replace(panels[0], across=""), replace(panels[1], marks=[(place, "") for place, _ in drawn.marks],
-                                                         logarithmic=drawn.logarithmic.replace("y", ""))]  # fmt: skip
-    height, count = WIDTH * (0.9 if drawn.below else 0.7), len(drawn.curves)
-    if count <= len(COLOURS):
-        return Chart(plain(drawn.title), panels, WIDTH, height)
-    return Chart(plain(drawn.title), panels, WIDTH, height + ENTRY * -(-count // 2), "below")
+def graph(drawn: Graph, how: Presentation = PLAIN, *, titled: bool = True) -> Picture:
+    """Return a graph of a section; of many curves the legend is below it."""
+    parts, many = [curves for curves in (drawn.curves, drawn.below) if curves], len(drawn.curves) > len(COLOURS)
+    across = drawn.curves[0].across
+    scale, along = shown(across, how)
+    height = WIDTH * (0.9 if drawn.below else 0.7) + (ENTRY * -(-len(drawn.curves) // 2) if many else 0.0)
+    with drawing(WIDTH, height, plain(drawn.title) if titled else "") as picture:
+        axes = panels(picture, [""] * len(parts), axis_label(across.name, along, how))
+        for axis, curves in zip(axes, parts, strict=True):
+            _curves(axis, curves, how)
+            if drawn.equal:
+                axis.set_aspect("equal", adjustable="datalim")
+            elif drawn.logarithmic:
+                _logarithmic(axis, "y" in drawn.logarithmic and curves is drawn.curves)
+            else:
+                fit(axis, 0.05)
+            if not many:
+                legend(axis, axis.lines, loc="best")
+            places = [place / scale for place, _ in drawn.marks]
+            axis.vlines(places, 0.0, 1.0, MARK, "--", linewidth=0.9, zorder=0, transform=axis.get_xaxis_transform())
+        for place, text in drawn.marks:
+            write_above(axes[0], place / scale, text)
+        if many:
+            legend_below(picture, axes[0].lines)
+    return picture
+
+
+def _curves(axis: Axes, curves: Sequence[Curve], how: Presentation) -> None:
+    """Draw the curves of a panel; its axes are those of its first curve."""
+    (scale, _), (factor, measured) = shown(curves[0].across, how), shown(curves[0].up, how)
+    axis.set_ylabel(label(axis_label(curves[0].up.name, measured, how)))
+    for curve, (style, colour) in zip(curves, cycle(product(STYLES, COLOURS)), strict=False):
+        x, y = curve.across.values / scale, curve.up.without_rounding().values / factor
+        draw(axis, x, y, plain(curve.label), color=colour, **(POINTS if curve.points else {"linestyle": style}))
+
+
+def _logarithmic(axis: Axes, amplitudes: bool) -> None:
+    """Set scales: frequencies get plain numbers, phases below them ticks at parts of a turn."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_xscale("log")
+    axis.xaxis.set_major_formatter("{x:g}")
+    if amplitudes:
+        axis.set_yscale("log")
+    elif "°" in axis.get_ylabel():
+        axis.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.5, 3, 4.5, 9, 10]))
+    axis.grid(visible=True, which="minor", alpha=0.12)
+    axis.margins(x=0.0)
 
 
 def graph_named(result: Result, names: Sequence[str]) -> Graph | None:
@@ -115,22 +162,6 @@ def graph_named(result: Result, names: Sequence[str]) -> Graph | None:
     return graphs[chosen[0]] if chosen else None
 
 
-def _panel(drawn: Graph, curves: Sequence[Curve], how: Presentation) -> Panel:
-    """Return a panel of a graph; its axes are named after its first curve."""
-    first = curves[0]
-    (scale, along), (own, measured) = shown(first.across, how), shown(first.up, how)
-    lines = [
-        Line(curve.across.values / scale, curve.up.without_rounding().values / own, colour, label=plain(curve.label),
-             **(POINTS if curve.points else {"style": style}))
-        for curve, (style, colour) in zip(curves, cycle(product(STYLES, COLOURS)))
-    ]  # fmt: skip
-    return Panel(
-        lines, across=axis_label(first.across.name, along, how), up=axis_label(first.up.name, measured, how),
-        equal=drawn.equal, margin=0.05, logarithmic=drawn.logarithmic,
-        marks=[(place / scale, text) for place, text in drawn.marks],
-    )  # fmt: skip
-
-
 class Printed(ValueRecord, frozen=True):
     """A published value at its place in a plot.
 
@@ -139,12 +170,14 @@ class Printed(ValueRecord, frozen=True):
         x: Where along the plot, in SI; an array over the rows for a published formula.
         y: The value, in SI, likewise.
         verdict: The claim about it, such as a misprint.
+        joined: Whether it is a formula, over rows that belong together.
     """
 
     quantity: str
     x: float | Array
     y: float | Array
     verdict: str
+    joined: bool = False
 
 
 def answer_key(result: Result, along: str) -> list[Printed]:
@@ -158,7 +191,8 @@ def answer_key(result: Result, along: str) -> list[Printed]:
             continue  # the extreme is that of one of many shares, and check refuses it
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
-            values.append(Printed(entry.quantity, result[along].values, figures, entry.verdict))
+            joined = not result.trajectory.numbered
+            values.append(Printed(entry.quantity, result[along].values, figures, entry.verdict, joined))
         elif entry.published is not None and not _over_run(entry.at):
             try:
                 row = result.lookup.at(entry.at, entry.quantity)
@@ -173,70 +207,25 @@ def _over_run(at: str | dict[str, str | int | float]) -> bool:
     return isinstance(at, str) and (at == "all" or is_figure(at))
 
 
-def _marks(printed: list[Printed], scale: float, own: float, *, joined: bool) -> Iterator[Line]:
-    """Yield published values over a curve: circles where they hold, crosses and dashes where they are wrong.
+def _marks(axis: Axes, printed: list[Printed], scale: float, own: float) -> None:
+    """Draw published values over a curve: circles where they hold, crosses and dashes where they are wrong.
 
-    Formulas are dashes between rows that are ``joined``, and marks at separate rows.
+    Formulas are dashes between rows that are joined, and marks at separate rows.
     """
     labelled: set[str] = set()
     for value in printed:
-        formula, wrong = isinstance(value.y, np.ndarray), value.verdict in ERRATA
-        curve, label = formula and joined, "printed formula" if formula else "published"
-        label += f", a {value.verdict.replace('_', ' ')}" if wrong else ""
-        yield Line(
-            np.atleast_1d(value.x / scale), np.atleast_1d(value.y / own), WRONG if wrong else "#000000", 1.0,
-            "--" if curve else "", "" if curve else "x" if wrong else "o", 6.0, "none",
-            "" if label in labelled else label,
-        )  # fmt: skip
-        labelled.add(label)
-
-
-def charts(result: Result) -> Iterator[tuple[str, Chart]]:
-    """Yield the pictures of a run by the names of their files: its outputs, its sections, start and end positions."""
-    from pinarm.use.show.sketch import sketch
-
-    outputs = [] if result.arrays else list(dict.fromkeys(result.content.outputs))
-    for number, group in enumerate(tuple(outputs[i : i + PER_FILE]) for i in range(0, len(outputs), PER_FILE)):
-        own = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40]
-        yield own if len(group) == 1 else f"outputs_{number + 1}", plot(result, group)
-    for section in result.sections.values():
-        for drawn in section.graphs:
-            yield f"{section.key}_{drawn.name}", graph(drawn, result.presentation)
-    yield "positions", sketch(result)
-
-
-def save_plots(result: Result, folder: Path, form: PictureFormat = "svg", dpi: int = RESOLUTION) -> list[Path]:
-    """Write the outputs, six to a picture, graphs, and start and end positions into ``plots/``; return the files."""
-    folder = folder / "plots"
-    folder.mkdir(exist_ok=True)
-    files = []
-    for name, chart in charts(result):
-        files.append(folder / f"{name}.{form}")
-        files[-1].write_bytes(encoded(chart, form, dpi))
-    return files
-
-
-def picture_format(asked: object, dpi: object = RESOLUTION) -> PictureFormat:
-    """Return a format of pictures by its name, ``True`` for SVG.
-
-    Raises:
-        InputError: There is no such format, or no such resolution.
-    """
-    for form in get_args(PictureFormat):
-        if asked == form or (asked is True and form == "svg"):
-            if not isinstance(dpi, int) or not COARSEST <= dpi <= FINEST:
-                raise InputError(f"{dpi!r} is no resolution", expected=f"a whole number from {COARSEST} to {FINEST}")
-            return cast(PictureFormat, form)
-    expected, hint = choices(str(asked), get_args(PictureFormat))
-    raise InputError(f"pictures are not written as '{asked}'", expected=expected, hint=hint)
-
-
-def encoded(chart: Chart, form: str, dpi: int = RESOLUTION) -> bytes:
-    """Return the file of a chart: SVG, PNG with so many pixels per inch, or PDF; the same chart gives the same bytes.
-
-    Raises:
-        InputError: There is no such format, or resolution.
-    """
-    from pinarm.use.show.figure import figure
-
-    return figure(chart).encoded(picture_format(form, dpi), dpi)
+        wrong, name = value.verdict in ERRATA, "printed formula" if isinstance(value.y, np.ndarray) else "published"
+        name += f", a {value.verdict.replace('_', ' ')}" if wrong else ""
+        look = {"linestyle": "--"} if value.joined else {"linestyle": "", "marker": "x" if wrong else "o"}
+        draw(
+            axis,
+            np.atleast_1d(value.x / scale),
+            np.atleast_1d(value.y / own),
+            "" if name in labelled else name,
+            color=WRONG if wrong else "#000000",
+            linewidth=1.0,
+            markersize=6.0,
+            markerfacecolor="none",
+            **look,
+        )
+        labelled.add(name)

@@ -1,165 +1,172 @@
-"""Scene of a drawing: stick figure, view and names, supports, floor with shadows, and the axes of the world."""
+"""Scene of a moving mechanism, for drawings and replays: bodies, stick figure, solids, connections, view, names."""
 
 from __future__ import annotations
 
+import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal
+from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.records import ValueRecord
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import Record, ValueRecord, replace
 from pinarm.use.result.presentation import Presentation
-from pinarm.use.show.chart import Line, Marker, Note, Style, Window
-from pinarm.use.show.replay.framing import Framing, View, framing
-from pinarm.use.show.replay.names import Name, gathered, names_of
-from pinarm.use.show.replay.overlays import BodyPoint, Connection, pairs
-from pinarm.use.show.replay.sticks import sticks
-from pinarm.use.show.replay.tracks import nodes_of, placed
-from pinarm.use.show.stick_figure import Stick, StickFigure, slots, stick_figure
+from pinarm.use.show.bodies import BodyPoint, Node, connections, nodes_of, placed, point_of
+from pinarm.use.show.framing import Framing, framing
+from pinarm.use.show.labels import name_label, plain
+from pinarm.use.show.shapes import Shape, Visuals
+from pinarm.use.show.stick_figure import Stick, StickFigure, reaches, slots, stick_figure
 
-PATH, GROUND = "#8b949e", "#59595f"
-"""Colours of paths, and of the ground."""
+TOGETHER = 1e-6
+"""Distance of two points, relative to the extent, up to which they are in one place."""
 
+MOST = 4
+"""Names that are shown at one place."""
 
-LINKS, THINNEST = 10.0, 0.35
-"""Typical links along the extent above which lines and marks are drawn smaller, and their least relative size."""
+SERIES = 12
+"""Names that differ in their numbers only, such as ``link_1`` and ``link_2``, up to which all of them are shown."""
 
-FLOOR, SHADE = "#e9ecef", "#e1e4e8"
-AXES = (("x", "#d6453d"), ("y", "#3a9d4a"), ("z", "#3569c9"))
-"""Names and colours of the world's axes, as in the replay."""
+_NUMBER = re.compile(r"\d+")
 
-TRIAD = 26.0
-"""Length of the axes in the corner [points]."""
-
-LETTER = 6.0
-"""Half the size of their letters, with a margin [points]."""
+Kind = Literal["part", "point", "joint"]
 
 
-class Scene(ValueRecord, frozen=True):
-    """Contents of a drawing.
+class Name(ValueRecord, frozen=True):
+    """A name at a point of a body.
 
     Attributes:
-        figure: Its sticks.
-        guides: Rails and slots.
-        pairs: Its springs, cylinders, bushings, rods, cables and loop joints.
-        shortest: Least length of each of these [m].
-        names: Names of its parts, points and joints.
-        framing: Box of the motion, and direction of the view.
-        view: Projection into the picture.
+        text: A label, see ``labels``.
+        kind: Whether it names a body, a point on a body, or a joint.
+        at: Its place.
     """
 
+    text: str
+    kind: Kind
+    at: BodyPoint
+
+
+class Scene(Record, frozen=True):
+    """A mechanism in motion, as it is drawn.
+
+    Attributes:
+        nodes: Its bodies.
+        places: Their placements at some rows of the motion, shape (samples, njoints, 4, 4).
+        figure: Its stick figure.
+        shapes: Its solids: visuals of the model's file, and those of the stick figure for bodies without any.
+        framing: Box of the motion, and direction of the view.
+        slots: Outlines of the slots of a mechanism that is seen flat.
+    """
+
+    nodes: Sequence[Node]
+    places: Array
     figure: StickFigure
-    guides: Sequence[Stick]
-    pairs: Sequence[Connection]
-    shortest: Sequence[float]
-    names: Sequence[Name]
+    shapes: Sequence[Shape]
     framing: Framing
-    view: View
-
-    @property
-    def thickness(self) -> float:
-        """Factor of the widths of lines and marks: less than 1 where the links are many and short."""
-        lengths = sorted(float(np.linalg.norm(stick.points[-1])) for stick in self.figure.rods)
-        typical = lengths[len(lengths) // 2] if lengths else self.framing.size
-        return float(np.clip(LINKS * typical / self.framing.size, THINNEST, 1.0))
-
-    def flat(self, place: Array, at: BodyPoint) -> Array:
-        return self.view.flat(at.path(place[None]))[:, 0]
+    slots: Sequence[Stick]
 
 
-def scene_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], q: Array, how: Presentation) -> Scene:
-    """Return the scene of a motion through configurations, shape (rows, nq)."""
-    model = mechanism.model
-    nodes, places, joined = nodes_of(model, q), placed(model, q), pairs(mechanism, forces)
-    figure, ends = stick_figure(mechanism, nodes, joined), [end for pair in joined for end in pair.ends]
-    shapes = sticks(model, nodes, figure, range(len(nodes)))
-    seen = framing(model, nodes, shapes, places, [end.path(places) for end in ends])
-    names = gathered(names_of(mechanism, nodes, how), places, seen.size)
-    shortest = [float(pair.lengths(places).min()) for pair in joined]
-    guides = [*figure.rails, *slots(mechanism, seen, places)]
-    return Scene(figure, guides, joined, shortest, names, seen, seen.view())
-
-
-def stroke(points: Array, colour: str, width: float, style: Style = "-") -> Line:
-    """Return a line through points of the picture, shape (2, n)."""
-    return Line(points[0], points[1], colour, width, style)
-
-
-def mark(point: Array, colour: str, size: float, marker: Marker = "o") -> Line:
-    """Return a white mark at a point of the picture, shape (2,)."""
-    return Line(point[:1], point[1:], colour, 1.5, "", marker, size, "#ffffff")
-
-
-def mounts(scene: Scene) -> Iterator[Line]:
-    """Yield the supports of the mechanism; in space also their heights above the floor."""
-    places = np.array(scene.figure.mounts).reshape(-1, 3)
-    if not len(places):
-        return
-    points = scene.view.flat(places)
-    if scene.framing.normal is None:
-        for mount, foot in zip(places, _on_floor(scene, places), strict=True):
-            yield stroke(scene.view.flat(np.array([mount, foot])), GROUND, 0.5)
-    yield Line(points[0], points[1], GROUND, style="", marker="mount", size=14.0 * scene.thickness)
-
-
-def floor(scene: Scene) -> Iterator[Line]:
-    """Yield a grid below the lowest point, in perspective."""
-    seen = scene.framing
-    up, across, along = _floor_axes(seen)
-    level = float((seen.outline @ up).min())
-    cell = _round(seen.size / 10.0)
-    spans = [np.arange(np.floor((seen.outline @ axis).min() / cell), np.ceil((seen.outline @ axis).max() / cell) + 1)
-             * cell for axis in (across, along)]  # fmt: skip
-    for axis, other, own, width in ((across, along, *spans), (along, across, *reversed(spans))):
-        for at in own:
-            ends = level * up + at * axis + np.outer(width[[0, -1]], other)
-            yield stroke(scene.view.flat(ends), FLOOR, 0.6)
-
-
-def shadow(scene: Scene, place: Array) -> Iterator[Line]:
-    """Yield the shadows of a position on the floor."""
-    for stick in scene.figure.lines:
-        points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
-        yield stroke(scene.view.flat(_on_floor(scene, points)), SHADE, 1.6 * stick.weight)
-
-
-def _on_floor(scene: Scene, points: Array) -> Array:
-    """Return points of the world below others, at the height of the lowest point, shape (n, 3)."""
-    up = scene.framing.up
-    return np.asarray(points - np.outer(points @ up - float((scene.framing.outline @ up).min()), up))
-
-
-def _floor_axes(seen: Framing) -> tuple[Array, Array, Array]:
-    """Return the upward and two horizontal directions, along axes of the world where these are horizontal."""
-    level = np.eye(3)[int(np.abs(seen.up).argmin())]
-    level = level - (level @ seen.up) * seen.up
-    level /= np.linalg.norm(level)
-    return seen.up, level, np.cross(seen.up, level)
-
-
-def _round(x: float) -> float:
-    """Return the number 1, 2 or 5 times a power of ten next above another."""
-    power = 10.0 ** np.floor(np.log10(x))
-    return float(next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= 0.999 * x))
-
-
-def triad(scene: Scene, window: Window, per: float) -> tuple[list[Line], list[Note], list[Array]]:
-    """Return the world's axes, in the lower left corner, their names, and the box of both (left, bottom, right, top).
+def scene(
+    mechanism: Mechanism,
+    forces: Mapping[str, ForceElement],
+    q: Array,
+    visuals: Visuals | None = None,
+    further: Sequence[BodyPoint] = (),
+) -> Scene:
+    """Return the scene of a motion.
 
     Args:
-        scene: What is drawn.
-        window: Ends of the axes of the drawing.
-        per: Scale of the drawing [points per unit of the axes].
+        mechanism: The mechanism.
+        forces: Its force elements, of which springs and cables are drawn.
+        q: Configurations, shape (rows, nq).
+        visuals: Of its model; none for a stick figure of all bodies.
+        further: Points to be in sight.
     """
-    length, low = TRIAD / per, np.array([window[0][0], window[1][0]])
-    reach = 1.35 * length * np.array([scene.view.axes @ axis for axis in np.eye(3)])
-    edge = LETTER / per
-    corner = low + edge - np.minimum(reach.min(axis=0), 0.0)
-    drawn, letters = [], []
-    for (name, colour), end in zip(AXES, reach, strict=True):
-        drawn.append(stroke(np.array([corner, corner + end / 1.35]).T, colour, 1.8))
-        letters.append(Note(float(corner[0] + end[0]), float(corner[1] + end[1]), name, colour=colour, size=9.0))
-    high = corner + np.maximum(reach.max(axis=0), 0.0) + edge
-    return drawn, letters, [np.concatenate([low, high])]
+    model = mechanism.model
+    drawn = visuals or Visuals((), frozenset(range(model.njoints)))
+    nodes, places, joined = nodes_of(model, q), placed(model, q), connections(mechanism, forces)
+    figure = stick_figure(mechanism, nodes, joined)
+    shapes = [*drawn.shapes, *figure.solids(np.asarray(model.gravity.linear), drawn.bare)]
+    points = [*(end for pair in joined for end in pair.ends), *further]
+    seen = framing(model, nodes, shapes, places, [point.path(places) for point in points])
+    return Scene(nodes, places, figure, shapes, seen, slots(mechanism, seen.normal, seen.size, places))
+
+
+def names_of(mechanism: Mechanism, shown: Scene, how: Presentation) -> list[Name]:
+    """Return the names of links, points and joints, one for all that stay in one place, points and joints first.
+
+    A link with a mass or a shape is a part, any other a point. A part's name is in the middle of its longest stick,
+    away from its joints; the ground has no such name. Of long series the first and the last remain.
+    """
+    names = _ends_of_series(list(_all_names(mechanism, shown.nodes, how)))
+    groups: list[tuple[Array, list[Name]]] = []
+    for name in sorted(names, key=lambda name: ("part", "point", "joint").index(name.kind)):
+        path = name.at.path(shown.places)
+        near = (group for there, group in groups if np.abs(there - path).max() < TOGETHER * shown.framing.size)
+        group = next((group for group in near if (group[0].kind == "part") == (name.kind == "part")), None)
+        if group is None:
+            groups.append((path, [name]))
+        elif name.text not in [known.text for known in group]:
+            group.append(name)
+    return sorted((_as_one(group) for _, group in groups), key=lambda name: name.kind == "part")
+
+
+def _all_names(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> Iterator[Name]:
+    from pinarm.mechanics.planar.drawing import GROUND
+
+    model, reached = mechanism.model, reaches(mechanism.model, nodes)
+    frames = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
+    for link in ElementTree.fromstring(mechanism.xml).findall("link"):
+        name = str(link.get("name"))
+        at = point_of(model, frames.pop(name))
+        if link.find("inertial") is None and link.find("visual") is None:
+            if at.node or name != GROUND:  # the ground of a drawing is seen by its mounts
+                yield Name(plain(name), "point", at)
+        elif at.node:
+            yield Name(plain(name), "part", _middle(model, reached[at.node], at))
+    for name, frame in frames.items():  # points of the mechanism file, and the frame of the world
+        at = point_of(model, frame)
+        if at.node or at.place.any():
+            yield Name(plain(name), "point", at)
+    for index in range(1, model.njoints):
+        if nodes[index].carries:
+            yield Name(name_label(model.names[index], how), "joint", BodyPoint(index, np.zeros(3)))
+    for joint in mechanism.constraints:
+        if isinstance(joint, LoopJoint):
+            yield Name(plain(joint.name), "joint", point_of(model, joint.second))
+
+
+def _ends_of_series(names: Sequence[Name]) -> list[Name]:
+    """Return names without those in between of series of more than ``SERIES``.
+
+    A series has one kind, and names that differ in their numbers only; their order is that of the numbers.
+    """
+    series: dict[tuple[Kind, str], list[Name]] = defaultdict(list)
+    for name in names:
+        series[name.kind, _NUMBER.sub("#", name.text)].append(name)
+    between = set[int]()
+    for members in series.values():
+        if len(members) > SERIES:
+            members.sort(key=lambda name: [int(number) for number in _NUMBER.findall(name.text)])
+            between |= {id(name) for name in members[1:-1]}
+    return [name for name in names if id(name) not in between]
+
+
+def _middle(model: pin.Model, reached: Array, origin: BodyPoint) -> BodyPoint:
+    """Return the middle of the longest stick of a link, from its origin to the points that its body reaches."""
+    ends = reached - origin.place
+    if not len(ends):
+        return BodyPoint(origin.node, np.asarray(model.inertias[origin.node].lever))
+    return BodyPoint(origin.node, origin.place + 0.5 * ends[int(np.linalg.norm(ends, axis=1).argmax())])
+
+
+def _as_one(group: Sequence[Name]) -> Name:
+    """Return names at one place as one, without ``O_crank`` beside O, which is that point of a drawing on a link."""
+    texts = [name.text for name in group]
+    apart = [text for text in texts if not any(text.startswith(f"{other}_") for other in texts)]
+    return replace(group[0], text=", ".join(apart[:MOST]) + (", ..." if len(apart) > MOST else ""))

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, distinct
 from pinarm.engine.mechanism import Mechanism
-from pinarm.records import ValueRecord, replace
-from pinarm.use.show.chart import COLOURS, Chart, Line, Note, Panel, Window, extent
+from pinarm.records import Record
+from pinarm.use.result.presentation import Presentation
+from pinarm.use.show.bodies import BodyPoint, Connection, placed
 from pinarm.use.show.labels import PLAIN, plain, shown, symbol
-from pinarm.use.show.note_places import leaders, note_places
-from pinarm.use.show.replay.overlays import BodyPoint, Connection
-from pinarm.use.show.replay.tracks import placed
-from pinarm.use.show.scene import GROUND, PATH, Scene, floor, mark, mounts, scene_of, shadow, stroke, triad
+from pinarm.use.show.note_places import write_beside
+from pinarm.use.show.picture import COLOURS, Note, Picture, drawing, label, legend_below, write
+from pinarm.use.show.scene import Scene, names_of, scene
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
+
     from pinarm.use.result.result import Result
 
 BETWEEN = 4
@@ -28,26 +30,17 @@ BETWEEN = 4
 FINE = 600
 """Rows by which paths are drawn."""
 
-SIZE = 5.6
-"""Width [inch], and largest height of what is drawn."""
+SIZE, INSIDE, LOWEST, EDGE = 5.6, 320.0, 150.0, 32.0
+"""Width of the picture [inch]; width and largest height, least height, and margin for names of the drawing [points]."""
 
-INSIDE = 320.0
-"""Width of the drawing, and its largest height, without numbers, legend and heading [points]."""
-
-LOWEST = 150.0
-"""Least height of the drawing: flat mechanisms have names and ticks too [points]."""
-
-EDGE = 32.0
-"""Around what is drawn, for names [points]."""
-
-POINT = 1e-100
-"""Size of a drawing below which it is one point [m]: a scale in points per metre would overflow."""
+FRAME, HEADING, ENTRIES = 42.0, 30.0, 22.0
+"""Height of the numbers below a drawing, of a line of its heading, and of a row of the legend [points]."""
 
 POINTS = 72.0
 """Points per inch."""
 
-FRAME, HEADING, ENTRIES = 42.0, 30.0, 22.0
-"""Height of the numbers below a drawing, of its heading, and of a row of the legend [points]."""
+NARROWEST = 1e-100
+"""Size of a drawing below which it is one point [m]: a scale in points per metre would overflow."""
 
 COIL = np.array([0.0, 0.0, 1.0, *[-1.0, 1.0] * 5, -1.0, 0.0, 0.0])
 """Corners of a spring: distance from its axis, relative to its half width."""
@@ -73,184 +66,56 @@ MOVED = 0.05
 SAME = 2e-3
 """Distance of start and end, relative to the extent, up to which they are drawn as one: the width of a line."""
 
-FAINT = "#d0d4d9"
-"""Colour of positions in between."""
+LINKS, THINNEST = 10.0, 0.35
+"""Typical links along the extent above which lines and marks are drawn smaller, and their least relative size."""
+
+PATH, GROUND, FAINT, FLOOR, SHADE = "#8b949e", "#59595f", "#d0d4d9", "#e9ecef", "#e1e4e8"
+"""Colours of paths, of the ground, of positions in between, of the floor and of shadows on it."""
+
+AXES = (("x", "#d6453d"), ("y", "#3a9d4a"), ("z", "#3569c9"))
+"""Names and colours of the world's axes, as in the replay."""
+
+TRIAD, LETTER = 26.0, 6.0
+"""Length of the axes in the corner, and half the size of their letters, with a margin [points]."""
+
+MOUNT = ((0.0, 0.0), (-0.8, -1.2), (0.8, -1.2), (0.0, 0.0))
+"""Support of a joint on the ground, in the size of its mark."""
 
 
-class Pose(ValueRecord, frozen=True):
-    """A position in colour.
-
-    Attributes:
-        place: Placements of the bodies, shape (njoints, 4, 4).
-        label: Its name in the legend.
-        colour: Its colour.
-    """
+class Pose(Record, frozen=True):
+    """A position in colour: placements of the bodies, shape (njoints, 4, 4), and its label in the legend."""
 
     place: Array
     label: str
     colour: str
 
 
-def sketch(result: Result) -> Chart:
+def sketch(result: Result, *, titled: bool = True) -> Picture:
     """Return a drawing of the mechanism at the start and the end of a run, with names and the paths of its ends.
 
     Separate rows, such as equilibria, are all drawn in colour. A planar mechanism is seen along its axes, any other as
     its replay shows it.
     """
-    run, how = result.trajectory, result.presentation
-    model = run.mechanism.model
-    scene = scene_of(run.mechanism, run.dynamics.forces, run.q, how)
+    run, model = result.trajectory, result.trajectory.mechanism.model
+    seen = scene(run.mechanism, run.dynamics.forces, run.q)
     rows = distinct(np.linspace(0, len(run) - 1, BETWEEN + 2).round().astype(np.intp)).tolist()
     places = dict(zip(rows, placed(model, run.q[rows]), strict=True))
-    chosen = rows if run.numbered else [0, len(run) - 1]
+    chosen = rows if run.numbered else distinct(np.array([0, len(run) - 1])).tolist()
     poses = [Pose(places[row], _where(result, row), COLOURS[k % len(COLOURS)]) for k, row in enumerate(chosen)]
-    if not run.numbered and _same(scene, poses):
-        poses = [replace(poses[0], label=f"{poses[0].label}, {poses[1].label}")] if len(run) > 1 else poses[:1]
+    if len(poses) == 2 and not run.numbered and _same(seen, poses):
+        poses = [Pose(poses[0].place, f"{poses[0].label}, {poses[1].label}", COLOURS[0])]
+    drawn = _Sketch(run.mechanism, seen, result.presentation)
+    tips = [] if run.numbered else seen.figure.tips
+    fine = placed(model, run.q, FINE) if tips else seen.places
+    paths = [tip.path(fine) for tip in tips]
     between = [place for row, place in places.items() if row not in chosen]
-    return _chart(
-        scene, poses, between, [] if run.numbered else _paths(scene, model, run.q), result.content.title or result.name
-    )
+    return drawn.picture(poses, between, paths, result.content.title or result.name if titled else "")
 
 
-def _paths(scene: Scene, model: pin.Model, q: Array) -> list[Array]:
-    """Return the paths of the ends of a mechanism through configurations, each of shape (FINE, 3)."""
-    if not (tips := scene.figure.tips):
-        return []
-    places = placed(model, q, FINE)
-    return [tip.path(places) for tip in tips]
-
-
-def structure(mechanism: Mechanism, q: Array, label: str) -> Chart:
-    """Return a drawing of a mechanism in one configuration, with names.
-
-    Args:
-        mechanism: The mechanism.
-        q: Pinocchio's configuration, shape (nq,).
-        label: Name of the configuration in the legend.
-    """
-    scene = scene_of(mechanism, mechanism.forces, q[None], PLAIN)
-    pose = Pose(placed(mechanism.model, q[None])[0], plain(label), COLOURS[0])
-    return _chart(scene, [pose], [], [], mechanism.title)
-
-
-def _same(scene: Scene, poses: Sequence[Pose]) -> bool:
-    apart = [pose.place[:, :3] - poses[0].place[:, :3] for pose in poses]
-    return all(np.abs(difference[..., :3]).max() < SAME and np.abs(difference[..., 3]).max() < SAME * scene.framing.size
-               for difference in apart)  # fmt: skip
-
-
-def _chart(scene: Scene, poses: Sequence[Pose], between: Sequence[Array], paths: Sequence[Array], title: str) -> Chart:
-    flat = scene.framing.normal is not None
-    lines = [] if flat else [*floor(scene), *(line for pose in poses for line in shadow(scene, pose.place))]
-    for path in paths:
-        lines.append(stroke(scene.view.flat(path), PATH, 0.7, ":"))
-    for place in between:
-        lines += _drawn(scene, place, FAINT, scene.thickness)
-    lines += [*_guides(scene), *mounts(scene)]
-    for pose in poses:
-        first, *others = _drawn(scene, pose.place, pose.colour, 2.2 * scene.thickness)
-        lines += [replace(first, label=pose.label), *others]
-    window, per = _window(lines)
-    axes, letters, taken = ([], [], []) if flat else triad(scene, window, per)
-    notes = _notes(scene, poses, lines, window, per, taken)
-    across, up = _axis_names(scene) if flat else ("", "")
-    drawn = [*lines, *leaders(notes, per), *axes]
-    panel = Panel(drawn, [*notes, *letters], across=across, up=up, equal=True, framed=bool(across),
-                  grid=False, window=window)  # fmt: skip
-    heading = plain("\n".join(textwrap.wrap(title, WRAP)))
-    height = per * (window[1][1] - window[1][0]) + (FRAME if across else 0.0)
-    height += HEADING * (1 + heading.count("\n")) + ENTRIES * -(-len(poses) // 2)
-    return Chart(heading, [panel], SIZE, height / POINTS, "below")
-
-
-def _window(lines: Sequence[Line]) -> tuple[Window, float]:
-    """Return the window of the drawing, with room for names around the lines, and its scale [points per metre]."""
-    low, high = extent(lines)
-    size = high - low
-    per = float((INSIDE - 2.0 * EDGE) / size.max()) if size.max() > POINT else 1.0
-    room = np.array([INSIDE, max(LOWEST, float(per * size[1]) + 2.0 * EDGE)]) / per
-    (left, bottom), (right, top) = (low + high - room) / 2.0, (low + high + room) / 2.0
-    return ((float(left), float(right)), (float(bottom), float(top))), per
-
-
-def _guides(scene: Scene) -> Iterator[Line]:
-    """Yield rails and slots of the ground."""
-    for rail in scene.guides:
-        if not rail.node:
-            yield stroke(scene.view.flat(rail.points), GROUND, 1.0, rail.style)
-
-
-def _drawn(scene: Scene, place: Array, colour: str, width: float) -> Iterator[Line]:
-    figure = scene.figure
-    for stick in (*figure.lines, *(rail for rail in scene.guides if rail.node)):
-        points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
-        yield stroke(scene.view.flat(points), colour, width * stick.weight, stick.style)
-    for pair, shortest in zip(scene.pairs, scene.shortest, strict=True):
-        yield from _joined(scene, place, pair, shortest, colour, width)
-    for node in figure.slides:
-        yield mark(scene.flat(place, BodyPoint(node, np.zeros(3))), colour, 2.4 * width, "s")
-    for node in figure.pins:
-        yield mark(scene.flat(place, BodyPoint(node, np.zeros(3))), colour, 2.2 * width)
-
-
-def _joined(
-    scene: Scene, place: Array, pair: Connection, shortest: float, colour: str, width: float
-) -> Iterator[Line]:  # fmt: skip
-    """Yield the drawing of a connection.
-
-    A spring is a coil, a cylinder a barrel and its rod, a rod or a cable a line, a bushing a block, and a loop joint
-    its pin, which in a slot is that of the second point.
-    """
-    start, tip = (scene.flat(place, end) for end in pair.ends)
-    along, length = tip - start, float(np.linalg.norm(tip - start))
-    half = min(WIDE.get(pair.kind, 0.0) * scene.framing.size, SLENDER * length)
-    beside = half * np.array([-along[1], along[0]]) / length if length else np.zeros(2)
-    if pair.kind in ("loop", "slot"):
-        yield mark(tip if pair.kind == "slot" else start, colour, 2.2 * width)
-    elif pair.kind == "bushing":
-        yield replace(mark(start, colour, 3.0 * width, "s"), fill=colour)
-    elif pair.kind == "spring":
-        yield stroke(start[:, None] + np.outer(along, ALONG) + np.outer(beside, COIL), colour, 0.6 * width)
-    elif pair.kind == "cylinder":
-        [now] = pair.lengths(place[None]).tolist()
-        end = start + along * (BARREL * shortest / now if now else 0.0)
-        corners = [start + beside, end + beside, end - beside, start - beside, start + beside]
-        yield stroke(np.array(corners).T, colour, 0.6 * width)
-        yield stroke(np.array([end, tip]).T, colour, 1.2 * width)
-    else:
-        yield stroke(np.array([start, tip]).T, colour, (0.4 if pair.kind == "cable" else 0.6) * width)
-    if pair.kind in ("spring", "cylinder", "cable"):
-        for end in (start, tip):
-            yield mark(end, colour, 1.5 * width)
-
-
-def _notes(
-    scene: Scene, poses: Sequence[Pose], lines: Sequence[Line], window: Window, per: float, taken: Sequence[Array]
-) -> list[Note]:  # fmt: skip
-    """Return the names that have room.
-
-    Those of points and joints at the first position come first, then those of parts, then those of points and joints
-    that have moved at further positions.
-    """
-    wanted: list[Note] = []
-    start = [(name, scene.flat(poses[0].place, name.at)) for name in scene.names]
-    start.sort(key=lambda named: named[0].kind == "part")
-    for name, at in start:
-        colour = PATH if name.kind == "part" else poses[0].colour if name.at.node else GROUND
-        wanted.append(Note(float(at[0]), float(at[1]), name.text, colour=colour))
-    for pose in poses[1:]:
-        for name, before in start:
-            at = scene.flat(pose.place, name.at)
-            if name.kind != "part" and np.linalg.norm(at - before) > MOVED * scene.framing.size:
-                wanted.append(Note(float(at[0]), float(at[1]), name.text, colour=pose.colour))
-    strong = [line for line in lines if line.colour in {pose.colour for pose in poses} | {GROUND}]
-    return note_places(wanted, strong, window, per, taken)
-
-
-def _axis_names(scene: Scene) -> tuple[str, str]:
-    """Return the names of the axes of a flat picture; empty where these are no axes of the world."""
-    names = ["xyz"[k] for direction in scene.view.axes for k in range(3) if direction[k] > 1.0 - EVEN]
-    return (f"{names[0]} [m]", f"{names[1]} [m]") if len(names) == 2 else ("", "")
+def structure(mechanism: Mechanism, q: Array, text: str) -> Picture:
+    """Return a drawing of a mechanism in one configuration, shape (nq,), with names and a text as legend."""
+    drawn = _Sketch(mechanism, scene(mechanism, mechanism.forces, q[None]), PLAIN)
+    return drawn.picture([Pose(placed(mechanism.model, q[None])[0], plain(text), COLOURS[0])], [], [], mechanism.title)
 
 
 def _where(result: Result, row: int) -> str:
@@ -262,3 +127,199 @@ def _where(result: Result, row: int) -> str:
         return f"row {value}"
     unit = {"1": "", "°": "°"}.get(str(measured or "1"), f" {measured}")
     return f"{'end' if row else 'start'}: {symbol(run.parameter)} = {plain(value + unit)}"
+
+
+def _same(seen: Scene, poses: Sequence[Pose]) -> bool:
+    apart = np.abs(poses[1].place[:, :3] - poses[0].place[:, :3])
+    return bool(apart[..., :3].max() < SAME and apart[..., 3].max() < SAME * seen.framing.size)
+
+
+class _Sketch:
+    """A drawing of a scene in the making: its lines are those of the axes."""
+
+    def __init__(self, mechanism: Mechanism, seen: Scene, how: Presentation) -> None:
+        self.seen, self.view, self.names = seen, seen.framing.view(), names_of(mechanism, seen, how)
+        self.flat = seen.framing.normal is not None
+        lengths = sorted(float(np.linalg.norm(stick.points[-1])) for stick in seen.figure.rods)
+        typical = lengths[len(lengths) // 2] if lengths else seen.framing.size
+        self.thickness = float(np.clip(LINKS * typical / seen.framing.size, THINNEST, 1.0))
+        """Factor of the widths of lines and marks: less than 1 where the links are many and short."""
+
+    def picture(self, poses: Sequence[Pose], between: Sequence[Array], paths: Sequence[Array], title: str) -> Picture:
+        heading = plain("\n".join(textwrap.wrap(title, WRAP)))
+        with drawing(SIZE, SIZE, heading) as picture:
+            self.axis: Axes = picture.subplots()
+            if not self.flat:
+                self._floor()
+                for pose in poses:
+                    self._shadow(pose.place)
+            for path in paths:
+                self._line(path, PATH, 0.7, ":")
+            for place in between:
+                self._bodies(place, FAINT, self.thickness)
+            self._ground()
+            entries = [self._pose(pose) for pose in poses]
+            per = self._framed()
+            self._write_names(poses, per, [] if self.flat else [self._triad(per)])
+            legend_below(picture, entries)
+            height = per * np.ptp(self.axis.get_ylim()) + (FRAME if self.axis.axison else 0.0)
+            height += HEADING * (1 + heading.count("\n")) + ENTRIES * -(-len(poses) // 2)
+            picture.set_size_inches(SIZE, height / POINTS)
+        return picture
+
+    def _pose(self, pose: Pose) -> Line2D:
+        """Draw a position; return its first line, with its label."""
+        count = len(self.axis.lines)
+        self._bodies(pose.place, pose.colour, 2.2 * self.thickness)
+        self.axis.lines[count].set_label(label(pose.label))
+        return self.axis.lines[count]
+
+    def _line(self, points: Array, colour: str, width: float, style: str = "-") -> None:
+        """Draw a line through points of the world, shape (n, 3)."""
+        self.axis.plot(*self.view.flat(points), color=colour, linewidth=width, linestyle=style)
+
+    def _mark(self, point: Array, colour: str, size: float, marker: str = "o", fill: str = "#ffffff") -> None:
+        """Draw a mark at a point of the picture, shape (2,)."""
+        self.axis.plot(*point[:, None], marker, color=colour, markersize=size, markerfacecolor=fill)
+
+    def _at(self, place: Array, point: BodyPoint) -> Array:
+        return self.view.flat(point.path(place[None]))[:, 0]
+
+    def _bodies(self, place: Array, colour: str, width: float) -> None:
+        """Draw the mechanism in one position: sticks, connections, slides and pins."""
+        figure = self.seen.figure
+        rails = [rail for rail in (*figure.slides.values(), *self.seen.slots) if rail.node]
+        for stick in (*figure.lines, *rails):
+            points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
+            self._line(points, colour, width * stick.weight, stick.style)
+        for pair in figure.joined:
+            self._connection(place, pair, colour, width)
+        for nodes, size, marker in ((figure.slides, 2.4, "s"), (figure.pins, 2.2, "o")):
+            for node in nodes:
+                self._mark(self._at(place, BodyPoint(node, np.zeros(3))), colour, size * width, marker)
+
+    def _connection(self, place: Array, pair: Connection, colour: str, width: float) -> None:
+        """Draw a connection.
+
+        A spring is a coil, a cylinder a barrel and its rod, a rod or a cable a line, a bushing a block, and a loop
+        joint its pin, which in a slot is that of the second point.
+        """
+        start, tip = (self._at(place, end) for end in pair.ends)
+        along, length = tip - start, float(np.linalg.norm(tip - start))
+        half = min(WIDE.get(pair.kind, 0.0) * self.seen.framing.size, SLENDER * length)
+        beside = half * np.array([-along[1], along[0]]) / length if length else np.zeros(2)
+        thin, lines = (0.4 if pair.kind == "cable" else 0.6) * width, [np.array([start, tip])]
+        if pair.kind in ("loop", "slot"):
+            self._mark(tip if pair.kind == "slot" else start, colour, 2.2 * width)
+            return
+        if pair.kind == "bushing":
+            self._mark(start, colour, 3.0 * width, "s", fill=colour)
+            return
+        if pair.kind == "spring":
+            lines = [start + np.outer(ALONG, along) + np.outer(COIL, beside)]
+        elif pair.kind == "cylinder":
+            [now] = pair.lengths(place[None]).tolist()
+            end = start + along * (BARREL * float(pair.lengths(self.seen.places).min()) / now if now else 0.0)
+            lines = [np.array([start + beside, end + beside, end - beside, start - beside, start + beside])]
+            lines.append(np.array([end, tip]))
+        for k, line in enumerate(lines):
+            self.axis.plot(*line.T, color=colour, linewidth=(1 + k) * thin)
+        for at in (start, tip) if pair.kind in ("spring", "cylinder", "cable") else ():
+            self._mark(at, colour, 1.5 * width)
+
+    def _ground(self) -> None:
+        """Draw rails and slots of the ground, and supports, in space with their heights above the floor."""
+        figure = self.seen.figure
+        for rail in (*figure.slides.values(), *self.seen.slots):
+            if not rail.node:
+                self._line(rail.points, GROUND, 1.0, rail.style)
+        places = np.array(figure.mounts).reshape(-1, 3)
+        if not self.flat:
+            for mount, foot in zip(places, self._on_floor(places), strict=True):
+                self._line(np.array([mount, foot]), GROUND, 0.5)
+        if len(places):
+            size = 14.0 * self.thickness
+            self.axis.plot(*self.view.flat(places), linestyle="", marker=MOUNT, color=GROUND, markersize=size)
+
+    def _floor(self) -> None:
+        """Draw a grid below the lowest point, in perspective, along axes of the world where these are horizontal."""
+        framing = self.seen.framing
+        up = framing.up
+        across = np.eye(3)[int(np.abs(up).argmin())]
+        across = across - (across @ up) * up
+        across /= np.linalg.norm(across)
+        along, cell = np.cross(up, across), _round(framing.size / 10.0)
+        spans = []
+        for direction in (across, along):
+            ways = framing.outline @ direction / cell
+            spans.append(cell * np.arange(np.floor(ways.min()), np.ceil(ways.max()) + 1))
+        level = float((framing.outline @ up).min()) * up
+        for axis, other, ticks, width in ((across, along, *spans), (along, across, *reversed(spans))):
+            for at in ticks:
+                self._line(level + at * axis + np.outer(width[[0, -1]], other), FLOOR, 0.6)
+
+    def _shadow(self, place: Array) -> None:
+        for stick in self.seen.figure.lines:
+            points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
+            self._line(self._on_floor(points), SHADE, 1.6 * stick.weight)
+
+    def _on_floor(self, points: Array) -> Array:
+        """Return points of the world below others, at the height of the lowest point, shape (n, 3)."""
+        up, outline = self.seen.framing.up, self.seen.framing.outline
+        return np.asarray(points - np.outer(points @ up - float((outline @ up).min()), up))
+
+    def _framed(self) -> float:
+        """Set the limits, with room for names around the lines, and the names of the axes.
+
+        Return the scale of the drawing [points per metre].
+        """
+        low, high = np.array(self.axis.dataLim.min), np.array(self.axis.dataLim.max)
+        size = high - low
+        per = float((INSIDE - 2.0 * EDGE) / size.max()) if size.max() > NARROWEST else 1.0
+        room = np.array([INSIDE, max(LOWEST, float(per * size[1]) + 2.0 * EDGE)]) / per
+        (left, bottom), (right, top) = (low + high - room) / 2.0, (low + high + room) / 2.0
+        self.axis.set(xlim=(float(left), float(right)), ylim=(float(bottom), float(top)))
+        self.axis.set_aspect("equal", adjustable="box")
+        self.axis.grid(visible=False)
+        names = ["xyz"[k] for direction in self.view.axes for k in range(3) if direction[k] > 1.0 - EVEN]
+        if self.flat and len(names) == 2:
+            self.axis.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]")
+        else:
+            self.axis.set_axis_off()
+        return per
+
+    def _triad(self, per: float) -> Array:
+        """Draw the world's axes in the lower left corner; return their box (left, bottom, right, top)."""
+        corner = np.array([self.axis.get_xlim()[0], self.axis.get_ylim()[0]])
+        reach = 1.35 * TRIAD / per * np.array([self.view.axes @ axis for axis in np.eye(3)])
+        origin = corner + LETTER / per - np.minimum(reach.min(axis=0), 0.0)
+        for (name, colour), end in zip(AXES, reach, strict=True):
+            self.axis.plot(*np.array([origin, origin + end / 1.35]).T, color=colour, linewidth=1.8)
+            write(self.axis, Note(name, origin + end, colour), size=9.0)
+        high = origin + np.maximum(reach.max(axis=0), 0.0) + LETTER / per
+        return np.concatenate([corner, high])
+
+    def _write_names(self, poses: Sequence[Pose], per: float, taken: Sequence[Array]) -> None:
+        """Write the names that have room.
+
+        Those of points and joints at the first position come first, then those of parts, then those of points and
+        joints that have moved at further positions.
+        """
+        start, notes = [self._at(poses[0].place, name.at) for name in self.names], list[Note]()
+        for name, at in zip(self.names, start, strict=True):
+            colour = PATH if name.kind == "part" else poses[0].colour if name.at.node else GROUND
+            notes.append(Note(name.text, at, colour))
+        for pose in poses[1:]:
+            for name, before in zip(self.names, start, strict=True):
+                at = self._at(pose.place, name.at)
+                if name.kind != "part" and np.linalg.norm(at - before) > MOVED * self.seen.framing.size:
+                    notes.append(Note(name.text, at, pose.colour))
+        strong = {pose.colour for pose in poses} | {GROUND}
+        hidden = [np.asarray(line.get_xydata()) for line in self.axis.lines if line.get_color() in strong]
+        write_beside(self.axis, notes, hidden, per, taken)
+
+
+def _round(x: float) -> float:
+    """Return the number 1, 2 or 5 times a power of ten next above another."""
+    power = 10.0 ** np.floor(np.log10(x))
+    return float(next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= 0.999 * x))

@@ -1,4 +1,4 @@
-"""Stick figure of a mechanism: rods, discs, boxes, joints and supports, which drawings and replays show alike."""
+"""Stick figure of a mechanism: rods, discs, boxes, joints and supports, as lines and as solids."""
 
 from __future__ import annotations
 
@@ -13,11 +13,9 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, ValueRecord
-from pinarm.use.show.chart import Style
-from pinarm.use.show.replay.framing import Framing
-from pinarm.use.show.replay.overlays import LOOPS, BodyPoint, Connection, point_of
-from pinarm.use.show.replay.shapes import Shape, colour_of, primitives
-from pinarm.use.show.replay.tracks import Node
+from pinarm.use.show.bodies import LOOPS, BodyPoint, Connection, Node, point_of
+from pinarm.use.show.meshes import Mesh
+from pinarm.use.show.shapes import GROUND, Colour, Shape, colour_of, primitives
 
 RIM: Complex = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 73))
 """Points of a circle of radius 1."""
@@ -46,6 +44,18 @@ FLAT = 1e-6
 EVEN = 1e-9
 """Difference of two moments of inertia, relative to them, that is rounding."""
 
+ROD, PIN, POINT = 0.014, 0.026, 0.02
+"""Radii of solid rods, joints and end points, relative to the size of the figure."""
+
+FOOT = 0.085, 0.03
+"""Width and height of the block below a joint on the ground, relative to the size of the figure."""
+
+THICK = 0.12
+"""Thickness of a disc, relative to its extent."""
+
+DARK: Colour = (0.27, 0.29, 0.33, 1.0)
+"""Colour of solid joints."""
+
 
 class Stick(ValueRecord, frozen=True):
     """A polyline that is fixed to a body.
@@ -54,13 +64,13 @@ class Stick(ValueRecord, frozen=True):
         node: The body.
         points: Its corners in the body [m], shape (k, 3).
         weight: Its width, relative to rods.
-        style: How it is dashed.
+        style: How it is dashed, as in matplotlib.
     """
 
     node: int
     points: Array
     weight: float = 1.0
-    style: Style = "-"
+    style: str = "-"
 
 
 class Disc(Record, frozen=True):
@@ -78,46 +88,125 @@ class Disc(Record, frozen=True):
     outline: Array
     axis: Array
 
-    @property
-    def spoke(self) -> Array:
-        """A line from its axis to its outline, which shows how it turns [m], shape (2, 3)."""
-        return np.array([self.middle, self.outline[0]])
+    def solid(self) -> Shape:
+        """Return it as a plate, its two faces as fans about the axis."""
+        n, half = len(self.outline), 0.5 * THICK * float(np.ptp(self.outline, axis=0).max()) * self.axis
+        middles = [self.middle + half, self.middle - half]
+        a, above, below = np.arange(n), np.full(n, 2 * n), np.full(n, 2 * n + 1)
+        b = (a + 1) % n
+        corners = [(above, a, b), (below, b + n, a + n), (a, a + n, b + n), (a, b + n, b)]
+        triangles = np.concatenate([np.stack(triangle, axis=1) for triangle in corners])
+        mesh = Mesh(np.concatenate([self.outline + half, self.outline - half, middles]), triangles)
+        return Shape(self.node, pin.SE3.Identity(), "mesh", (1.0, 1.0, 1.0), colour_of(self.node), mesh)
 
 
 class StickFigure(Record, frozen=True):
     """Geometry of the bodies, each in its own frame.
 
     Attributes:
+        nodes: The bodies.
         size: Length that thicknesses are relative to [m].
         rods: Lines from the joint of a body to the points that it reaches.
         discs: Cams and rollers, and wheels among the bodies that reach nowhere.
         boxes: Boxes of the inertias of the other bodies that reach nowhere.
-        solids: Solids that the model's file draws of bodies that reach nowhere.
-        pins: Bodies on joints that turn.
-        slides: Bodies on joints that slide.
-        balls: Bodies on other joints, away from the origin of their parents.
-        rails: Lines on the bodies that carry slides, as long as the way of the whole motion.
-        mounts: Points of the world that the mechanism stands on [m], shape (3,).
-        tips: Points that carry nothing further.
+        files: Solids that the model's file draws of bodies that reach nowhere.
+        joined: Springs, cables and loop joints.
     """
 
+    nodes: Sequence[Node]
     size: float
     rods: Sequence[Stick]
     discs: Sequence[Disc]
     boxes: Sequence[Shape]
-    solids: Sequence[Shape]
-    pins: Sequence[int]
-    slides: Sequence[int]
-    balls: Sequence[int]
-    rails: Sequence[Stick]
-    mounts: Sequence[Array]
-    tips: Sequence[BodyPoint]
+    files: Sequence[Shape]
+    joined: Sequence[Connection]
 
     @cached_property
     def lines(self) -> Sequence[Stick]:
         """The bodies as lines: rods, outlines and spokes of discs, edges of solids and boxes."""
-        rims = [Stick(disc.node, line, THIN) for disc in self.discs for line in (disc.outline, disc.spoke)]
-        return [*self.rods, *rims, *(edge for shape in (*self.solids, *self.boxes) for edge in _edges(shape))]
+        rims = [(disc.node, [disc.outline, np.array([disc.middle, disc.outline[0]])]) for disc in self.discs]
+        edges = [(shape.node, _edges(shape)) for shape in (*self.files, *self.boxes)]
+        return [*self.rods, *(Stick(node, line, THIN) for node, lines in [*rims, *edges] for line in lines)]
+
+    def on(self, *kinds: str) -> list[int]:
+        """Return the bodies on joints of some kinds whose parents carry links: others are part of a floating joint."""
+        nodes = self.nodes
+        carrying = [k for k in range(1, len(nodes)) if nodes[k].carries]
+        return [
+            k for k in carrying if nodes[k].kind in kinds and (not nodes[k].parent or nodes[nodes[k].parent].carries)
+        ]
+
+    @cached_property
+    def pins(self) -> Sequence[int]:
+        """Bodies on joints that turn."""
+        return self.on("turn")
+
+    @cached_property
+    def slides(self) -> Mapping[int, Stick]:
+        """Bodies on joints that slide, and the lines, on their parents, along which they do in the whole motion."""
+        return {k: _rail(self.nodes[k], BEYOND * self.size) for k in self.on("slide")}
+
+    @cached_property
+    def balls(self) -> Sequence[int]:
+        """Bodies on other joints, away from the origin of their parents."""
+        return [k for k in self.on("pose", "fixed") if self.nodes[k].placement.translation.any()]
+
+    @cached_property
+    def mounts(self) -> list[Array]:
+        """Points of the world that pins, springs and loop joints are fixed to [m], shape (3,)."""
+        fixed = [np.asarray(self.nodes[k].placement.translation) for k in self.pins if not self.nodes[k].parent]
+        ends = [end for pair in self.joined if pair.kind != "slot" for end in pair.ends]
+        return [*fixed, *(end.place for end in ends if not end.node)]
+
+    @cached_property
+    def tips(self) -> list[BodyPoint]:
+        """Ends of rods at which there is neither a joint nor the end of a spring or a loop joint."""
+        known = self.carried | {(end.node, tuple(end.place)) for pair in self.joined for end in pair.ends}
+        ends = [BodyPoint(rod.node, rod.points[-1]) for rod in self.rods]
+        return [end for end in ends if (end.node, tuple(end.place)) not in known]
+
+    @cached_property
+    def carried(self) -> set[tuple[int, tuple[float, ...]]]:
+        """Places of joints: the body that carries one, and where."""
+        return {(node.parent, tuple(node.placement.translation)) for node in self.nodes}
+
+    def solids(self, gravity: Array, bare: frozenset[int]) -> list[Shape]:
+        """Return the solids of some bodies, and of the joints at them.
+
+        Args:
+            gravity: Acceleration of gravity [m/s^2], shape (3,): feet stand below joints on the ground.
+            bare: Bodies without shapes of their own; with 0 among them, joints on the ground stand on blocks.
+        """
+        shapes = [shape for rod in self.rods for shape in self._rod(rod)]
+        shapes += [*self.boxes, *(disc.solid() for disc in self.discs)]
+        shapes = [shape for shape in shapes if shape.node in bare]
+        if 0 in bare:
+            compact = {disc.node for disc in self.discs} | {box.node for box in self.boxes}
+            standing = [self.nodes[k].placement for k in self.pins if not self.nodes[k].parent and k not in compact]
+            places = {tuple(placement.translation.tolist()) for placement in standing}
+            shapes += [_foot(gravity, np.array(place), self.size) for place in sorted(places)]
+        moved = [k for k in range(1, len(self.nodes)) if bare & {k, self.nodes[k].parent or k}]
+        return shapes + [shape for k in moved for shape in self._joint(k)]
+
+    def _rod(self, rod: Stick) -> Iterator[Shape]:
+        """Yield a rod, and a ball at its end if that carries no joint."""
+        colour, (start, end) = colour_of(rod.node), rod.points
+        yield _cylinder(rod.node, start, end, ROD * self.size, colour)
+        if (rod.node, tuple(end)) not in self.carried:
+            yield Shape(rod.node, pin.SE3(np.eye(3), end), "sphere", (POINT * self.size,), colour)
+
+    def _joint(self, k: int) -> Iterator[Shape]:
+        """Yield the sign of a joint: a pin along a revolute axis, a block on a rail for a slide, a ball for others."""
+        radius, node = PIN * self.size, self.nodes[k]
+        if k in self.pins:
+            yield Shape(k, _along(np.zeros(3), node.axis), "cylinder", (radius, 3.2 * radius), DARK)
+        elif k in self.slides:
+            block = (2.4 * radius, 2.4 * radius, 4.0 * radius)
+            yield Shape(k, _along(np.zeros(3), node.axis), "box", block, DARK)
+            start, end = self.slides[k].points
+            yield _cylinder(node.parent, start, end, 0.5 * ROD * self.size, GROUND)
+        elif k in self.balls:
+            yield Shape(k, pin.SE3.Identity(), "sphere", (radius,), DARK)
 
 
 def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[Connection]) -> StickFigure:
@@ -126,23 +215,16 @@ def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[C
     carrying = [node for node in range(1, len(nodes)) if nodes[node].carries]
     size = _size(model, nodes, [reached[node] for node in carrying])
     rods = [Stick(node, np.array([np.zeros(3), end])) for node in carrying for end in reached[node]]
-    cams = list(_cams(mechanism, nodes))
-    compact = {node for node in carrying if not len(reached[node])} - {cam.node for cam in cams}
-    wheels = dict(_wheels(mechanism))
-    solids = [shape for shape in primitives(mechanism) if shape.node in compact - wheels.keys()] if compact else []
-    drawn = [shape.node for shape in solids]
-    solids = [shape for shape in solids if drawn.count(shape.node) <= SIMPLE]
-    compact -= {shape.node for shape in solids}
-    discs = [disc for node in sorted(compact) for disc in _disc(model, nodes, node, wheels, BOX * size)]
+    discs, wheels = list(_cams(mechanism, nodes)), dict(_wheels(mechanism))
+    compact = {node for node in carrying if not len(reached[node])} - {cam.node for cam in discs}
+    files = [shape for shape in primitives(mechanism) if shape.node in compact - wheels.keys()] if compact else []
+    drawn = [shape.node for shape in files]
+    files = [shape for shape in files if drawn.count(shape.node) <= SIMPLE]
+    compact -= {shape.node for shape in files}
+    discs += [disc for node in sorted(compact) for disc in _disc(model, nodes, node, wheels, BOX * size)]
     compact -= {disc.node for disc in discs}
-    own = [k for k in carrying if not nodes[k].parent or nodes[nodes[k].parent].carries]
-    pins, slides = ([k for k in own if nodes[k].kind == kind] for kind in ("turn", "slide"))
-    others = [k for k in own if nodes[k].kind in ("pose", "fixed") and nodes[k].placement.translation.any()]
-    return StickFigure(
-        size, rods, [*cams, *discs], [box for node in sorted(compact) for box in _box(model, node, size)], solids,
-        pins, slides, others, [_rail(nodes[k], BEYOND * size) for k in slides],
-        list(_supports(nodes, pins, joined)), list(_tips(nodes, rods, joined)),
-    )  # fmt: skip
+    boxes = [box for node in sorted(compact) for box in _box(model, node, size)]
+    return StickFigure(nodes, size, rods, discs, boxes, files, joined)
 
 
 def reaches(model: pin.Model, nodes: Sequence[Node]) -> list[Array]:
@@ -159,8 +241,8 @@ def reaches(model: pin.Model, nodes: Sequence[Node]) -> list[Array]:
     for index, inertia in enumerate(model.inertias):
         if index and not any(point.any() for point in points[index]):
             points[index] = [np.asarray(inertia.lever)]
-    return [np.array(sorted({tuple(point.tolist()) for point in places if point.any()})).reshape(-1, 3)
-            for places in points]  # fmt: skip
+    corners = [sorted({tuple(point.tolist()) for point in places if point.any()}) for places in points]
+    return [np.array(places).reshape(-1, 3) for places in corners]
 
 
 def _size(model: pin.Model, nodes: Sequence[Node], reached: Sequence[Array]) -> float:
@@ -202,9 +284,9 @@ def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Disc]:
 
 def _placed(nodes: Sequence[Node], body: int, middle: Array, outline: Array, axis: Array) -> Disc:
     """Return a disc that is given in the body's carrier, where the joint is at 0."""
-    own = nodes[body].placement
-    inside, turned = ((points - own.translation) @ own.rotation for points in (middle, outline))
-    return Disc(body, inside, turned, np.asarray(axis @ own.rotation))
+    joint = nodes[body].placement
+    inside, turned = ((points - joint.translation) @ joint.rotation for points in (middle, outline))
+    return Disc(body, inside, turned, np.asarray(axis @ joint.rotation))
 
 
 def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
@@ -235,10 +317,10 @@ def _disc(
 def _is_symmetric(inertia: pin.Inertia, axis: Array) -> bool:
     """Tell whether all directions across an axis have the same moment of inertia."""
     moments, largest = inertia.inertia @ axis, float(np.abs(inertia.inertia).max())
-    own = float(axis @ moments)
-    across = np.linalg.eigvalsh(inertia.inertia - own * np.outer(axis, axis))
-    tilted = np.linalg.norm(moments - own * axis) > EVEN * largest
-    return bool(inertia.mass > 0.0 < own and not tilted and abs(across[-1] - across[-2]) <= EVEN * largest)
+    along = float(axis @ moments)
+    across = np.linalg.eigvalsh(inertia.inertia - along * np.outer(axis, axis))
+    tilted = np.linalg.norm(moments - along * axis) > EVEN * largest
+    return bool(inertia.mass > 0.0 < along and not tilted and abs(across[-1] - across[-2]) <= EVEN * largest)
 
 
 def _box(model: pin.Model, node: int, size: float) -> Iterator[Shape]:
@@ -265,43 +347,31 @@ def _rail(node: Node, beyond: float) -> Stick:
     return Stick(node.parent, np.asarray(points), RAIL, "-.")
 
 
-def _supports(nodes: Sequence[Node], pins: Sequence[int], joined: Sequence[Connection]) -> Iterator[Array]:
-    """Yield the points of the world that pins, springs and loop joints are fixed to."""
-    yield from (np.asarray(nodes[k].placement.translation) for k in pins if not nodes[k].parent)
-    yield from (end.place for pair in joined if pair.kind != "slot" for end in pair.ends if not end.node)
-
-
-def _tips(nodes: Sequence[Node], rods: Sequence[Stick], joined: Sequence[Connection]) -> Iterator[BodyPoint]:
-    """Yield the ends of rods at which there is neither a joint nor the end of a spring or a loop joint."""
-    known = {(node.parent, tuple(node.placement.translation)) for node in nodes}
-    known |= {(end.node, tuple(end.place)) for pair in joined for end in pair.ends}
-    yield from (BodyPoint(rod.node, rod.points[-1]) for rod in rods if (rod.node, tuple(rod.points[-1])) not in known)
-
-
-def slots(mechanism: Mechanism, seen: Framing, places: Array) -> list[Stick]:
+def slots(mechanism: Mechanism, normal: Array | None, size: float, places: Array) -> list[Stick]:
     """Return the slots of a mechanism that is seen flat: outlines around the way of the pin, and a little beyond.
 
     Args:
         mechanism: The mechanism.
-        seen: From where.
+        normal: The direction from which it is seen flat, shape (3,).
+        size: Its extent [m].
         places: Placements of its bodies, shape (rows, njoints, 4, 4).
     """
-    if seen.normal is None:
+    if normal is None:
         return []
+    from pinarm.mechanics.loops.lower_pairs import LowerPair
+
     model, outlines = mechanism.model, list[Stick]()
     for joint in mechanism.constraints:
         if isinstance(joint, LoopJoint) and LOOPS.get(joint.kind) == "slot":
-            from pinarm.mechanics.loops.lower_pairs import LowerPair
-
             assert isinstance(joint.pair, LowerPair)
             slot, pin_point = (point_of(model, frame) for frame in (joint.first, joint.second))
             turn, origin = places[:, slot.node, :3, :3], slot.path(places)
-            normal = turn[0].T @ seen.normal
+            across = turn[0].T @ normal
             beside = model.frames[joint.first].placement.rotation @ joint.pair.axis
-            along = np.cross(beside, normal)
-            if abs(beside @ normal) < FLAT:
+            along = np.cross(beside, across)
+            if abs(beside @ across) < FLAT:
                 ways = np.vecmat(pin_point.path(places) - origin, turn) @ along
-                outlines.append(Stick(slot.node, slot.place + _oblong(ways, along, beside, SLOT * seen.size), RAIL))
+                outlines.append(Stick(slot.node, slot.place + _oblong(ways, along, beside, SLOT * size), RAIL))
     return outlines
 
 
@@ -314,23 +384,39 @@ def _oblong(ways: Array, along: Array, beside: Array, half: float) -> Array:
     return np.asarray(np.concatenate([front, back, front[:1]]) @ np.stack([along, beside]))
 
 
-def _edges(shape: Shape) -> Iterator[Stick]:
-    """Yield the edges of a solid; of a cylinder or a capsule also lines along it and a spoke, of a sphere circles."""
+def _edges(shape: Shape) -> list[Array]:
+    """Return the edges of a solid; of a cylinder or a capsule also lines along it and a spoke, of a sphere circles."""
     corners, centre = shape.extent(), shape.placement.translation
     x, y, z = shape.placement.rotation.T
     if shape.kind == "box":
-        pairs = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
-        lines = [corners[[a, b]] for a, b in pairs]
-    elif shape.kind == "sphere":
-        lines = [centre + _circle(shape.size[0], first, second) for first, second in ((x, y), (y, z), (z, x))]
-    else:
-        radius, length = shape.size
-        lines = [centre + end * length * z + _circle(radius, x, y) for end in (-0.5, 0.5)]
-        lines.append(centre + 0.5 * length * z + np.outer([0.0, radius], x))
-        lines += [centre + radius * side + np.outer([-0.5, 0.5], length * z) for side in (x, -x, y, -y)]
-    yield from (Stick(shape.node, line, THIN) for line in lines)
+        return [corners[[a, a | bit]] for a in range(8) for bit in (1, 2, 4) if not a & bit]
+    if shape.kind == "sphere":
+        return [centre + _circle(shape.size[0], first, second) for first, second in ((x, y), (y, z), (z, x))]
+    radius, length = shape.size
+    lines = [centre + end * length * z + _circle(radius, x, y) for end in (-0.5, 0.5)]
+    lines.append(centre + 0.5 * length * z + np.outer([0.0, radius], x))
+    return lines + [centre + radius * side + np.outer([-0.5, 0.5], length * z) for side in (x, -x, y, -y)]
 
 
 def _circle(radius: float, first: Array, second: Array) -> Array:
     """Return the points of a circle between two directions [m], shape (n, 3)."""
     return np.asarray(radius * (np.outer(RIM.real, first) + np.outer(RIM.imag, second)))
+
+
+def _foot(gravity: Array, at: Array, size: float) -> Shape:
+    """Return a short block below a joint."""
+    down = gravity / np.abs(gravity).max() if gravity.any() else np.array([0.0, 0.0, -1.0])  # its square may underflow
+    down /= np.linalg.norm(down)
+    edges = (FOOT[0] * size, FOOT[0] * size, FOOT[1] * size)
+    return Shape(0, _along(at + (PIN * size + edges[2] / 2.0) * down, down), "box", edges, GROUND)
+
+
+def _cylinder(node: int, start: Array, end: Array, radius: float, colour: Colour) -> Shape:
+    length = float(np.linalg.norm(end - start))
+    return Shape(node, _along((start + end) / 2.0, end - start), "cylinder", (radius, length), colour)
+
+
+def _along(centre: Array, direction: Array) -> pin.SE3:
+    """Return the placement whose z is a direction."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.asarray(direction, float))
+    return pin.SE3(turn.toRotationMatrix(), centre)

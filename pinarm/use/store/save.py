@@ -30,7 +30,7 @@ from pinarm.use.store.files import cell, json_text, write, write_arrays, write_p
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import SectionTable
-    from pinarm.use.show.plot import PictureFormat
+    from pinarm.use.show.picture_files import PictureFormat
 
 
 def save(
@@ -78,9 +78,9 @@ def save(
         if timing:
             write(draft / "timing.json", json_text(timing) + "\n")
         if plots:
-            from pinarm.use.show.plot import picture_format, save_plots
+            from pinarm.use.show.picture_files import pictures, write_pictures
 
-            save_plots(result, draft, picture_format(plots, dpi), dpi)
+            write_pictures(pictures(result), draft / "plots", plots, dpi)
     return folder
 
 

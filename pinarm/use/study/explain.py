@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.problems.actuation.controls import ControlOfRun
-    from pinarm.use.show.chart import Chart
-    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.picture import Picture
 
 
 @dataclass(frozen=True)
@@ -82,9 +81,9 @@ class Explanation:
 
     def sketch(self) -> Picture:
         """Return a drawing of the mechanism in that configuration, with the names of parts, points, joints, loops."""
-        from pinarm.use.show.figure import figure
+        from pinarm.use.show.sketch import structure
 
-        return figure(self._chart())
+        return structure(self.mechanism, self.q, f"mobility {self.mobility.mobility} {self.where}")
 
     def draw(self, file: str | Path, *, dpi: int = 200) -> Path:
         """Write the drawing to a file and return its path.
@@ -97,16 +96,12 @@ class Explanation:
             InputError: It has another suffix, or cannot be written.
         """
         from pinarm.use.output.folder import write_file
-        from pinarm.use.show.plot import encoded
+        from pinarm.use.show.picture_files import picture_format
 
         path = Path(file)
-        write_file(path, [encoded(self._chart(), path.suffix[1:], dpi)])
+        form = picture_format(path.suffix[1:], dpi)
+        write_file(path, [self.sketch().encoded(form, dpi)])
         return path
-
-    def _chart(self) -> Chart:
-        from pinarm.use.show.sketch import structure
-
-        return structure(self.mechanism, self.q, f"mobility {self.mobility.mobility} {self.where}")
 
     def _repr_html_(self) -> str:
         """Return the drawing and the text, for notebooks."""

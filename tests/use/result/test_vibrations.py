@@ -11,7 +11,7 @@ import pinarm
 from pinarm.errors import InputError
 from pinarm.use.result.result import Result
 from pinarm.use.result.vibrations import responses
-from pinarm.use.show.plot import charts
+from pinarm.use.show.picture_files import pictures
 from pinarm.use.show.terminal import report
 
 CARRIAGE = """<robot name="carriage"><link name="rail"/><link name="body"><inertial><mass value="2"/>
@@ -82,7 +82,7 @@ def test_the_table_of_modes_marks_unstable_ones(carriage: Callable[..., Result])
 
 def test_several_outputs_have_graphs_of_their_own(carriage: Callable[..., Result]) -> None:
     result = carriage(outputs=("slide", "joint.slide.velocity"))
-    names = [name for name, _ in charts(result)]
+    names = [name for name, _ in pictures(result)]
     assert "frequency_response_bode_joint_slide_velocity" in names
     assert "slide" not in names
     with pytest.raises(InputError, match="bode_slide, bode_joint_slide_velocity"):

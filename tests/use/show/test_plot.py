@@ -14,7 +14,8 @@ from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.records import replace
 from pinarm.use.result.section import Curve, Graph
-from pinarm.use.show.plot import encoded, graph, picture_format, save_plots
+from pinarm.use.show.picture_files import picture_format, pictures, write_pictures
+from pinarm.use.show.plot import graph
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -57,7 +58,7 @@ def test_published_figures_stand_over_the_curve_and_misprints_beside_it() -> Non
     [axis] = result.plot("C_B").axes
     curve, *marks = axis.lines
     looks = {line.get_label(): (line.get_marker(), line.get_linestyle()) for line in marks}
-    assert looks == {"published": ("o", "None"), "printed formula, a misprint": ("", "--")}
+    assert looks == {"published": ("o", "None"), "printed formula, a misprint": ("None", "--")}
     [point] = [line for line in marks if line.get_label() == "published"]
     assert point.get_xydata() == pytest.approx(np.array([[0.0, 1.6069167]]), abs=1e-12)
     [wrong] = [line for line in marks if line.get_linestyle() == "--"]
@@ -93,24 +94,20 @@ def test_plots_are_written_in_the_format_that_is_asked_for(
 ) -> None:
     """The same result gives the same bytes."""
     result = scenario("inverse").run()
-    files = save_plots(result, tmp_path, form)
+    files = write_pictures(pictures(result), tmp_path / "plots", form)
     assert [file.name for file in files] == [f"outputs_1.{form}", f"positions.{form}"]
     first = [file.read_bytes() for file in files]
     assert all(raw.startswith(begins) for raw in first)
-    assert [file.read_bytes() for file in save_plots(result, tmp_path, form)] == first
+    assert [file.read_bytes() for file in write_pictures(pictures(result), tmp_path / "plots", form)] == first
 
 
 def test_the_resolution_of_png_is_as_asked_for(scenario: Callable[..., Any]) -> None:
     """7 inches at 100 and, where nothing is said, at 200 pixels each."""
     from PIL import Image
 
-    from pinarm.use.show.plot import plot
-
-    chart = plot(scenario("inverse").run(), ("M",))
-    assert Image.open(io.BytesIO(encoded(chart, "png", 100))).size[0] == 700
-    assert Image.open(io.BytesIO(encoded(chart, "png"))).size[0] == 1400
-    with pytest.raises(InputError, match="not written as 'gif'"):
-        encoded(chart, "gif")
+    drawn = scenario("inverse").run().plot("M")
+    assert Image.open(io.BytesIO(drawn.encoded("png", 100))).size[0] == 700
+    assert Image.open(io.BytesIO(drawn.encoded("png"))).size[0] == 1400
 
 
 @pytest.mark.parametrize(("form", "dpi", "said"), [
@@ -125,6 +122,7 @@ def test_many_curves_differ_by_colour_or_by_dashes_and_are_named_below() -> None
     across = Series("t", unit("s"), np.arange(3.0))
     curves = [Curve(across, Series("x", unit("m"), k + np.arange(3.0)), f"case {k}") for k in range(15)]
     drawn = graph(Graph("cases", "Cases", curves))
-    assert len({(line.colour, line.style) for line in drawn.panels[0].lines}) == 15
-    assert drawn.legend == "below"
-    assert graph(Graph("cases", "Cases", curves[:6])).legend == "inside"
+    [axis] = drawn.axes
+    assert len({(line.get_color(), line.get_linestyle()) for line in axis.lines}) == 15
+    assert [text.get_text() for text in drawn.legends[0].get_texts()] == [f"case {k}" for k in range(15)]
+    assert graph(Graph("cases", "Cases", curves[:6])).axes[0].get_legend() is not None

@@ -9,12 +9,9 @@ import pytest
 
 import pinarm
 from pinarm.use.result.result import Result
-from pinarm.use.show.chart import COLOURS
-from pinarm.use.show.replay.framing import Camera, framing
-from pinarm.use.show.replay.overlays import pairs
-from pinarm.use.show.replay.sticks import sticks
-from pinarm.use.show.replay.tracks import nodes_of, placed
-from pinarm.use.show.stick_figure import stick_figure
+from pinarm.use.show.bodies import placed
+from pinarm.use.show.picture import COLOURS
+from pinarm.use.show.scene import scene
 
 ROOT = Path(pinarm.__file__).parents[1]
 EXACT = 1e-12  # metres; sums of a few rounded numbers of size one
@@ -75,16 +72,13 @@ def test_a_full_turn_is_drawn_once() -> None:
 def test_a_spatial_mechanism_is_drawn_by_the_camera_of_its_replay() -> None:
     """Bricard's six links at the start: edges of a cube, projected here by the rule for a pinhole, eye and target."""
     result = solved("bricard_falling")
-    model, q = result.trajectory.mechanism.model, result.trajectory.q
-    nodes = nodes_of(model, q)
-    figure = stick_figure(result.trajectory.mechanism, nodes, pairs(result.trajectory.mechanism, {}))
-    seen = framing(model, nodes, sticks(model, nodes, figure, range(len(nodes))), placed(model, q), [])
-    camera = seen.view()
-    assert isinstance(camera, Camera)
+    mechanism, q = result.trajectory.mechanism, result.trajectory.q
+    camera = scene(mechanism, {}, q).framing.view()
+    assert camera.eye is not None
     found = ends(result.sketch(), COLOURS[0])
     distance = np.linalg.norm(camera.eye - camera.centre)
     right, up = camera.axes
-    for joint in placed(model, q[:1])[0, 1:, :3, 3]:
+    for joint in placed(mechanism.model, q[:1])[0, 1:, :3, 3]:
         ray = joint - camera.eye
         wanted = distance * np.array([ray @ right, ray @ up]) / (ray @ (camera.centre - camera.eye) / distance)
         assert min(np.hypot(*(point - wanted)) for point in found) < EXACT

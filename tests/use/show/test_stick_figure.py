@@ -1,14 +1,15 @@
-"""Cams, rollers and wheels: they touch, and drawings and replays show the same."""
+"""Bodies that draw nothing are shown by rods, pins, discs and boxes, alike in drawings and replays."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.use.show.replay.overlays import pairs
-from pinarm.use.show.replay.sticks import plate, sticks
-from pinarm.use.show.replay.tracks import nodes_of
+from pinarm.use.show.bodies import connections, nodes_of
 from pinarm.use.show.stick_figure import Disc, stick_figure
 
 FILE = Path(pinarm.__file__).parents[1] / "models" / "bottle_capper" / "mechanism.yaml"
@@ -18,7 +19,7 @@ def test_the_cam_is_as_far_from_its_axis_as_the_base_circle_and_the_stroke() -> 
     """Roller of 15 mm whose centre is 60 mm from the axis in the lower dwell, 100 mm in the upper one."""
     mechanism = pinarm.Mechanism.load(FILE)
     nodes = nodes_of(mechanism.model, np.zeros((1, 2)))
-    cam, roller = stick_figure(mechanism, nodes, pairs(mechanism, {})).discs
+    cam, roller = stick_figure(mechanism, nodes, connections(mechanism, {})).discs
     ways = np.linalg.norm(cam.outline - cam.middle, axis=1)
     assert [ways.min(), ways.max()] == pytest.approx([0.045, 0.085], abs=1e-9)
     assert np.linalg.norm(roller.outline - roller.middle, axis=1) == pytest.approx(np.full(73, 0.015))
@@ -28,7 +29,7 @@ def test_the_cam_is_as_far_from_its_axis_as_the_base_circle_and_the_stroke() -> 
 def test_a_plate_is_a_closed_surface_turned_outwards() -> None:
     """By the divergence theorem its volume is that of a square of 4 m^2 times its thickness, 0.12 of 2 m."""
     square = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
-    mesh = plate(Disc(1, np.zeros(3), square, np.array([0.0, 0.0, 1.0]))).mesh
+    mesh = Disc(1, np.zeros(3), square, np.array([0.0, 0.0, 1.0])).solid().mesh
     assert mesh is not None
     corners = mesh.vertices[mesh.triangles]
     assert np.linalg.det(corners).sum() / 6.0 == pytest.approx(4.0 * 0.24)
@@ -48,6 +49,39 @@ def test_a_disc_without_a_shape_is_the_same_wheel_in_drawing_and_replay(tmp_path
     [rim, spoke] = figure.lines
     assert np.linalg.norm(rim.points, axis=1) == pytest.approx(np.full(len(rim.points), 0.3))
     assert np.linalg.norm(spoke.points, axis=1) == pytest.approx([0.0, 0.3])
-    [wheel] = [shape for shape in sticks(mechanism.model, nodes, figure, {1}) if shape.kind == "mesh"]
+    [wheel] = [shape for shape in figure.solids(np.zeros(3), frozenset({1})) if shape.kind == "mesh"]
     assert wheel.mesh is not None
     assert np.linalg.norm(wheel.mesh.vertices[:-2, :2], axis=1) == pytest.approx(np.full(2 * len(rim.points), 0.3))
+
+
+def test_a_stick_figure_reaches_from_joint_to_joint(picture: Callable[..., Any], chain: Callable[..., str]) -> None:
+    """Rods of the lengths of the links, along them; a pin along each axis, here y; the end at the centre of mass."""
+    scene, _ = picture(
+        chain({"name": "a", "axis": "0 1 0"}, {"name": "b", "axis": "0 1 0", "at": "0.3 0 0.4", "com": "0 0 2"})
+    )
+    rods = {s["node"]: s for s in scene["shapes"] if s["kind"] == "cylinder" and s["size"][1] > 0.4}
+    assert [rods[k]["size"][1] for k in (1, 2)] == pytest.approx([0.5, 2.0])
+    assert rods[1]["place"][:3] == pytest.approx([0.15, 0.0, 0.2])
+    along = pin.Quaternion(np.array(rods[1]["place"][3:])).toRotationMatrix()[:, 2]
+    assert along == pytest.approx([0.6, 0.0, 0.8])
+    pins = [s for s in scene["shapes"] if s["kind"] == "cylinder" and s["size"][1] < 0.4]
+    for one in pins:
+        assert abs(pin.Quaternion(np.array(one["place"][3:])).toRotationMatrix()[1, 2]) == pytest.approx(1.0)
+    assert sorted(one["node"] for one in pins) == [1, 2]
+
+
+def test_a_body_in_one_place_is_the_box_of_its_inertia(picture: Callable[..., Any], chain: Callable[..., str]) -> None:
+    """A homogeneous box of 12 kg and edges 1, 2, 3 m has the moments 13, 10 and 5 kg m^2."""
+    scene, _ = picture(chain({"name": "a", "mass": 12.0, "inertia": (13.0, 10.0, 5.0)}))
+    [box] = [shape for shape in scene["shapes"] if shape["kind"] == "box"]
+    assert sorted(box["size"]) == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_the_ground_is_no_bar(solved: Callable[..., Any], read: Callable[..., Any]) -> None:
+    """A four-bar stands on two feet, one behind each of its fixed joints, which lie 0.4 m apart; nothing joins them."""
+    scene = read(solved("four_bar_shaking").replay(plots=[]).html).scene
+    fixed = [shape for shape in scene["shapes"] if shape["node"] == 0]
+    assert [shape["kind"] for shape in fixed] == ["box", "box"]
+    assert sorted(shape["place"][0] for shape in fixed) == pytest.approx([0.0, 0.4])
+    assert all(-0.05 < shape["place"][2] < 0.0 for shape in fixed)  # without gravity the axes' direction is up
+    assert all(max(shape["size"]) < 0.1 for shape in fixed)

@@ -14,11 +14,10 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, PinarmError
-from pinarm.use.show.replay.overlays import pairs
-from pinarm.use.show.replay.shapes import Shape, visuals
-from pinarm.use.show.replay.sticks import sticks
-from pinarm.use.show.replay.tracks import nodes_of, placed, rows_shown
-from pinarm.use.show.stick_figure import stick_figure
+from pinarm.use.show.bodies import placed
+from pinarm.use.show.replay.page import rows_shown
+from pinarm.use.show.scene import scene
+from pinarm.use.show.shapes import Shape, visuals
 
 if TYPE_CHECKING:
     import meshcat
@@ -46,20 +45,16 @@ main()
 def show(result: Result, visualizer: Any = None, *, name: str = "pinarm") -> meshcat.Visualizer:
     """Show a result in a meshcat viewer; see ``Result.show``."""
     viewer = _viewer(visualizer)
-    every = result.trajectory
-    rows = rows_shown(every, [])
-    run = every.some(rows) if len(rows) < len(every) else every
-    model, drawn = run.mechanism.model, visuals(run.mechanism)
-    nodes = nodes_of(model, run.q)
-    figure = stick_figure(run.mechanism, nodes, pairs(run.mechanism, run.dynamics.forces))
-    shapes = [*drawn.shapes, *sticks(model, nodes, figure, drawn.bare)]
+    run = result.trajectory.some(rows_shown(result.trajectory, []))
+    model = run.mechanism.model
+    shown = scene(run.mechanism, run.dynamics.forces, run.q, visuals(run.mechanism))
     root = viewer[name]
     root.delete()
     places = placed(model, run.q, len(run))
     paths = [root[joint.replace("/", "_")] for joint in model.names]
     for path, place in zip(paths, places[0], strict=True):
         path.set_transform(place)
-    for k, shape in enumerate(shapes):
+    for k, shape in enumerate(shown.shapes):
         for j, (geometry, place) in enumerate(_geometries(shape)):
             part = paths[shape.node][f"{k}.{j}"]
             part.set_object(geometry, _material(shape))
@@ -81,8 +76,8 @@ def _viewer(visualizer: Any) -> meshcat.Visualizer:
     if viewer is None:
         return meshcat.Visualizer(zmq_url=_server())
     if not isinstance(viewer, meshcat.Visualizer):
-        raise InputError(f"a {type(viewer).__name__} is no viewer of meshcat",
-                         expected="meshcat.Visualizer, Pinocchio's MeshcatVisualizer, or none for a new")  # fmt: skip
+        expected = "meshcat.Visualizer, Pinocchio's MeshcatVisualizer, or none for a new"
+        raise InputError(f"a {type(viewer).__name__} is no viewer of meshcat", expected=expected)
     return viewer
 
 
@@ -92,10 +87,10 @@ def _server() -> str:
     Raises:
         PinarmError: It does not start.
     """
+    command = [sys.executable, "-u", "-c", SERVER]
     process = subprocess.Popen(
-        [sys.executable, "-u", "-c", SERVER], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-        start_new_session=True,
-    )  # fmt: skip
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True
+    )
     atexit.register(process.kill)
     assert process.stdout is not None
     for line in process.stdout:
@@ -131,13 +126,7 @@ def _material(shape: Shape) -> Any:
 
 
 def _animation(run: Trajectory, paths: list[Any], places: Array) -> Any:
-    """Return the motion of the bodies: a frame for every row, at its own instant.
-
-    Args:
-        run: The rows.
-        paths: Of the bodies.
-        places: Their placements, shape (rows, bodies, 4, 4).
-    """
+    """Return the motion of the bodies, (rows, bodies, 4, 4): a frame for every row, at its own instant."""
     from meshcat.animation import Animation, AnimationClip, AnimationTrack
 
     along = np.abs(run.grid.t - run.grid.t[0])

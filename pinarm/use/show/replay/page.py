@@ -1,57 +1,68 @@
-"""The page: everything of a replay in one HTML file. The same result gives the same bytes."""
+"""The replay: a moving picture of a result in one HTML file. The same result gives the same bytes."""
 
 from __future__ import annotations
 
+import base64
+import gzip
 import html
 import json
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, as_names
+from pinarm.records import Record
 from pinarm.use.output.folder import write_file
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
-from pinarm.use.show.replay import overlays
-from pinarm.use.show.replay.framing import Framing, framing
-from pinarm.use.show.replay.meshes import thinned
+from pinarm.use.show.meshes import Mesh, thinned
+from pinarm.use.show.replay.arrows import ARROWS, Arrow, arrows_of, traced
 from pinarm.use.show.replay.modes import CYCLE, mode_pictures, require_bare
-from pinarm.use.show.replay.names import gathered, names_of
-from pinarm.use.show.replay.packing import Packing, compressed
-from pinarm.use.show.replay.shapes import Shape, visuals
-from pinarm.use.show.replay.sticks import sticks
-from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
-from pinarm.use.show.stick_figure import slots, stick_figure
+from pinarm.use.show.scene import Scene, names_of, scene
+from pinarm.use.show.shapes import visuals
 
 if TYPE_CHECKING:
-    from pinarm.input.units import Unit
-    from pinarm.use.result.presentation import Presentation
     from pinarm.use.result.result import Result
 
 FILES = Path(__file__).parent / "page"
 SCRIPTS = ("data.js", "motion.js", "names.js", "solids.js", "view.js", "overlays.js", "plots.js", "modes.js", "main.js")
 CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3a87b7")
+"""Colours of the plots."""
+
 LINKS = 6.0
 """Typical links along the extent of a mechanism; one of more has smaller marks."""
 
 VIEW = ("up", "eye", "low", "high", "outline")
 """Fields of the framing that the page uses."""
 
+MOST_ROWS = 2400
+"""Rows in the page: forty seconds at sixty pictures a second; of more, evenly spaced ones are taken."""
+
+STEPS = 65535
+"""Of a coordinate of a mesh between its ends, in two bytes: 15 micrometres on one metre."""
+
+LEVEL = 6
+"""Of compression: 9 takes twice the time for one part in a hundred."""
+
+NAMED = 2
+"""Notes that are shown in the page."""
+
+_CODES = {np.dtype(np.float64): "f8", np.dtype(np.float32): "f4", np.dtype(np.uint32): "u4", np.dtype(np.uint16): "u2"}
+
 Plain = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Replay:
+class Replay(Record, frozen=True):
     """A moving picture of a result, ready to be opened.
 
     Attributes:
@@ -60,9 +71,11 @@ class Replay:
         run: What it shows, of modes one period.
     """
 
-    html: str = field(repr=False)
+    unshown = ("html", "run")
+
+    html: str
     notes: tuple[str, ...]
-    run: Trajectory = field(repr=False)
+    run: Trajectory
 
     def save(self, path: str | Path) -> Path:
         """Write the page to a file and return its path; see ``write_file``.
@@ -81,10 +94,28 @@ class Replay:
         return frame(self.html, height=560)
 
 
+class Packing:
+    """Arrays of the page: one run of bytes, and references into it, ``[type, first byte, number of values]``."""
+
+    def __init__(self) -> None:
+        self.raw = bytearray()
+
+    def add(self, array: NDArray[Any]) -> list[str | int]:
+        """Return the reference of an array of doubles, floats or unsigned integers, row by row."""
+        raw = array.astype(array.dtype.newbyteorder("<")).tobytes()
+        reference: list[str | int] = [_CODES[array.dtype], len(self.raw), array.size]
+        self.raw += raw + b"\0" * (-len(raw) % 8)  # typed arrays of the page begin at multiples of their size
+        return reference
+
+
 def replay_page(
-    result: Result, *, traces: Sequence[str] = (), arrows: Sequence[str] = (), plots: Sequence[str] | None = None,
+    result: Result,
+    *,
+    traces: Sequence[str] = (),
+    arrows: Sequence[str] = (),
+    plots: Sequence[str] | None = None,
     named: bool = False,
-) -> Replay:  # fmt: skip
+) -> Replay:
     """Return the moving picture of a result.
 
     Args:
@@ -107,129 +138,149 @@ def replay_page(
     run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
     run = modes.run if modes else run
     packing = Packing()
-    scene, notes = _scene(run, as_names(traces), as_names(arrows), packing)
-    scene |= {"names": _names(run, result.presentation), "named": named}
-    scene["plots"] = [_curve(series, result.presentation, rows, CURVES[k % len(CURVES)], packing)
-                      for k, series in enumerate(curves)]  # fmt: skip
-    scene["parameter"] = _parameter(run, result.presentation.unit(result.parameter), result.presentation)
+    content, notes = _content(result, run, as_names(traces), as_names(arrows), packing)
+    plotted = [_curve(series, result, rows, CURVES[k % len(CURVES)], packing) for k, series in enumerate(curves)]
+    content |= {"named": named, "plots": plotted, "parameter": _parameter(result, run)}
     if modes:
         phase = {"name": "phase", "unit": "°", "scale": np.pi / 180.0, "time": False, "discrete": False}
-        scene |= {"modes": modes.plain(), "rows": packing.add(modes.phases), "parameter": {**phase, "seconds": CYCLE}}
+        content |= {"modes": modes.plain(), "rows": packing.add(modes.phases), "parameter": {**phase, "seconds": CYCLE}}
         notes = (*modes.notes, *notes)
-    skipped = f"{len(rows)} of {len(result)} rows" if len(rows) < len(result) else ""
-    more = [f"and {len(notes) - 2} more"] if len(notes) > 2 else []
-    scene["notes"] = [text for text in (skipped, *notes[:2], *more) if text]
-    title = result.content.title or result.name
+    skipped = [f"{len(rows)} of {len(result)} rows"] if len(rows) < len(result) else []
+    more = [f"and {len(notes) - NAMED} more"] if len(notes) > NAMED else []
+    content |= {"notes": [*skipped, *notes[:NAMED], *more]}
     parts = {
-        "title": html.escape(title), "subtitle": html.escape(f"{run.mechanism.title} · {result.kind}"),
-        "scene": _inline(scene), "arrays": packing.text(), "viewer": compressed(_viewer()),
-        "style": _text("page.css"), "script": "\n".join(_text(name) for name in SCRIPTS),
-    }  # fmt: skip
+        "title": html.escape(result.content.title or result.name),
+        "subtitle": html.escape(f"{run.mechanism.title} · {result.kind}"),
+        "scene": _inline(content),
+        "arrays": _compressed(bytes(packing.raw)),
+        "viewer": _compressed(_viewer()),
+        "style": _text("page.css"),
+        "script": "\n".join(map(_text, SCRIPTS)),
+    }
     pieces = re.split(r"\{\{(\w+)\}\}", _text("page.html"))
     page = "".join(parts[piece] if k % 2 else piece for k, piece in enumerate(pieces))
     return Replay(page, notes, modes.period if modes else result.trajectory)
 
 
-def _scene(
-    run: Trajectory, traces: Sequence[str], kinds: Sequence[str], packing: Packing
+def rows_shown(run: Trajectory, extremes: list[Array]) -> Indices:
+    """Return the rows that the page gets: all, or evenly spaced ones with all jumps and extremes.
+
+    Args:
+        run: The trajectory.
+        extremes: Arrays whose smallest and largest value must be among them, each of shape (n,).
+    """
+    n = len(run)
+    if n <= MOST_ROWS:
+        return np.arange(n)
+    ends = np.array(run.grid.rows)
+    ends = np.concatenate([ends[:-1], ends[1:] - 1])
+    peaks = [int(index) for values in extremes for index in (values.argmin(), values.argmax())]
+    even = np.linspace(0, n - 1, MOST_ROWS).round().astype(np.intp)
+    return distinct(np.concatenate([even, ends[(ends >= 0) & (ends < n)], np.array(peaks, np.intp)]))
+
+
+def _content(
+    result: Result, run: Trajectory, traces: Sequence[str], kinds: Sequence[str], packing: Packing
 ) -> tuple[Plain, tuple[str, ...]]:
-    """Return the scene without plots, for JSON, and notes on visuals that cannot be drawn."""
-    model = run.mechanism.model
-    nodes, places = nodes_of(model, run.q), placed(model, run.q)
-    drawn, joined = visuals(run.mechanism), overlays.pairs(run.mechanism, run.dynamics.forces)
-    shapes = [*drawn.shapes, *sticks(model, nodes, stick_figure(run.mechanism, nodes, joined), drawn.bare)]
-    paths, acting = [overlays.traced(model, name) for name in traces], overlays.arrows(run, nodes, kinds)
-    marks = [end for pair in joined for end in pair.ends] + [point for path in paths for point, _ in path]
-    seen = framing(model, nodes, shapes, places, [mark.path(places) for mark in marks])
+    """Return the content of the page without plots, for JSON, and notes on visuals that cannot be drawn."""
+    mechanism, drawn = run.mechanism, visuals(run.mechanism)
+    paths = [traced(mechanism.model, name) for name in traces]
+    further = [point for path in paths for point, _ in path]
+    shown = scene(mechanism, run.dynamics.forces, run.q, drawn, further)
+    acting, joined = arrows_of(run, shown.nodes, kinds), shown.figure.joined
     largest: dict[tuple[str, bool], float] = {}
     for arrow in acting:
         key = arrow.of, arrow.moment
         largest[key] = max(largest.get(key, 0.0), arrow.largest)
-    scene = {
-        "nodes": [_node(node, packing) for node in nodes],
+    marks = [{"loop": True, "text": "loop joint"}] if any(pair.kind in ("loop", "slot") for pair in joined) else []
+    names = names_of(mechanism, shown, result.presentation)
+    content = {
         "rows": packing.add(run.grid.t),
-        **_solids(shapes, seen, packing),
+        **_bodies(shown, packing),
+        "names": [{"runs": runs(name.text), "kind": name.kind, **name.at.plain()} for name in names],
         "traces": [_trace(path) for path in paths],
-        "slots": [{"node": slot.node, "points": slot.points.tolist()} for slot in slots(run.mechanism, seen, places)],
-        "pairs": [pair.plain(places) for pair in joined],
-        "arrows": [arrow.plain(packing, largest[arrow.of, arrow.moment]) for arrow in acting],
-        "view": {**{name: getattr(seen, name).tolist() for name in VIEW}, "detail": _detail(nodes, seen)},
-        "legend": [*_paths(traces), *_families(acting, largest), *_marks(joined)],
+        "slots": [{"node": slot.node, "points": slot.points.tolist()} for slot in shown.slots],
+        "pairs": [pair.plain(shown.places) for pair in joined],
+        "arrows": [_arrow(arrow, largest[arrow.of, arrow.moment], packing) for arrow in acting],
+        "legend": [*_paths(traces), *_families(acting, largest), *marks],
     }
-    return scene, drawn.notes
+    return content, drawn.notes
 
 
-def _names(run: Trajectory, how: Presentation) -> list[Plain]:
-    """Return the names of parts, points and joints, points and joints first: they keep their places."""
-    model = run.mechanism.model
-    nodes, places = nodes_of(model, run.q), placed(model, run.q)
-    size = float(np.ptp(places[:, :, :3, 3], axis=(0, 1)).max()) or 1.0
-    shown = gathered(names_of(run.mechanism, nodes, how), places, size)
-    return [{"runs": runs(name.text), "kind": name.kind, **name.at.plain()}
-            for name in sorted(shown, key=lambda name: name.kind == "part")]  # fmt: skip
-
-
-def _node(node: Node, packing: Packing) -> Plain:
-    plain = {"parent": node.parent, "place": _place(node.placement), "kind": node.kind, "axis": node.axis.tolist()}
-    return {**plain, "values": packing.add(node.values)} if node.kind != "fixed" else plain
+def _bodies(shown: Scene, packing: Packing) -> Plain:
+    """Return bodies, solids and view; a mesh that is drawn several times is there once."""
+    seen = shown.framing
+    meshes = list(dict.fromkeys(shape.mesh for shape in shown.shapes if shape.mesh is not None))
+    places = {id(mesh): k for k, mesh in enumerate(meshes)}
+    nodes, shapes = list[Plain](), list[Plain]()
+    for node in shown.nodes:
+        values = {"values": packing.add(node.values)} if node.kind != "fixed" else {}
+        place = {"parent": node.parent, "place": _place(node.placement)}
+        nodes.append({**place, "kind": node.kind, "axis": node.axis.tolist(), **values})
+    for shape in shown.shapes:
+        mesh = {"mesh": places[id(shape.mesh)]} if shape.mesh is not None else {}
+        look = {"kind": shape.kind, "size": list(shape.size), "colour": list(shape.colour)}
+        shapes.append({"node": shape.node, "place": _place(shape.placement), **look, **mesh})
+    links = [length for node in shown.nodes if (length := float(np.linalg.norm(node.placement.translation))) > 0.0]
+    detail = min(seen.size, LINKS * float(np.median(links))) if links else seen.size
+    """Length [m] that marks are relative to: the extent, or less with many small links."""
+    return {
+        "nodes": nodes,
+        "shapes": shapes,
+        "meshes": [_mesh(mesh, packing) for mesh in thinned(meshes, seen.size)],
+        "view": {**{name: getattr(seen, name).tolist() for name in VIEW}, "detail": detail},
+    }
 
 
 def _place(placement: pin.SE3) -> list[float]:
     return [float(x) for x in pin.SE3ToXYZQUAT(placement)]
 
 
-def _solids(shapes: Sequence[Shape], seen: Framing, packing: Packing) -> Plain:
-    """Return shapes and meshes; a mesh that is drawn several times is there once."""
-    meshes = list(dict.fromkeys(shape.mesh for shape in shapes if shape.mesh is not None))
-    places = {id(mesh): k for k, mesh in enumerate(meshes)}
-    plain = [
-        {"node": shape.node, "place": _place(shape.placement), "kind": shape.kind, "size": list(shape.size),
-         "colour": list(shape.colour), **({"mesh": places[id(shape.mesh)]} if shape.mesh is not None else {})}
-        for shape in shapes
-    ]  # fmt: skip
-    return {"shapes": plain, "meshes": [mesh.pack(packing) for mesh in thinned(meshes, seen.size)]}
+def _mesh(mesh: Mesh, packing: Packing) -> Plain:
+    """Return a mesh: vertices as 16-bit steps above ``low``, triangles as indices."""
+    step = np.maximum(mesh.high - mesh.low, 1e-12) / STEPS
+    steps = np.round((mesh.vertices - mesh.low) / step).astype(np.uint16)
+    triangles = mesh.triangles.astype(np.uint16 if len(mesh.vertices) <= STEPS else np.uint32)
+    place = {"low": mesh.low.tolist(), "step": step.tolist()}
+    return {**place, "vertices": packing.add(steps), "triangles": packing.add(triangles)}
 
 
-def _detail(nodes: Sequence[Node], seen: Framing) -> float:
-    """Return the length [m] that marks are relative to: the extent, or less with many small links."""
-    links = [length for node in nodes if (length := float(np.linalg.norm(node.placement.translation))) > 0.0]
-    return min(seen.size, LINKS * float(np.median(links))) if links else seen.size
+def _trace(path: Sequence[tuple[Any, float]]) -> Plain:
+    points = [{**point.plain(), "mass": mass} for point, mass in path]
+    return points[0] if len(points) == 1 else {"masses": points}
 
 
-def _trace(path: Sequence[tuple[overlays.BodyPoint, float]]) -> Plain:
-    if len(path) == 1:
-        return path[0][0].plain()
-    return {"masses": [{**point.plain(), "mass": mass} for point, mass in path]}
+def _arrow(arrow: Arrow, largest: float, packing: Packing) -> Plain:
+    """Return an arrow; ``largest`` is the magnitude of the longest one of its kind."""
+    plain: Plain = {"of": arrow.of, "moment": arrow.moment, "largest": largest, **arrow.at.plain()}
+    if arrow.axis is not None:
+        return {**plain, "axis": arrow.axis.tolist(), "values": packing.add(arrow.vectors.astype(np.float32))}
+    if arrow.vectors.ndim == 1 and not arrow.moment:
+        return {**plain, "vector": arrow.vectors.tolist()}
+    return {**plain, "vectors": packing.add(arrow.vectors.astype(np.float32))}
 
 
-def _paths(traces: Sequence[str]) -> list[Plain]:
-    """Return the legend of the paths."""
-    return [
-        {"trace": k, "text": "centre of mass" if name == "com" else f"path of {name}"} for k, name in enumerate(traces)
-    ]
+def _paths(traces: Sequence[str]) -> Iterator[Plain]:
+    """Yield the legend of the paths."""
+    for k, name in enumerate(traces):
+        yield {"trace": k, "text": "centre of mass" if name == "com" else f"path of {name}"}
 
 
-def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool], float]) -> list[Plain]:
-    """Return the legend of the arrows: colours, and the value of the longest arrow of each kind."""
-    legend: list[Plain] = []
+def _families(acting: Sequence[Arrow], largest: dict[tuple[str, bool], float]) -> Iterator[Plain]:
+    """Yield the legend of the arrows: colours, and the value of the longest arrow of each kind."""
     for (kind, moment), size in largest.items():
         partial = any(arrow.partial for arrow in acting if arrow.of == kind)
-        name = overlays.ARROWS[kind] + (" (components that rigid bodies determine)" if partial else "")
+        name = ARROWS[kind] + (" (components that rigid bodies determine)" if partial else "")
         number = f"{float(f'{size:.4g}'):g}"
-        legend.append(
-            {"arrow": kind, "text": f"{name}: full arc {number} N·m" if moment else f"{name}: longest arrow {number} N"}
-        )
-    return legend
+        scale = f"full arc {number} N·m" if moment else f"longest arrow {number} N"
+        yield {"arrow": kind, "text": f"{name}: {scale}"}
 
 
-def _marks(joined: Sequence[overlays.Connection]) -> list[Plain]:
-    return [{"loop": True, "text": "loop joint"}] if any(pair.kind in ("loop", "slot") for pair in joined) else []
-
-
-def _parameter(run: Trajectory, measured: Unit | None, how: Presentation) -> Plain:
-    name, scale = unicode_label(name_label(run.parameter, how)), measured.factor if measured else 1.0
+def _parameter(result: Result, run: Trajectory) -> Plain:
+    measured = result.presentation.unit(result.parameter)
+    name, scale = name_label(run.parameter, result.presentation), measured.factor if measured else 1.0
     kind = {"time": run.parameter == "t", "discrete": run.numbered}
-    return {"name": name, "unit": unit_text(measured), "scale": scale, **kind}
+    return {"name": unicode_label(name), "unit": unit_text(measured), "scale": scale, **kind}
 
 
 def _with_bounds(quantities: Quantities, names: Sequence[str]) -> Iterator[Series]:
@@ -239,20 +290,20 @@ def _with_bounds(quantities: Quantities, names: Sequence[str]) -> Iterator[Serie
     """
     for name in names:
         bounds = quantities.bounds(name) if quantities.open_rows(name).any() else ()
-        yield from (
-            series for series in (quantities[name], *bounds) if not (series.unbounded and np.isinf(series.values).any())
-        )
+        for series in (quantities[name], *bounds):
+            if not (series.unbounded and np.isinf(series.values).any()):
+                yield series
 
 
-def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packing: Packing) -> Plain:
+def _curve(series: Series, result: Result, rows: Indices, colour: str, packing: Packing) -> Plain:
     """Return a plot: its values at the rows, as they are shown."""
-    drawn = how.shown(series.without_rounding())
+    drawn = result.presentation.shown(series.without_rounding())
     values: Array = drawn.values[rows]
     if not np.isfinite(values).all():
         raise InputError(f"{series.name} is not finite everywhere, and cannot be plotted")
-    label = axis_label(series.name, drawn.unit, how, sys.maxsize)
-    return {"label": unicode_label(label), "runs": runs(label), "unit": unit_text(drawn.unit), "colour": colour,
-            "values": packing.add(values)}  # fmt: skip
+    label = axis_label(series.name, drawn.unit, result.presentation, sys.maxsize)
+    texts = {"label": unicode_label(label), "runs": runs(label), "unit": unit_text(drawn.unit)}
+    return {**texts, "colour": colour, "values": packing.add(values)}
 
 
 def _inline(data: Plain) -> str:
@@ -260,9 +311,14 @@ def _inline(data: Plain) -> str:
     try:
         text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     except ValueError:
-        raise InputError("the replay has places or sizes that are not finite",
-                         expected="shapes and origins of links within 1e150 m") from None  # fmt: skip
+        expected = "shapes and origins of links within 1e150 m"
+        raise InputError("the replay has places or sizes that are not finite", expected=expected) from None
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _compressed(raw: bytes) -> str:
+    """Return bytes as base64 of gzip; the same bytes give the same text."""
+    return base64.b64encode(gzip.compress(raw, LEVEL, mtime=0)).decode("ascii")
 
 
 def _text(name: str) -> str:

@@ -26,7 +26,7 @@ from pinarm.use.study.accuracy.trials import (
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.picture import Picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +84,9 @@ class Tradeoff:
         with whole_folder(folder, "trade-off", source=self.scenario.document.path) as draft:
             write(draft / "tradeoff.json", json_text(self.summary()) + "\n")
             if plots:
-                from pinarm.use.show.plot import picture_format
+                from pinarm.use.show.picture_files import write_pictures
 
-                form = picture_format(plots, dpi)
-                for name, figure in self.plots().items():
-                    (draft / f"{name}.{form}").write_bytes(figure.encoded(form, dpi))
+                write_pictures(self.plots().items(), draft, plots, dpi)
         return folder
 
     def plots(self) -> dict[str, Picture]:

@@ -13,7 +13,7 @@ from pinarm.use.study.accuracy.trials import WANTED
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.picture import Picture
     from pinarm.use.study.accuracy.tradeoff import Tradeoff
     from pinarm.use.study.accuracy.trials import TriedSetting
 
@@ -86,13 +86,11 @@ def work_precision(trade: Tradeoff) -> Picture:
 
     Recommended settings are ringed; in the grey band below, errors are those of the reference.
     """
-    from pinarm.use.show.chart import WIDTH
-    from pinarm.use.show.figure import label, new, style
     from pinarm.use.show.labels import plain
+    from pinarm.use.show.picture import WIDTH, drawing
 
     assert trade.reference
-    figure = new(WIDTH, 3.6)
-    with style():
+    with drawing(WIDTH, 3.6, plain(trade.scenario.content.title or trade.scenario.name)) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         _curves(left, trade, "evaluations", 1.0)
         _curves(right, trade, "seconds", 1e3)
@@ -100,14 +98,13 @@ def work_precision(trade: Tradeoff) -> Picture:
         right.set(xlabel="time [ms]")
         left.plot([], [], "o", markersize=10, fillstyle="none", color="black", label="recommended")
         left.legend(frameon=False, loc="best")
-        figure.suptitle(label(plain(trade.scenario.content.title or trade.scenario.name)))
     return figure
 
 
 def _curves(axis: Axes, trade: Tradeoff, cost: str, scale: float) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    from pinarm.use.show.chart import COLOURS
+    from pinarm.use.show.picture import COLOURS
 
     assert trade.reference
     floor = max(trade.reference.bound, 1e-16)
@@ -129,27 +126,25 @@ def _curves(axis: Axes, trade: Tradeoff, cost: str, scale: float) -> None:
 
 def outputs(trade: Tradeoff) -> Picture:
     """Return the outputs of all variants over the run, that of the exact model in black."""
-    from pinarm.use.show.chart import COLOURS, HEAD, HEIGHT, WIDTH, Chart, Line, Panel
-    from pinarm.use.show.figure import figure
     from pinarm.use.show.labels import axis_label, plain, shown
+    from pinarm.use.show.picture import COLOURS, HEAD, HEIGHT, WIDTH, draw, drawing, fit, legend, panels
 
     names, how = list(dict.fromkeys(trade.scenario.content.outputs)), trade.scenario.content.presentation
     known = [(k, variant.name, variant.result) for k, variant in enumerate(trade.variants) if variant.result]
     last = known[-1][2]
-    panels = []
-    for name in names:
-        unit = shown(last[name], how)[1]
-        lines = [
-            Line(result.trajectory.grid.t / shown(result.parameter, how)[0],
-                 result[name].values / shown(result[name], how)[0],
-                 COLOURS[(k - 1) % len(COLOURS)] if k else "#000000", style="--" if k else "-",
-                 label=plain(called) if name == names[0] else "")
-            for k, called, result in known
-        ]  # fmt: skip
-        across = axis_label(last.parameter.name, shown(last.parameter, how)[1], how) if name == names[-1] else ""
-        panels.append(Panel(lines, title=axis_label(name, unit, how), across=across))
+    along, measured = shown(last.parameter, how)
+    titles = [axis_label(name, shown(last[name], how)[1], how) for name in names]
     title = plain(trade.scenario.content.title or trade.scenario.name)
-    return figure(Chart(title, panels, WIDTH, HEAD + HEIGHT * len(names)))
+    with drawing(WIDTH, HEAD + HEIGHT * len(names), title) as picture:
+        axes = panels(picture, titles, axis_label(last.parameter.name, measured, how))
+        for axis, name in zip(axes, names, strict=True):
+            for k, called, result in known:
+                x, y = result.trajectory.grid.t / along, result[name].values / shown(result[name], how)[0]
+                look = {"color": COLOURS[(k - 1) % len(COLOURS)], "linestyle": "--"} if k else {"color": "#000000"}
+                draw(axis, x, y, plain(called) if name == names[0] else "", **look)
+            fit(axis)
+        legend(axes[0], axes[0].lines, loc="best")
+    return picture
 
 
 def plots(trade: Tradeoff) -> dict[str, Picture]:

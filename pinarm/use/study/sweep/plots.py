@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,8 +16,7 @@ from pinarm.use.study.sweep.branches import MEASURE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from pinarm.use.show.figure import Picture
-    from pinarm.use.show.plot import PictureFormat
+    from pinarm.use.show.picture import Picture
     from pinarm.use.study.sweep.sweep import Sweep
 
 FAMILY = 6
@@ -39,16 +36,13 @@ def plot(sweep: Sweep, series: Series) -> Picture:
     Over one list or grid it is a curve, over two a family of curves or, where both are long, a map. Of cases that were
     drawn by chance, or that vary in more ways, it is a histogram with the median and the middle 90 %.
     """
-    from pinarm.use.show.figure import label, new, style
     from pinarm.use.show.labels import plain
+    from pinarm.use.show.picture import drawing
 
-    figure = new(7.0, 4.2)
-    with style():
-        axis = figure.subplots()
-        _kind(sweep, series)(axis, sweep, series)
-        failed = f" ({len(sweep.errors)} of {len(sweep)} cases failed)" if sweep.errors else ""
-        figure.suptitle(label(plain(f"{sweep.title or sweep.name}{failed}")))
-    return figure
+    failed = f" ({len(sweep.errors)} of {len(sweep)} cases failed)" if sweep.errors else ""
+    with drawing(7.0, 4.2, plain(f"{sweep.title or sweep.name}{failed}")) as picture:
+        _kind(sweep, series)(picture.subplots(), sweep, series)
+    return picture
 
 
 def _kind(sweep: Sweep, series: Series) -> Draw:
@@ -75,8 +69,8 @@ def _branches_of(sweep: Sweep, name: str) -> dict[str, Series]:
 
 def _branches(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw a measure of all modes over a number; over a speed, with the lines of once and twice the speed."""
-    from pinarm.use.show.figure import label
     from pinarm.use.show.labels import axis_label, shown
+    from pinarm.use.show.picture import label
 
     along, column = sweep.cases.axes[0], sweep.cases.table()[0]
     x, order = _ticks(axis.xaxis, along), np.argsort(column.values, kind="stable")
@@ -122,7 +116,7 @@ def _root_locus(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 def _look(k: int) -> dict[str, Any]:
     """Return colour and dashes of a branch."""
-    from pinarm.use.show.chart import COLOURS
+    from pinarm.use.show.picture import COLOURS
     from pinarm.use.show.plot import STYLES
 
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": STYLES[k // len(COLOURS) % len(STYLES)]}
@@ -130,38 +124,27 @@ def _look(k: int) -> dict[str, Any]:
 
 def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw curves over the longer axis, one for each value of the other."""
-    from pinarm.use.show.chart import COLOURS, drawable
-    from pinarm.use.show.figure import label, limit
     from pinarm.use.show.labels import axis_label, plain, shown
+    from pinarm.use.show.picture import COLOURS, draw, drawable, label, legend, limits
 
     along, other, values = _grid(sweep, series)
     scale, measured = shown(series, sweep.presentation)
-    x, lost, values = _ticks(axis.xaxis, along), np.isnan(values).any(axis=0), drawable(values / scale)
+    x, lost, values = _ticks(axis.xaxis, along), np.isnan(values).any(axis=0), values / scale
+    look = {"marker": "o" if len(x) <= 60 else "", "markersize": 3}
     for k, row in enumerate(values):
-        name = _value(other, k) if other else None
-        few = "o" if len(x) <= 60 else None
-        axis.plot(
-            x,
-            row,
-            color=COLOURS[k % len(COLOURS)],
-            marker=few,
-            markersize=3,
-            label=label(plain(name)) if name else None,
-        )
+        draw(axis, x, row, plain(_value(other, k)) if other else "", color=COLOURS[k % len(COLOURS)], **look)
     axis.vlines(x[lost], 0.0, 1.0, color="0.85", linewidth=3, zorder=0, transform=axis.get_xaxis_transform())
     axis.set_xlabel(_named(along))
     axis.set_ylabel(label(axis_label(series.name, measured, sweep.presentation)))
-    if np.isfinite(values).any():
-        limit(axis, float(np.nanmin(values)), float(np.nanmax(values)))
+    axis.set_ylim(*limits(drawable(values), 0.05))
     if other:
-        axis.legend(title=label(plain(other.columns[0].path)), fontsize=8, title_fontsize=8)
+        legend(axis, axis.lines, title=label(plain(other.columns[0].path)), title_fontsize=8)
 
 
 def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw the values over two numbers, a cell for each case; those that failed stay grey."""
-    from pinarm.use.show.chart import drawable
-    from pinarm.use.show.figure import label
     from pinarm.use.show.labels import axis_label, shown
+    from pinarm.use.show.picture import drawable, label
 
     along, other, values = _grid(sweep, series)
     assert other is not None
@@ -181,9 +164,8 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw how often which value came out."""
-    from pinarm.use.show.chart import COLOURS, drawable
-    from pinarm.use.show.figure import label
     from pinarm.use.show.labels import axis_label, shown
+    from pinarm.use.show.picture import COLOURS, drawable, label
 
     scale, measured = shown(series, sweep.presentation)
     values = drawable(series.values / scale)
@@ -212,9 +194,8 @@ def _grid(sweep: Sweep, series: Series) -> tuple[Axis, Axis | None, Array]:
 
 def _ticks(direction: Any, axis: Axis) -> Array:
     """Return the places of an axis's values; words stand side by side."""
-    from pinarm.use.show.chart import drawable
-    from pinarm.use.show.figure import label
     from pinarm.use.show.labels import plain
+    from pinarm.use.show.picture import drawable, label
 
     column = axis.columns[0]
     if column.is_numeric:
@@ -229,8 +210,8 @@ def _value(axis: Axis, row: int) -> str:
 
 
 def _named(axis: Axis) -> str:
-    from pinarm.use.show.figure import label
     from pinarm.use.show.labels import axis_label
+    from pinarm.use.show.picture import label
 
     column = axis.columns[0]
     return label(axis_label(column.path, unit(column.unit or "1")))
@@ -246,13 +227,9 @@ def pictured(sweep: Sweep) -> list[Series]:
     return [*found.values(), *([Series(ROOT_LOCUS, None, np.zeros(0))] if locus else [])]
 
 
-def save_plots(sweep: Sweep, folder: Path, form: PictureFormat, dpi: int) -> list[Path]:
-    """Write a picture for every result into ``plots/``; return the files."""
-    folder = folder / "plots"
-    folder.mkdir(exist_ok=True)
-    files = []
+def pictures(sweep: Sweep) -> Iterator[tuple[str, Picture]]:
+    """Yield a picture of every result by the name of its file."""
+    from pinarm.use.show.picture_files import file_name
+
     for number, series in enumerate(pictured(sweep)[:PICTURES], 1):
-        name = re.sub(r"[^A-Za-z0-9_.-]+", "_", series.name).strip("_")[:40]
-        files.append(folder / f"{number:02d}_{name}.{form}")
-        files[-1].write_bytes(plot(sweep, series).encoded(form, dpi))
-    return files
+        yield f"{number:02d}_{file_name(series.name).strip('_')}", plot(sweep, series)

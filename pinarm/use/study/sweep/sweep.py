@@ -30,7 +30,7 @@ from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
 from pinarm.use.workers.runners import Runners, check_number
 
 if TYPE_CHECKING:
-    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.picture import Picture
 
 TRIED = 9
 """Cases, spread over those of a sweep, that are checked until one is right: what all suffer from is the sweep's."""

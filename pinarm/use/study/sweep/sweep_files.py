@@ -25,7 +25,7 @@ from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL
 
 if TYPE_CHECKING:
-    from pinarm.use.show.plot import PictureFormat
+    from pinarm.use.show.picture_files import PictureFormat
     from pinarm.use.study.sweep.sweep import Sweep
 
 WORST: dict[str, Callable[[Array], Any]] = {
@@ -64,10 +64,10 @@ def save(
         if parquet:
             _write_parquet(sweep, draft / PARQUET)
         if plots:
-            from pinarm.use.show.plot import picture_format
-            from pinarm.use.study.sweep.plots import save_plots
+            from pinarm.use.show.picture_files import write_pictures
+            from pinarm.use.study.sweep.plots import pictures
 
-            save_plots(sweep, draft, picture_format(plots, dpi), dpi)
+            write_pictures(pictures(sweep), draft / "plots", plots, dpi)
     return folder
 
 

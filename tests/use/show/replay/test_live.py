@@ -15,7 +15,7 @@ import pinarm
 from pinarm.errors import InputError
 from pinarm.use.result.result import Result
 from pinarm.use.show.replay.live import _geometries
-from pinarm.use.show.replay.shapes import Shape
+from pinarm.use.show.shapes import Shape
 
 ROOT = Path(__file__).parents[4]
 

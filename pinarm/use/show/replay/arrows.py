@@ -1,31 +1,22 @@
-"""Paths of points, arrows of forces, and connections of two points: springs, rods, cables and loop joints."""
+"""Arrows of forces, torques and reactions over a motion, and points whose paths are traced."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspace import ACTS
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.engine.series import ROUNDING
 from pinarm.errors import InputError, choices
-from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import frame_of
-from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import ValueRecord
-from pinarm.use.show.replay.tracks import Node
-
-if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint import Constraint
-    from pinarm.use.show.replay.packing import Packing
+from pinarm.use.show.bodies import BodyPoint, Node, placed, point_of
 
 ARROWS = {
     "forces": "weights and loads",
@@ -33,57 +24,6 @@ ARROWS = {
     "reactions": "reactions of the joints",
 }
 """Kinds of arrows, and their names in the legend. Their colours are in ``overlays.js``."""
-
-
-ConnectionKind = Literal["spring", "cylinder", "bushing", "rod", "cable", "loop", "slot"]
-
-
-LOOPS: Mapping[str, ConnectionKind] = {"rod": "rod", "point_on_plane": "slot"}
-"""Loop joints that have a mark of their own."""
-
-
-class BodyPoint(ValueRecord, frozen=True):
-    """A point that is fixed to a body.
-
-    Attributes:
-        node: The body.
-        place: Where in it [m], shape (3,).
-    """
-
-    node: int
-    place: Array
-
-    def plain(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {"node": self.node, "point": np.asarray(self.place).tolist()}
-
-    def path(self, places: Array) -> Array:
-        """Return its positions in the world, shape (rows, 3), from placements of shape (rows, njoints, 4, 4)."""
-        return np.asarray(places[:, self.node, :3, :3] @ self.place + places[:, self.node, :3, 3])
-
-
-class Connection(ValueRecord, frozen=True):
-    """A connection of two points.
-
-    Attributes:
-        kind: A ``spring``, a ``cylinder`` (a damper, a constant force, or a strut, which pushes), a ``bushing``, a
-            ``rod``, a straight part of a ``cable``, the mark of a ``loop`` joint, or the pin in a ``slot``.
-        ends: The two points.
-    """
-
-    kind: ConnectionKind
-    ends: tuple[BodyPoint, BodyPoint]
-
-    def lengths(self, places: Array) -> Array:
-        """Return its lengths [m], shape (rows,), from placements of shape (rows, njoints, 4, 4)."""
-        start, end = self.ends
-        return np.asarray(np.linalg.norm(end.path(places) - start.path(places), axis=1))
-
-    def plain(self, places: Array) -> dict[str, Any]:
-        """Return it for JSON, with its extreme lengths."""
-        (start, end), lengths = self.ends, self.lengths(places)
-        extremes = {"shortest": float(lengths.min()), "longest": float(lengths.max())}
-        return {"kind": self.kind, "a": start.plain(), "b": end.plain(), **extremes}
 
 
 class Arrow(ValueRecord, frozen=True):
@@ -111,21 +51,6 @@ class Arrow(ValueRecord, frozen=True):
         sizes = np.abs(self.vectors) if self.axis is not None else np.linalg.norm(self.vectors, axis=-1)
         return float(np.max(sizes))
 
-    def plain(self, packing: Packing, largest: float) -> dict[str, Any]:
-        """Return it for JSON; ``largest`` is the magnitude of the longest arrow of its kind."""
-        plain: dict[str, Any] = {"of": self.of, "moment": self.moment, "largest": largest, **self.at.plain()}
-        if self.axis is not None:
-            values = packing.add(self.vectors.astype(np.float32))
-            return {**plain, "axis": self.axis.tolist(), "values": values}
-        if self.vectors.ndim == 1 and not self.moment:
-            return {**plain, "vector": self.vectors.tolist()}
-        return {**plain, "vectors": packing.add(self.vectors.astype(np.float32))}
-
-
-def point_of(model: pin.Model, frame: int) -> BodyPoint:
-    """Return the origin of a frame."""
-    return BodyPoint(int(model.frames[frame].parentJoint), np.array(model.frames[frame].placement.translation))
-
 
 def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
     """Return the points, with their weights, whose mean is traced: the origin of a link, or all masses for ``com``.
@@ -135,42 +60,18 @@ def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
     """
     if name != "com":
         return [(point_of(model, frame_of(model, name)), 1.0)]
-    masses = [(BodyPoint(i, np.array(inertia.lever)), float(inertia.mass))
-              for i, inertia in enumerate(model.inertias) if i and inertia.mass > 0.0]  # fmt: skip
-    if not masses:
+    if not (centres := _centres(model)):
         raise InputError("the mechanism has no mass, and so no centre of mass")
-    return masses
+    return centres
 
 
-def pairs(mechanism: Mechanism, forces: Mapping[str, ForceElement]) -> list[Connection]:
-    """Return the connections: springs, cylinders, bushings and cables among the forces, and loop joints."""
-    model, elements = mechanism.model, list["ForceElement | Constraint"](forces.values())
-    return [
-        Connection(kind, (point_of(model, start), point_of(model, end)))
-        for element in [*elements, *mechanism.constraints]
-        for kind, frames in [_drawn_as(element)] for start, end in pairwise(frames)
-    ]  # fmt: skip
+def _centres(model: pin.Model) -> list[tuple[BodyPoint, float]]:
+    """Return the centres of mass of the moving bodies that have mass, and their masses [kg]."""
+    bodies = [(node, inertia) for node, inertia in enumerate(model.inertias) if node and inertia.mass > 0.0]
+    return [(BodyPoint(node, np.array(inertia.lever)), float(inertia.mass)) for node, inertia in bodies]
 
 
-def _drawn_as(element: ForceElement | Constraint) -> tuple[ConnectionKind, Sequence[int]]:
-    """Return the kind and the frames of the connection that an element makes; no frames where it has no place."""
-    if isinstance(element, LoopJoint):
-        return LOOPS.get(element.kind, "loop"), (element.first, element.second)
-    from pinarm.mechanics.forces.bushing import LinearBushing
-    from pinarm.mechanics.forces.cable import TautSpring
-    from pinarm.mechanics.forces.point import TwoPointSpring
-    from pinarm.mechanics.loops.cable import CableLoop
-
-    if isinstance(element, TwoPointSpring):
-        return "spring" if element.stiffness > 0.0 and element.force >= 0.0 else "cylinder", element.frames
-    if isinstance(element, LinearBushing):
-        return "bushing", element.frames
-    if isinstance(element, TautSpring | CableLoop):
-        return "cable", element.path.frames
-    return "rod", ()
-
-
-def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list[Arrow]:
+def arrows_of(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list[Arrow]:
     """Return the arrows of the wanted kinds.
 
     Args:
@@ -200,10 +101,8 @@ def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
 
     model = run.mechanism.model
-    for node, inertia in enumerate(model.inertias):
-        if node and inertia.mass > 0.0:
-            weight = inertia.mass * np.asarray(model.gravity.linear)
-            yield Arrow("forces", BodyPoint(node, np.array(inertia.lever)), False, weight)
+    for centre, mass in _centres(model):
+        yield Arrow("forces", centre, False, mass * np.asarray(model.gravity.linear))
     for name, force in run.dynamics.forces.items():
         if isinstance(force, AppliedWrench):
             yield from _at_frame(run, name, force.frame)
@@ -217,11 +116,10 @@ def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
 
 def _at_frame(run: Trajectory, name: str, frame: int) -> Iterator[Arrow]:
     """Yield the force and the moment of a force element on a link, at the origin of a frame."""
-    model = run.mechanism.model
-    wrench = _wrench(run, name, int(model.frames[frame].parentJoint))
-    at = point_of(model, frame)
+    at = point_of(run.mechanism.model, frame)
+    wrench = _wrench(run, name, at.node)
     yield Arrow("forces", at, False, wrench[:, :3])
-    moments = wrench[:, 3:] - np.cross(_positions(run, frame), wrench[:, :3])
+    moments = wrench[:, 3:] - np.cross(at.path(_placements(run)), wrench[:, :3])
     if np.abs(moments).max() > 1e-9 * np.abs(wrench).max():  # less is rounding of the shift to the point
         yield Arrow("forces", at, True, moments)
 
@@ -236,22 +134,15 @@ def _wrench(run: Trajectory, name: str, joint: int) -> Array:
     return rows
 
 
-def _positions(run: Trajectory, frame: int) -> Array:
-    model, data = run.mechanism.model, new_data(run.mechanism.model)
-    positions = np.empty((len(run), 3))
-    for i, q in enumerate(run.q):
-        pin.forwardKinematics(model, data, q)
-        positions[i] = pin.updateFramePlacement(model, data, frame).translation
-    return positions
+def _placements(run: Trajectory) -> Array:
+    return placed(run.mechanism.model, run.q, len(run))
 
 
 def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     """Yield the efforts of the drives, about or along the axes of their joints."""
     for joint in run.mechanism.joints.values():
-        node = nodes[joint.index]
-        yield Arrow(
-            "torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", run.supplied[:, joint.v], node.axis
-        )
+        node, at = nodes[joint.index], BodyPoint(joint.index, np.zeros(3))
+        yield Arrow("torques", at, node.kind == "turn", run.supplied[:, joint.v], node.axis)
 
 
 def _felt(run: Trajectory, nodes: Sequence[Node]) -> list[Arrow]:
@@ -280,13 +171,14 @@ def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
 def _tensions(run: Trajectory, reactions: Reactions, name: str) -> Iterator[Arrow]:
     """Yield the forces of a cable that does not stretch at every point of its path: its tension along both parts."""
     (lam, stresses), frames = reactions.multiplier(name), reactions.cables[name].path.frames
-    points = [_positions(run, frame) for frame in frames]
+    ends, places = [point_of(run.mechanism.model, frame) for frame in frames], _placements(run)
+    points = [end.path(places) for end in ends]
     parts = [(after - before) / np.linalg.norm(after - before, axis=1)[:, None] for before, after in pairwise(points)]
-    ends = np.zeros_like(points[0])
-    for frame, before, after in zip(frames, [ends, *parts], [*parts, ends], strict=True):
+    nothing = np.zeros_like(points[0])
+    for end, before, after in zip(ends, [nothing, *parts], [*parts, nothing], strict=True):
         pull = after - before
         added = [stress[:, None] * pull for stress in stresses]
-        yield _reaction(point_of(run.mechanism.model, frame), -lam[:, None] * pull, added)
+        yield _reaction(end, -lam[:, None] * pull, added)
 
 
 def _reaction(at: BodyPoint, forces: Array, added: Sequence[Array]) -> Arrow:

@@ -18,7 +18,7 @@ from pinarm.errors import PinarmError
 from pinarm.use.result.result import Result
 from pinarm.use.show.replay.chromium import Page, browser, chromium
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 TYPES = {"f8": np.float64, "f4": np.float32, "u4": np.uint32, "u2": np.uint16}
 
 

@@ -10,18 +10,17 @@ import pytest
 
 import pinarm
 from pinarm.use.result.presentation import Presentation
-from pinarm.use.show.replay.names import gathered, names_of
-from pinarm.use.show.replay.tracks import nodes_of, placed
+from pinarm.use.show.scene import names_of, scene
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 
 
 def found(result: Any, how: Presentation | None = None) -> dict[str, tuple[str, np.ndarray]]:
     """Names of a run: text -> kind, and the place at the start."""
-    model, q = result.trajectory.mechanism.model, result.trajectory.q
-    nodes, places = nodes_of(model, q), placed(model, q)
-    names = gathered(names_of(result.trajectory.mechanism, nodes, how or Presentation()), places, 0.2)
-    return {name.text: (name.kind, name.at.path(places)[0]) for name in names}
+    mechanism = result.trajectory.mechanism
+    shown = scene(mechanism, {}, result.trajectory.q)
+    names = names_of(mechanism, shown, how or Presentation())
+    return {name.text: (name.kind, name.at.path(shown.places)[0]) for name in names}
 
 
 def test_a_slider_crank_has_the_names_of_its_file(solved: Callable[..., Any]) -> None:
@@ -54,8 +53,7 @@ def test_points_of_a_mechanism_file_are_named() -> None:
     points = {"eye": {"link": "crank", "at": ["20 mm", "5 mm", "0 m"]},
               "still": {"link": "base", "at": ["0 m", "0 m", "0 m"]}}  # fmt: skip
     mechanism = pinarm.Mechanism.load(ROOT / "models/slider_crank/mechanism.yaml", values={"points": points})
-    q = pin.neutral(mechanism.model)[None]
-    names = names_of(mechanism, nodes_of(mechanism.model, q), Presentation())
-    known = {name.text: name.at.path(placed(mechanism.model, q))[0] for name in names}
+    shown = scene(mechanism, {}, pin.neutral(mechanism.model)[None])
+    known = {name.text: name.at.path(shown.places)[0] for name in names_of(mechanism, shown, Presentation())}
     assert known["eye"] == pytest.approx([0.02, 0.005, 0.0], abs=1e-12)
     assert "still" not in known

@@ -1,33 +1,41 @@
-"""Readers of mesh files: STL, OBJ and COLLADA with the colours of its materials. A hostile file is refused.
+"""Triangle meshes: read from STL, OBJ and COLLADA files, thinned where there are too many.
 
-Of COLLADA, triangles and polygons of ``library_geometries`` are read, placed by the nodes of the scene, in the file's
-unit. The axis that the file calls up is not turned, as in RViz and Gazebo. Textures, skins and lines are not read.
-Khronos, COLLADA 1.4 specification, sections 5 and 8.
+Of COLLADA, triangles and polygons of ``library_geometries`` are read, with the colours of their materials, placed by
+the nodes of the scene, in the file's unit. The axis that the file calls up is not turned, as in RViz and Gazebo.
+Textures, skins and lines are not read. Khronos, COLLADA 1.4 specification, sections 5 and 8. A hostile file is refused.
 """
 
 from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 import numpy as np
-from msgspec import Struct
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.use.show.replay.meshes import Mesh, Triangles
+from pinarm.records import Record
+
+MOST_TRIANGLES = 220_000
+"""In one page: more would neither fit the size of a page nor the speed of a laptop's graphics."""
 
 MOST_BYTES = 100_000_000
 """Bytes of a file."""
 
-Element = ElementTree.Element
-Colour = tuple[float, float, float, float]
-Part = tuple[Array, Triangles, Colour | None]
-"""Vertices, shape (n, 3), triangles, shape (m, 3), and their colour."""
+MOST_CORNERS = 6_000_000
+"""Of the triangles of a file, and as many vertices: 100 MB of binary STL. It bounds memory to 1 GB, and time."""
+
+MOST_LINE = 1_000_000
+"""Bytes of a line of OBJ: a face of a hundred thousand corners."""
+
+MOST_ELEMENTS = 200_000
+"""Elements of XML: each takes a hundred bytes of memory and more."""
 
 MOST_NODES = 10_000
 """Nodes of a scene and surfaces in them, instances followed: a file of a few lines can name any number of them."""
@@ -35,27 +43,71 @@ MOST_NODES = 10_000
 DEEPEST = 50
 """Nodes in nodes, instances followed."""
 
-MOST_ELEMENTS = 200_000
-"""Elements of a file: each takes a hundred bytes of memory and more."""
+Triangles = NDArray[np.int64]
+Colour = tuple[float, float, float, float]
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-
-
-MOST_CORNERS = 6_000_000
-"""Of the triangles of a file, and as many vertices: 100 MB of binary STL. It bounds memory to 1 GB, and time."""
-
-_NUMBER = rb"[ \t]{1,20}(\S{1,40})"
-_STL_VERTEX = re.compile(rb"\bvertex" + 3 * _NUMBER)
+_STL_VERTEX = re.compile(rb"\bvertex" + 3 * rb"[ \t]{1,20}(\S{1,40})")
 _OBJ_LINE = re.compile(rb"(?<=\n)([vf])[ \t]([^\n]*)")
-MOST_LINE = 1_000_000
-"""Bytes of a line: a face of a hundred thousand corners."""
+
+
+class Mesh(Record, frozen=True):
+    """Triangles of one colour.
+
+    Attributes:
+        vertices: Positions [m], shape (n, 3).
+        triangles: Indices of the vertices of each, counter-clockwise seen from outside, shape (m, 3).
+        colour: Red, green, blue, opacity, 0 to 1, as the file says; ``None`` where it says none.
+    """
+
+    vertices: Array
+    triangles: Triangles
+    colour: Colour | None = None
+
+    @cached_property
+    def low(self) -> Array:
+        """Smallest coordinates, shape (3,)."""
+        return np.asarray(self.vertices.min(axis=0))
+
+    @cached_property
+    def high(self) -> Array:
+        """Largest coordinates, shape (3,)."""
+        return np.asarray(self.vertices.max(axis=0))
+
+
+def thinned(meshes: Sequence[Mesh], size: float, most: int = MOST_TRIANGLES) -> list[Mesh]:
+    """Return meshes with at most so many triangles in all, and no more loss than that takes.
+
+    Vertices that share a cell of a grid become one, at their mean; triangles that collapse are dropped.
+
+    Args:
+        meshes: All the meshes of a page.
+        size: Extent of the mechanism [m]: the first grid has a thousandth of it.
+        most: How many triangles there may be.
+    """
+    kept, cell = list(meshes), size / 1000.0
+    while sum(len(mesh.triangles) for mesh in kept) > most and cell < size:
+        kept = [_clustered(mesh, cell) for mesh in meshes]
+        cell *= 1.25
+    return kept
+
+
+def _clustered(mesh: Mesh, cell: float) -> Mesh:
+    cells = np.floor((mesh.vertices - mesh.low) / cell).astype(np.int64)
+    span = cells.max(axis=0) + 1
+    numbers = (cells[:, 0] * span[1] + cells[:, 1]) * span[2] + cells[:, 2]
+    _, places, counts = np.unique(numbers, return_inverse=True, return_counts=True)
+    means = np.stack([np.bincount(places, mesh.vertices[:, k]) / counts for k in range(3)], axis=1)
+    corners = places[mesh.triangles]
+    first = corners.argmin(axis=1)[:, None]  # the same triangle begins at the same corner, so that twins are found
+    corners = np.take_along_axis(corners, (first + np.arange(3)) % 3, axis=1)
+    a, b, c = corners.T
+    corners = np.unique(corners[(a != b) & (b != c) & (c != a)], axis=0)
+    return Mesh(means, corners, mesh.colour) if len(corners) else Mesh(mesh.vertices, mesh.triangles[:0], mesh.colour)
 
 
 def read_mesh(path: Path) -> list[Mesh]:
-    """Return the meshes of a file, one for each colour.
-
-    Args:
-        path: An STL, OBJ or COLLADA file that may be read.
+    """Return the meshes of an STL, OBJ or COLLADA file that may be read, one for each colour.
 
     Raises:
         InputError: It is none of those, or damaged.
@@ -64,30 +116,18 @@ def read_mesh(path: Path) -> list[Mesh]:
         raise InputError(f"the mesh {path.name} is too large", expected=f"at most {MOST_BYTES} bytes")
     try:
         with np.errstate(all="ignore"):  # what is too large becomes infinite, which is refused below
-            meshes = [mesh for mesh in _read(path) if len(mesh.triangles)]
-    except (ElementTree.ParseError, ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
+            if path.suffix.lower() not in READERS:
+                raise ValueError(f"{path.suffix} is not .stl, .obj or .dae")
+            meshes = [mesh for mesh in READERS[path.suffix.lower()](path.read_bytes()) if len(mesh.triangles)]
+    except (expat.ExpatError, ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
         raise InputError(f"the mesh {path.name} cannot be read: {error}") from None
     if not meshes or not all(np.isfinite(mesh.vertices).all() for mesh in meshes):
         raise InputError(f"the mesh {path.name} has no triangles, or some that are not finite")
     return meshes
 
 
-def _read(path: Path) -> list[Mesh]:
-    kind = path.suffix.lower()
-    if kind == ".dae":
-        return [Mesh(*part) for part in read_collada(path)]
-    if kind not in (".stl", ".obj"):
-        raise ValueError(f"{kind} is not .stl, .obj or .dae")
-    return [Mesh(*(read_stl if kind == ".stl" else read_obj)(path))]
-
-
-def read_stl(path: Path) -> tuple[Array, Triangles]:
-    """Return the vertices, shape (n, 3), and triangles, shape (m, 3), of a binary or ASCII file.
-
-    Raises:
-        ValueError: It is neither, or too large.
-    """
-    raw = path.read_bytes()
+def _read_stl(raw: bytes) -> list[Mesh]:
+    """Return the mesh of a binary or ASCII file."""
     count = int.from_bytes(raw[80:84], "little")
     if len(raw) >= 84 and len(raw) == 84 + _FACET.itemsize * count:
         corners = np.frombuffer(raw, _FACET, count, 84)["corners"].reshape(-1, 3)
@@ -95,32 +135,17 @@ def read_stl(path: Path) -> tuple[Array, Triangles]:
         numbers = array("f")
         for vertex in _STL_VERTEX.finditer(raw):
             numbers.extend(map(float, vertex.groups()))
-            check_size(len(numbers) // 3)
+            _check_size(len(numbers) // 3)
         corners = np.array(numbers, np.float32).reshape(-1, 3)
     else:
         raise ValueError("it is neither binary nor ASCII STL")
-    return joined(corners.astype(float), np.arange(len(corners)).reshape(-1, 3))
+    return [_joined(corners.astype(float), np.arange(len(corners)).reshape(-1, 3))]
 
 
-def check_size(corners: int) -> None:
-    """Raise where a mesh has more corners, or vertices, than can be drawn.
-
-    Raises:
-        ValueError: It has.
-    """
-    if corners > MOST_CORNERS:
-        raise ValueError(f"it has more than {MOST_CORNERS // 3} triangles")
-
-
-def read_obj(path: Path) -> tuple[Array, Triangles]:
-    """Return the vertices, shape (n, 3), and triangles, shape (m, 3), of a file; polygons are cut into fans.
-
-    Raises:
-        ValueError: A line is damaged, or the file too large.
-        IndexError: A face names a vertex that does not exist.
-    """
+def _read_obj(raw: bytes) -> list[Mesh]:
+    """Return the mesh of a file; polygons are cut into fans."""
     points, fans = array("d"), array("q")
-    for line in _OBJ_LINE.finditer(b"\n" + path.read_bytes()):
+    for line in _OBJ_LINE.finditer(b"\n" + raw):
         if len(line[2]) > MOST_LINE:
             raise ValueError(f"a line has more than {MOST_LINE} bytes")
         words = line[2].split()
@@ -132,68 +157,63 @@ def read_obj(path: Path) -> tuple[Array, Triangles]:
             corners = [k - 1 if k > 0 else len(points) // 3 + k for k in corners]
             for k in range(1, len(corners) - 1):
                 fans.extend((corners[0], corners[k], corners[k + 1]))
-        check_size(max(len(points) // 3, len(fans)))
+        _check_size(max(len(points) // 3, len(fans)))
     vertices, triangles = np.array(points).reshape(-1, 3), np.array(fans, np.int64).reshape(-1, 3)
     if len(triangles) and not 0 <= triangles.min() <= triangles.max() < len(vertices):
         raise IndexError("a face names a vertex that does not exist")
-    return joined(vertices, triangles)
+    return [_joined(vertices, triangles)]
 
 
-def joined(vertices: Array, triangles: Triangles) -> tuple[Array, Triangles]:
+def _check_size(corners: int) -> None:
+    """Raise where a mesh has more corners, or vertices, than can be drawn."""
+    if corners > MOST_CORNERS:
+        raise ValueError(f"it has more than {MOST_CORNERS // 3} triangles")
+
+
+def _joined(vertices: Array, triangles: Triangles, colour: Colour | None = None) -> Mesh:
     """Return a mesh whose vertices at one place are one, so that edges can be told from smooth surfaces."""
     used, places = np.unique(triangles, return_inverse=True)
     unique, same = np.unique(vertices[used].astype(np.float32), axis=0, return_inverse=True)
-    return unique.astype(float), same.reshape(-1)[places].reshape(-1, 3).astype(np.int64)
+    return Mesh(unique.astype(float), same.reshape(-1)[places].reshape(-1, 3).astype(np.int64), colour)
 
 
-def read_collada(path: Path) -> list[Part]:
-    """Return the triangles of a file, apart for each material of each node.
-
-    Raises:
-        ValueError: The file is damaged, or no XML.
-    """
-    raw = path.read_bytes()
-    _survey(raw)
-    return list(_File(ElementTree.fromstring(raw)).parts())
-
-
-def _survey(raw: bytes) -> None:
-    """Read a file in whatever encoding it has, and build nothing.
+def _tree(raw: bytes) -> Element:
+    """Return the root element of XML in whatever encoding it has; names without their prefixes.
 
     Raises:
-        ValueError: It is no XML, declares entities, or has too many elements.
+        ValueError: It declares entities, or has too many elements.
     """
-    parser, count = expat.ParserCreate(), 0
+    parser, builder, count = expat.ParserCreate(), TreeBuilder(), 0
 
-    def start(*_: object) -> None:
+    def start(name: str, attributes: dict[str, str]) -> None:
         nonlocal count
         count += 1
         if count > MOST_ELEMENTS:
             raise ValueError(f"it has more than {MOST_ELEMENTS} elements")
+        builder.start(name.rpartition(":")[2], attributes)
 
     def refuse(*_: object) -> None:
         raise ValueError("it declares entities")
 
+    parser.buffer_text = True
     parser.StartElementHandler, parser.StartDoctypeDeclHandler = start, refuse
-    try:
-        parser.Parse(raw, True)
-    except expat.ExpatError as error:
-        raise ValueError(f"it is no XML: {error}") from None
+    parser.EndElementHandler = lambda name: builder.end(name.rpartition(":")[2])
+    parser.CharacterDataHandler = builder.data
+    parser.Parse(raw, True)
+    return builder.close()
 
 
-class _File(Struct, eq=False, dict=True, weakref=True):
-    """A file, with its elements found by their ids."""
+class _Collada:
+    """A COLLADA file, with its elements found by their ids."""
 
-    root: Element
-
-    def __post_init__(self) -> None:
-        for element in self.root.iter():
-            element.tag = element.tag.rpartition("}")[2]
+    def __init__(self, raw: bytes) -> None:
+        self.root = _tree(raw)
         self.ids = {element.get("id"): element for element in self.root.iter() if element.get("id")}
         self.visited = self.corners = 0
         self.surfaces: dict[int, tuple[Array, Triangles]] = {}
 
-    def parts(self) -> Iterator[Part]:
+    def meshes(self) -> Iterator[Mesh]:
+        """Yield the triangles of the file, apart for each material of each node."""
         unit = self.root.find("asset/unit")
         scale = float(unit.get("meter", "1")) if unit is not None else 1.0
         scene = self._named(self.root.find("scene/instance_visual_scene"))
@@ -208,50 +228,39 @@ class _File(Struct, eq=False, dict=True, weakref=True):
         if self.visited > MOST_NODES or depth > DEEPEST:
             raise ValueError("its nodes are too many, or nested too deeply")
 
-    def _node(self, node: Element, outer: Array, depth: int = 0) -> Iterator[Part]:
+    def _node(self, node: Element, placement: Array, depth: int = 0) -> Iterator[Mesh]:
         self._visit(depth)
-        placement = outer
         for element in node:
             if element.tag in _TRANSFORMS:
                 placement = placement @ _TRANSFORMS[element.tag](_floats(element))
         for instance in node.findall("instance_geometry"):
             yield from self._geometry(instance, placement)
-        for child in node.findall("node"):
+        shared = map(self._named, node.findall("instance_node"))
+        for child in [*node.findall("node"), *(child for child in shared if child is not None)]:
             yield from self._node(child, placement, depth + 1)
-        for instance in node.findall("instance_node"):
-            shared = self._named(instance)
-            if shared is not None:
-                yield from self._node(shared, placement, depth + 1)
 
-    def _geometry(self, instance: Element, placement: Array) -> Iterator[Part]:
+    def _geometry(self, instance: Element, placement: Array) -> Iterator[Mesh]:
         self._visit()
         geometry = self._named(instance)
         mesh = geometry.find("mesh") if geometry is not None else None
-        if mesh is None:
-            return
         bound = {str(m.get("symbol")): m.get("target", "") for m in instance.iter("instance_material")}
-        for part in mesh:
+        for part in mesh if mesh is not None else ():
             if part.tag not in ("triangles", "polylist", "polygons"):
                 continue
             self._visit()
-            symbol = part.get("material", "")
-            points, corners = self._surface(part)
+            symbol, (points, corners) = part.get("material", ""), self._surface(part)
             if np.linalg.det(placement[:3, :3]) < 0.0:  # a mirror image: what was outside stays outside
                 corners = corners[:, ::-1]
             vertices = points @ placement[:3, :3].T + placement[:3, 3]
-            yield *joined(vertices, corners), self._colour(bound.get(symbol, symbol))
+            yield _joined(vertices, corners, self._colour(bound.get(symbol, symbol)))
 
     def _surface(self, part: Element) -> tuple[Array, Triangles]:
-        """Return the vertices and triangles of a part, of which a scene may have any number of copies.
-
-        Raises:
-            ValueError: All of them have too many triangles.
-        """
+        """Return the vertices and triangles of a part, of which a scene may have any number of copies."""
         if id(part) not in self.surfaces:
             self.surfaces[id(part)] = self._positions(part), _triangles(part)
         points, corners = self.surfaces[id(part)]
         self.corners += corners.size
-        check_size(self.corners)
+        _check_size(self.corners)
         return points, corners
 
     def _positions(self, part: Element) -> Array:
@@ -288,23 +297,20 @@ def _input(part: Element, semantic: str) -> Element:
 
 def _triangles(part: Element) -> Triangles:
     """Return the indices of positions, polygons cut into fans, shape (m, 3)."""
-    inputs = part.findall("input")
-    stride = 1 + max(int(element.get("offset", "0")) for element in inputs)
+    stride = 1 + max(int(element.get("offset", "0")) for element in part.findall("input"))
     offset = int(_input(part, "VERTEX").get("offset", "0"))
     lists = [np.array((p.text or "").split(), np.int64).reshape(-1, stride)[:, offset] for p in part.findall("p")]
-    if part.tag == "triangles":
-        return np.concatenate([*lists, np.zeros(0, np.int64)]).reshape(-1, 3)
-    counts = [len(corners) for corners in lists]
-    if part.tag == "polylist":
-        counts = np.array((part.findtext("vcount") or "").split(), np.int64).tolist()
     corners = np.concatenate([*lists, np.zeros(0, np.int64)])
+    if part.tag == "triangles":
+        return corners.reshape(-1, 3)
+    polylist = part.tag == "polylist"
+    counts = list(map(int, (part.findtext("vcount") or "").split())) if polylist else list(map(len, lists))
     if min(counts, default=0) < 0 or sum(counts) > len(corners):
         raise ValueError("its polygons have fewer corners than they say")
-    check_size(3 * sum(max(n - 2, 0) for n in counts))
+    _check_size(3 * sum(max(n - 2, 0) for n in counts))
     starts = np.cumsum([0, *counts])[:-1]
-    fans = [(corners[s], corners[s + k], corners[s + k + 1]) for s, n in zip(starts, counts, strict=True)
-            for k in range(1, n - 1)]  # fmt: skip
-    return np.array(fans, np.int64).reshape(-1, 3)
+    fans = [(s, s + k, s + k + 1) for s, n in zip(starts, counts, strict=True) for k in range(1, n - 1)]
+    return corners[np.array(fans, np.int64).reshape(-1, 3)]
 
 
 def _translate(numbers: Array) -> Array:
@@ -328,3 +334,10 @@ _TRANSFORMS: dict[str, Callable[[Array], Array]] = {
     "rotate": _rotate,
     "scale": lambda numbers: np.diag([*numbers, 1.0]),
 }
+
+READERS: dict[str, Callable[[bytes], Sequence[Mesh]]] = {
+    ".stl": _read_stl,
+    ".obj": _read_obj,
+    ".dae": lambda raw: list(_Collada(raw).meshes()),
+}
+"""Ending of a mesh file -> its reader. They raise ValueError, KeyError, IndexError and the like over damaged files."""

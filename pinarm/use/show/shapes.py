@@ -1,4 +1,4 @@
-"""Visuals of the links of a model, each fixed to a body."""
+"""Visuals of a model's file: boxes, cylinders, capsules, spheres and meshes, each fixed to a body."""
 
 from __future__ import annotations
 
@@ -21,24 +21,38 @@ from pinarm.input.yaml.schema import FARTHEST
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
-    from pinarm.use.show.replay.meshes import Mesh
+    from pinarm.use.show.meshes import Mesh
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 to 1."""
 
 PALETTE: tuple[Colour, ...] = (
-    (0.36, 0.55, 0.75, 1.0), (0.91, 0.62, 0.30, 1.0), (0.42, 0.68, 0.53, 1.0), (0.76, 0.50, 0.66, 1.0),
-    (0.85, 0.76, 0.40, 1.0), (0.52, 0.74, 0.84, 1.0),
-)  # fmt: skip
+    (0.36, 0.55, 0.75, 1.0),
+    (0.91, 0.62, 0.30, 1.0),
+    (0.42, 0.68, 0.53, 1.0),
+    (0.76, 0.50, 0.66, 1.0),
+    (0.85, 0.76, 0.40, 1.0),
+    (0.52, 0.74, 0.84, 1.0),
+)
 """Colours of bodies for which none is given, in turn; Okabe and Ito's hues, softened."""
 
 PLAIN: Colour = (0.74, 0.76, 0.79, 1.0)
 """Colour of meshes for which none is given."""
 
-PACKAGE = "example-robot-data"
-
 GROUND: Colour = (0.55, 0.57, 0.60, 1.0)
 """Colour of the ground."""
+
+PACKAGE = "example-robot-data"
+
+Kind = Literal["box", "cylinder", "capsule", "sphere", "mesh"]
+
+PRIMITIVES: Mapping[str, tuple[Kind, int, tuple[str, ...]]] = {
+    "box": ("box", 3, ("size",)),
+    "cylinder": ("cylinder", 2, ("radius", "length")),
+    "capsule": ("capsule", 2, ("radius", "length")),
+    "sphere": ("sphere", 1, ("radius",)),
+}
+"""Solids of URDF: kind, number of measures, and the attributes that give them."""
 
 
 class Shape(ValueRecord, frozen=True):
@@ -56,7 +70,7 @@ class Shape(ValueRecord, frozen=True):
 
     node: int
     placement: pin.SE3
-    kind: Literal["box", "cylinder", "capsule", "sphere", "mesh"]
+    kind: Kind
     size: tuple[float, ...]
     colour: Colour
     mesh: Mesh | None = None
@@ -66,13 +80,10 @@ class Shape(ValueRecord, frozen=True):
         if self.mesh is not None:
             low, high = np.sort([self.mesh.low * self.size, self.mesh.high * self.size], axis=0)
         else:
-            radius, length = self.size[0], self.size[-1]
-            half = {
-                "box": np.array(self.size) / 2 if self.kind == "box" else np.zeros(3),
-                "cylinder": np.array([radius, radius, length / 2]),
-                "capsule": np.array([radius, radius, length / 2 + radius]),
-            }.get(self.kind, np.full(3, radius))
-            low, high = -half, half
+            high = np.full(3, self.size[0]) if self.kind != "box" else np.array(self.size) / 2.0
+            if self.kind in ("cylinder", "capsule"):
+                high[2] = self.size[1] / 2.0 + (self.size[0] if self.kind == "capsule" else 0.0)
+            low = -high
         corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
         return np.asarray(corners @ self.placement.rotation.T + self.placement.translation)
 
@@ -93,7 +104,7 @@ class Visuals(ValueRecord, frozen=True):
 
     shapes: tuple[Shape, ...]
     bare: frozenset[int]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def visuals(mechanism: Mechanism) -> Visuals:
@@ -108,8 +119,8 @@ def visuals(mechanism: Mechanism) -> Visuals:
         try:
             shapes += _visual(visual, frame, palette, mechanism.source.robot, meshes)
         except (PinarmError, ValueError) as error:
-            said = error.message if isinstance(error, PinarmError) else str(error)
-            notes.append(f"link {frame.name} is not drawn as its file says: {said}")
+            reason = error.message if isinstance(error, PinarmError) else str(error)
+            notes.append(f"link {frame.name} is not drawn as its file says: {reason}")
             missing.add(int(frame.parentJoint))
     bare = set(range(model.njoints)) - {shape.node for shape in shapes} | missing
     return Visuals(tuple(shapes), frozenset(bare), tuple(dict.fromkeys(notes)))
@@ -137,12 +148,10 @@ def _materials(robot: ElementTree.Element, notes: list[str]) -> Iterator[tuple[s
     for material in robot.findall("material"):
         name = str(material.get("name"))
         try:
-            colour = _colour(material)
+            if colour := _colour(material):
+                yield name, colour
         except InputError as error:
             notes.append(f"material {name} is not drawn as its file says: {error.message}")
-            continue
-        if colour:
-            yield name, colour
 
 
 def _colour(material: ElementTree.Element | None) -> Colour | None:
@@ -154,9 +163,12 @@ def _colour(material: ElementTree.Element | None) -> Colour | None:
 
 
 def _visual(
-    visual: ElementTree.Element, frame: pin.Frame, palette: Mapping[str, Colour], robot: Path,
+    visual: ElementTree.Element,
+    frame: pin.Frame,
+    palette: Mapping[str, Colour],
+    robot: Path,
     meshes: dict[Path, list[Mesh]],
-) -> Iterator[Shape]:  # fmt: skip
+) -> Iterator[Shape]:
     """Yield the solids of one visual.
 
     Raises:
@@ -168,34 +180,32 @@ def _visual(
         raise ModelError("a visual has no geometry")
     element, node, placement = geometry[0], int(frame.parentJoint), frame.placement * _origin(visual.find("origin"))
     material = visual.find("material")
-    named = palette.get(material.get("name", "")) if material is not None else None
-    painted = _colour(material) or named
-    colour = painted or colour_of(node)
+    painted = _colour(material) or (palette.get(material.get("name", "")) if material is not None else None)
     if element.tag == "mesh":
         scale = tuple(float(x) for x in _numbers(element.get("scale", "1 1 1"), 3))
-        file = _mesh_file(element.get("filename", ""), robot)
-        if file not in meshes:
-            from pinarm.use.show.replay.mesh_files import read_mesh
-
-            meshes[file] = read_mesh(file)
-        for mesh in meshes[file]:
+        for mesh in _meshes(element.get("filename", ""), robot, meshes):
             yield Shape(node, placement, "mesh", scale, painted or mesh.colour or PLAIN, mesh)
-    elif element.tag == "box":
-        yield Shape(node, placement, "box", tuple(_positive(_numbers(element.get("size", ""), 3))), colour)
-    elif element.tag in ("cylinder", "capsule"):
-        size = _positive(np.concatenate([_numbers(element.get(key, ""), 1) for key in ("radius", "length")]))
-        yield Shape(node, placement, "cylinder" if element.tag == "cylinder" else "capsule", tuple(size), colour)
-    elif element.tag == "sphere":
-        yield Shape(node, placement, "sphere", tuple(_positive(_numbers(element.get("radius", ""), 1))), colour)
+    elif element.tag in PRIMITIVES:
+        kind, count, keys = PRIMITIVES[element.tag]
+        size = _numbers(" ".join(element.get(key, "") for key in keys), count)
+        if not (size >= 0.0).all():
+            measures = " x ".join(f"{x:g}" for x in size)
+            raise InputError(f"a visual measures {measures}", expected="lengths that are not negative")
+        yield Shape(node, placement, kind, tuple(size.tolist()), painted or colour_of(node))
     else:
         raise ModelError(f"<{element.tag}> is no shape", expected="box, cylinder, capsule, sphere or mesh")
 
 
-def _mesh_file(name: str, robot: Path) -> Path:
-    """Return the file of a mesh, which must lie under the model's root or in example-robot-data."""
+def _meshes(name: str, robot: Path, known: dict[Path, list[Mesh]]) -> list[Mesh]:
+    """Return the meshes of a file, which must lie under the model's root or in example-robot-data."""
+    from pinarm.use.show.meshes import read_mesh
+
     name = re.sub("^package:/+", "package://", name)
     packages = {PACKAGE: example_robot_data()} if name.startswith(f"package://{PACKAGE}/") else {}
-    return contained_file(name if "://" in name else robot.parent.absolute() / name, root_of(robot), packages)
+    file = contained_file(name if "://" in name else robot.parent.absolute() / name, root_of(robot), packages)
+    if file not in known:
+        known[file] = read_mesh(file)
+    return known[file]
 
 
 def _origin(element: ElementTree.Element | None) -> pin.SE3:
@@ -208,14 +218,6 @@ def _origin(element: ElementTree.Element | None) -> pin.SE3:
 def _numbers(text: str, count: int) -> Array:
     numbers = np.array([decimal(part) if is_decimal(part) else np.nan for part in text.split()])
     if numbers.shape != (count,) or not (np.abs(numbers) <= FARTHEST).all():
-        raise InputError(f"'{text}' is not what a visual needs here",
-                         expected=f"{count} finite numbers, sizes of at most {FARTHEST:g}")  # fmt: skip
+        expected = f"{count} finite numbers, sizes of at most {FARTHEST:g}"
+        raise InputError(f"'{text}' is not what a visual needs here", expected=expected)
     return numbers
-
-
-def _positive(size: Array) -> list[float]:
-    if not (np.isfinite(size).all() and (size >= 0.0).all()):
-        raise InputError(
-            f"a visual measures {' x '.join(f'{x:g}' for x in size)}", expected="lengths that are not negative"
-        )
-    return [float(x) for x in size]

@@ -9,8 +9,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.records import ValueRecord
-from pinarm.use.show.replay.shapes import Shape
-from pinarm.use.show.replay.tracks import Node
+from pinarm.use.show.bodies import Node
+from pinarm.use.show.shapes import Shape
 
 PARALLEL = 1e-6
 """Sine of the angle up to which two axes are parallel."""
@@ -27,48 +27,31 @@ ABOVE = 0.99
 FLAT = 0.7
 """Depth of a planar mechanism, relative to its extent in the plane, up to which it is seen along its axes."""
 
-
 FIELD, ROOM = 28.0, 1.18
 """Angle of the camera from the lowest to the highest point [deg], and the room that is left around the motion."""
 
 
-class ParallelView(ValueRecord, frozen=True):
-    """Parallel projection along an axis: lengths are true.
+class View(ValueRecord, frozen=True):
+    """Projection of a drawing: parallel, with true lengths, or central, with true lengths at the centre's distance.
 
     Attributes:
         axes: Right and up in the picture, in world axes, shape (2, 3).
-    """
-
-    axes: Array
-
-    def flat(self, points: Array) -> Array:
-        """Return places in the picture [m], shape (2, n), of points in the world, shape (n, 3)."""
-        return np.asarray(self.axes @ points.T)
-
-
-class Camera(ValueRecord, frozen=True):
-    """Central projection, as in the replay; lengths are true at the distance of the centre.
-
-    Attributes:
-        axes: Right and up in the picture, in world axes, shape (2, 3).
-        eye: Place of the camera [m], shape (3,).
+        eye: Place of the camera of a central projection [m], shape (3,).
         centre: Point that it looks at [m], shape (3,).
     """
 
     axes: Array
-    eye: Array
-    centre: Array
+    eye: Array | None = None
+    centre: Array | None = None
 
     def flat(self, points: Array) -> Array:
         """Return places in the picture [m], shape (2, n), of points in the world, shape (n, 3)."""
+        if self.eye is None or self.centre is None:
+            return np.asarray(self.axes @ points.T)
         back = self.eye - self.centre
         distance = np.linalg.norm(back)
         depth = (self.eye - points) @ back / distance
         return np.asarray(self.axes @ (points - self.centre).T * (distance / depth))
-
-
-View = ParallelView | Camera
-"""Projection of points of the world into a picture."""
 
 
 class Framing(ValueRecord, frozen=True):
@@ -96,17 +79,17 @@ class Framing(ValueRecord, frozen=True):
 
     def view(self) -> View:
         """Return the projection of a drawing: along the axes of a planar mechanism, else by the replay's camera."""
+        towards = self.eye if self.normal is None else self.normal
+        up = _upwards(towards, self.up)
+        axes = np.array([np.cross(up, towards), up])
         if self.normal is not None:
-            up = upwards(self.normal, self.up)
-            return ParallelView(np.array([np.cross(up, self.normal), up]))
-        up = upwards(self.eye, self.up)
-        axes = np.array([np.cross(up, self.eye), up])
+            return View(axes)
         along = self.outline @ axes.T
         middle = (self.low + self.high) / 2.0
         centre = middle + axes.T @ ((along.min(axis=0) + along.max(axis=0)) / 2.0 - axes @ middle)
         offset = self.outline - centre
         needed = np.abs(offset @ axes.T).max(axis=1) / np.tan(np.deg2rad(FIELD) / 2.0) + offset @ self.eye
-        return Camera(axes, centre + ROOM * (float(needed.max()) or 1.0) * self.eye, centre)
+        return View(axes, centre + ROOM * (float(needed.max()) or 1.0) * self.eye, centre)
 
 
 def framing(
@@ -121,30 +104,21 @@ def framing(
         places: Placements of the bodies at rows of the motion, shape (rows, njoints, 4, 4).
         paths: Further points to be seen: positions in the world, each of shape (rows, 3).
     """
-    still, moving = _still(shapes), _moving(nodes, shapes, places, paths)
+    still = np.concatenate([np.zeros((0, 3)), *(shape.extent() for shape in shapes if shape.node == 0)])
+    moving = _moving(nodes, shapes, places, paths)
     everything = np.concatenate([still, moving])
     low, high = everything.min(axis=0), everything.max(axis=0)
-    gravity = np.asarray(model.gravity.linear)
-    up = np.array([0.0, 0.0, 1.0])
+    gravity, up = np.asarray(model.gravity.linear), np.array([0.0, 0.0, 1.0])
     if gravity.any():
         direction = gravity / np.abs(gravity).max()  # whose squares do not vanish
         up = -direction / np.linalg.norm(direction)
-    axis = _common_axis(nodes, places[0])
-    if axis is None:
-        axis = _plane_of_slides(nodes, places, paths)
-    if axis is not None:
-        across = np.linalg.norm((high - low) * np.sqrt(np.maximum(1.0 - axis**2, 0.0)))
-        if abs(axis) @ (high - low) > FLAT * across:
-            axis = None
+    normal = _normal(nodes, places, paths)
+    if normal is not None:
+        across = np.linalg.norm((high - low) * np.sqrt(np.maximum(1.0 - normal**2, 0.0)))
+        normal = None if abs(normal) @ (high - low) > FLAT * across else _facing(normal, up)
     behind = still.mean(axis=0) - (moving.min(axis=0) + moving.max(axis=0)) / 2.0 if len(still) else np.zeros(3)
-    normal = None if axis is None else _facing(axis, up)
     eye = _slanted(up, behind, SLACK * float((high - low).max())) if normal is None else _tilted(normal, up)
     return Framing(up, eye / np.linalg.norm(eye), normal, low, high, _outline(everything))
-
-
-def _still(shapes: Sequence[Shape]) -> Array:
-    """Return the corners of the solids on the ground, shape (k, 3)."""
-    return np.concatenate([np.zeros((0, 3)), *(shape.extent() for shape in shapes if shape.node == 0)])
 
 
 def _moving(nodes: Sequence[Node], shapes: Sequence[Shape], places: Array, paths: Sequence[Array]) -> Array:
@@ -168,27 +142,27 @@ def _outline(points: Array) -> Array:
     return np.asarray(points[sorted({int((points @ direction).argmax()) for direction in directions})])
 
 
-def _common_axis(nodes: Sequence[Node], place: Array) -> Array | None:
-    """Return the axis of a planar mechanism: that of all revolute joints, at right angles to all slides."""
-    turning = [place[i, :3, :3] @ node.axis for i, node in enumerate(nodes) if node.kind == "turn"]
-    sliding = [place[i, :3, :3] @ node.axis for i, node in enumerate(nodes) if node.kind == "slide"]
-    if not turning or any(node.kind == "pose" for node in nodes):
-        return None
-    axis = turning[0]
-    parallel = all(np.linalg.norm(np.cross(axis, other)) < PARALLEL for other in turning)
-    return axis if parallel and all(abs(axis @ other) < PARALLEL for other in sliding) else None
+def _normal(nodes: Sequence[Node], places: Array, paths: Sequence[Array]) -> Array | None:
+    """Return the normal of the plane in which all bodies move; ``None`` where there is none.
 
-
-def _plane_of_slides(nodes: Sequence[Node], places: Array, paths: Sequence[Array]) -> Array | None:
-    """Return the normal of the plane in which bodies that only slide move, with what joins them; else ``None``."""
+    It is the axis of all revolute joints, at right angles to all slides; where bodies only slide, the normal of the
+    plane of their ways and of the points that join them.
+    """
     moved = [k for k, node in enumerate(nodes) if node.kind != "fixed"]
-    if not moved or any(nodes[k].kind != "slide" for k in moved):
+    if not moved or any(nodes[k].kind == "pose" for k in moved):
         return None
+    turning, sliding = (
+        np.array([places[0, k, :3, :3] @ nodes[k].axis for k in moved if nodes[k].kind == kind]).reshape(-1, 3)
+        for kind in ("turn", "slide")
+    )
+    if len(turning):
+        axis: Array = turning[0]
+        skew = np.linalg.norm(np.cross(axis, turning), axis=1).max()
+        return axis if max(skew, np.abs(sliding @ axis).max(initial=0.0)) < PARALLEL else None
     points = np.concatenate([places[:, moved, :3, 3].reshape(-1, 3), *paths])
-    directions = np.array([places[0, k, :3, :3] @ nodes[k].axis for k in moved])
     offsets = points - points.mean(axis=0)
     size = float(np.abs(offsets).max()) or 1.0
-    _, sizes, axes = np.linalg.svd(np.concatenate([offsets / size, directions, np.zeros((3, 3))]), full_matrices=False)
+    _, sizes, axes = np.linalg.svd(np.concatenate([offsets / size, sliding, np.zeros((3, 3))]), full_matrices=False)
     return np.asarray(axes[2]) if sizes[2] < PARALLEL < sizes[1] else None
 
 
@@ -203,11 +177,11 @@ def _facing(axis: Array, up: Array) -> Array:
 def _tilted(normal: Array, up: Array) -> Array:
     """Return a direction to the eye from which depth is seen."""
     if abs(normal @ up) > ABOVE:
-        return np.asarray(up - 0.4 * upwards(normal, up))
+        return np.asarray(up - 0.4 * _upwards(normal, up))
     return np.asarray(normal + 0.22 * np.cross(up, normal) + 0.2 * up)
 
 
-def upwards(eye: Array, up: Array) -> Array:
+def _upwards(eye: Array, up: Array) -> Array:
     """Return the upward direction of the picture, shape (3,); seen from above, x points to the right."""
     if abs(eye @ up) > ABOVE:
         return np.asarray(np.eye(3)[1] if abs(up[1]) < 0.5 else -np.eye(3)[2])

@@ -1,0 +1,118 @@
+"""Pictures by matplotlib: right lines and texts, without a display and without noise."""
+
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from pinarm.use.show.picture import Note, Picture, draw, drawing, fit, label, legend, limits, panels, write
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def curves(*lines: tuple[np.ndarray, np.ndarray], text: str = "", **look: Any) -> Picture:
+    """A picture of lines of colour #123456, and of one text at six places."""
+    with drawing(7.0, 3.0, text) as picture:
+        [axis] = panels(picture, [text], text)
+        axis.set_ylabel(label(text))
+        legend(axis, [draw(axis, x, y, text, color="#123456", **look) for x, y in lines])
+        write(axis, Note(text, np.zeros(2), "#000000"))
+        fit(axis)
+    return picture
+
+
+def elements(picture: Picture) -> tuple[list[str], list[np.ndarray]]:
+    """Texts of the SVG of a picture, and the corners of its lines of colour #123456 [points]."""
+    root = ElementTree.fromstring(picture.svg())
+    assert not list(root.iter(f"{SVG}script"))
+    drawn = [path.get("d", "") for path in root.iter(f"{SVG}path") if "stroke: #123456" in path.get("style", "")]
+    corners = [np.array(re.findall(r"[ML] (\S+) (\S+)", d), float) for d in drawn]
+    return ["".join(text.itertext()) for text in root.iter(f"{SVG}text")], corners
+
+
+@pytest.mark.parametrize("values", [np.ones(3) + 1e-15 * np.arange(3), np.full(3, 1e-30), np.zeros(0), -np.ones(1)])
+def test_rounding_is_not_blown_up(values: np.ndarray) -> None:
+    low, high = limits(values)
+    assert high - low >= 0.19
+
+
+@pytest.mark.parametrize("size", [1e-12, 1.0])
+def test_a_curve_of_any_size_has_an_axis_of_its_own(size: float) -> None:
+    """A force of 10 to 20 pN is no constant: sizes depend on the unit."""
+    assert limits(np.array([size, 2.0 * size]), 0.5) == pytest.approx((0.5 * size, 2.5 * size), rel=1e-12)
+
+
+@pytest.mark.parametrize(("text", "drawn"), [
+    (r"$\frac{1$", "frac{1"), (r"$\alpha{$ \$ [N]", r"α{ \$ [N]"), ("$x_1_2$", "x₁₂"),
+    (r"$\dot\psi_{2}$", r"$\dot\psi_{2}$"), ("力 é", "\N{REPLACEMENT CHARACTER} é"),
+])  # fmt: skip
+def test_what_matplotlib_cannot_write_is_replaced(text: str, drawn: str) -> None:
+    """A formula that is none by its characters, a character that the font has not by one mark, without a warning."""
+    assert label(text) == drawn
+    curves((np.arange(2.0), np.arange(2.0)), text=text).savefig(io.BytesIO(), format="png", dpi=40)
+
+
+@pytest.mark.parametrize("text", ["</svg><script>alert(1)</script>", '"onload="x', "\x00\x1b[31m"])
+def test_texts_stay_texts(text: str) -> None:
+    """Of a heading, a legend, three axes and a name in the drawing."""
+    texts, _ = elements(curves((np.arange(2.0), np.arange(2.0)), text=text))
+    assert texts.count("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)) == 6
+
+
+def test_a_long_curve_keeps_its_extremes() -> None:
+    """A spike of one row among 100,000 is drawn, and the file stays small."""
+    x = np.linspace(0.0, 1.0, 100_000)
+    y = np.sin(40.0 * x)
+    y[54_321], y[70_000] = 3.0, -4.0
+    _, [drawn] = elements(curves((x, y)))
+    _, [spikes] = elements(curves((x[[54_321, 70_000]], y[[54_321, 70_000]])))
+    assert len(drawn) < 10_000
+    assert (drawn[:, 1].min(), drawn[:, 1].max()) == pytest.approx((spikes[:, 1].min(), spikes[:, 1].max()), abs=0.1)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("y", [1.7e308 * np.linspace(-1.0, 1.0, 9), np.linspace(-0.99e300, 0.99e300, 9)])
+def test_what_is_near_the_largest_number_leaves_a_gap(y: np.ndarray) -> None:
+    """Numbers up to 1e300 are drawn, in both directions."""
+    x = np.linspace(0.0, 1.0, 9)
+    for line in ((x, y), (y, x)):
+        root = ElementTree.fromstring(curves(line, marker="x").svg())
+        marks = [use for use in root.iter(f"{SVG}use") if "stroke: #123456" in use.get("style", "")]
+        assert len(marks) == int((np.abs(y) < 1e300).sum())
+        assert np.isfinite([float(use.get(axis, "")) for use in marks for axis in "xy"]).all()
+
+
+DRAWN = """
+import hashlib
+import numpy as np
+from pinarm.use.show.picture import Note, draw, drawing, legend, panels, write
+x = np.linspace(0.0, 1.0, 50)
+with drawing(5.0, 3.0, "heading") as made:
+    [axis] = panels(made, ["\\\\$ 5 <"], "x")
+    legend(axis, [draw(axis, x, x**k, f"$x_{k}$", marker="o") for k in (1, 2)])
+    write(axis, Note("P", np.array([0.5, 0.5]), "#000000"))
+for form in ("svg", "png", "pdf"):
+    print(hashlib.sha256(made.encoded(form)).hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_bytes_do_not_depend_on_hash_seeds_and_settings_of_the_user(tmp_path: Path) -> None:
+    """A backend that does not exist and another style, as users may have for programs of their own."""
+    (tmp_path / "matplotlibrc").write_text("font.size: 20\naxes.facecolor: red\ntext.usetex: True\n")
+    settings = [
+        {"PYTHONHASHSEED": "1"},
+        {"PYTHONHASHSEED": "2", "MPLBACKEND": "nonsense", "MATPLOTLIBRC": str(tmp_path / "matplotlibrc")},
+    ]
+    runs = [subprocess.run([sys.executable, "-c", DRAWN], env={**os.environ, **setting}, capture_output=True, text=True,
+                           check=False) for setting in settings]  # fmt: skip
+    assert [run.stderr for run in runs] == ["", ""]
+    assert runs[0].stdout == runs[1].stdout
+    assert len(runs[0].stdout.split()) == 3
