@@ -36,6 +36,9 @@ from pinarm.records import Record, replace
 DEPENDENT = 1e-9
 """Least pivot of scaled rows, relative to the largest, above which a row is independent."""
 
+ROUNDING = 1e-13
+"""Size of a row, relative to the largest, up to which it is rounding of 0, as across a plane that has been turned."""
+
 SINGULAR = 1e-6
 """Least pivot at which a position counts as regular: between this one and ``DEPENDENT`` it is refused."""
 
@@ -283,7 +286,8 @@ def independent_joints(rows: Array) -> tuple[Indices, Array]:
 
     nv = rows.shape[1]
     sizes = np.linalg.norm(rows, axis=1, keepdims=True)
-    upper, order = qr(rows / np.where(sizes > 0.0, sizes, 1.0), mode="r", pivoting=True)
+    acting = sizes > ROUNDING * sizes.max(initial=0.0)
+    upper, order = qr(np.where(acting, rows / np.where(acting, sizes, 1.0), 0.0), mode="r", pivoting=True)
     pivots = np.abs(np.diag(upper))
     rank = int((pivots > DEPENDENT * pivots[:1]).sum()) if len(pivots) else 0
     if rank and pivots[rank - 1] < SINGULAR * pivots[0]:
