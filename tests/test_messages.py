@@ -189,7 +189,7 @@ SCENARIOS = [
     # files
     (SCENARIO, "slider.yaml", "slidr.yaml", ["s.yaml:3:12: ", "slidr.yaml' does not exist", "slider.yaml"]),
     (SCENARIO, "slider.yaml", "../x.yaml",
-     ["s.yaml:3:12: the path ", "leads out of the root", "a path under", ".pinarm-root"]),
+     ["s.yaml:3:12: the path ", "leads out of the root", "a path under", "--root DIR"]),
     (SCENARIO, "slider.yaml", "/etc/x.yaml", ["s.yaml:3:12: the path '/etc/x.yaml' leads out of the root folder"]),
     (SCENARIO, "slider.yaml", "pandas", ["s.yaml:3:12: there is no robot 'pandas'", "try: panda"]),
     # what does not fit together

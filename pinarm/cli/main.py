@@ -106,6 +106,19 @@ def _report_fault(error: Exception) -> None:
          "  try: please report it, with the lines above and the input files")  # fmt: skip
 
 
+def _packages(texts: Sequence[str]) -> dict[str, str]:
+    """Return the folders of packages that options such as ``ur_description=../ur`` name.
+
+    Raises:
+        InputError: One has no name or no folder.
+    """
+    pairs = [text.partition("=")[::2] for text in texts]
+    for name, folder in pairs:
+        if not name or not folder:
+            raise InputError(f"--package {name}: the folder of a package is missing", expected="--package NAME=DIR")
+    return dict(pairs)
+
+
 def _ended(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; what went wrong has been told."""
     options = argparse.Namespace(traceback=False)
@@ -115,7 +128,7 @@ def _ended(arguments: Sequence[str]) -> int:
         except SystemExit:  # help has been printed, or what is wrong with the arguments
             flush_output()
             raise
-        with file_root(options.root):
+        with file_root(options.root, _packages(options.packages)):
             code = int(options.command(options))
         flush_output()
     except BrokenPipeError:  # the reader of our output has seen enough

@@ -44,7 +44,9 @@ def add(command: str, parser: ArgumentParser) -> None:
     parser.epilog = "\n".join(["examples:", *(f"  python -m pinarm {text}" for text in EXAMPLES_OF[command])])
     parser.add_argument("--traceback", action="store_true", help="show where in the program an error arose")
     parser.add_argument("--root", metavar="DIR", help="folder that files may refer to (default: the nearest one above "
-                        "with a pyproject.toml or .pinarm-root)")  # fmt: skip
+                        "with a pyproject.toml or .pinarm-root, else the working folder)")  # fmt: skip
+    parser.add_argument("--package", metavar="NAME=DIR", action="append", default=[], dest="packages",
+                        help="folder of a package of ROS that models refer to")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON for machines")
 
 

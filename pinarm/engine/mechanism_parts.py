@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from pinarm.errors import InputError, Key, Place
 from pinarm.input.formulas.expressions import Expression
+from pinarm.input.numbers import argument_word
 from pinarm.input.units import Unit, unit
 from pinarm.input.xacro.expansion import UnknownArgument
 from pinarm.input.yaml.schema import Measured, check_unit, quantity
@@ -170,13 +171,13 @@ def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:
 
 def arguments_of(
     description: MechanismDescription, arguments: Mapping[str, float | str], here: Place, caller: Place
-) -> tuple[dict[str, Unit], dict[str, float]]:
-    """Return the units of the model's arguments and the given values in SI.
+) -> tuple[dict[str, Unit], dict[str, float | str]]:
+    """Return the units of the model's arguments and the given values, numbers in SI.
 
     Raises:
         InputError: The model would have to be given numbers in another unit than that of SI, or a value cannot be read.
     """
-    units, given = {}, {}
+    units, given = dict[str, Unit](), dict[str, float | str]()
     for name, text in description.arguments.items():
         with here("arguments", name):
             units[name] = _unit_of_model(unit(text))
@@ -206,8 +207,10 @@ def naming_arguments(place: Place) -> Iterator[None]:
             raise
 
 
-def _argument(name: str, value: float | str, expected: Unit | None) -> float:
-    """Return an argument in SI, its dimension checked where the mechanism file gives its unit."""
+def _argument(name: str, value: float | str, expected: Unit | None) -> float | str:
+    """Return an argument: a word, or a number in SI, its dimension checked where the mechanism file gives its unit."""
+    if expected is None and (word := argument_word(value)) is not None:
+        return word
     unitless = expected is None or str(expected) == "1" or not isinstance(value, str | Measured)
     kind = quantity(str(expected)) if expected else Measured
     try:

@@ -9,7 +9,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.mechanism import Mechanism
 from pinarm.input.numbers import decimal
-from pinarm.input.roots import root_of
+from pinarm.input.roots import file_root, root_of
 from pinarm.input.xacro.expansion import expand_columns
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
@@ -19,7 +19,7 @@ from pinarm.records import replace
 
 
 def mechanism_variants(
-    mechanism: Mechanism, given: Mapping[str, float], columns: Mapping[str, Sequence[float] | Array]
+    mechanism: Mechanism, given: Mapping[str, float | str], columns: Mapping[str, Sequence[float] | Array]
 ) -> tuple[Mechanism, Flags]:
     """Return a mechanism whose model and arguments are those of k variants, and which of them are such, shape (k,).
 
@@ -38,7 +38,8 @@ def mechanism_variants(
     source = mechanism.source
     if source.model is not None or source.base is not None or mechanism.description.planar is not None:
         raise VariantsDiffer("a model that is not read from a file as it is")
-    expanded = expand_columns(source.robot, given, columns, root=root_of(source.folder / "mechanism.yaml"))
+    with file_root(None, source.packages):
+        expanded = expand_columns(source.robot, given, columns, root=root_of(source.folder / "mechanism.yaml"))
     if expanded is None or not expanded.columns:
         raise VariantsDiffer("a model whose expansion is not recorded, or in which no number varies")
     variants, possible = model_variants(mechanism.model, mechanism.xml, expanded.xml, expanded.columns)

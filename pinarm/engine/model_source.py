@@ -17,7 +17,15 @@ from pinarm.errors import Location, ModelError
 from pinarm.input.numbers import decimal
 from pinarm.input.robots import ENDINGS, is_floating
 from pinarm.input.robots import robot as robot_file
-from pinarm.input.roots import contained_file, root_of
+from pinarm.input.roots import (
+    NO_PACKAGES,
+    Packages,
+    contained_file,
+    contained_path,
+    file_root,
+    packages_around,
+    root_of,
+)
 from pinarm.input.xacro.expansion import check_declared, expand
 from pinarm.input.xml_names import UnknownName
 from pinarm.input.xml_text import MAX_BYTES, location, read, resolve_includes
@@ -42,6 +50,7 @@ class Source(ValueRecord, frozen=True):
         base: Whether the model's root was held or floats; ``None`` where the model says it.
         defects: What was done about inertias that no body can have.
         model: Pinocchio's model that it was made of; ``None`` where it was read from a file.
+        packages: Packages whose files the model may refer to, beside those of ``file_root``.
     """
 
     data: Mapping[str, Any]
@@ -50,11 +59,12 @@ class Source(ValueRecord, frozen=True):
     base: Base | None
     defects: Defects
     model: pin.Model | None = None
+    packages: Packages = NO_PACKAGES
 
 
 def robot_of_model(
     model: pin.Model, description: MechanismDescription, data: Mapping[str, Any], folder: Path,
-    arguments: Mapping[str, float],
+    arguments: Mapping[str, float | str],
 ) -> tuple[RobotModel, Mapping[str, str], Source]:  # fmt: skip
     """Return the model of a mechanism that is made of a ``pin.Model``, by way of its URDF text; see ``read_robot``.
 
@@ -71,7 +81,7 @@ def robot_of_model(
 
 
 def read_robot(
-    description: MechanismDescription, data: Mapping[str, Any], folder: Path, arguments: Mapping[str, float]
+    description: MechanismDescription, data: Mapping[str, Any], folder: Path, arguments: Mapping[str, float | str]
 ) -> tuple[RobotModel, Mapping[str, str], Source]:
     """Return the model of a mechanism, the texts of all its arguments, and where it was read from.
 
@@ -92,18 +102,28 @@ def read_robot(
     defects: Defects
     if description.robot.endswith(ENDINGS):
         root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
-        path = contained_file((folder / description.robot).absolute(), root, {})
+        path = contained_file((folder / description.robot).absolute(), root)
+        named = {name: contained_path((folder / place).absolute(), root)
+                 for name, place in description.packages.items()}  # fmt: skip
+        packages: Packages = {**packages_around(path, root), **named}
     else:
         path, defects = robot_file(description.robot), description.defects or "noted"
         root, base = path.parent, description.base or ("floating" if is_floating(path) else None)
-    expansion = expand(path, arguments, root=root)
+        packages = NO_PACKAGES
+    with file_root(None, packages):
+        expansion = expand(path, arguments, root=root)
+    build = partial(build_model, base=base, defects=defects, creep=description.creep, name=description.model)
     xml = resolve_includes(expansion.xml, path, root)
     try:
-        robot = _built(xml, path, root, partial(build_model, base=base, defects=defects, creep=description.creep))
+        robot = _built(xml, path, root, build)
     except ModelError as error:
         raise error.at(_place(error, path)) from None
     notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
-    return replace(robot, notes=notes), expansion.arguments, Source(data, folder, path, base, defects)
+    return (
+        replace(robot, notes=notes),
+        expansion.arguments,
+        Source(data, folder, path, base, defects, packages=packages),
+    )
 
 
 def _built(xml: str, path: Path, root: Path, build: Callable[[str], RobotModel]) -> RobotModel:
@@ -138,7 +158,8 @@ def _drawn(
 
 
 RobotReader = Callable[
-    [MechanismDescription, Mapping[str, Any], Path, Mapping[str, float]], tuple[RobotModel, Mapping[str, str], Source]
+    [MechanismDescription, Mapping[str, Any], Path, Mapping[str, float | str]],
+    tuple[RobotModel, Mapping[str, str], Source],
 ]
 """What reads the model of a mechanism; see ``read_robot``."""
 

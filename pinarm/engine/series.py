@@ -25,7 +25,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pinarm.arrays import Array, Flags
 from pinarm.errors import UnitError
-from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, same
+from pinarm.input.formulas.expressions import Measure, Rule, power, pure, root, same
 from pinarm.input.units import ANGLES, DIMENSIONLESS, Unit, unit
 from pinarm.records import AbstractRecord, replace
 

@@ -51,3 +51,10 @@ def leading_number(text: str) -> tuple[str, str] | None:
     text = text.strip()
     match = _LEADING.match(text)
     return (match[0], text[match.end() :].lstrip()) if match else None
+
+
+def argument_word(value: object) -> str | None:
+    """Return the word that a value of a model's argument is: ``right_``, ``true``; ``None`` for a number."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) and leading_number(value) is None else None

@@ -1,12 +1,14 @@
-"""Which files a file may refer to: those under its root, and those of packages.
+"""Which files a file may refer to: those under its root, and those of packages that the user names.
 
-A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``, or the one that ``file_root``
-gives. Symbolic links are followed before a path is compared with it, and nothing is opened here.
+A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``; without one the working folder for
+a file under it, else the file's own folder. ``file_root`` gives another. Symbolic links are followed before a path is
+compared with it, and nothing is opened here.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -18,12 +20,20 @@ from types import MappingProxyType
 from pinarm.errors import InputError, ModelError, choices
 
 MARKERS = ("pyproject.toml", ".pinarm-root")
-NO_PACKAGES: Mapping[str, Path] = MappingProxyType({})
+
+Packages = Mapping[str, Path]
+"""Name of a package of ROS -> its folder."""
+
+NO_PACKAGES: Packages = MappingProxyType({})
 
 Stamp = tuple[int, int, int, int]
 """Times of the last changes of a file's content and of its entry [ns], its size [bytes], and its number."""
 
+Access = tuple[str | None, dict[str, str]]
+"""The folder and the packages that ``file_root`` says, as text."""
+
 _given: ContextVar[Path | None] = ContextVar("given", default=None)
+_packages: ContextVar[Packages] = ContextVar("packages", default=NO_PACKAGES)
 _noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
 
 
@@ -33,27 +43,34 @@ def stamp_of(state: os.stat_result) -> Stamp:
 
 
 @contextmanager
-def file_root(folder: str | Path | None) -> Iterator[None]:
+def file_root(folder: str | Path | None, packages: Mapping[str, str | Path] = NO_PACKAGES) -> Iterator[None]:
     """Let the files that are read in the block refer to those under a folder, and to no others.
 
     Args:
         folder: The folder; each file's own root where it is ``None``.
+        packages: Name of a package of ROS -> its folder, whose files may be referred to as well: by
+            ``package://NAME/...``, and in xacro by ``$(find NAME)``. They are added to those of blocks around this one.
 
     Raises:
         InputError: There is no such folder.
     """
-    if folder is not None and not Path(folder).is_dir():
-        raise InputError(f"there is no folder {_short(folder)}", hint=similar_file(Path(folder)))
+    for named in ([] if folder is None else [folder], packages.values()):
+        for path in map(Path, named):
+            if not path.is_dir():
+                raise InputError(f"there is no folder {_short(path)}", hint=similar_file(path))
     token = _given.set(Path(folder).resolve() if folder is not None else _given.get())
+    known = _packages.set({**_packages.get(), **{name: Path(path).resolve() for name, path in packages.items()}})
     try:
         yield
     finally:
         _given.reset(token)
+        _packages.reset(known)
 
 
-def given_root() -> Path | None:
-    """Return the folder that ``file_root`` says, to hand it on to another process."""
-    return _given.get()
+def given_access() -> Access:
+    """Return the folder and the packages that ``file_root`` says, to hand them on to another process."""
+    root = _given.get()
+    return None if root is None else str(root), {name: str(path) for name, path in _packages.get().items()}
 
 
 @contextmanager
@@ -75,7 +92,7 @@ def note_files(files: Iterable[Path]) -> None:
 
 
 def root_of(path: Path) -> Path:
-    """Return the root of a file or folder; without a marker it is the folder itself, or that of the file."""
+    """Return the root of a file or folder: of a marker, the working folder, or the folder itself."""
     if (given := _given.get()) is not None:
         return given
     resolved = os.path.realpath(path)
@@ -83,11 +100,33 @@ def root_of(path: Path) -> Path:
     while not any(os.path.isfile(os.path.join(folder, marker)) for marker in MARKERS):
         folder, below = os.path.dirname(folder), folder
         if folder == below:
-            return Path(nearest)
+            return Path(_working_folder(nearest) or nearest)
     return Path(folder)
 
 
-def contained_file(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
+def _working_folder(inner: str) -> str:
+    """Return the working folder if it holds a folder; empty for the top of the file system and the user's home."""
+    try:
+        here = os.path.realpath(os.getcwd())
+    except OSError:  # it has been removed
+        return ""
+    wide = here in (os.path.dirname(here), os.path.realpath(os.path.expanduser("~")))
+    return "" if wide or not f"{inner}{os.sep}".startswith(os.path.join(here, "")) else here
+
+
+def packages_around(path: Path, root: Path) -> Packages:
+    """Return the packages of ROS in which a file lies, up to the root: folders whose ``package.xml`` has a name."""
+    packages = dict[str, Path]()
+    for folder in path.parents:
+        if not folder.is_relative_to(root):
+            break
+        with suppress(OSError), open(folder / "package.xml", encoding="utf-8", errors="ignore") as stream:
+            if named := re.search(r"<name>\s*([\w-]+)\s*</name>", stream.read(10_000)):
+                packages.setdefault(named[1], folder)
+    return packages
+
+
+def contained_file(path: str | Path, root: Path, packages: Packages = NO_PACKAGES) -> Path:
     """Return the regular file of a path, which must lie under the root or a package; see ``contained_path``."""
     resolved = contained_path(path, root, packages)
     if not resolved.is_file():
@@ -97,17 +136,18 @@ def contained_file(path: str | Path, root: Path, packages: Mapping[str, Path] = 
     return resolved
 
 
-def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
+def contained_path(path: str | Path, root: Path, packages: Packages = NO_PACKAGES) -> Path:
     """Return the resolved path, which need not exist.
 
     Args:
         path: Absolute, relative to ``root``, ``file://...`` or ``package://NAME/...``.
         root: Folder under which files are allowed.
-        packages: Package name -> folder under which files are allowed too.
+        packages: Packages whose files are allowed too, beside those of ``file_root``.
 
     Raises:
         InputError: It leads outside of the root and the packages, or is not a path.
     """
+    packages = {**_packages.get(), **packages}
     allowed = [os.path.realpath(folder) for folder in (root, *packages.values())]
     local = _local(str(path), packages)
     try:
@@ -123,7 +163,7 @@ def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = 
         raise InputError(
             f"the path {_short(path)} leads out of the root folder",
             expected=f"a path under {' or '.join(allowed)}",
-            hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR; in Python: "
+            hint="copy the file there, work in a folder above both, or say --root DIR; in Python: "
             "with pinarm.file_root(DIR)",
         )
     note_files([file := Path(resolved)])
@@ -140,9 +180,9 @@ def similar_file(path: Path) -> str:
     return str(path.parent / close) if close else ""
 
 
-def _local(text: str, packages: Mapping[str, Path]) -> Path:
+def _local(text: str, packages: Packages) -> Path:
     """Convert a URI of URDF to a path."""
-    scheme, separator, rest = text.partition("://")
+    scheme, separator, rest = text.removeprefix("file://" if "package://" in text else "").partition("://")
     if not separator:
         return Path(text)
     if scheme == "file":
@@ -155,7 +195,8 @@ def _local(text: str, packages: Mapping[str, Path]) -> Path:
     if name not in packages:
         expected, hint = choices(name, packages)
         if not packages:
-            expected, hint = "a path: no package is looked for", "the path of the file from the one that names it"
+            expected = "a package whose folder is known"
+            hint = f"--package {name[:60]}=DIR, or packages: {{{name[:60]}: DIR}} in the mechanism file"
         raise InputError(f"unknown package {_short(name)}", expected=expected, hint=hint)
     return packages[name] / inner.lstrip("/")
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from xml.etree.ElementTree import Element
-from xml.parsers import expat
+from xml.etree.ElementTree import Element as AnyElement
 
 from pinarm.errors import LISTED, SHOWN, Location, ModelError, choices, several
-from pinarm.input.xml_text import location
+from pinarm.input.xml_text import Element, location_of, tree_of
 from pinarm.records import ValueRecord
 
 SHORT = 5
@@ -68,7 +67,7 @@ class UnknownName(ModelError):
         attribute: The attribute; ``None`` where the element itself is unknown.
     """
 
-    def __init__(self, around: Sequence[Element], tag: str, attribute: str | None, known: Iterable[str]) -> None:
+    def __init__(self, around: Sequence[AnyElement], tag: str, attribute: str | None, known: Iterable[str]) -> None:
         owner = _words(around)
         message = f"{owner} contains no <{tag}>" if attribute is None else f"{owner} has no attribute '{attribute}'"
         super().__init__(message, expected=choices("", known, most=40)[0], hint=meant_by(attribute or tag, known))
@@ -76,28 +75,17 @@ class UnknownName(ModelError):
         self.parent, self.tag, self.attribute = parents[-1].tag if parents else "", tag, attribute
 
     def place(self, text: str, source: str) -> Location:
-        """Return where it is in the text of a well-formed file; the file alone where it is not in it."""
-        lines: list[int] = []
-        tags = [""]
-        parser = expat.ParserCreate()
-
-        def start(tag: str, attributes: dict[str, str]) -> None:
-            wanted = self.attribute is None or self.attribute in attributes
-            if wanted and (tags[-1], tag) == (self.parent, self.tag):
-                lines.append(parser.CurrentLineNumber)
-            tags.append(tag)
-
-        parser.StartElementHandler, parser.EndElementHandler = start, lambda _: tags.pop()
-        parser.Parse(text, True)
-        if not lines:
-            return Location(source)
-        name = self.attribute or self.tag
-        whole = location(source, text, lines[0])
-        column = whole.text.find(name) + 1
-        return location(source, text, lines[0], column, len(name)) if column else whole
+        """Return where it is in the text of a model's file; the file alone where it is not in it."""
+        for parent in [None, *(root := tree_of(text, source)).iter()]:
+            for element in [root] if parent is None else parent:
+                wanted = self.attribute is None or self.attribute in element.attrib
+                tags = parent.tag if parent is not None else "", element.tag
+                if wanted and tags == (self.parent, self.tag) and isinstance(element, Element):
+                    return location_of(element, text, self.attribute or self.tag)
+        return Location(source)
 
 
-def check_names(root: Element, known: Format) -> Counter[str]:
+def check_names(root: AnyElement, known: Format) -> Counter[str]:
     """Compare an element and all in it with the names of a format.
 
     Returns:
@@ -108,7 +96,7 @@ def check_names(root: Element, known: Format) -> Counter[str]:
         ModelError: An element stands twice where one would be passed over.
     """
     unread: Counter[str] = Counter()
-    waiting: list[tuple[tuple[Element, ...], Mapping[str, str]]] = [((root,), {root.tag: root.tag})]
+    waiting: list[tuple[tuple[AnyElement, ...], Mapping[str, str]]] = [((root,), {root.tag: root.tag})]
     while waiting:
         (*around, element), siblings = waiting.pop()
         tag = element.tag
@@ -161,12 +149,12 @@ def _mistakes(name: str, other: str) -> int:
     return above[-1]
 
 
-def _refuse_misprint(around: Sequence[Element], tag: str, attribute: str | None, known: Iterable[str]) -> None:
+def _refuse_misprint(around: Sequence[AnyElement], tag: str, attribute: str | None, known: Iterable[str]) -> None:
     if not is_foreign(attribute or tag) and meant_by(attribute or tag, known):
         raise UnknownName(around, tag, attribute, known)
 
 
-def _check_once(around: Sequence[Element], once: frozenset[str]) -> None:
+def _check_once(around: Sequence[AnyElement], once: frozenset[str]) -> None:
     element = around[-1]
     for tag, count in Counter(child.tag for child in element).items() if once else ():
         if count > 1 and tag in once:
@@ -175,7 +163,7 @@ def _check_once(around: Sequence[Element], once: frozenset[str]) -> None:
             raise ModelError(f"{where}: it has {count} <{tag}>", expected="one")
 
 
-def _words(chain: Sequence[Element]) -> str:
+def _words(chain: Sequence[AnyElement]) -> str:
     """Return the last element of a chain and those around it until one with a name: ``<mass> in <link> 'arm'``."""
     words: list[str] = []
     for element in reversed(chain[1:] or chain):

@@ -1,13 +1,11 @@
-"""XML text of models: bounds on its size, the tree of its elements, and includes of MJCF."""
+"""XML text of models: bounds on its size, elements that know their lines, and includes of MJCF."""
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 from xml.parsers import expat
-
-from msgspec import Struct, field
 
 from pinarm.errors import InputError, Location, ModelError, PinarmError
 from pinarm.input.roots import contained_file
@@ -16,14 +14,24 @@ MAX_BYTES = 4_000_000
 """Largest size of all files of a model together, and of its expansion; example-robot-data has at most 0.2 MB."""
 MAX_ELEMENTS = 100_000
 """The largest robot of example-robot-data has 3900."""
-MAX_COMMENTS = 5000
-"""The largest robot of example-robot-data has 237; xacro takes time quadratic in their number."""
 MAX_LINKS = 6000
 """Largest number of links, and of joints; Pinocchio's parser recurses along chains and crashes at 10,000."""
 MAX_DEPTH = 100
 """Largest depth of XML, and of nested macros; of properties that use properties half of it."""
 MAX_TEXT = 10_000
 """Largest number of characters of one attribute or one evaluated text."""
+
+
+class Element(ElementTree.Element):
+    """An element of a model file.
+
+    Attributes:
+        source: Name of its file in messages.
+        line: Line of the file in which it begins; 0 for an element that no file has.
+    """
+
+    source = ""
+    line = 0
 
 
 def read(path: Path, source: str, most: int) -> str:
@@ -45,85 +53,53 @@ def read(path: Path, source: str, most: int) -> str:
     raise problem.at(Location(source))
 
 
-def tree_of(text: str) -> Element:
-    """Return the root element of a text.
+def tree_of(text: str, source: str = "the model") -> Element:
+    """Return the root element of XML text; messages call the text ``source``.
 
     Names keep their prefixes as written, declared or not, and namespaces without a prefix are ignored: the readers of
     ROS, Gazebo and MuJoCo take names so.
 
     Raises:
-        ModelError: It is not XML.
+        ModelError: It is malformed, has a DOCTYPE, or exceeds a bound.
     """
-    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    builder, parser, counts = ElementTree.TreeBuilder(element_factory=Element), expat.ParserCreate(), Counter[str]()
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        counts["elements"] += 1
+        counts["levels of XML"] += 1
+        if counts["levels of XML"] == 2 and name in ("link", "joint"):
+            counts[f"{name}s"] += 1
+            bound(f"{name}s", counts[f"{name}s"], MAX_LINKS)
+        bound("levels of XML", counts["levels of XML"], MAX_DEPTH)
+        bound("elements", counts["elements"], MAX_ELEMENTS)
+        bound("characters in one attribute", max(map(len, attributes.values()), default=0), MAX_TEXT)
+        element = builder.start(name, attributes)
+        assert isinstance(element, Element)
+        element.source, element.line = source, parser.CurrentLineNumber
+
+    def end(name: str) -> None:
+        counts["levels of XML"] -= 1
+        builder.end(name)
+
     parser.buffer_text = True
-    parser.StartElementHandler = builder.start
-    parser.EndElementHandler = builder.end
-    parser.CharacterDataHandler = builder.data
+    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, builder.data
+    parser.StartDoctypeDeclHandler = _refuse_doctype
     try:
         parser.Parse(text, True)
     except expat.ExpatError as error:
-        raise ModelError(f"the model is not XML: {error}") from None
-    return builder.close()
+        problem = ModelError(f"this is not XML: {expat.ErrorString(error.code)}")
+        raise problem.at(location(source, text, error.lineno, error.offset + 1)) from None
+    except PinarmError as error:
+        raise error.at(location(source, text, parser.CurrentLineNumber)) from None
+    except ValueError as error:
+        raise ModelError(f"this is not XML: {error}").at(Location(source)) from None
+    root = builder.close()
+    assert isinstance(root, Element)
+    return root
 
 
-class Survey(Struct):
-    """Counts from a first pass over XML text, which builds nothing and stops at the bounds.
-
-    Attributes:
-        lines: Line of every element, in the order of the document.
-        is_xacro: Whether it contains anything of xacro; files that xacro has written declare its namespace, no more.
-    """
-
-    lines: list[int] = field(default_factory=list)
-    is_xacro: bool = False
-    _counts: dict[str, int] = field(default_factory=lambda: {"link": 0, "joint": 0, "comment": 0})
-    _has_expressions: bool = False
-    _depth: int = 0
-
-    @classmethod
-    def of(cls, text: str, source: str) -> Survey:
-        """Read XML text.
-
-        Raises:
-            ModelError: It is malformed, has a DOCTYPE, or exceeds a bound.
-        """
-        survey, parser = cls(_has_expressions="$" in text or "&#" in text), expat.ParserCreate()
-        parser.StartElementHandler = lambda name, attributes: survey._start(name, attributes, parser)
-        parser.EndElementHandler = survey._end
-        parser.CommentHandler = lambda _: survey._count("comment", "comments", MAX_COMMENTS)
-        parser.StartDoctypeDeclHandler = survey._refuse_doctype
-        try:
-            parser.Parse(text, True)
-        except expat.ExpatError as error:
-            problem = ModelError(f"this is not XML: {expat.ErrorString(error.code)}")
-            raise problem.at(location(source, text, error.lineno, error.offset + 1)) from None
-        except PinarmError as error:
-            raise error.at(location(source, text, parser.CurrentLineNumber)) from None
-        except ValueError as error:
-            raise ModelError(f"this is not XML: {error}").at(Location(source)) from None
-        return survey
-
-    def _start(self, name: str, attributes: dict[str, str], parser: expat.XMLParserType) -> None:
-        self._depth += 1
-        self.lines.append(parser.CurrentLineNumber)
-        self.is_xacro |= name.startswith("xacro:") or any(
-            key.startswith("xacro:") or (self._has_expressions and key == "xmlns:xacro") for key in attributes
-        )
-        bound("levels of XML", self._depth, MAX_DEPTH)
-        bound("elements", len(self.lines), MAX_ELEMENTS)
-        bound("characters in one attribute", max(map(len, attributes.values()), default=0), MAX_TEXT)
-        if self._depth == 2 and name in ("link", "joint"):
-            self._count(name, f"{name}s", MAX_LINKS)
-
-    def _count(self, what: str, words: str, most: int) -> None:
-        self._counts[what] += 1
-        bound(words, self._counts[what], most)
-
-    def _end(self, name: str) -> None:
-        self._depth -= 1
-
-    def _refuse_doctype(self, *_: object) -> None:
-        raise ModelError("a model has no DOCTYPE and no entities", hint="remove the line that begins with <!DOCTYPE")
+def _refuse_doctype(*_: object) -> None:
+    raise ModelError("a model has no DOCTYPE and no entities", hint="remove the line that begins with <!DOCTYPE")
 
 
 def bound(what: str, number: int, most: int) -> None:
@@ -141,11 +117,20 @@ def location(source: str, text: str, line: int, column: int = 0, width: int = 1)
     return Location(source, line, column, excerpt, width)
 
 
+def location_of(element: Element, text: str, word: str = "") -> Location:
+    """Return the place of an element in the text of its file, or of the first ``word`` from its line on."""
+    lines = text.splitlines()
+    for number, line in enumerate(lines[element.line - 1 :], element.line) if word else ():
+        if (column := line.find(word) + 1) > 0:
+            return location(element.source, text, number, column, len(word))
+    return location(element.source, text, element.line)
+
+
 def resolve_includes(text: str, path: Path, root: Path) -> str:
     """Return MJCF text with the content of its included files; any other text is returned unchanged.
 
     Args:
-        text: Text of the file, within the bounds of ``Survey``.
+        text: Text of the file.
         path: The file; included files are relative to its folder.
         root: Folder under which they must lie; they count against the bounds of size.
 
@@ -153,9 +138,10 @@ def resolve_includes(text: str, path: Path, root: Path) -> str:
         ModelError: A file is malformed, too large, or included twice (also by including itself).
         InputError: A file is missing or lies elsewhere.
     """
-    if "<include" not in text or (model := tree_of(text)).tag != "mujoco":
+    if "<include" not in text or (model := tree_of(text, str(path))).tag != "mujoco":
         return text
-    included, size, waiting = {path.resolve()}, len(text), [model]
+    included, size = {path.resolve()}, len(text)
+    waiting: list[ElementTree.Element] = [model]
     while waiting:
         parent = waiting.pop()
         for place, element in enumerate(parent):
@@ -170,10 +156,9 @@ def resolve_includes(text: str, path: Path, root: Path) -> str:
             included.add(file)
             content = read(file, name, MAX_BYTES - size)
             size += len(content)
-            Survey.of(content, name)
-            parent[place : place + 1] = list(tree_of(content))
+            parent[place : place + 1] = list(tree_of(content, name))
             waiting.append(parent)  # whose children have changed
             break
     flat = ElementTree.tostring(model, encoding="unicode")
-    Survey.of(flat, f"{path} with what it includes")
+    tree_of(flat, f"{path} with what it includes")
     return flat

@@ -84,6 +84,8 @@ class MechanismDescription(InputStruct, frozen=True):
         pinarm: Version of the format.
         title: For headings.
         robot: A URDF, xacro, MJCF or SDF file, relative to this one, or the name of a robot of example-robot-data.
+        model: Name of the model in an SDF file with several, such as ``arm``; where it is left out the only one, or the
+            only one with joints that move.
         planar: In place of ``robot``: points of a drawing, the links between them, pins and slides.
         base: ``floating`` lets the model's root move freely, by a joint ``root``; ``fixed`` holds it. As in the model
             where it is left out; of the robots known by name, those that float in their own loaders do.
@@ -92,6 +94,8 @@ class MechanismDescription(InputStruct, frozen=True):
         creep: Velocity below which the dry friction of the model gives way [rad/s or m/s], such as ``0.001 rad/s``: it
             is regularised, ``F tanh(v / creep)``, and never sticks. Where this is left out it sticks.
         points: Frames on links, beside those of the model; they are named, and asked about, like links.
+        packages: Name of a package of ROS -> its folder, such as ``{ur_description: ../ur}``: for ``$(find NAME)`` in
+            xacro, and for meshes. The package that the model lies in is known.
         arguments: Unit in SI of every xacro argument of the model, such as ``{L: m}``, so that a scenario can give them
             with units, also with others. The model is given numbers in SI, and its own are in SI.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
@@ -130,12 +134,14 @@ class MechanismDescription(InputStruct, frozen=True):
 
     pinarm: Literal[1]
     robot: str = ""
+    model: str = ""
     planar: PlanarDrawing | None = None
     title: str = ""
     base: Base | None = None
     defects: Defects | None = None
     creep: Positive | None = None
     points: dict[str, PointDefinition] = {}
+    packages: dict[str, str] = {}
     arguments: dict[str, str] = {}
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}

@@ -54,6 +54,45 @@ def test_a_given_root_narrows_it_too(apart: Path, capsys: pytest.CaptureFixture[
         assert "leads out of the root folder" in capsys.readouterr().err
 
 
+def test_the_working_folder_is_the_root_of_files_under_it(apart: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = apart / "scenarios" / "s.yaml"
+    monkeypatch.chdir(apart)
+    assert main(["validate", "scenarios/s.yaml"]) == 0
+    assert main(["new", "models/rod.urdf", "-o", "sub"]) == 0
+    assert main(["validate", "sub/scenario.yaml"]) == 0
+    for folder in (apart / "models", Path("/")):
+        monkeypatch.chdir(folder)
+        assert root_of(scenario) == (apart / "scenarios").resolve(), "not of files elsewhere, nor the top of all"
+    monkeypatch.setenv("HOME", str(apart))
+    monkeypatch.chdir(apart)
+    assert root_of(scenario) == (apart / "scenarios").resolve(), "nor the home of a user"
+
+
+def test_packages_and_words_reach_the_model(apart: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (apart / "part.xacro").write_text(f'<robot><xacro:property name="l" value="{0.5}"/></robot>')
+    named = URDF.replace('"pivot"', '"$(arg side)pivot"').replace(
+        "<link", '<xacro:arg name="side" default=""/><xacro:include filename="$(find p)/part.xacro"/><link', 1
+    )
+    (apart / "models" / "rod.xacro").write_text(named)
+    scenario = {
+        "pinarm": 1, "mechanism": "models/rod.xacro", "arguments": {"side": "right_"},
+        "problem": {"kind": "statics", "hold": {"right_pivot": "0 rad"}}, "outputs": ["joint.right_pivot.effort"],
+    }  # fmt: skip
+    monkeypatch.chdir(apart / "models")
+    with pytest.raises(InputError, match="unknown package 'p'"):
+        pinarm.run({**scenario, "mechanism": "rod.xacro"})
+    with pinarm.file_root(apart, {"p": apart}):
+        result = pinarm.run({**scenario, "mechanism": "rod.xacro"})
+    (apart / "mechanism.yaml").write_text("pinarm: 1\nrobot: models/rod.xacro\npackages: {p: .}\n")
+    monkeypatch.chdir(apart)
+    (again := pinarm.run({**scenario, "mechanism": "mechanism.yaml"})).save(apart / "out", plots=False)
+    assert again["joint.right_pivot.effort"].values.tolist() == result["joint.right_pivot.effort"].values.tolist()
+    assert "side: right_" in (apart / "out" / "scenario.yaml").read_text()
+    assert "packages" not in (apart / "out" / "mechanism.yaml").read_text()
+    assert main(["validate", "out/scenario.yaml"]) == 0
+    assert main(["validate", "out/scenario.yaml", "--package", "p"]) == 2
+
+
 def test_a_root_that_is_no_folder_is_refused(apart: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(InputError, match="there is no folder"), pinarm.file_root(apart / "model"):
         pass

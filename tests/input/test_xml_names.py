@@ -76,6 +76,6 @@ def test_its_place_is_that_of_the_element_around_it():
     with pytest.raises(UnknownName) as caught:
         check(text)
     place = caught.value.place(text, "room.xml")
-    assert (place.source, place.line) == ("room.xml", 4)
+    assert (place.source, place.line) == ("room.xml", 5)
     assert str(caught.value.place("<room><shelf>\n  <board nam='1'/></shelf></room>", "f")) == "f:2:10"
     assert caught.value.place("<room/>", "other.xml").line == 0

@@ -1,8 +1,12 @@
 """The grammar of formulas: a checked subset of Python's expressions, evaluated by an ``Algebra``.
 
-Numbers, with units where a language has them (``measured_numbers``), names with dots, ``+ - * / // % **``, comparisons,
-``and or not``, ``a if test else b``, and a fixed table of functions. Python parses the text, but nothing is compiled or
-run: the tree is checked node by node, and an ``Algebra`` (of values, of units) then gives each node its meaning.
+Numbers, names with dots, ``+ - * / // % **``, comparisons, ``and or not``, ``a if test else b``, and a fixed table of
+functions; in the language of xacro also texts, lists and maps. Python parses the text, but nothing is compiled or run:
+the tree is checked node by node, and an ``Algebra`` (of values, of units) then gives each node its meaning.
+
+A number with a unit, such as ``2e4 N/m``, stands where a term of a sum does: alone, between ``+``, ``-`` or
+comparisons, as an argument of a function, or in parentheses, ``(2e4 N/m)*x``. Beside ``*``, ``/`` or ``**`` it has to
+be in parentheses, so that nobody has to ask where the unit ends.
 """
 
 from __future__ import annotations
@@ -15,9 +19,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any, Protocol, TypeVar
 
-from pinarm.errors import ExpressionError, Location, PinarmError, choices
-from pinarm.input.formulas.measured_numbers import MeasuredNumber, find_measured
-from pinarm.records import Record
+from pinarm.errors import ExpressionError, Location, PinarmError, UnitError, choices
+from pinarm.input.units import Unit, read_quantity
+from pinarm.records import Record, ValueRecord
 
 MAX_LENGTH = 2000
 MAX_DEPTH = 200
@@ -32,11 +36,37 @@ CONSTANTS: Mapping[str, float] = {"pi": math.pi, "deg": math.pi / 180}
 
 T = TypeVar("T")
 
+_NUMERAL = r"(?<![\w.])(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_UNIT_POWER = r"(?:(?:\^|\*\*)-?[0-9]{1,2})?"
+_UNIT_NAME = r"[A-Za-z]+(?!\w|\.\w| *\()"
+_MEASURED = rf"{_NUMERAL} +({_UNIT_NAME}{_UNIT_POWER}(?: *[*/] *(?:{_UNIT_NAME}|1){_UNIT_POWER})*)"
+_OPERATOR_WORDS = ("if", "else", "and", "or", "not", "in", "is")
+
 _SYMBOLS: Mapping[type[ast.AST], str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.Pow: "**",
     ast.UAdd: "+", ast.USub: "-", ast.Not: "not", ast.And: "and", ast.Or: "or",
     ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=",
+    ast.In: "in", ast.NotIn: "not in",
 }  # fmt: skip
+
+
+class MeasuredNumber(ValueRecord, frozen=True):
+    """A number with a unit, as a literal of a formula.
+
+    Attributes:
+        value: In SI.
+        unit: Its unit.
+        text: As it is written.
+    """
+
+    value: float
+    unit: Unit
+    text: str
+
+    @property
+    def words(self) -> frozenset[str]:
+        """The names in its unit."""
+        return frozenset(re.findall("[A-Za-z]+", str(self.unit)))
 
 
 class Algebra(Protocol[T]):
@@ -73,10 +103,14 @@ class Grammar(Record, frozen=True):
     Attributes:
         literals: Types of its literals.
         arities: Functions -> least and greatest number of arguments.
+        collections: Whether it has lists and maps: ``[a, b]``, ``{a: b}``, ``dict(a=b)``, ``a[b]``, ``a in b``, and
+            ``a.split(b)``. The algebra is asked for them as for functions: ``list``, ``dict`` (keys and values by
+            turns), ``item``, ``split``.
     """
 
     literals: tuple[type, ...]
     arities: Mapping[str, tuple[int, int]]
+    collections: bool = False
 
 
 def interpret(tree: ast.expr, algebra: Algebra[T], text: str) -> T:
@@ -99,6 +133,8 @@ def _meaning(node: ast.expr, algebra: Algebra[T]) -> T:
     match node:
         case ast.Constant():
             return algebra.constant(node.value)
+        case ast.Attribute() if not _is_name(node):
+            return algebra.call("item", [_walk(node.value, algebra), algebra.constant(node.attr)])
         case ast.Name() | ast.Attribute():
             return algebra.name(_dotted(node))
         case ast.UnaryOp():
@@ -115,6 +151,12 @@ def _meaning(node: ast.expr, algebra: Algebra[T]) -> T:
             return algebra.choose(_walk(node.test, algebra), then, otherwise)
         case ast.Call():
             return algebra.call(_dotted(node.func), [_walk(argument, algebra) for argument in node.args])
+        case ast.Subscript():
+            return algebra.call("item", [_walk(node.value, algebra), _walk(node.slice, algebra)])
+        case ast.List() | ast.Tuple():
+            return algebra.call("list", [_walk(value, algebra) for value in node.elts])
+        case ast.Dict():
+            return algebra.call("dict", [_walk(part, algebra) for part in _entries(node)])
     raise ExpressionError("this is not arithmetic")
 
 
@@ -134,7 +176,7 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
         measured = find_measured(text) if MeasuredNumber in grammar.literals else []
     except ExpressionError as error:
         raise _in_words(error, text) from None
-    plain, replaced = _replaced(text, measured)
+    plain, replaced = _replaced(text, measured, grammar)
     try:
         tree = ast.parse(plain, mode="eval").body
     except SyntaxError as error:
@@ -156,7 +198,9 @@ _CHAIN, _NUMBER_WORD = re.compile(r"(?<![\w.])[^\W\d]\w*(?:\.\w+)+"), re.compile
 """A name with dots, and a number in it."""
 
 
-def _replaced(text: str, measured: Sequence[tuple[int, MeasuredNumber]]) -> tuple[str, dict[int, str | MeasuredNumber]]:
+def _replaced(
+    text: str, measured: Sequence[tuple[int, MeasuredNumber]], grammar: Grammar
+) -> tuple[str, dict[int, str | MeasuredNumber]]:
     """Return the text as Python can read it, and what was replaced in it by place in bytes; columns stay.
 
     Numbers with units become ``0`` and blanks, Python's keywords and numbers in names other letters. A keyword beside a
@@ -175,7 +219,7 @@ def _replaced(text: str, measured: Sequence[tuple[int, MeasuredNumber]]) -> tupl
     for match in _KEYWORD.finditer(text):
         word, (start, end) = match[0], match.span()
         dotted = text[start - 1 : start] == "." or text[end : end + 1] == "."
-        free = word not in (*_OF_THE_LANGUAGE, "True", "False", "None")
+        free = not grammar.collections and word not in (*_OF_THE_LANGUAGE, "True", "False", "None")
         if dotted or (free and _BEFORE_NAME.search(text[:start])):
             replaced[len(text[:start].encode())] = word
             text = f"{text[:start]}{'x' * len(word)}{text[end:]}"
@@ -229,6 +273,8 @@ def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
         case ast.Constant():
             _check_literal(node.value, grammar)
             return []
+        case ast.Attribute() if grammar.collections and not _is_name(node):
+            return [node.value]
         case ast.Name() | ast.Attribute():
             _dotted(node)
             return []
@@ -236,17 +282,47 @@ def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
             return [node.operand]
         case ast.BinOp() if type(node.op) in _SYMBOLS:
             return [node.left, node.right]
-        case ast.Compare() if all(type(operation) in _SYMBOLS for operation in node.ops):
+        case ast.Compare() if all(_compares(operation, grammar) for operation in node.ops):
             return [node.left, *node.comparators]
         case ast.BoolOp():
             return node.values
         case ast.IfExp():
             return [node.test, node.body, node.orelse]
-        case ast.Call(keywords=[]):
+        case ast.Call() if not _as_function(node, grammar).keywords:
             _check_call(_dotted(node.func), len(node.args), grammar)
             return node.args
+        case ast.Subscript() if grammar.collections:
+            return [node.value, node.slice]
+        case ast.List() | ast.Tuple() if grammar.collections:
+            return node.elts
+        case ast.Dict() if grammar.collections:
+            return _entries(node)
     power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
     raise ExpressionError("this is not arithmetic", expected=_LANGUAGE, hint="** for powers" if power else "")
+
+
+def _compares(operation: ast.cmpop, grammar: Grammar) -> bool:
+    return type(operation) in _SYMBOLS and (grammar.collections or not isinstance(operation, ast.In | ast.NotIn))
+
+
+def _as_function(call: ast.Call, grammar: Grammar) -> ast.Call:
+    """Write ``a.split(b)`` as ``split(a, b)``, and ``dict(a=b)`` as ``dict("a", b)``, in languages with collections."""
+    method = call.func
+    if grammar.collections and isinstance(method, ast.Attribute) and method.attr == "split":
+        call.func, call.args = ast.copy_location(ast.Name(method.attr), method), [method.value, *call.args]
+    if grammar.collections and isinstance(call.func, ast.Name) and call.func.id == "dict":
+        named = [entry for entry in call.keywords if entry.arg]
+        keys = [ast.copy_location(ast.Constant(entry.arg), entry) for entry in named]
+        call.args += [part for key, entry in zip(keys, named, strict=True) for part in (key, entry.value)]
+        call.keywords = [entry for entry in call.keywords if not entry.arg]
+    return call
+
+
+def _entries(node: ast.Dict) -> list[ast.expr]:
+    """Return keys and values by turns; ``**`` before a map in a map is refused."""
+    if None in node.keys:
+        raise ExpressionError("this is not arithmetic", expected=_LANGUAGE)
+    return [part for entry in zip(node.keys, node.values, strict=True) for part in entry if part is not None]
 
 
 def _check_literal(value: Any, grammar: Grammar) -> None:
@@ -269,6 +345,12 @@ def _check_call(function: str, count: int, grammar: Grammar) -> None:
     if not least <= count <= most:
         wanted = str(least) if least == most else f"{least} to {most}" if most < MANY else f"{least} or more"
         raise ExpressionError(f"'{function}' is given {count} arguments", expected=f"{wanted} of them")
+
+
+def _is_name(node: ast.expr) -> bool:
+    while isinstance(node, ast.Attribute):
+        node = node.value
+    return isinstance(node, ast.Name)
 
 
 def _dotted(node: ast.expr) -> str:
@@ -328,3 +410,50 @@ def look_up(name: str, *tables: Mapping[str, Any]) -> Any:
             return table[name]
     expected, hint = choices(name, [known for table in tables for known in table], most=40)
     raise ExpressionError(f"unknown name '{_short(name)}'", expected=expected, hint=hint)
+
+
+def find_measured(text: str) -> list[tuple[int, MeasuredNumber]]:
+    """Return the numbers with a unit in a formula, each with its place, in time that grows as its length.
+
+    Raises:
+        ExpressionError: One stands beside ``*``, ``/`` or ``**``, or has no unit that is known.
+    """
+    numbers = []
+    for match in re.finditer(_MEASURED, text):
+        if match[1] in _OPERATOR_WORDS:
+            continue
+        try:
+            numbers.append((match.start(), _measured(match, text)))
+        except ExpressionError as error:
+            place = Location("", 1, len(text[: match.start()].encode()) + 1, width=len(match[0]))
+            raise error.at(place) from None
+    return numbers
+
+
+def _measured(match: re.Match[str], text: str) -> MeasuredNumber:
+    written = match[0]
+    if not (_ends_term(text[: match.start()]) and _begins_term(text[match.end() :])):
+        raise ExpressionError("beside *, / and ** it is not clear where a unit ends",
+                              expected="parentheses about the number and its unit", hint=f"({written})")  # fmt: skip
+    try:
+        value, unit = read_quantity(written)
+    except UnitError as error:
+        raise ExpressionError(f"this is no number with a unit ({error.message})", expected=error.expected,
+                              hint="parentheses about a number and its unit, or * before a name") from None  # fmt: skip
+    assert unit is not None
+    return MeasuredNumber(value, unit, written)
+
+
+def _ends_term(before: str) -> bool:
+    """Return whether a term of a sum can begin after a text."""
+    bare = before.rstrip()
+    signless = bare.rstrip("+- ")
+    if signless != bare:
+        return signless[-1:] not in ("*", "/", "%")
+    return bare[-1:] in ("", *"(,<>=") or bare.rsplit(None, 1)[-1] in _OPERATOR_WORDS
+
+
+def _begins_term(after: str) -> bool:
+    """Return whether a term of a sum can end before a text."""
+    bare = after.lstrip()
+    return bare[:1] in ("", *"),+-<>=!") or bare.split(None, 1)[0] in _OPERATOR_WORDS

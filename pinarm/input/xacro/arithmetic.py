@@ -1,69 +1,50 @@
-"""The arithmetic of xacro: Python's numbers, texts and truth values, of bounded size."""
+"""The expressions of xacro: Python's numbers, texts, truth values, lists and maps, of bounded size."""
 
 from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from pinarm.errors import ExpressionError
-from pinarm.input.formulas.grammar import MANY, MAX_INTEGER, Algebra, Grammar, interpret, look_up, read_tree
+from pinarm.errors import ExpressionError, choices
+from pinarm.input.formulas.grammar import MANY, MAX_INTEGER, Grammar, interpret, look_up, read_tree
+from pinarm.input.xacro.columns import OPEN, Column, NotByRows
 from pinarm.input.xml_text import MAX_TEXT
 from pinarm.records import ValueRecord
 
+MAX_ITEMS = 1000
+"""Largest number of values in a list or map that an expression makes, inner ones included."""
 
-def evaluate(text: str, algebra: Algebra[Any]) -> Any:
-    """Evaluate an expression of xacro in an algebra: that of plain values, ``Scalars``, or one that follows it."""
-    return interpret(read_tree(text, _GRAMMAR), algebra, text)
-
-
-class Names(Mapping[str, Any]):
-    """The properties in reach; ``a.b`` is property ``b`` of namespace ``a``."""
-
-    def __init__(self, symbols: Any, namespace: type) -> None:
-        self.symbols, self.namespace = symbols, namespace
-
-    def _home(self, name: str) -> tuple[Mapping[str, Any], str]:
-        *spaces, last = name.split(".")
-        table = self.symbols
-        for space in spaces:
-            if space not in table or not isinstance(table[space], self.namespace):
-                return {}, last
-            table = table[space]
-        return table, last
-
-    def __getitem__(self, name: str) -> Any:
-        table, last = self._home(name)
-        return table[last]
-
-    def __contains__(self, name: object) -> bool:
-        table, last = self._home(str(name))
-        return last in table
-
-    def __iter__(self) -> Iterator[str]:
-        table = self.symbols
-        while table:
-            yield from (name for name in dict.keys(table) if name.isidentifier())
-            table = getattr(table, "parent", None)
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
+Functions = Mapping[str, Callable[..., Any]]
 
 
-class Scalars(ValueRecord, frozen=True):
-    """The algebra of xacro: Python's numbers, texts and truth values, of bounded size."""
+class Expressions(ValueRecord, frozen=True):
+    """The algebra of expressions, of plain values and of columns.
+
+    Attributes:
+        names: Properties in reach.
+        functions: Functions that the file's place matters to, such as ``xacro.load_yaml``.
+    """
 
     names: Mapping[str, Any]
+    functions: Functions
+
+    def evaluate(self, text: str) -> Any:
+        """Return the value of an expression."""
+        return interpret(read_tree(text, GRAMMAR), self, text)
 
     def constant(self, value: Any) -> Any:
         """Return a literal."""
+        if isinstance(value, str) and (OPEN in value or "__column_" in value):
+            raise NotByRows
         return value
 
     def name(self, name: str) -> Any:
         """Return the value of a property."""
-        return _bounded(look_up(name, self.names, _CONSTANTS))
+        value = self.names.get(name)
+        return _bounded(look_up(name, self.names, _CONSTANTS) if value is None else value)
 
     def unary(self, symbol: str, operand: Any) -> Any:
         """Apply ``+``, ``-`` or ``not``."""
@@ -71,16 +52,12 @@ class Scalars(ValueRecord, frozen=True):
 
     def binary(self, symbol: str, left: Any, right: Any) -> Any:
         """Apply an arithmetic operator; ``+`` joins texts."""
-        if isinstance(left, str) != isinstance(right, str) or (isinstance(left, str) and symbol != "+"):
-            raise ExpressionError(f"'{symbol}' does not go with text", expected="numbers, or text + text")
-        if symbol == "**" and isinstance(left, int) and isinstance(right, int) and left.bit_length() * right > 64:
-            raise ExpressionError("the power is too large", expected="a value below 2**64")
-        return _applied(_OPERATIONS[symbol], left, right)
+        return _applied(partial(_operated, symbol), left, right, symbol=symbol)
 
     def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
         """Compare neighbours."""
         pairs = zip(symbols, operands, operands[1:], strict=False)
-        return all(_applied(_OPERATIONS[symbol], left, right) for symbol, left, right in pairs)
+        return all(_applied(partial(_compared, symbol), left, right) for symbol, left, right in pairs)
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], Any]]) -> Any:
         """Apply ``and`` or ``or``, as far as it takes."""
@@ -96,11 +73,18 @@ class Scalars(ValueRecord, frozen=True):
         return then() if test else otherwise()
 
     def call(self, function: str, arguments: Sequence[Any]) -> Any:
-        """Apply a function."""
+        """Apply a function, or make or look into a list or map."""
+        if function in self.functions:
+            return self.functions[function](*arguments)
+        if function in _COLLECTIONS:
+            return _COLLECTIONS[function](*arguments)
         return _applied(_FUNCTIONS[function][0], *arguments)
 
 
-def _applied(function: Callable[..., Any], *operands: Any) -> Any:
+def _applied(function: Callable[..., Any], *operands: Any, symbol: str = "") -> Any:
+    for operand in operands:
+        if type(operand) is Column:
+            return operand.rows.applied(partial(_applied, function), operands, symbol)
     try:
         value = function(*operands)
     except (ArithmeticError, TypeError, ValueError) as error:
@@ -109,13 +93,78 @@ def _applied(function: Callable[..., Any], *operands: Any) -> Any:
 
 
 def _bounded(value: Any) -> Any:
-    if not isinstance(value, int | float | str):
+    if not isinstance(value, int | float | str | list | dict | Column):
         raise ExpressionError(f"a {type(value).__name__} is no value of a model", expected="a number or a text")
     if isinstance(value, int) and abs(value) >= MAX_INTEGER:
         raise ExpressionError("the value is too large", expected="a value below 2**64")
     if isinstance(value, str) and len(value) > MAX_TEXT:
         raise ExpressionError("the text is too long", expected=f"at most {MAX_TEXT} characters")
     return value
+
+
+def _operated(symbol: str, left: Any, right: Any) -> Any:
+    if not isinstance(left, int | float) or not isinstance(right, int | float):
+        if not (isinstance(left, str) and isinstance(right, str) and symbol == "+"):
+            raise ExpressionError(f"'{symbol}' does not go with text", expected="numbers, or text + text")
+    elif symbol == "**" and isinstance(left, int) and isinstance(right, int) and left.bit_length() * right > 64:
+        raise ExpressionError("the power is too large", expected="a value below 2**64")
+    return _OPERATIONS[symbol](left, right)
+
+
+def _compared(symbol: str, left: Any, right: Any) -> bool:
+    if symbol in ("in", "not in"):
+        if not isinstance(right, list | dict | str) or isinstance(left, list | dict):
+            raise ExpressionError(f"'{symbol}' needs a list, a map or a text", expected="name in {'a': 1}")
+        return (left in right) == (symbol == "in")
+    if isinstance(left, list | dict) or isinstance(right, list | dict):
+        raise ExpressionError("lists and maps are not compared", expected="numbers or texts")
+    return bool(_OPERATIONS[symbol](left, right))
+
+
+def _list(*values: Any) -> list[Any]:
+    _count(values)
+    return list(values)
+
+
+def _dict(*entries: Any) -> dict[Any, Any]:
+    keys = entries[::2]
+    if len(entries) % 2 or not all(isinstance(key, str | int | float) for key in keys):
+        raise ExpressionError("this is no map", expected="a map such as dict(a=1), its keys texts or numbers")
+    _count(entries)
+    return dict(zip(keys, entries[1::2], strict=True))
+
+
+def _count(values: Sequence[Any]) -> None:
+    """Refuse more than ``MAX_ITEMS`` values, those in lists and maps among them included."""
+    waiting, count = [*values], 0
+    while waiting:
+        value, count = waiting.pop(), count + 1
+        if isinstance(value, list | dict):
+            waiting += value.values() if isinstance(value, dict) else value
+        if count + len(waiting) > MAX_ITEMS:
+            raise ExpressionError("the list or map is too large", expected=f"at most {MAX_ITEMS} values")
+
+
+def entry(holder: Any, key: Any) -> Any:
+    """Return what a list has at an index, or a map at a key."""
+    if isinstance(holder, Column) or isinstance(key, Column):
+        raise NotByRows
+    if isinstance(holder, dict) and isinstance(key, str | int | float):
+        if key in holder:
+            return _bounded(holder[key])
+        expected, hint = choices(str(key), map(str, holder), most=40)
+        raise ExpressionError(f"the map has no '{str(key)[:60]}'", expected=expected, hint=hint)
+    if isinstance(holder, list | str) and isinstance(key, int) and -len(holder) <= key < len(holder):
+        return _bounded(holder[key])
+    raise ExpressionError(f"{str(key)[:60]!r} is no key or index here", expected="a list, or a map with that key")
+
+
+def _split(text: Any, separator: Any = None) -> list[str]:
+    if not isinstance(text, str) or not (separator is None or (isinstance(separator, str) and separator)):
+        raise ExpressionError("only texts are split", expected="text.split(' ')")
+    if OPEN in text:
+        raise NotByRows
+    return _list(*text.split(separator, MAX_ITEMS))
 
 
 def _round(value: float, digits: int = 0) -> float:
@@ -134,6 +183,7 @@ _OPERATIONS: Mapping[str, Callable[[Any, Any], Any]] = {
     "%": operator.mod, "**": operator.pow, "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le,
     ">": operator.gt, ">=": operator.ge,
 }  # fmt: skip
+_COLLECTIONS: Functions = {"list": _list, "dict": _dict, "item": entry, "split": _split}
 
 _ONE_ARGUMENT = (
     math.sin, math.cos, math.tan, math.asin, math.acos, math.atan, math.sinh, math.cosh, math.tanh, math.asinh,
@@ -156,4 +206,16 @@ _FUNCTIONS = {
 }  # fmt: skip
 _PLAIN_CONSTANTS = {name: getattr(math, name) for name in ("pi", "e", "tau", "inf", "nan")}
 _CONSTANTS = {**_PLAIN_CONSTANTS, **{f"math.{name}": value for name, value in _PLAIN_CONSTANTS.items()}}
-_GRAMMAR = Grammar((int, float, str, bool), {name: arity for name, (_, *arity) in _FUNCTIONS.items()})  # type: ignore[misc]
+
+OF_FILES = ("load_yaml", "arg", "warning")
+"""Functions of xacro that depend on the file, with ``xacro.`` before their names."""
+
+GRAMMAR = Grammar(
+    (int, float, str, bool),
+    {
+        **{name: (least, most) for name, (_, least, most) in _FUNCTIONS.items()},
+        **{f"xacro.{name}": (1, MANY if name == "warning" else 1) for name in OF_FILES},
+        "load_yaml": (1, 1), "split": (1, 2), "dict": (0, 2 * MAX_ITEMS),
+    },
+    collections=True,
+)  # fmt: skip

@@ -1,61 +1,29 @@
-"""One expansion by a private copy of xacro in which the functions that evaluate, read or recurse are replaced.
+"""Expansion of xacro: macros, conditions, includes and blocks, evaluated into a new tree.
 
-xacro evaluates Python, reads any file and can be made to run for ever. Here expressions are the checked arithmetic of
-``arithmetic``, only ``$(arg NAME)`` and ``$(find PACKAGE)`` are substituted, included files lie under the root, and
-every step counts against a budget. Honest files expand as with xacro.
+Honest files expand as with the program xacro, version 2; comments are left out.
 """
 
 from __future__ import annotations
 
-import importlib.util
-import keyword
-import os
 import re
-import sys
-import threading
-from collections.abc import Callable, Iterator
-from functools import cache, partial
-from itertools import pairwise
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from xml.etree import ElementTree
 
-from pinarm.errors import Location, ModelError, PinarmError, choices
-from pinarm.input.formulas.grammar import MANY
-from pinarm.input.roots import contained_file, contained_path
-from pinarm.input.xacro.arithmetic import Names, Scalars, evaluate
-from pinarm.input.xacro.expression_tape import OPEN, Tape
-from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_TEXT, Survey, bound, location, read
+from pinarm.errors import ModelError, PinarmError, choices
+from pinarm.input.xacro.columns import Rows
+from pinarm.input.xacro.evaluation import Evaluator, Scope, Unevaluated
+from pinarm.input.xml_text import MAX_BYTES, MAX_ELEMENTS, MAX_LINKS, Element, bound
 from pinarm.records import ValueRecord
 
-if TYPE_CHECKING:
-    from xml.dom.minidom import Document, Element, Node
-
-MAX_STEPS = 200_000
-"""Largest number of steps: evaluations, copied nodes and attributes, searches among siblings; about 5 s."""
-SIBLINGS = 500
-"""Siblings that are searched in the time of one step; the trees of xacro have their children in lists."""
-
-_LOCK = threading.Lock()
-_TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\$$)")
-"""As in xacro: an escaped brace, an expression, a substitution, other text."""
-
-
-_MACRO_PARAMETER = re.compile(
+_PARAMETER = re.compile(
     r"^\s*([^\s:=]+?)\s*:?=\s*(\^\|?)?(\$\{.*?\}|\$\(.*?\)|(?:'.*?'|\".*?\"|[^\s'\"]++)++|)(?:\s+|$)(.*)"
 )
 """Pattern of xacro, with possessive repetitions: in xacro an unbalanced quote takes exponential time."""
-_DISARMED = ("open", "eval", "compile", "os", "glob", "load_yaml", "safe_eval", "eval_extension", "process_file")
-"""Names of xacro that are set to ``None``: the replacements do not need them, and any other use fails."""
-OURS = (
-    "check_attrs", "eval_all", "eval_text", "get_include_files", "handle_macro_call", "is_valid_name", "parse",
-    "print_location", "remove_previous_comments", "replace_node", "reqd_attrs", "warning",
-)  # fmt: skip
-_NEEDED = (
-    *OURS, "LEXER", "NameSpace", "Table", "XacroException", "_global_symbols", "all_includes", "filestack",
-    "init_stacks", "macrostack", "process_doc", "process_include", "re_macro_arg", "root_dir",
-    "substitution_args_context",
-)  # fmt: skip
+
+_NAME = re.compile(r"[^\W\d][\w.:-]*")
+"""Name of an element or attribute."""
 
 
 class Expansion(ValueRecord, frozen=True):
@@ -64,7 +32,7 @@ class Expansion(ValueRecord, frozen=True):
     Attributes:
         xml: The text.
         arguments: Every ``xacro:arg`` with its value, given or default.
-        warnings: Warnings of xacro, such as on unknown attributes.
+        warnings: Warnings, such as on unknown attributes.
     """
 
     xml: str
@@ -72,361 +40,301 @@ class Expansion(ValueRecord, frozen=True):
     warnings: tuple[str, ...] = ()
 
 
+class Macro(ValueRecord, frozen=True):
+    """A macro: its element, and its parameters with their defaults, each with the property that goes before it."""
+
+    body: Element
+    parameters: dict[str, tuple[str, str | None] | None]
+
+
 class Expander:
-    """One expansion: the replacements of xacro's functions, with their counters and records.
+    """One expansion: it makes the elements, of the values that ``Evaluator`` gives.
 
     Args:
         root: Folder of the files that may be read.
-        arguments: Values of arguments; xacro adds the defaults.
-        sources: Path of a file -> its name in messages.
-        tape: Where to record what is computed; arguments that are on it are given as its marks.
+        arguments: Values of arguments; defaults are added.
+        rows: Where arguments are columns, given as their marks.
     """
 
-    def __init__(
-        self, root: Path, arguments: dict[str, str], sources: dict[str, str], tape: Tape | None = None
-    ) -> None:
-        self.root, self.arguments, self.sources, self.tape = root, arguments, sources, tape
-        with _LOCK:  # loading it is not for two at once either
-            self.xacro, self.plain = private_xacro()
-        self.declared: dict[str, None] = {}
-        self.warnings: list[str] = []
-        self.texts: dict[str, str] = {}
-        self.includes: dict[str, str] = {}
-        self.element: Element | None = None
-        self.snippet = ""
-        self.depth = self.steps = self.size = 0
-        self.copies = _Copies(self._spend)
+    def __init__(self, root: Path, arguments: dict[str, str], rows: Rows | None = None) -> None:
+        self.values = Evaluator(root, arguments, rows)
+        self.made = self.elements = 0
 
-    def run(self, path: Path) -> Expansion:
-        """Return the expansion; every failure is a located ``PinarmError``."""
-        xacro = self.xacro
-        with _LOCK:
-            vars(xacro).update({name: getattr(self, name) for name in OURS})
-            literal = xacro.Table._eval_literal
-            if self.tape is not None:
-                xacro.Table._eval_literal = staticmethod(partial(self.tape.literal, literal))
-            try:
-                xacro.init_stacks(str(path))
-                document = self.parse(None, str(path))
-                xacro.process_doc(document, mappings=self.arguments)
-                arguments = {name: self.arguments[name] for name in self.declared}
-                return Expansion(Writer().document(document), arguments, tuple(self.warnings))
-            except PinarmError as error:
-                raise error.at(self._here()) from None
-            except Exception as error:  # xacro raises whatever Python does where a file surprises it
-                raise ModelError(_one_line(error) + self._macros()).at(self._here()) from None
-            finally:
-                xacro.Table._eval_literal = staticmethod(literal)
-                vars(xacro).update(self.plain, filestack=None, macrostack=None, all_includes=[])
-                xacro.substitution_args_context.clear()
-
-    def _here(self) -> Location:
-        """Return the location of the evaluation: of the text that failed, otherwise of the element."""
-        path, line = (self.element and self.element.getUserData("place")) or (self.xacro.filestack[-1], 0)
-        places = [
-            (name, number, row.index(self.snippet) + 1)
-            for name, text in self.texts.items()
-            for number, row in enumerate(text.splitlines(), 1)
-            if self.snippet and self.snippet in row
-        ]
-        exact = [place for place in places if place[:2] == (path, line)] or places
-        if len(exact) == 1:
-            path, line, column = exact[0]
-            return location(self.sources.get(path, path), self.texts[path], line, column, len(self.snippet))
-        return location(self.sources.get(path, path), self.texts.get(path, ""), line)
-
-    def _macros(self) -> str:
-        names = [macro.body.getAttribute("name") for macro in self.xacro.macrostack[-5:]]
-        return f" (in macro {' > '.join(names)})" if names else ""
-
-    def _spend(self, steps: int = 1) -> None:
-        self.steps += steps
-        if self.steps > MAX_STEPS:
-            raise ModelError("the expansion does not come to an end", hint="fewer macros, properties and elements")
-
-    def _descend(self, levels: int = 1) -> None:
-        self.depth += levels
-        if self.depth > MAX_DEPTH:
-            hint = "a macro, an include or a property that does not use itself"
-            raise ModelError(f"the model is nested more than {MAX_DEPTH} levels deep{self._macros()}", hint=hint)
-
-    # The methods below replace the functions of xacro of the same names.
-
-    def parse(self, _: None, filename: str) -> Document:
-        """Read a file into a tree whose elements have their locations and whose copies are counted."""
-        from xml.dom import minidom
-
-        path, source = Path(filename), self.sources.setdefault(filename, filename)
-        if not path.exists():
-            self.xacro.filestack.pop()  # as xacro does: where an include is optional, it goes on from here
-            raise self.xacro.XacroException(f"there is no file {filename}", exc=FileNotFoundError())
-        text = read(contained_file(path, self.root), source, MAX_BYTES - self.size)
-        self.size += len(text)
-        self.texts[filename] = text
-        lines = Survey.of(text, source).lines
-        document = minidom.parseString(text)
-        for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
-            element.setUserData("place", (filename, line), self.copies)
-        self._count_created(document)
-        return document
-
-    def _count_created(self, document: Document) -> None:
-        def counted(create: Callable[..., Any]) -> Callable[..., Any]:
-            def created(*arguments: Any) -> Any:
-                self._spend()
-                return create(*arguments)
-
-            return created
-
-        for name in ("createTextNode", "createComment", "createCDATASection", "createProcessingInstruction"):
-            setattr(document, name, counted(getattr(document, name)))
-
-    def eval_all(self, node: Element, macros: Any, symbols: Any) -> None:
-        """Expand an element, counting it."""
-        self._spend()
-        self._descend()
-        outer, self.element = self.element, node
+    def run(self, path: Path, source: str) -> Expansion:
+        """Return the expansion of a file, which messages call ``source``; every failure is located."""
+        root = self.values.parsed(path, source)
+        self.values.files.append(path)
+        self.values.element = root
         try:
-            self.plain["eval_all"](node, macros, symbols)
-        finally:
-            self.depth -= 1
-        self.element = outer  # only now: where it fails, the place is that of the failure
+            made = self._robot(root)
+        except PinarmError as error:
+            raise error.at(self.values.here()) from None
+        except RecursionError:
+            raise self.values.error("the model is nested too deeply").at(self.values.here()) from None
+        for kind in ("link", "joint"):
+            bound(f"{kind}s", len(made.findall(kind)), MAX_LINKS)
+        ElementTree.indent(made)
+        xml = ElementTree.tostring(made, encoding="unicode") + "\n"
+        values = self.values
+        return Expansion(xml, {name: values.arguments[name] for name in values.declared}, tuple(values.warnings))
 
-    def handle_macro_call(self, node: Element, macros: Any, symbols: Any) -> bool:
-        """Expand an element if it calls a macro; return whether it does."""
-        if not node.tagName.startswith("xacro:"):
-            return False
-        self.element = node
-        return bool(self.plain["handle_macro_call"](node, macros, symbols))
+    def _robot(self, root: Element) -> Element:
+        """Return the outermost element, whose attributes may use the defaults of arguments that are in it."""
+        made, scope = Element(root.tag), Scope()
+        self._fill(root, made, scope)
+        self.values.element = root
+        self._evaluate_attributes(root, made, scope)
+        return made
 
-    def replace_node(self, node: Element, by: Any, content_only: bool = False) -> None:
-        """Replace an element by trees or by their children, in one step however many they are.
+    def _copy(self, source: Element, scope: Scope) -> Element:
+        """Return an element with all that it holds, evaluated."""
+        self.elements += 1
+        bound("elements", self.elements, MAX_ELEMENTS)
+        made = Element(source.tag)
+        made.source, made.line = source.source, source.line
+        self._evaluate_attributes(source, made, scope)
+        self._fill(source, made, scope)
+        return made
 
-        xacro's own version searches among all siblings for each of them.
-        """
-        parent: Any = node.parentNode
-        trees = by if isinstance(by, list) else [by] if by is not None else []
-        children = [child for tree in trees for child in (tree.childNodes if content_only else [tree])]
-        siblings = parent.childNodes
-        self._spend(1 + len(children) + len(siblings) // SIBLINGS)
-        place = siblings.index(node)
-        siblings[place : place + 1] = children
-        row = [node.previousSibling, *children, node.nextSibling]
-        for left, right in pairwise(row):
-            if left is not None:
-                left.nextSibling = right
-            if right is not None:
-                right.previousSibling = left
-        for child in children:
-            child.parentNode = parent
-        node.parentNode = node.previousSibling = node.nextSibling = None
+    def _evaluate_attributes(self, source: Element, made: Element, scope: Scope) -> None:
+        for name, text in source.attrib.items():
+            if not name.startswith(("xacro:", "xmlns")):
+                made.set(name, str(self.values.value(text, scope)))
+        self._write(len(source.tag) + sum(map(len, made.attrib.values())))
 
-    def remove_previous_comments(self, node: Element) -> None:
-        """Remove the comments that stand before an element; each costs a search among its siblings."""
-        parent: Any = node.parentNode
-        passed, before = 1, node.previousSibling
-        while before is not None and before.nodeType != node.ELEMENT_NODE:
-            passed, before = passed + 1, before.previousSibling
-        self._spend(passed * (1 + len(parent.childNodes) // SIBLINGS))
-        self.plain["remove_previous_comments"](node)
+    def _fill(self, source: Element, made: Element, scope: Scope) -> None:
+        """Add the evaluated content of an element to one that is being made."""
+        self._add_text(made, source.text, scope)
+        for child in source:
+            assert isinstance(child, Element)
+            self.values.spend()
+            outer, self.values.element = self.values.element, child
+            self.values.descend()
+            self._expand(child, made, scope)
+            self.values.depth -= 1
+            self.values.element = outer  # only now: where it fails, the place is that of the failure
+            self._add_text(made, child.tail, scope)
 
-    def check_attrs(self, tag: Element, required: list[str], optional: list[str]) -> list[Any]:
-        """Fetch attributes; this is where xacro begins with each element of its own."""
-        self._spend()
-        self.element = tag
-        values: list[Any] = self.plain["check_attrs"](tag, required, optional)
-        if tag.tagName == "xacro:arg":
-            self.declared[values[0]] = None
-        return values
-
-    def reqd_attrs(self, tag: Element, attrs: list[str]) -> list[Any]:
-        """Fetch attributes that must be there."""
-        self.element = tag
-        return list(self.plain["reqd_attrs"](tag, attrs))
-
-    def eval_text(self, text: str, symbols: Any) -> Any:
-        """Evaluate text; one that is a single expression gives its value, all others text."""
-        if "$" not in text:
-            return text
-        self._descend(2)  # a property in a property takes the frames of two macros
-        try:
-            parts = list(self._evaluated(text, symbols))
-        except Exception as error:
-            self.snippet = self.snippet or text.strip()
-            if isinstance(error, PinarmError):
-                error.at(self._here())  # at once: what uses this text is not where the mistake is
-            raise
-        finally:
-            self.depth -= 2
-        result = parts[0] if len(parts) == 1 else "".join(map(str, parts))
-        if isinstance(result, str):
-            bound("characters in one evaluated text", len(result), MAX_TEXT)
-            self._spend(len(result) // 100)
-        return result
-
-    def _evaluated(self, text: str, symbols: Any) -> Iterator[Any]:
-        position = 0
-        while position < len(text):
-            self._spend()
-            match = _TOKEN.match(text, position)
-            if match is None:
-                raise ModelError(f"a brace is not closed: '{text[position : position + 40]}'")
-            escaped, expression, substitution, other = match.groups()
-            if expression is not None:
-                names = Names(symbols, self.xacro.NameSpace)
-                inner = self.eval_text(expression, symbols)
-                yield evaluate(inner, Scalars(names)) if self.tape is None else self.tape.evaluate(inner, names)
-            elif substitution is not None:
-                yield self._substitute(str(self.eval_text(substitution, symbols)))
-            else:
-                yield escaped or other
-            position = match.end()
-
-    def _substitute(self, text: str) -> str:
-        """Return the value of ``$(arg NAME)``, or for ``$(find PACKAGE)`` the URI of the package."""
-        command, _, name = text.strip().partition(" ")
-        name = name.strip()
-        if command == "find" and name:  # no package is looked for, and only includes would read a file of it
-            return f"package://{name}"
-        if command != "arg":
-            raise ModelError(f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)")
-        if name not in self.arguments:
-            expected, hint = choices(name, self.arguments, most=40)
-            raise ModelError(f"unknown argument '{name[:60]}'", expected=expected, hint=hint)
-        self.declared[name] = None
-        return self.arguments[name]
-
-    def get_include_files(self, filename_spec: str, symbols: Any) -> Iterator[str]:
-        """Yield the file to include, once it is checked to lie in an allowed folder."""
-        name = str(self.eval_text(filename_spec, symbols))
-        if any(character in name for character in ("*?[" + OPEN)):
-            raise ModelError(f"'{name[:60]}' has wildcards", expected="the name of one file")
-        base = "" if "://" in name else Path(self.xacro.filestack[-1]).parent
-        wanted = str(base / Path(name)) if base else name
-        path = self.includes[wanted] = str(contained_path(wanted, self.root))
-        if path in self.xacro.filestack:
-            raise ModelError(f"the file '{name}' includes itself")
-        yield path
-
-    def is_valid_name(self, name: str) -> bool:
-        """Return whether a property may have this name, without parsing it."""
-        return name.isidentifier() and not keyword.iskeyword(name)
-
-    def warning(self, *texts: Any, **_: Any) -> None:
-        """Keep a warning for the result, not for the terminal."""
-        if len(self.warnings) < MANY:
-            self.warnings.append(" ".join(str(text) for text in texts)[:200])
-
-    def print_location(self) -> None:
-        """Say nothing: errors carry their place."""
-
-
-class _Copies(ValueRecord, frozen=True):
-    """Counts the copies of elements and gives them the locations of these."""
-
-    spend: Callable[[int], None]
-
-    def handle(self, operation: int, key: str, data: Any, src: Any, dst: Node) -> None:
-        """Be called by the DOM for each copy."""
-        self.spend(1 + len(src.attributes))
-        dst.setUserData(key, data, self)
-
-
-def _one_line(error: Exception) -> str:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text[:300]
-
-
-def _version(site: Path) -> str:
-    """Return the version of the xacro in a folder, which its name says (importlib.metadata takes 20 ms)."""
-    names = [name for name in os.listdir(site) if name.startswith("xacro-") and name.endswith(".dist-info")]
-    return names[0].removeprefix("xacro-").removesuffix(".dist-info") if len(names) == 1 else "of unknown version"
-
-
-def _literal(plain: Callable[[Any], Any], value: Any) -> Any:
-    """Turn text into the number that it is, as xacro does; but digits of other scripts are text."""
-    return value if isinstance(value, str) and not value.isascii() and value[0] != "'" else plain(value)
-
-
-@cache
-def private_xacro() -> tuple[ModuleType, dict[str, Any]]:
-    """Load a private copy of xacro; return it with those of its functions that are replaced.
-
-    Raises:
-        ModelError: It is missing, or not version 2.1, for which the replacements are written.
-    """
-    from xml.dom import minidom
-
-    spec, hint = importlib.util.find_spec("xacro"), "pip install 'xacro==2.1.*'"
-    if spec is None or spec.origin is None:
-        raise ModelError("xacro files need the package xacro", hint=hint)
-    version = _version(Path(spec.origin).parents[1])
-    if not version.startswith("2.1."):
-        raise ModelError(f"xacro {version} is not known to be contained", expected="version 2.1", hint=hint)
-    folders = spec.submodule_search_locations
-    spec = importlib.util.spec_from_file_location("_pinarm_xacro", spec.origin, submodule_search_locations=folders)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    command_line: Any = ModuleType(f"{spec.name}.cli")  # which nobody needs, and which imports much
-    command_line.process_args = None
-    sys.modules[command_line.__name__] = command_line
-    writexml = minidom.Element.writexml
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        minidom.Element.writexml = writexml  # type: ignore[method-assign]  # which xacro replaces for everyone
-    if missing := [name for name in _NEEDED if not hasattr(module, name)]:
-        raise ModelError(f"this xacro {version} has no {missing[0]}: it is not known to be contained", hint=hint)
-    module.Table._eval_literal = staticmethod(partial(_literal, module.Table._eval_literal))
-    vars(module).update(dict.fromkeys(_DISARMED), re_macro_arg=_MACRO_PARAMETER, _global_symbols={})
-    return module, {name: getattr(module, name) for name in OURS}
-
-
-class Writer:
-    """Writer of a tree in xacro's format, with a bound on its size."""
-
-    def __init__(self) -> None:
-        self.parts: list[str] = []
-        self.size = 0
-
-    def document(self, document: Document) -> str:
-        """Return the text of a document."""
-        self.write('<?xml version="1.0" ?>\n')
-        for node in document.childNodes:
-            self._node(node, "")
-        return "".join(self.parts)
-
-    def write(self, text: str) -> None:
-        """Append a piece of text."""
-        self.size += len(text)
-        bound("characters", self.size, MAX_BYTES)
-        self.parts.append(text)
-
-    def _node(self, node: Any, indent: str) -> None:
-        if node.nodeType == node.ELEMENT_NODE:
-            self._element(node, indent)
-        elif node.nodeType != node.TEXT_NODE or node.data.strip():
-            node.writexml(self, indent, "  ", "\n")
-
-    def _element(self, element: Any, indent: str) -> None:
-        children = element.childNodes
-        self.write(f"{indent}<{element.tagName}")
-        for name, value in sorted(element.attributes.items()):
-            self.write(f' {name}="{str(value).translate(_ATTRIBUTE)}"')
-        if not children:
-            self.write("/>\n")
-        elif len(children) == 1 and children[0].nodeType == element.TEXT_NODE:
-            self.write(">")
-            children[0].writexml(self)
-            self.write(f"</{element.tagName}>\n")
+    def _add_text(self, made: Element, text: str | None, scope: Scope) -> None:
+        if not text or not text.strip():
+            return
+        written = str(self.values.value(text, scope))
+        self._write(len(written))
+        if len(made):
+            made[-1].tail = (made[-1].tail or "") + written
         else:
-            self.write(">\n")
-            for child in children:
-                self._node(child, indent + "  ")
-            self.write(f"{indent}</{element.tagName}>\n")
+            made.text = (made.text or "") + written
+
+    def _write(self, characters: int) -> None:
+        self.made += characters
+        bound("characters", self.made, MAX_BYTES)
+
+    def _expand(self, element: Element, made: Element, scope: Scope) -> None:
+        """Add what an element expands to."""
+        kind = element.tag.removeprefix("xacro:")
+        if kind == element.tag:
+            made.append(self._copy(element, scope))
+        elif (handle := _HANDLERS.get(kind)) is not None:
+            handle(self, element, made, scope)
+        else:
+            self._call_macro(kind, element, made, scope)
+
+    def _attributes(self, element: Element, *required: str, optional: tuple[str, ...] = ()) -> list[str | None]:
+        """Return the attributes of an element of xacro as they are written; unknown ones are warned of."""
+        for name in required:
+            if name not in element.attrib:
+                raise self.values.error(f"{element.tag}: missing attribute '{name}'")
+        known = (*required, *optional)
+        if extra := [name for name in element.attrib if name not in known and not name.startswith("xmlns:")]:
+            self.values.warn(f"{element.tag}: unknown attribute(s): {', '.join(extra)}")
+        return [element.get(name) for name in known]
+
+    def _declare(self, element: Element, made: Element, scope: Scope) -> None:
+        name, default = map(str, self._attributes(element, "name", "default"))
+        if name not in self.values.arguments:
+            self.values.arguments[name] = str(self.values.value(default, scope))
+        self.values.declared[name] = None
+
+    def _define_property(self, element: Element, made: Element, scope: Scope) -> None:
+        options = ("value", "default", "remove", "scope", "lazy_eval")
+        written, value, default, remove, where, lazy = self._attributes(element, "name", optional=options)
+        name = self.values.plain(str(written), scope)
+        if not name.isidentifier() or name.startswith("__"):
+            raise self.values.error(f"Property names must be valid identifiers, without '__' before them: {name[:60]}")
+        removed = self.values.truth(remove or "false", scope)
+        if (value is not None) + (default is not None) + removed > 1:
+            raise self.values.error(f"of default, value and remove a property has one: {name}")
+        if removed:
+            for around in scope.chain():
+                around.own.pop(name, None)
+            return
+        if default is not None:
+            if scope.home(name):
+                return
+            value = default
+        if value is None:
+            scope.own[f"**{name}"] = element
+            return
+        target = self._target(where, scope)
+        if target is scope and self.values.truth(lazy or "true", scope):
+            self._set(target, name, value, element)
+        else:
+            target.own[name] = self.values.literal(self.values.value(value, scope))
+
+    def _target(self, where: str | None, scope: Scope) -> Scope:
+        """Return the scope that a property is defined in."""
+        *inner, outermost = scope.chain()
+        if where == "global":
+            return outermost
+        if where != "parent":
+            return scope
+        around = [outer for outer in (*inner, outermost)[1:] if scope.is_namespace or not outer.is_namespace]
+        return around[0] if around else scope
+
+    def _set(self, scope: Scope, name: str, value: str, element: Element) -> None:
+        """Set a property whose text is evaluated at the first use."""
+        read = self.values.literal(value)
+        scope.own[name] = Unevaluated(read, element) if isinstance(read, str) else read
+
+    def _define_macro(self, element: Element, made: Element, scope: Scope) -> None:
+        name, text = self._attributes(element, "name", optional=("params",))
+        name = str(name).removeprefix("xacro:")
+        if name == "call" or "." in name:
+            raise self.values.error(f"'{name[:60]}' is no name for a macro")
+        parameters: dict[str, tuple[str, str | None] | None] = {}
+        while text and text.strip():
+            self.values.spend()
+            if match := _PARAMETER.match(text):
+                parameters[match[1]] = (match[1] if match[2] else "", match[3] or None)
+                text = match[4]
+            else:
+                word, *rest = text.split(None, 1)
+                parameters[word], text = None, "".join(rest)
+        scope.macros[name] = Macro(element, parameters)
+
+    def _insert_block(self, element: Element, made: Element, scope: Scope) -> None:
+        name = self._attributes(element, "name")[0]
+        for mark in ("**", "*"):
+            if (home := scope.home(f"{mark}{name}")) is not None:
+                block = home.own[f"{mark}{name}"]
+                if mark == "**":
+                    self._fill(block, made, scope)
+                else:
+                    self._expand(block, made, scope)
+                return
+        raise self.values.error(f'Undefined block "{name}"')
+
+    def _include(self, element: Element, made: Element, scope: Scope) -> None:
+        file, space, optional = self._attributes(element, "filename", optional=("ns", "optional"))
+        if space is not None:
+            name = self.values.plain(space, scope)
+            scope.own[name] = scope = Scope(scope, is_namespace=True)
+        needed = not self.values.truth(optional or "false", scope)
+        path = self.values.file(self.values.plain(str(file), scope), needed=needed)
+        if path is None:
+            return
+        if path in self.values.files:
+            raise self.values.error(f"the file '{file}' includes itself")
+        root = self.values.parsed(path, str(path))
+        self.values.files.append(path)
+        self._fill(root, made, scope)
+        self.values.files.pop()
+
+    def _make_element(self, element: Element, made: Element, scope: Scope) -> None:
+        text = element.get("xacro:name")
+        if text is None:
+            raise self.values.error("xacro:element: missing attribute 'xacro:name'")
+        copy = Element(_name(self.values.plain(text, scope)), element.attrib)
+        copy.text, copy.source, copy.line = element.text, element.source, element.line
+        copy[:] = element
+        self._expand(copy, made, scope)
+
+    def _set_attribute(self, element: Element, made: Element, scope: Scope) -> None:
+        name, value = map(str, self._attributes(element, "name", "value"))
+        made.set(_name(self.values.plain(name, scope)), str(self.values.value(value, scope)))
+
+    def _choose(self, element: Element, made: Element, scope: Scope) -> None:
+        holds = self.values.truth(str(self._attributes(element, "value")[0]), scope)
+        if holds == (element.tag == "xacro:if"):
+            self._fill(element, made, scope)
+
+    def _call(self, element: Element, made: Element, scope: Scope) -> None:
+        name = self.values.plain(str(self._attributes(element, "macro", optional=(*element.attrib,))[0]), scope)
+        self._call_macro(name, element, made, scope, but=("macro",))
+
+    def _call_macro(self, name: str, element: Element, made: Element, scope: Scope, but: tuple[str, ...] = ()) -> None:
+        """Add what a call of a macro expands to."""
+        *spaces, last = [name] if scope.macro(name) else name.split(".")
+        home = scope
+        for space in spaces:
+            inner = self.values.property_of(home, space)
+            home = inner if isinstance(inner, Scope) else Scope()
+        macro = home.macro(last)
+        if macro is None:
+            self._miss_macro(name, home)
+            return
+        self.values.macros.append(name)
+        self._fill(macro.body, made, self._called(macro, element, scope, Scope(home), but))
+        self.values.macros.pop()
+
+    def _miss_macro(self, name: str, scope: Scope) -> None:
+        """Refuse the call of an unknown macro; in a URDF file, which is expanded already, it is left out and noted."""
+        if self.values.files[0].suffix != ".xacro":
+            self.values.warn(f"<xacro:{name}> is left out: the file has no such macro")
+            return
+        expected, hint = choices(name, [known for around in scope.chain() for known in around.macros], most=40)
+        raise self.values.error(f"unknown macro name: xacro:{name}", expected, hint)
+
+    def _called(self, macro: Macro, element: Element, scope: Scope, inner: Scope, but: tuple[str, ...]) -> Scope:
+        """Return the scope within a macro, with the parameters of a call."""
+        missing = dict(macro.parameters)
+        for key, text in element.attrib.items():
+            if key in but or key.startswith("xmlns:"):
+                continue
+            if key not in missing:
+                expected, hint = choices(key, missing, most=40)
+                raise self.values.error(f'Invalid parameter "{key}"', expected, hint)
+            del missing[key]
+            inner.own[key] = self.values.literal(self.values.value(text, scope))
+        self._take_blocks(element, missing, inner, scope)
+        for key, default in [*missing.items()]:
+            if default is not None:
+                inner.own[key] = self.values.literal(self._default(*default, scope))
+                del missing[key]
+        if missing:
+            raise self.values.error(f"Undefined parameters [{','.join(missing)}]")
+        return inner
+
+    def _take_blocks(self, element: Element, missing: dict[str, Any], inner: Scope, scope: Scope) -> None:
+        """Give the elements in a call to the parameters of blocks, in their order."""
+        blocks = Element("blocks")
+        self._fill(element, blocks, scope)
+        waiting = list(blocks)
+        for key in [key for key in missing if key[0] == "*"]:
+            if not waiting:
+                raise self.values.error("Not enough blocks")
+            inner.own[key] = waiting.pop(0)
+            del missing[key]
+        if waiting:
+            raise self.values.error(f'Unused block "{waiting[0].tag}"')
+
+    def _default(self, forwarded: str, text: str | None, scope: Scope) -> Any:
+        """Return the default of a parameter: a property of the caller, if there is one, or a text."""
+        if forwarded and scope.home(forwarded):
+            return self.values.property_of(scope, forwarded)
+        if text is None and forwarded:
+            raise self.values.error(f"Undefined property to forward: {forwarded}")
+        return self.values.value(text or "", scope)
 
 
-_ATTRIBUTE = str.maketrans(
-    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\r": "&#13;", "\n": "&#10;", "\t": "&#9;"}
-)
+def _name(text: str) -> str:
+    if not _NAME.fullmatch(text):
+        raise ModelError(f"'{text[:60]}' is no name of an element or attribute", expected="a word")
+    return text
+
+
+_HANDLERS: Mapping[str, Callable[[Expander, Element, Element, Scope], None]] = {
+    "arg": Expander._declare, "property": Expander._define_property, "macro": Expander._define_macro,
+    "insert_block": Expander._insert_block, "include": Expander._include, "element": Expander._make_element,
+    "attribute": Expander._set_attribute, "if": Expander._choose, "unless": Expander._choose, "call": Expander._call,
+}  # fmt: skip

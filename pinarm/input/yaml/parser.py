@@ -7,6 +7,7 @@ are bounded: an untrusted file can neither run code nor occupy the reader for lo
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Any
 
 from pinarm.errors import InputError, Location, PinarmError
@@ -39,20 +40,24 @@ class Builder:
     Args:
         text: The YAML.
         source: Its name in messages.
+        tagged: For tables of other programs, which may have tags, anchors and aliases, and keys that stand twice, of
+            which the last counts: returns the value of a scalar with a tag, from the tag and the text; ``None`` for a
+            tag that is unknown.
 
     Attributes:
         places: Path of keys and indices -> location of the value; that of a list or map in a map is its key's.
         keys: Path -> location of the key.
     """
 
-    def __init__(self, text: str, source: str) -> None:
-        self.text, self.source = text, source
+    def __init__(self, text: str, source: str, tagged: Callable[[str, str], Any] | None = None) -> None:
+        self.text, self.source, self.tagged = text, source, tagged
         self.lines = text.splitlines()
         self.places: dict[Path_, Location] = {}
         self.keys: dict[Path_, Location] = {}
-        self.stack: list[tuple[Any, Path_, list[str]]] = []
+        self.stack: list[tuple[Any, Path_, str | None, list[str]]] = []
         self.root: Any = None
-        self.documents = 0
+        self.documents = self.count = 0
+        self.anchors: dict[str, Any] = {}
 
     def build(self) -> Any:
         """Return the data.
@@ -85,16 +90,25 @@ class Builder:
             self.documents += 1
             if self.documents > 1 or event.version or event.tags:
                 raise self._refuse(event, "this begins another document, or is a directive", "one document")
-        if name == "AliasEvent" or getattr(event, "anchor", None):
+        if name == "AliasEvent" and self.tagged is not None and event.anchor in self.anchors:
+            self._put(self.anchors[event.anchor], event)
+            return
+        if name == "AliasEvent" or (getattr(event, "anchor", None) and self.tagged is None):
             raise self._refuse(event, "anchors and aliases are not read", "write the value out")
-        if name in ("ScalarEvent", "MappingStartEvent", "SequenceStartEvent") and getattr(event, "tag", None):
+        if name in ("ScalarEvent", "MappingStartEvent", "SequenceStartEvent") and event.tag:
+            known = self.tagged is not None and name == "ScalarEvent"
+            if self.tagged is not None and known and (value := self.tagged(event.tag, event.value)) is not None:
+                self._put(value, event)
+                return
             raise self._refuse(event, "tags are not read", "remove the word that begins with '!'")
         if name == "MappingStartEvent":
             self._open({}, event)
         elif name == "SequenceStartEvent":
             self._open([], event)
         elif name in ("MappingEndEvent", "SequenceEndEvent"):
-            self.stack.pop()
+            container, _, anchor, _ = self.stack.pop()
+            if anchor:
+                self.anchors[anchor] = container
         elif name == "ScalarEvent":
             self._scalar(event)
 
@@ -102,30 +116,33 @@ class Builder:
         if len(self.stack) >= MAX_DEPTH:
             raise self._refuse(event, NESTED, LEVELS)
         path = self._put(container, event)
-        self.stack.append((container, path, []))
+        self.stack.append((container, path, event.anchor, []))
 
     def _scalar(self, event: Any) -> None:
         if any("\ud800" <= c <= "\udfff" for c in event.value):
             raise self._refuse(event, "this contains half of a surrogate pair", "Unicode characters")
-        container, path, pending = self.stack[-1] if self.stack else (None, (), [])
+        container, path, _, pending = self.stack[-1] if self.stack else (None, (), None, [])
         if isinstance(container, dict) and not pending:
-            if event.value in container:
+            if event.value in container and self.tagged is None:
                 first = self.keys[(*path, event.value)].line
                 raise self._refuse(event, f"the key '{event.value}' stands twice (first in line {first})", "remove one")
             pending.append(event.value)
             self.keys[(*path, event.value)] = self._location(event.start_mark, len(event.value))
         else:
-            self._put(self._value(event), event)
+            self._put(value := self._value(event), event)
+            if event.anchor:
+                self.anchors[event.anchor] = value
 
     def _put(self, value: Any, event: Any) -> Path_:
         """Add a value to the open container and return its path."""
-        if len(self.places) >= MAX_VALUES:
+        self.count += _size(value, MAX_VALUES)
+        if self.count > MAX_VALUES:
             raise self._refuse(event, "the file holds too many values", f"at most {MAX_VALUES}; tables go in CSV files")
         if not self.stack:
             self.root = value
             self.places[()] = self._location(event.start_mark)
             return ()
-        container, path, pending = self.stack[-1]
+        container, path, _, pending = self.stack[-1]
         if isinstance(container, list):
             container.append(value)
             here = (*path, len(container) - 1)
@@ -165,6 +182,16 @@ class Builder:
 
     def _refuse(self, event: Any, message: str, expected: str) -> PinarmError:
         return InputError(message, expected=expected).at(self._location(event.start_mark))
+
+
+def _size(value: Any, most: int) -> int:
+    """Return how many values a value holds, itself included; a number above ``most`` where there are more."""
+    waiting, count = [value], 0
+    while waiting and count <= most:
+        value, count = waiting.pop(), count + 1
+        if isinstance(value, list | dict):
+            waiting += value.values() if isinstance(value, dict) else value
+    return count
 
 
 def _width(event: Any) -> int:

@@ -87,7 +87,7 @@ class RobotModel(ValueRecord, frozen=True):
 
 
 def build_model(
-    xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float | None = None
+    xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float | None = None, name: str = ""
 ) -> RobotModel:
     """Build the model of a URDF, MJCF or SDF text.
 
@@ -97,11 +97,12 @@ def build_model(
         defects: Whether impossible inertias, and joints that mimic a missing one, are refused, or used and noted.
         creep: Velocity below which dry friction decreases that is to be regularised [rad/s or m/s]; ``None`` where it
             sticks. That of ball joints is regularised in any case.
+        name: Of the model, in an SDF text with several.
 
     Raises:
         ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
     """
-    xml, read = _read(xml)
+    xml, read = _read(xml, name)
     tree = _tuned(read)
     if tree.held:  # numbers that are tuned are those of the joint as it moves
         tree = _within_reach(with_held(tree))
@@ -119,16 +120,20 @@ def build_model(
     return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.couplings, tree.gravity, tuple(notes))
 
 
-def _read(xml: str) -> tuple[str, Tree]:
+def _read(xml: str, name: str) -> tuple[str, Tree]:
     """Return a text whose names other readers take too, and its tree."""
     root = tree_of(xml)
-    if any(":" in element.tag or "xmlns" in element.attrib for element in root.iter()):
+    if any(":" in element.tag or any(map(_is_undeclared, element.attrib)) for element in root.iter()):
         xml = ElementTree.tostring(_without_prefixes(tree_of(xml)), encoding="unicode")
     try:
-        return xml, _within_reach(_tree(root))
+        return xml, _within_reach(_tree(root, name))
     except ArithmeticError as error:
         problem = f"a number that follows from the model is beyond all numbers ({error})"
         raise ModelError(problem, hint="sizes and masses below 1e50") from None
+
+
+def _is_undeclared(name: str) -> bool:
+    return is_foreign(name) and not name.startswith("xmlns:")
 
 
 def _without_prefixes(root: ElementTree.Element) -> ElementTree.Element:
@@ -168,7 +173,9 @@ def _require_small(where: str, what: str, values: Array | float, most: float, me
                          hint="check the exponent and the unit")  # fmt: skip
 
 
-def _tree(root: ElementTree.Element) -> Tree:
+def _tree(root: ElementTree.Element, name: str) -> Tree:
+    if name and root.tag != "sdf":
+        raise ModelError(f"the file is no SDF, of which one could ask for the model '{name}'", hint="no key 'model'")
     if root.tag == "mujoco":
         from pinarm.mechanics.loading.mjcf.reader import mjcf_tree  # not paid for by others
 
@@ -176,7 +183,7 @@ def _tree(root: ElementTree.Element) -> Tree:
     if root.tag == "sdf":
         from pinarm.mechanics.loading.sdf.reader import sdf_tree
 
-        return sdf_tree(root)
+        return sdf_tree(root, name)
     if root.tag != "robot":
         raise ModelError(
             f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro), <mujoco> (MJCF) or <sdf>"

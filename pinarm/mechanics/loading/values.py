@@ -1,7 +1,8 @@
-"""Numbers, words, directions and placements in XML models, each checked; ``where`` begins the messages."""
+"""Numbers, words, directions, placements and solids in XML models, each checked; ``where`` begins the messages."""
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from xml.etree.ElementTree import Element
@@ -12,6 +13,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError
 from pinarm.input.numbers import decimal
+from pinarm.mechanics.loading.model_tree import inertia
 
 FINITE = sys.float_info.max
 """Largest number."""
@@ -93,3 +95,36 @@ def placement_of(origin: Element | None, where: str) -> pin.SE3:
 def text_in(element: Element | None, key: str) -> str | None:
     """Return an attribute of an element, which need not exist."""
     return None if element is None else element.get(key)
+
+
+def solid(kind: str, size: Array) -> tuple[float, Array]:
+    """Return the volume of a solid [m^3], and the mean squares of x, y and z over it [m^2], shape (3,).
+
+    Args:
+        kind: ``box``, ``ellipsoid``, ``sphere``, ``cylinder`` or ``capsule``, the last two along z.
+        size: Half sizes of a box, semi-axes of an ellipsoid, else the radius and half of the length between the ends
+            [m]; of a capsule without its caps.
+    """
+    if kind == "box":
+        return 8.0 * float(size.prod()), size**2 / 3
+    if kind == "ellipsoid":
+        return 4.0 / 3.0 * math.pi * float(size.prod()), size**2 / 5
+    r = float(size[0])
+    ball = 4.0 / 3.0 * math.pi * r**3
+    if kind == "sphere":
+        return ball, np.full(3, r * r / 5)
+    half = float(size[1])
+    tube, middle = math.pi * r * r * 2 * half, np.array([r * r / 4, r * r / 4, half * half / 3])
+    if kind == "cylinder":
+        return tube, middle
+    caps = np.array([r * r / 5, r * r / 5, r * r / 5 + half * half + 0.75 * half * r])  # centroid at 3/8 r
+    return ball + tube, (ball * caps + tube * middle) / (ball + tube)
+
+
+def solid_inertia(kind: str, size: Array, density: float, mass: float | None = None) -> pin.Inertia:
+    """Return the inertia of a solid about its centre, of its density [kg/m^3] or its mass [kg]; see ``solid``."""
+    with np.errstate(over="ignore", invalid="ignore"):  # moments beyond all numbers are refused below
+        volume, gyration = solid(kind, size)
+        total = volume * density if mass is None else mass
+        squares = total * gyration
+        return inertia(total, np.zeros(3), np.diag(squares.sum() - squares))

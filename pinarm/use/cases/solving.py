@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Indices
-from pinarm.input.xacro.expansion import WAYS
 from pinarm.use.cases.case import Case, Row, Task, solve_case
 from pinarm.use.cases.case_table import CaseTable, Kind, RowTable, SomeCases, grouped, of_kind, tabled
 from pinarm.use.cases.stack import EXPANDED, Stack
@@ -27,6 +26,9 @@ Part = tuple[Indices, RowTable | list[Row]]
 
 KINDS = 8
 """Kinds of cases of which what they have in common is kept."""
+
+WAYS = 8
+"""Most stacks of cases of one kind: each way through branches of the model that depend on numbers has its own."""
 
 
 @dataclass(eq=False)

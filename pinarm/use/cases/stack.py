@@ -140,7 +140,8 @@ class Stack:
     def _mechanism(self, cases: CaseTable) -> tuple[Mechanism, Flags]:
         """Return the mechanism in the first case and in others, and which of them can be followed so."""
         scenario = self.first.scenario
-        given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
+        given = {name: own.given if own.word is not None else scenario.mechanism.arguments[name]
+                 for name, own in scenario.content.arguments.items()}  # fmt: skip
         columns = dict[str, Array]()
         for column in cases.columns:
             if column.path.startswith(ARGUMENT):

@@ -245,8 +245,9 @@ class Scenario(Record, frozen=True):
             if Path(wanted).suffix:
                 source = self._file_of(wanted)
             changes = self.document.part("changes") if self.content.changes else None
+            given = {name: value.given for name, value in self.content.arguments.items()}
             loaded = read_mechanism(
-                source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
+                source, given, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating, acted=self.acted,
             )  # fmt: skip
         return with_methods(loaded if self.seed is None else loaded.perturbed(self.seed))

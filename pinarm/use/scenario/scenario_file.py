@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 import msgspec
 
 from pinarm.errors import InputError, within
+from pinarm.input.numbers import argument_word
 from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Measured
@@ -25,21 +26,37 @@ else:  # imported where a scenario has the key, see ScenarioFile.deferred
 
 
 class Argument(Measured):
-    """A value of an argument; the mechanism decides whether it needs a unit."""
+    """A value of an argument: a number, with a unit where the mechanism asks for one, or a word such as ``right_``.
+
+    Attributes:
+        word: The word; ``None`` for a number.
+    """
+
+    word: str | None = None
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read a number with or without a unit.
+        """Read a number with or without a unit, a word, or a truth value.
 
         Raises:
-            InputError: It is none.
+            InputError: It is none of them.
         """
-        if isinstance(value, bool) or not isinstance(value, str | int | float):
-            raise InputError("an argument is a number, with a unit where it has one")
-        number, written = read_quantity(str(value))
+        if not isinstance(value, str | int | float):
+            raise InputError("an argument is a number, with a unit where it has one, or a word")
+        word = argument_word(value)
+        number, written = (0.0, None) if word is not None else read_quantity(str(value))
         measured = cls(number)
-        measured.unit = written
+        measured.unit, measured.word = written, word
         return measured
+
+    @property
+    def given(self) -> float | str:
+        """The word, or the number."""
+        return self if self.word is None else self.word
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same argument."""
+        return (Argument.read, (self.word,)) if self.word is not None else super().__reduce__()
 
 
 class ScenarioFile(InputStruct, frozen=True):
@@ -50,7 +67,8 @@ class ScenarioFile(InputStruct, frozen=True):
         title: For headings, such as ``Slider-crank with gas force``.
         mechanism: A mechanism file, a URDF or xacro file, relative to this one, such as ``arm.yaml``; or the name of a
             robot of example-robot-data, such as ``panda``.
-        arguments: Values for the model's arguments, with units, such as ``{m_A: 0.2 kg}``.
+        arguments: Values for the model's arguments, with units, such as ``{m_A: 0.2 kg}``, or words such as
+            ``{prefix: right_}``.
         gravity: Replaces that of the mechanism; ``none`` for none.
         payloads: What links carry in this run, beside the payloads of the mechanism.
         changes: Values that replace others of the mechanism file, such as ``{drives: {knee: {ratio: 100}}}``.

@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.model_source import Source
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
@@ -117,7 +118,7 @@ def visuals(mechanism: Mechanism) -> Visuals:
     meshes: dict[Path, list[Mesh]] = {}  # a leg's mesh serves four times
     for visual, frame in _visuals(robot, model):
         try:
-            shapes += _visual(visual, frame, palette, mechanism.source.robot, meshes)
+            shapes += _visual(visual, frame, palette, mechanism.source, meshes)
         except (PinarmError, ValueError) as error:
             reason = error.message if isinstance(error, PinarmError) else str(error)
             notes.append(f"link {frame.name} is not drawn as its file says: {reason}")
@@ -132,7 +133,7 @@ def primitives(mechanism: Mechanism) -> Iterator[Shape]:
     for visual, frame in _visuals(robot, mechanism.model):
         if visual.find("geometry/mesh") is None:
             with suppress(PinarmError, ValueError):
-                yield from _visual(visual, frame, {}, mechanism.source.robot, {})
+                yield from _visual(visual, frame, {}, mechanism.source, {})
 
 
 def _visuals(robot: ElementTree.Element, model: pin.Model) -> Iterator[tuple[ElementTree.Element, pin.Frame]]:
@@ -166,7 +167,7 @@ def _visual(
     visual: ElementTree.Element,
     frame: pin.Frame,
     palette: Mapping[str, Colour],
-    robot: Path,
+    source: Source,
     meshes: dict[Path, list[Mesh]],
 ) -> Iterator[Shape]:
     """Yield the solids of one visual.
@@ -183,7 +184,7 @@ def _visual(
     painted = _colour(material) or (palette.get(material.get("name", "")) if material is not None else None)
     if element.tag == "mesh":
         scale = tuple(float(x) for x in _numbers(element.get("scale", "1 1 1"), 3))
-        for mesh in _meshes(element.get("filename", ""), robot, meshes):
+        for mesh in _meshes(element.get("filename", ""), source, meshes):
             yield Shape(node, placement, "mesh", scale, painted or mesh.colour or PLAIN, mesh)
     elif element.tag in PRIMITIVES:
         kind, count, keys = PRIMITIVES[element.tag]
@@ -196,13 +197,14 @@ def _visual(
         raise ModelError(f"<{element.tag}> is no shape", expected="box, cylinder, capsule, sphere or mesh")
 
 
-def _meshes(name: str, robot: Path, known: dict[Path, list[Mesh]]) -> list[Mesh]:
-    """Return the meshes of a file, which must lie under the model's root or in example-robot-data."""
+def _meshes(name: str, source: Source, known: dict[Path, list[Mesh]]) -> list[Mesh]:
+    """Return the meshes of a file, which must lie under the model's root, in a package, or in example-robot-data."""
     from pinarm.use.show.meshes import read_mesh
 
     name = re.sub("^package:/+", "package://", name)
-    packages = {PACKAGE: example_robot_data()} if name.startswith(f"package://{PACKAGE}/") else {}
-    file = contained_file(name if "://" in name else robot.parent.absolute() / name, root_of(robot), packages)
+    robots = {PACKAGE: example_robot_data()} if name.startswith(f"package://{PACKAGE}/") else {}
+    path = name if "://" in name else source.robot.parent.absolute() / name
+    file = contained_file(path, root_of(source.robot), {**source.packages, **robots})
     if file not in known:
         known[file] = read_mesh(file)
     return known[file]

@@ -215,7 +215,7 @@ def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
     mechanism = read_mechanism(
         folder / "mechanism.yaml", gravity=content.gravity, payloads=content.payloads, acted=scenario.acted
     )
-    given = content.arguments
+    given = {name: value for name, value in content.arguments.items() if value.word is None}
     units = {name: value.unit for name, value in given.items() if value.unit is not None}
     arguments: Mapping[str, float] = {name: float(value) for name, value in given.items()}
     return replace(mechanism, arguments=arguments, argument_units=units)

@@ -181,7 +181,8 @@ def _resolved(result: Result, folder: Path, laws: LawTables) -> str:
         for name, value in result.trajectory.mechanism.arguments.items()
     }
     if result.scenario.given is None:
-        written["arguments"] = arguments
+        words = {name: value.word for name, value in result.content.arguments.items() if value.word is not None}
+        written["arguments"] = {**words, **arguments}
     else:  # the model that is written has them filled in; formulas go on to know their values
         written["symbols"] = {**{name: str(value) for name, value in arguments.items()}, **result.content.symbols}
     accuracy = result.content.accuracy
@@ -196,7 +197,8 @@ def _resolved(result: Result, folder: Path, laws: LawTables) -> str:
 
 def mechanism_text(source: Source, model: str, laws: LawTables) -> str:
     """Return the mechanism file for the model beside it, which has no arguments any more."""
-    data = {key: value for key, value in laws.beside(source.data, source.folder).items() if key != "arguments"}
+    given = laws.beside(source.data, source.folder)
+    data = {key: value for key, value in given.items() if key not in ("arguments", "packages")}
     base = {"base": source.base} if source.base else {}
     return yaml_text({**data, "robot": model, **base, "defects": source.defects})
 
@@ -238,14 +240,22 @@ class LawTables:
         return known[file]
 
 
-_MESH = r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)([^<]*?)\2"""
+_MESH = r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(?:(?!\w+://|/)([^<]*?)|package://([^<]*?))\2"""
 """A search ends at the next element: over a comment of many beginnings it would take quadratic time."""
 
 
 def _model(mechanism: Mechanism, folder: Path) -> str:
     """Return the model's text with the files of its meshes named from another folder."""
-    home = mechanism.source.robot.parent
-    return re.sub(_MESH, lambda m: f"{m[1]}{m[2]}{os.path.relpath(home / m[3], folder)}{m[2]}", mechanism.xml)
+    home, packages = mechanism.source.robot.parent, mechanism.source.packages
+
+    def named(match: re.Match[str]) -> str:
+        package, _, inner = (match[4] or "").partition("/")
+        if match[4] and package not in packages:
+            return match[0]
+        file = packages[package] / inner if match[4] else home / match[3]
+        return f"{match[1]}{match[2]}{os.path.relpath(file, folder)}{match[2]}"
+
+    return re.sub(_MESH, named, mechanism.xml)
 
 
 def _tables(result: Result) -> dict[str, tuple[str, Path]]:

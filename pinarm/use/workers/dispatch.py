@@ -17,7 +17,7 @@ from itertools import chain, islice
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from pinarm.errors import InputError, NumericsError
-from pinarm.input.roots import given_root
+from pinarm.input.roots import given_access
 from pinarm.use.workers.executors import WorkerDeath, Workers
 from pinarm.use.workers.versions import differences, file_digest, versions
 from pinarm.use.workers.worker import Answers, LostJob, work
@@ -65,9 +65,8 @@ class Dispatch(Generic[JobT, AnswerT]):
         workers: Workers,
         written: Callable[[list[JobT]], Any] = list,
     ) -> None:
-        root = None if given_root() is None else str(given_root())
         self.workers, self.written = workers, written
-        self.call = partial(work, versions(), os.urandom(16).hex(), pickle.dumps(function), root)
+        self.call = partial(work, versions(), os.urandom(16).hex(), pickle.dumps(function), given_access())
         self.jobs: Iterator[NumberedJob[JobT]] = iter(())
         self.size, self.share, self.deaths = 1, sys.maxsize, 0
         self.retries, self.given = deque[Chunk](), dict[Any, Chunk]()

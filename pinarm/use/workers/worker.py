@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from pinarm.errors import fault
-from pinarm.input.roots import example_robot_data, file_root, noting_files
+from pinarm.input.roots import Access, example_robot_data, file_root, noting_files
 from pinarm.records import ValueRecord
 from pinarm.use.workers.versions import Versions, file_digest, versions
 
@@ -54,20 +54,20 @@ class _Session(NamedTuple):
     files: set[Path]
 
 
-def work(wanted: Versions, session: str, function: bytes, root: str | None, jobs: bytes) -> Answers | Versions:
+def work(wanted: Versions, session: str, function: bytes, access: Access, jobs: bytes) -> Answers | Versions:
     """Return the answers to a chunk of jobs, or the versions of this process where they are not those wanted.
 
     Args:
         wanted: Versions of the process that gives the jobs; nothing is unpacked where they differ.
         session: Name of the function.
         function: The function, pickled.
-        root: Folder that files may refer to; each file's own where it is ``None``.
+        access: Folder and packages that files may refer to.
         jobs: The jobs, pickled.
     """
     if wanted != versions():
         return versions()
     kept, begin = _session(session, function), time.perf_counter()
-    with file_root(root), noting_files() as files:
+    with file_root(*access), noting_files() as files:
         parts = [*answered_parts(kept.function, pickle.loads(jobs))]
     seconds, robots = time.perf_counter() - begin, example_robot_data()
     own = {file for file in files - kept.files if not file.is_relative_to(robots)}

@@ -7,8 +7,7 @@ import pytest
 
 from pinarm.errors import ExpressionError, InputError
 from pinarm.input.formulas.expressions import Expression
-from pinarm.input.formulas.grammar import MAX_LENGTH
-from pinarm.input.formulas.measured_numbers import find_measured
+from pinarm.input.formulas.grammar import MAX_LENGTH, find_measured
 from pinarm.input.units import unit
 from pinarm.use.mechanism import Mechanism
 

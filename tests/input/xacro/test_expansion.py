@@ -7,13 +7,12 @@ import io
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from xml.dom import minidom
+from xml.etree import ElementTree
 
 import pytest
 
 from pinarm.errors import InputError, ModelError, PinarmError
-from pinarm.input.roots import contained_file, example_robot_data
-from pinarm.input.xacro import expander as private_xacro
+from pinarm.input.roots import contained_file, example_robot_data, file_root, packages_around
 from pinarm.input.xacro.expansion import Expansion, expand
 
 HEAD = '<?xml version="1.0"?>\n<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
@@ -31,7 +30,17 @@ def expanded(folder: Path, body: str, **arguments: float | str) -> Expansion:
 
 def value(folder: Path, expression: str) -> str:
     xml = expanded(folder, f'<x v="{expression}"/>').xml
-    return str(minidom.parseString(xml).getElementsByTagName("x")[0].getAttribute("v"))
+    return str(ElementTree.fromstring(xml).find("x").get("v"))  # type: ignore[union-attr]
+
+
+def content(xml: str) -> object:
+    """Return the elements of a text with their attributes and texts, whatever stands between them."""
+
+    def of(element: ElementTree.Element) -> object:
+        texts = [(text or "").strip() for text in (element.text, *(child.tail for child in element))]
+        return element.tag, sorted(element.attrib.items()), "".join(texts), [of(child) for child in element]
+
+    return of(ElementTree.fromstring(xml))
 
 
 def plainly(path: Path, **arguments: str) -> str:
@@ -93,7 +102,7 @@ def honest(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("given", [{"length": "1.25", "side": "right"}])
 def test_an_honest_file_is_what_xacro_makes_of_it(honest: Path, given: dict[str, str]) -> None:
     result = expand(honest, given, root=honest.parent)
-    assert result.xml == plainly(honest, **given)
+    assert content(result.xml) == content(plainly(honest, **given))
     assert result.arguments == {"length": "0.5", "side": "left", "mass": "6"} | given
 
 
@@ -112,7 +121,7 @@ def test_example_robots_are_what_xacro_makes_of_them() -> None:
             continue  # it includes a file that the package does not have
         found = expand(path, {}, root=path.parent).xml
         if found != text:
-            assert found == plainly(path), path
+            assert content(found) == content(plainly(path)), path
             compared += 1
     assert compared > 0 or not list(robots())
 
@@ -127,16 +136,16 @@ def test_urdf_that_xacro_has_written_stays_as_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content",
+    "body",
     [
-        '<m v="${1 + 1}"/>', '<m v="&#x24;&#123;1 + 1}"/>', "<m>$<!-- -->{1 + 1}</m>",
+        '<m v="${1 + 1}"/>', '<m v="&#x24;&#123;1 + 1}"/>',
         '<xacro:arg name="a" default="2"/><m v="$(arg a)"/>',
     ],
 )  # fmt: skip
-def test_urdf_with_anything_of_xacro_is_what_xacro_makes_of_it(tmp_path: Path, content: str) -> None:
+def test_urdf_with_anything_of_xacro_is_what_xacro_makes_of_it(tmp_path: Path, body: str) -> None:
     path = tmp_path / "a.urdf"
-    path.write_text(DECLARED.format(content))
-    assert expand(path, {}, root=tmp_path).xml == plainly(path)
+    path.write_text(DECLARED.format(body))
+    assert content(expand(path, {}, root=tmp_path).xml) == content(plainly(path))
 
 
 @pytest.mark.parametrize(
@@ -156,6 +165,70 @@ def test_expressions(tmp_path: Path, expression: str, wanted: str | None) -> Non
             value(tmp_path, expression)
     else:
         assert value(tmp_path, expression) == wanted
+
+
+TABLE = """
+hip: {low: !degrees 90, high: 2.5, name: right}
+knee: &knee {low: -1, mass: 0.5, mass: 0.75}
+ankle: *knee
+parts: [1.5, [2, 3], {x: 4}]
+"""
+TABLES = """
+  <xacro:arg name="file" default="limits.yaml"/>
+  <xacro:property name="t" value="${xacro.load_yaml('$(arg file)')}"/>
+  <xacro:macro name="joint" params="name limits:=${t}"><j name="${name}" low="${limits[name]['low']}"/></xacro:macro>
+  <xacro:joint name="hip"/><xacro:joint name="ankle"/>
+  <x a="${t.hip.high} ${t['parts'][1][0]} ${t['parts'][2].x} ${t.knee.mass}" b="${'hip' in t} ${'toe' not in t}"/>
+  <xacro:property name="d" value="${dict(a=1, b='two')}"/><xacro:property name="xyz" value="0.1 0.2 0.3"/>
+  <y a="${d['b']} ${[1, 2, 3][-1]} ${xyz.split(' ')[1]} ${len(xyz.split())} ${2.0 if 'y' in 'xyz' else 0}"/>
+"""
+
+
+def test_lists_maps_and_tables_are_what_xacro_makes_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "limits.yaml").write_text(TABLE)
+    path = write(tmp_path, TABLES)
+    monkeypatch.chdir(tmp_path)
+    assert content(expand(path, {}, root=tmp_path).xml) == content(plainly(path))
+
+
+@pytest.mark.parametrize(
+    ("expression", "told"),
+    [
+        ("t['hip']['lo']", r"the map has no 'lo'[\s\S]*one of high, low, name[\s\S]*try: low"),
+        ("t.hip.lo", "the map has no 'lo'"), ("t['parts'][7]", "'7' is no key or index"), ("t + 1", "does not go with"),
+        ("xacro.load_yaml('gone.yaml')", r"there is no file \S*gone.yaml"), ("t == t", "are not compared"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_tables_are_told(tmp_path: Path, expression: str, told: str) -> None:
+    (tmp_path / "limits.yaml").write_text(TABLE)
+    given = "<xacro:property name='t' value=\"${xacro.load_yaml('limits.yaml')}\"/>"
+    with pytest.raises(PinarmError, match=told):
+        expanded(tmp_path, f'{given}<x v="${{{expression}}}"/>')
+
+
+def test_a_package_may_be_named_and_the_one_around_a_file_is_known(tmp_path: Path) -> None:
+    inner, other = tmp_path / "mine" / "urdf", tmp_path / "other"
+    for folder in (inner, other):
+        folder.mkdir(parents=True)
+    (tmp_path / "mine" / "package.xml").write_text("<package><name>mine</name></package>")
+    write(other, '<y v="2"/>', "part.xacro")
+    path = write(inner, '<x f="file://$(find other)/a.stl"/><xacro:include filename="$(find other)/part.xacro"/>')
+    assert packages_around(path, tmp_path) == {"mine": tmp_path / "mine"}
+    with pytest.raises(PinarmError, match="unknown package 'other'"):
+        expand(path, {}, root=tmp_path / "mine")
+    with file_root(None, {"other": other}):
+        assert '<y v="2"' in expand(path, {}, root=tmp_path / "mine").xml
+        for out in ("$(find other)/../x.xacro", "$(find none)/x.xacro"):
+            with pytest.raises(PinarmError, match=r"leads out of the root|unknown package"):
+                expanded(inner, f'<xacro:include filename="{out}"/>')
+
+
+def test_tags_that_an_expanded_file_still_has_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "a.urdf"
+    path.write_text(DECLARED.format('<link name="a"/><xacro:sensor at="a"><origin/></xacro:sensor>'))
+    result = expand(path, {}, root=tmp_path)
+    assert content(result.xml) == content('<robot name="r"><link name="a"/></robot>')
+    assert result.warnings == ("<xacro:sensor> is left out: the file has no such macro",)
 
 
 def test_arguments_are_exact_and_must_be_declared(tmp_path: Path) -> None:
@@ -181,7 +254,7 @@ def test_a_package_is_its_uri_and_no_file_of_it_is_read(tmp_path: Path) -> None:
     for name in ("$(find parts)/part.xacro", "package://parts/part.xacro"):
         with pytest.raises(PinarmError, match=r":3:1: unknown package 'parts'") as caught:
             expanded(tmp_path, f'<xacro:include filename="{name}"/>')
-        assert caught.value.hint == "the path of the file from the one that names it"
+        assert caught.value.hint == "--package parts=DIR, or packages: {parts: DIR} in the mechanism file"
 
 
 @pytest.mark.parametrize(
@@ -225,8 +298,6 @@ def test_threads_do_not_meet(tmp_path: Path) -> None:
         thread.join()
     assert all(f'v="{number + 1}"' in xml for number, xml in found.items())
     assert len(found) == 20
-    xacro, plain = private_xacro.private_xacro()
-    assert all(vars(xacro)[name] is function for name, function in plain.items())
 
 
 @pytest.mark.parametrize(

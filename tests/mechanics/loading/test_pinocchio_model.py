@@ -31,7 +31,7 @@ def refusal(xml):
         ('axis xyz="0 1 0"', 'axis xyz="up"', "joint 'arm': axis: 'up' is not 3 finite numbers"),
         ('parent link="base"', 'parent link="bass"', "joint 'arm': its parent link 'bass' does not exist"),
         ('type="continuous"', 'type="fixed"', "the model has no joint that moves"),
-        ("</robot>", "", "the model is not XML: "),
+        ("</robot>", "", "this is not XML: "),
     ],
 )  # fmt: skip
 def test_defects_are_refused(chain, part, broken, message):

@@ -143,9 +143,9 @@ def test_other_versions_are_an_error_that_names_both() -> None:
     other = {**versions(), "numpy": "1.0.0"}
     with pytest.raises(InputError, match=f"numpy is {versions()['numpy']} here and 1.0.0 there"):
         list(distribute(square, range(9), Here(1, lambda jobs: other)))
-    assert work({**versions(), "numpy": "0"}, "", b"no pickle", None, b"") == versions(), "nothing is unpacked"
+    assert work({**versions(), "numpy": "0"}, "", b"no pickle", (None, {}), b"") == versions(), "nothing is unpacked"
     with pytest.raises(pickle.UnpicklingError):
-        work(versions(), "", b"no pickle", None, b"")
+        work(versions(), "", b"no pickle", (None, {}), b"")
 
 
 def test_a_file_that_is_another_one_for_a_worker_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,14 +15,21 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
+from pinarm.arrays import Array
 from pinarm.errors import ModelError, several
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.mjcf.equalities import Equalities
-from pinarm.mechanics.loading.mjcf.geoms import geom_inertia
 from pinarm.mechanics.loading.mjcf.joints import Notes, aligned, elements_of, joint_chain, with_actuators
-from pinarm.mechanics.loading.mjcf.names import GENERATED, MJCF
-from pinarm.mechanics.loading.mjcf.settings import ORIENTATIONS, Attributes, Settings, number_in, numbers_in
+from pinarm.mechanics.loading.mjcf.settings import (
+    GENERATED,
+    MJCF,
+    ORIENTATIONS,
+    Attributes,
+    Settings,
+    number_in,
+    numbers_in,
+)
 from pinarm.mechanics.loading.model_tree import (
     Kind,
     Tree,
@@ -33,7 +40,7 @@ from pinarm.mechanics.loading.model_tree import (
     inertia,
     inertia_defect,
 )
-from pinarm.mechanics.loading.values import symmetric
+from pinarm.mechanics.loading.values import solid_inertia, symmetric
 
 WORLD = "world"
 JOINTS = ("joint", "freejoint")
@@ -46,6 +53,17 @@ UNMODELLED = {
     "keyframe": "keyframes are not used: the scenario says how a motion begins",
 }
 """Sections that move a MuJoCo model -> what is said of them."""
+
+
+WATER = 1000.0
+"""Density where none is given [kg/m^3]."""
+
+SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
+MOST_SIZES = 3
+"""Numbers of ``size`` that MJCF allows; a shape takes the first ones it needs, as MuJoCo does."""
+
+FLAT = ("plane", "hfield")
+"""Shapes without mass."""
 
 
 def mjcf_tree(model: Element) -> Tree:
@@ -190,6 +208,52 @@ class _Reader:
             else:
                 self.defects.append(f"{where}: {wrong}")
         return inertia(max(body.mass, settings.least_mass), body.lever, moments)
+
+
+class MeshMass(ModelError):
+    """A mass that only a mesh, or a compiler of shells, would tell."""
+
+
+def geom_inertia(attributes: Attributes, settings: Settings, where: str) -> pin.Inertia:
+    """Return the inertia of a shape about its body's frame.
+
+    Args:
+        attributes: Those of the geom, with those of its class.
+        settings: Conventions of the model.
+        where: What it belongs to, for messages.
+
+    Raises:
+        ModelError: Its size or mass is malformed.
+        MeshMass: Its mass would come from a mesh.
+    """
+    kind = attributes.get("type", "mesh" if "mesh" in attributes else "sphere")
+    mass, density = (number_in(attributes, key, where, -1.0) for key in ("mass", "density"))
+    group = number_in(attributes, "group", where, 0.0)
+    first, last = settings.groups
+    if kind in FLAT or mass == 0.0 or (mass < 0.0 and density == 0.0) or not first <= group <= last:
+        return pin.Inertia.Zero()
+    if any(number_in(attributes, key, where, 0.0) < 0.0 for key in ("mass", "density")):
+        raise ModelError(f"{where}: its mass or density is negative")
+    if kind not in SIZES or "mesh" in attributes or attributes.get("shellinertia", "false") != "false":
+        what = "mesh" if kind in ("mesh", "sdf") or "mesh" in attributes else f"'{kind}' or shell"
+        raise MeshMass(f"{where}: the mass of a {what} is not computed here", expected="an <inertial> of its body",
+                       hint="pip install 'pinarm[mjcf]', by which MuJoCo's compiler computes it")  # fmt: skip
+    place, size = _shape(attributes, kind, settings, where)
+    return place.act(solid_inertia(kind, size, density if density >= 0.0 else WATER, mass if mass >= 0.0 else None))
+
+
+def _shape(attributes: Attributes, kind: str, settings: Settings, where: str) -> tuple[pin.SE3, Array]:
+    """Return placement and size; with ``fromto`` the length is that between the two points."""
+    size = numbers_in(attributes, "size", where, len(attributes.get("size", "").split()), ())
+    if len(size) > MOST_SIZES:
+        raise ModelError(f"{where}: size='{attributes['size'][:60]}' has {len(size)} numbers",
+                         expected=f"{SIZES[kind]} positive numbers, {MOST_SIZES} at most")  # fmt: skip
+    place, half = settings.shape_placement(attributes, where)
+    if half is not None and len(size):
+        size = np.array([size[0], half] if SIZES[kind] == 2 else [size[0], size[0], half])
+    if len(size) < SIZES[kind] or not (size[: SIZES[kind]] > 0.0).all():
+        raise ModelError(f"{where}: size='{attributes.get('size', '')}'", expected=f"{SIZES[kind]} positive numbers")
+    return place, size[: SIZES[kind]]
 
 
 def _inertial(attributes: Attributes, settings: Settings, where: str) -> pin.Inertia:

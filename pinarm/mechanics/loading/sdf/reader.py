@@ -9,18 +9,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
+import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import ModelError, listed
+from pinarm.errors import ModelError, choices, listed
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.model_tree import Tree, body_inertia, checked_mimics, inertia_defect
-from pinarm.mechanics.loading.sdf.frames import WORLD, Frames, is_true, number_in, pose_of, text_of
-from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, SdfJoint, gear_of, joint_in
-from pinarm.mechanics.loading.sdf.names import SDF
-from pinarm.mechanics.loading.sdf.spanning_tree import spanning_tree
-from pinarm.mechanics.loading.values import numbers, symmetric
+from pinarm.mechanics.loading.sdf.frames import SDF, WORLD, Frames, is_true, number_in, pose_of, text_of
+from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, SdfJoint, gear_of, joint_in, spanning_tree
+from pinarm.mechanics.loading.values import numbers, solid_inertia, symmetric
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -32,18 +31,22 @@ GRAVITY = "0 0 -9.8"
 """That of a world that says none [m/s^2]."""
 
 
-def sdf_tree(root: Element) -> Tree:
+def sdf_tree(root: Element, name: str = "") -> Tree:
     """Return the tree of an ``<sdf>`` element.
 
+    Args:
+        root: The element, from which other models are removed.
+        name: Name of the model; where it is empty the only one, or the only one with joints that move.
+
     Raises:
-        ModelError: There is not one model, or a name, number, mass, axis or kind of joint is invalid.
+        ModelError: There is no such model, or a name, number, mass, axis or kind of joint is invalid.
     """
+    notes: list[str] = []
+    version, model = _version(root), _model(root, name, notes)
     unread = check_names(root, SDF)
-    version, model = _version(root), _only_model(root)
     _renew(root, version)
     frames = Frames.of(model)
     defects: list[str] = []
-    notes: list[str] = []
     bodies = {str(link.get("name")): _inertia(link, defects, notes) for link in model.findall("link")}
     if not bodies:
         raise ModelError("the model has no link")
@@ -128,26 +131,78 @@ def _renew(root: Element, version: tuple[int, int]) -> None:
             pose.set("relative_to", pose.attrib.pop("frame"))
 
 
-def _only_model(root: Element) -> Element:
-    """Return the model of a file."""
-    models = [*root.findall("model"), *root.findall("world/model")]
-    if len(models) != 1:
-        raise ModelError(f"the file has {len(models)} models", expected="one <model>, in <sdf> or in a <world>")
-    nested = [tag for tag in ("include", "model") if models[0].find(tag) is not None]
-    if nested or root.find("world/include") is not None:
+def _model(root: Element, name: str, notes: list[str]) -> Element:
+    """Return a model of a file, and remove the others and their worlds."""
+    models = [(holder, model) for holder in (root, *root.findall("world")) for model in holder.findall("model")]
+    chosen = [(holder, model) for holder, model in models if model.get("name", "") == name] if name else models
+    if len(chosen) > 1:
+        chosen = [(holder, model) for holder, model in chosen if _moving(model.findall("joint"))]
+    if len(chosen) != 1:
+        names = [model.get("name", "") for _, model in models]
+        expected, hint = choices(name, names) if names else ("one <model>, in <sdf> or in a <world>", "")
+        said = f"the file has no model '{name}'" if name and models else f"the file has {len(models)} models"
+        raise ModelError(said, expected=expected, hint=hint or ("model: NAME in the mechanism file" if names else ""))
+    (home, model), others = chosen[0], [other for _, other in models if other is not chosen[0][1]]
+    if others:
+        notes.append(f"not read, beside the model '{model.get('name', '')}': "
+                     f"{listed('model', [other.get('name', '') for other in others])}")  # fmt: skip
+    for holder in [root, *root.findall("world")]:
+        holder[:] = [
+            child for child in holder if child is model or child is home or child.tag not in ("model", "world")
+        ]
+    if any(model.find(tag) is not None for tag in ("include", "model")):
         raise ModelError("the model is made of other models", expected="one <model> with links and joints",
                          hint="one without <include> and nested <model>, as 'gz sdf -p' writes it")  # fmt: skip
-    return models[0]
+    return model
+
+
+def _moving(joints: Sequence[Element]) -> list[str]:
+    """Return the names of the joints that are not fixed."""
+    return [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
 
 
 def _require_still(static: bool, joints: Sequence[Element]) -> None:
     """Raise where a model that is said not to move has joints that do."""
-    moving = [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
-    if static and moving:
+    if static and (moving := _moving(joints)):
         verb = "move" if len(moving) > 1 else "moves"
         raise ModelError(f"the model is static, and its {listed('joint', moving)} {verb}",
                          expected="fixed joints alone",
                          hint="without <static>, and a fixed joint from the world to its base")  # fmt: skip
+
+
+SOLIDS = {
+    "box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
+    "ellipsoid": ("radii",),
+}  # fmt: skip
+"""Shape of a ``<geometry>`` -> the elements with its sizes [m]."""
+
+WATER = 1000.0
+"""Density of a collision that gives none [kg/m^3]."""
+
+
+def _solids(link: Element, inertial: Element, where: str) -> pin.Inertia:
+    """Return the inertia of a link with ``auto="true"``: of its collision shapes, by density, or by a mass of all."""
+    total, common = pin.Inertia.Zero(), number_in(inertial, "density", WATER, where)
+    for collision in link.findall("collision"):
+        part = f"{where}: collision '{collision.get('name', '')}'"
+        shape = next((shape for shape in collision.findall("geometry/*") if shape.tag in SOLIDS), None)
+        if shape is None:
+            raise ModelError(f"{part}: the mass of its shape is not computed", expected=f"one of {', '.join(SOLIDS)}",
+                             hint="<mass> and <inertia> in the <inertial> of the link")  # fmt: skip
+        words = " ".join(text_of(shape, tag) for tag in SOLIDS[shape.tag])
+        sizes = numbers(words, 3 if shape.tag in ("box", "ellipsoid") else len(SOLIDS[shape.tag]), f"{part}: size")
+        halved = {"box": [0.5] * 3, "cylinder": [1.0, 0.5], "capsule": [1.0, 0.5]}.get(shape.tag, 1.0)
+        density = number_in(collision, "density", common, part)
+        if density < 0.0 or not (sizes > 0.0).all():
+            raise ModelError(f"{part}: its density or a size of it is not positive")
+        base, place = pose_of(collision, "", part)
+        if base:
+            raise ModelError(f"{part}: its pose is relative to '{base}'", expected="the link itself")
+        total += place.act(solid_inertia(shape.tag, sizes * halved, density))
+    if not total.mass:
+        raise ModelError(f"{where}: its inertia is that of its collisions, and they have no mass")
+    mass = number_in(inertial, "mass", total.mass, where)
+    return body_inertia(mass, pin.SE3(np.eye(3), total.lever), total.inertia * (mass / total.mass), where)
 
 
 def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia:
@@ -158,9 +213,7 @@ def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia
     if inertial is None:
         notes.append(f"{where}: it has no <inertial>, and by the format 1 kg and moments of 1 kg*m^2")
     elif is_true(inertial.get("auto"), f"{where}: auto"):
-        raise ModelError(
-            f"{where}: its inertia is to be computed from its collision shapes", expected="<mass> and <inertia>"
-        )
+        return _solids(link, inertial, where)
     elif missing := [tag for tag in ("mass", *(f"inertia/{key}" for key in MOMENTS)) if not inertial.findtext(tag)]:
         amounts = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
         notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {amounts}")

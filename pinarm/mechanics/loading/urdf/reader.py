@@ -170,11 +170,10 @@ def _end(joint: Element, end: str, where: str, links: Mapping[str, Any]) -> str:
 
 
 def _bounds(joint: Element, where: str, notes: list[str]) -> Bounds:
-    """Return the limits; an effort, velocity or range of 0 means unknown: exporters write it so."""
+    """Return the limits; an effort or velocity of 0 or less, or a range of 0, means unknown: exporters write it so."""
     limit = joint.find("limit")
-    effort, velocity = (
-        not_negative(text_in(limit, key), f"{where}: its limit of {key}") or np.inf for key in ("effort", "velocity")
-    )
+    known = (number(text_in(limit, key), f"{where}: its limit of {key}", 0.0) for key in ("effort", "velocity"))
+    effort, velocity = (most if most > 0.0 else np.inf for most in known)
     if joint.get("type") not in ("revolute", "prismatic"):
         return Bounds(effort=effort, velocity=velocity)
     lower, upper = (number(text_in(limit, key), f"{where}: {key} limit", 0.0) for key in ("lower", "upper"))
@@ -199,7 +198,7 @@ def _unknown_limits(elements: Mapping[str, Element], joints: Mapping[str, TreeJo
                 missing[key].append(name)
     for key, names in missing.items():
         if names:
-            yield f"{key} limits of 0, or none, are taken for unknown: {listed('joint', names)}"
+            yield f"{key} limits of 0 or less, or none, are taken for unknown: {listed('joint', names)}"
 
 
 def _unmodelled(robot: Element, elements: Mapping[str, Element]) -> Iterator[str]:
