@@ -27,8 +27,8 @@ FLOOR_PLAN = {
     "engine": "series dataframes labelled_array one_run kernel integration constraints dynamics mesh_inertias "
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_parts "
     "mechanism_loading mechanism_variants",
-    "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
-    "position_bands equilibria inverse kinematics linear states recording forward simplify",
+    "problems": "time_grid accuracy joint_values weights laws loads drives control declaration events "
+    "position_bands equilibria inverse kinematics linear states recorded forward simplify",
     "use": "progress mechanism result workers cases assessments scenario output show store views study report",
     "cli": "options streams main",
 }

@@ -68,7 +68,7 @@ KINDS: Mapping[str, ProblemKind] = {
         ("gen411_arm_modes",),
     ),
     "recorded": ProblemKind(
-        "recording.recorded", "Recorded",
+        "recorded", "Recorded",
         "Which velocities, forces and energies belong to a motion that was recorded?", ("gen411_arm_recorded",),
     ),
 }  # fmt: skip

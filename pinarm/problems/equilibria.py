@@ -28,8 +28,8 @@ from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.joint_values import check_levels
+from pinarm.problems.laws import laws_of
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
-from pinarm.problems.prescription.prescribed_laws import laws_of
 from pinarm.records import replace
 
 if TYPE_CHECKING:

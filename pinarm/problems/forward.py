@@ -43,8 +43,8 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 from pinarm.problems.joint_values import check_levels, check_rates, followers_of, rates_of_coordinates
+from pinarm.problems.laws import laws_of, profile_remarks
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
-from pinarm.problems.prescription.prescribed_laws import laws_of, profile_remarks
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.records import replace
 
@@ -163,7 +163,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         """Return the mechanism with the losses of gears behind motors that controllers command."""
         if not self.control and not mechanism.control:
             return mechanism
-        from pinarm.problems.actuation.gear_losses import with_gear_losses
+        from pinarm.problems.control import with_gear_losses
 
         return with_gear_losses(mechanism, [*mechanism.control, *self.control])
 
@@ -172,7 +172,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     ) -> Controls | None:
         if not self.control and not mechanism.control:
             return None
-        from pinarm.problems.actuation.controls import bind_controls
+        from pinarm.problems.control import bind_controls
 
         duration = self.time.end - self.time.start
         return bind_controls(mechanism, self.control, dynamics, motion, duration, place)

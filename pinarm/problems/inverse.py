@@ -22,13 +22,11 @@ from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.actuation.effort_sharing import Share, drives_of
-from pinarm.problems.actuation.omitted_drives import omitted_drives_remarks
 from pinarm.problems.declaration import Declaration, others
+from pinarm.problems.drives import Share, drives_of, omitted_drives_remarks
 from pinarm.problems.joint_values import check_levels
+from pinarm.problems.laws import NearestPosture, grid_of, joint_motion, laws_of, profile_remarks, rough_start
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
-from pinarm.problems.prescription.prescribed_laws import grid_of, laws_of, profile_remarks
-from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.records import replace
 

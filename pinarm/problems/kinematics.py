@@ -20,8 +20,7 @@ from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.prescription.prescribed_laws import grid_of, laws_of
-from pinarm.problems.prescription.resolution import NearestPosture, joint_motion, rough_start
+from pinarm.problems.laws import NearestPosture, grid_of, joint_motion, laws_of, rough_start
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.records import replace
 

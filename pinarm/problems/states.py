@@ -28,12 +28,11 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.actuation.effort_sharing import Share, drives_of
-from pinarm.problems.actuation.omitted_drives import omitted_drives_remarks
 from pinarm.problems.declaration import Declaration, others
+from pinarm.problems.drives import Share, drives_of, omitted_drives_remarks
 from pinarm.problems.joint_values import check_levels
+from pinarm.problems.laws import laws_of
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
-from pinarm.problems.prescription.prescribed_laws import laws_of
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -42,11 +41,8 @@ if TYPE_CHECKING:
 else:  # imported where a file has loads, see LOADS
     Force = Any
 
-PreparedStatics = tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement]]
-"""The prescribed coordinates, the drives and the forces."""
-
-PreparedState = tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement], Rates]
-"""The same, and the given rates."""
+Prepared = tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement], Rates]
+"""The prescribed coordinates, the drives, the forces and the given rates."""
 
 
 class Range(InputStruct, frozen=True, rename=FILE_KEYS):
@@ -68,7 +64,88 @@ class Range(InputStruct, frozen=True, rename=FILE_KEYS):
             raise InputError("the range begins and ends at the same value")
 
 
-class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
+class StateByState:
+    """Methods of problems whose rows are states of their own."""
+
+    __slots__ = ()
+    over: dict[str, Range]
+    hold: dict[str, Level]
+    drives: list[str]
+    share: Share | None
+    start: dict[str, Level]
+    loads: dict[str, Force]
+
+    @property
+    def rates(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Given velocities and accelerations; those that are left out are 0."""
+        return {}, {}
+
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
+        first = {**{swept: values.start for swept, values in self.over.items()}, **self.hold}
+        known = positions_of(mechanism.joints, mechanism.balls)
+        start = {**self.start, **{name: value for name, value in first.items() if name in known}}
+        row = schema_row(mechanism, start, self.loads, *_parameter(self.over, mechanism), drives)
+        return with_friction_columns(replace(row, separate=True), drives)
+
+    def declaration(self) -> Declaration | None:
+        """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
+        if self.share is not None:
+            return None
+        rates = [each for given in self.rates for each in given.items()]
+        moving = [name for name in self.hold if any(rate for given, rate in rates if given == name)]
+        return Declaration(
+            self._without, held=others(self.hold, moving), moved=[*self.over, *moving], drives=self.drives,
+            loads=self.loads,
+        )  # fmt: skip
+
+    def _without(self, names: Collection[str]) -> Any:
+        fields: Any = self
+        keys = {"hold", "velocity", "acceleration", "start"} & {*fields.__struct_fields__}
+        changes = {key: others(getattr(self, key), names) for key in keys}
+        drives = [name for name in self.drives if name not in names]
+        return replace_fields(fields, **changes, drives=drives, loads={})
+
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
+        """Check all names and units; return the prescribed coordinates, the drives, the forces, and the given rates."""
+        prescribed = _prescribed(mechanism, self.over, self.hold, place)
+        rates = np.zeros((2, len(prescribed.names)))
+        for order, (key, given) in enumerate(zip(("velocity", "acceleration"), self.rates, strict=True)):
+            for name, value in given.items():
+                with place(key, Key(name)):
+                    if name not in prescribed.names:
+                        expected, hint = choices(name, prescribed.names)
+                        raise InputError(f"the position does not say '{name}'", expected=expected, hint=hint)
+                with place(key, name):
+                    check_unit(value, mechanism.coordinate(name).unit / unit("s") ** (order + 1))
+                    rates[order, prescribed.names.index(name)] = value
+        drives = drives_of(mechanism, self.drives, prescribed.names, self.share, place)
+        check_levels(mechanism, self.start, place, "start")
+        forces = bind_constant_loads(mechanism, self.loads, place)
+        return prescribed, drives, forces, (rates[0], rates[1])
+
+    def table(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> PrescribedTable:
+        prescribed, drives, forces, rates = prepared or self.prepare(mechanism, accuracy, place)
+        motion, dynamics = DeterminedMotion(mechanism, prescribed), Dynamics.of(mechanism.model, forces)
+        with place():
+            known = Prescription(mechanism, motion, drives, dynamics, *_parameter(self.over, mechanism), rates)
+            grid = _grid(self.over)
+            return PrescribedTable(known, grid, start_near(mechanism, self.start, prescribed, grid))
+
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> Outcome:
+        table = self.table(mechanism, accuracy, place, prepared)
+        with place(), locating_drives(place):
+            found = table.outcome()
+            remarks = omitted_drives_remarks(mechanism, self.drives, [*self.over, *self.hold])
+            return replace(found, notes=(*found.notes, *remarks))
+
+
+class Statics(StateByState, InputStruct, frozen=True, tag_field="kind", tag="statics"):
     """Holding efforts, at rest: over the range of one coordinate, or at one position.
 
     Attributes:
@@ -90,42 +167,8 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row near the start: enough to see which quantities there are, and which are determined."""
-        return _schema_row(self, mechanism, actuation(mechanism, self.drives, [*self.over, *self.hold]))
 
-    def declaration(self) -> Declaration | None:
-        """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
-        if self.share is not None:
-            return None
-        return Declaration(self._without, held=self.hold, moved=self.over, drives=self.drives, loads=self.loads)
-
-    def _without(self, names: Collection[str]) -> Statics:
-        drives = [name for name in self.drives if name not in names]
-        return replace_fields(
-            self, hold=others(self.hold, names), start=others(self.start, names), drives=drives, loads={}
-        )
-
-    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PreparedStatics:
-        """Check all names and units; return the prescribed coordinates, the drives and the forces."""
-        prescribed = _prescribed(mechanism, self.over, self.hold, place)
-        drives = drives_of(mechanism, self.drives, prescribed.names, self.share, place)
-        return prescribed, drives, _forces(self.start, self.loads, mechanism, place)
-
-    def table(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedStatics | None = None
-    ) -> PrescribedTable:
-        prescribed, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
-        rest = np.zeros(len(prescribed.names))
-        return _table(self, mechanism, prescribed, drives, forces, (rest, rest), place)
-
-    def solve(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedStatics | None = None
-    ) -> Outcome:
-        return _outcome(self, self.table(mechanism, accuracy, place, prepared), place)
-
-
-class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
+class State(StateByState, InputStruct, frozen=True, tag_field="kind", tag="state"):
     """Efforts at given velocities and accelerations: over the range of one coordinate, or at one position.
 
     Every row is a state of its own. What is not given is 0.
@@ -153,86 +196,9 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row near the start: enough to see which quantities there are, and which are determined."""
-        return _schema_row(self, mechanism, actuation(mechanism, self.drives, [*self.over, *self.hold]))
-
-    def declaration(self) -> Declaration | None:
-        """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
-        if self.share is not None:
-            return None
-        rates = (*self.velocity.items(), *self.acceleration.items())
-        moving = [name for name in self.hold if any(rate for given, rate in rates if given == name)]
-        return Declaration(
-            self._without, held=others(self.hold, moving), moved=[*self.over, *moving], drives=self.drives,
-            loads=self.loads,
-        )  # fmt: skip
-
-    def _without(self, names: Collection[str]) -> State:
-        hold, velocity, acceleration, start = (
-            others(given, names) for given in (self.hold, self.velocity, self.acceleration, self.start)
-        )
-        drives = [name for name in self.drives if name not in names]
-        return replace_fields(
-            self, hold=hold, velocity=velocity, acceleration=acceleration, start=start, drives=drives, loads={}
-        )
-
-    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PreparedState:
-        """Check all names and units; return the prescribed coordinates, the drives, the forces, and the given rates."""
-        prescribed = _prescribed(mechanism, self.over, self.hold, place)
-        rates = np.zeros((2, len(prescribed.names)))
-        for order, key, given in ((1, "velocity", self.velocity), (2, "acceleration", self.acceleration)):
-            for name, value in given.items():
-                with place(key, Key(name)):
-                    if name not in prescribed.names:
-                        expected, hint = choices(name, prescribed.names)
-                        raise InputError(f"the position does not say '{name}'", expected=expected, hint=hint)
-                with place(key, name):
-                    check_unit(value, mechanism.coordinate(name).unit / unit("s") ** order)
-                    rates[order - 1, prescribed.names.index(name)] = value
-        drives = drives_of(mechanism, self.drives, prescribed.names, self.share, place)
-        return prescribed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
-
-    def table(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedState | None = None
-    ) -> PrescribedTable:
-        prescribed, drives, forces, rates = prepared or self.prepare(mechanism, accuracy, place)
-        return _table(self, mechanism, prescribed, drives, forces, rates, place)
-
-    def solve(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedState | None = None
-    ) -> Outcome:
-        return _outcome(self, self.table(mechanism, accuracy, place, prepared), place)
-
-
-def _schema_row(problem: Statics | State, mechanism: Mechanism, drives: Actuation) -> Trajectory:
-    """Return one row near the first position."""
-    first = {**{swept: values.start for swept, values in problem.over.items()}, **problem.hold}
-    known = positions_of(mechanism.joints, mechanism.balls)
-    start = {**problem.start, **{name: value for name, value in first.items() if name in known}}
-    row = schema_row(mechanism, start, problem.loads, *_parameter(problem.over, mechanism), drives)
-    return with_friction_columns(replace(row, separate=True), drives)
-
-
-def _table(
-    problem: Statics | State, mechanism: Mechanism, prescribed: PrescribedCoordinates, drives: Actuation,
-    forces: Mapping[str, ForceElement], rates: Rates, place: Place,
-) -> PrescribedTable:  # fmt: skip
-    motion, dynamics = DeterminedMotion(mechanism, prescribed), Dynamics.of(mechanism.model, forces)
-    with place():
-        parameter = _parameter(problem.over, mechanism)
-        known = Prescription(mechanism, motion, drives, dynamics, *parameter, rates)
-        grid = _grid(problem.over)
-        return PrescribedTable(known, grid, start_near(mechanism, problem.start, prescribed, grid))
-
-
-def _outcome(problem: Statics | State, table: PrescribedTable, place: Place) -> Outcome:
-    """Return the states of a problem, and what is to be said of its drives."""
-    mechanism = table.prescription.mechanism
-    with place(), locating_drives(place):
-        found = table.outcome()
-        remarks = omitted_drives_remarks(mechanism, problem.drives, [*problem.over, *problem.hold])
-        return replace(found, notes=(*found.notes, *remarks))
+    @property
+    def rates(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        return self.velocity, self.acceleration
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:
@@ -266,11 +232,3 @@ def _prescribed(
     motion: dict[str, MotionLaw] = {**{swept: ConstantSpeed(speed=1.0) for swept in over}, **held}
     with place():
         return determining(mechanism, motion)
-
-
-def _forces(
-    start: Mapping[str, float], loads: Mapping[str, Force], mechanism: Mechanism, place: Place
-) -> dict[str, ForceElement]:
-    """Return the forces of states without time."""
-    check_levels(mechanism, start, place, "start")
-    return bind_constant_loads(mechanism, loads, place)

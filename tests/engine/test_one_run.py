@@ -1,4 +1,4 @@
-"""What is kept within a run, and forgotten at its end."""
+"""Threads that run one scenario."""
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -8,23 +8,8 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.one_run import kept_in_a_run, one_run
 
 ROOT = Path(pinarm.__file__).parents[1]
-
-
-def test_values_are_computed_once_in_a_run_and_anew_in_the_next():
-    asked = []
-
-    @kept_in_a_run(2)
-    def double(x):
-        asked.append(x)
-        return 2 * x
-
-    for _ in range(2):
-        with one_run():
-            assert [double(1), double(1), double(3), double(1)] == [2, 2, 6, 2]
-    assert asked == [1, 3, 1, 3]
 
 
 @pytest.mark.parametrize("name", ["servo_backlash", "olive_vibrator_shaking"])

@@ -12,8 +12,7 @@ from catalogue import ABOUT_Y, five_bar, four_bar, parallelogram
 from linkage import GROUND, Body, Joint, Linkage
 from motions import anywhere, driven, free
 
-from pinarm.engine.checks.residuals import residual_figures
-from pinarm.engine.checks.unclosed import unclosed
+from pinarm.engine.checks.residuals import residual_figures, unclosed
 from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError

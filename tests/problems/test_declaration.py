@@ -12,10 +12,10 @@ from pinarm.mechanics.control.pid import Pid
 from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Constant, Motion
 from pinarm.problems import KINDS, problem_class
-from pinarm.problems.actuation.effort_sharing import EffortSharing, Share
+from pinarm.problems.drives import EffortSharing, Share
 from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import InitialState
-from pinarm.problems.prescription.resolution import NearestPosture
+from pinarm.problems.laws import NearestPosture
 from pinarm.problems.states import Range
 from pinarm.problems.time_grid import TimeGrid
 

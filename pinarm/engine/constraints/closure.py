@@ -5,16 +5,15 @@ An open chain has no rows; nothing else distinguishes it.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices, vecmat
+from pinarm.arrays import Array, Flags, Indices, vecmat
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
-from pinarm.engine.constraints.constraint_rows import ConstraintRows, EvaluatedRows
-from pinarm.engine.constraints.loop_sizes import LoopSizes, extent, slides, unit_of_length
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.constraints.nullspace import (
     RANK,
     UNCLOSED,
@@ -24,12 +23,12 @@ from pinarm.engine.constraints.nullspace import (
     acting_values,
     split_rows,
 )
-from pinarm.engine.one_run import kept_in_a_run
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
-from pinarm.mechanics.geometry.model_variants import ModelVariants
+from pinarm.mechanics.geometry.model_cache import cached_by_model
+from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, placements_of
 from pinarm.mechanics.geometry.vectors import lengths, moved
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, replace
@@ -37,9 +36,8 @@ from pinarm.records import Record, replace
 SMALL = 0.01
 """Part of its reach below which a row may be that of a joint which repeats others but is a little out of line."""
 
-SEVERAL, KEPT = 8, 64
-"""Configurations times constraints from which on numpy evaluates all together in less time than Pinocchio one by one;
-and configurations up to which what they measure is kept until the end of a run."""
+SEVERAL = 8
+"""Configurations times constraints from which on numpy evaluates all in less time than Pinocchio one by one."""
 
 BLOCK = 512
 """Configurations whose G is held at once."""
@@ -253,7 +251,7 @@ class Closure(Record, frozen=True):
     def at(self, q: Array) -> tuple[Array, Array]:
         """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq); to be read only."""
         if len(q) * len(self.constraints) >= SEVERAL:
-            rows = _kept_rows(self, q.tobytes(), len(q)) if len(q) <= KEPT else self.constraint_rows.at(q)
+            rows = self.constraint_rows.at(q)
             return rows.gaps, rows.matrices
         gaps, matrices = np.zeros((len(q), self.size)), np.zeros((len(q), self.size, self.model.nv))
         for k, state in enumerate(map(self.state, q if self.size else ())):
@@ -263,7 +261,7 @@ class Closure(Record, frozen=True):
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         if len(q) * len(self.constraints) >= SEVERAL:
-            return (_kept_rows(self, q.tobytes(), len(q)) if len(q) <= KEPT else self.constraint_rows.at(q)).drifts(v)
+            return self.constraint_rows.at(q).drifts(v)
         drifts = np.zeros((len(q), self.size))
         for k, x in enumerate(q if self.size else ()):
             drifts[k] = self.drift(self.state(x, v[k]))
@@ -271,8 +269,6 @@ class Closure(Record, frozen=True):
 
     def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
         """Return G decomposed at configurations, shape (n, nq); ``rows`` is G there, if known."""
-        if len(q) <= KEPT:
-            return _kept_splits(self, q.tobytes(), len(q))
         return RowDecompositions.of(self.at(q)[1] if rows is None else rows, self.reach)
 
     def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
@@ -369,12 +365,100 @@ class Closure(Record, frozen=True):
         return np.array([joint for joint, _ in acting], dtype=np.intp), every, idle
 
 
-@kept_in_a_run(4)
-def _kept_rows(closure: Closure, content: bytes, n: int) -> EvaluatedRows:
-    """Return the rows at n configurations, given by the bytes of their array."""
-    return closure.constraint_rows.at(np.frombuffer(content).reshape(n, -1))
+SLIDES = {"Planar": 2, "Translation": 3, "FreeFlyer": 3}
+"""Number of the first velocities of a joint that are translations; of one that slides along an axis all are."""
 
 
-@kept_in_a_run(4)
-def _kept_splits(closure: Closure, content: bytes, n: int) -> RowDecompositions:
-    return RowDecompositions.of(closure.at(np.frombuffer(content).reshape(n, -1))[1], closure.reach)
+class LoopSizes(Record, frozen=True):
+    """The joints of k loops, and how large each is.
+
+    Attributes:
+        joints: Indices of the joints of every loop.
+        sizes: Half the way around each from joint to joint, with coordinates 0 [m]: no two of its joints are farther
+            apart. Shape (k,), of variants (n, k) or (1, k).
+    """
+
+    joints: Sequence[Sequence[int]]
+    sizes: Array
+
+    @classmethod
+    def of(cls, model: Model, loops: Sequence[LoopJoint]) -> LoopSizes:
+        """Return those of the loops that joints close."""
+        if not loops:
+            return cls((), np.zeros(0))
+        parents, places, along = list(model.parents), placements_of(model)[1], _distances(model)
+        found, sizes = [], []
+        for loop in loops:
+            frames = [model.frames[frame] for frame in (loop.first, loop.second)]
+            branches = _branches(parents, *(frame.parentJoint for frame in frames))
+            ways, ends = np.zeros(along.shape[:-1]), []
+            for frame, branch in zip(frames, branches, strict=True):
+                end = frame.placement.translation
+                if branch:
+                    ways = ways + np.linalg.norm(end, axis=-1) + along[..., branch[0]] - along[..., branch[-1]]
+                ends.append(places[..., branch[-1], :] if branch else end)
+            found.append([*branches[0], *branches[1]])
+            sizes.append(0.5 * (ways + np.linalg.norm(ends[1] - ends[0], axis=-1)))
+        return cls(found, np.stack(np.broadcast_arrays(*sizes), axis=-1))
+
+
+def _branches(parents: Sequence[int], one: int, other: int) -> tuple[list[int], list[int]]:
+    """Return the joints between two and the link on which both stand, from each of them inwards."""
+    first: list[int] = []
+    second: list[int] = []
+    while one != other:
+        if one > other:
+            first.append(one)
+            one = parents[one]
+        else:
+            second.append(other)
+            other = parents[other]
+    return first, second
+
+
+def _distances(model: Model) -> Array:
+    """Return the length of the links from the world to every joint [m], shape (.., njoints)."""
+    parents, lengths = list(model.parents), np.moveaxis(np.linalg.norm(placements_of(model)[1], axis=-1), -1, 0)
+    found = [np.zeros_like(lengths[0])]
+    for joint in range(1, model.njoints):
+        found.append(found[parents[joint]] + lengths[joint])
+    return np.stack(found, axis=-1)
+
+
+def extents(model: Model, frames: Iterable[pin.Frame]) -> Array:
+    """Return the length of the longest branch of links, from the world to a joint or one of the frames [m].
+
+    Shape (), of variants (k,) or (1,). It is 1 m for a model without lengths.
+    """
+    along = _distances(model)
+    found = along.max(axis=-1)
+    for one in frames:
+        found = np.maximum(found, along[..., one.parentJoint] + np.linalg.norm(one.placement.translation, axis=-1))
+    return np.where(found > 0.0, found, 1.0)
+
+
+def unit_of_length(size: Array | float) -> Array:
+    """Return the units in which sizes [m] are numbers near 1: 1e-6, 1e-3, 1, 1e3, 1e6, ... m, of the same shape.
+
+    A size of 0, where all stands in one point, is measured in metres.
+    """
+    lengths = np.where(np.asarray(size) > 0.0, size, 1.0)
+    return np.asarray(10.0 ** (3.0 * np.round(np.log10(lengths) / 3.0)))
+
+
+@cached_by_model
+def extent(model: pin.Model) -> float:
+    """Return the length of the longest branch of links of a model, from the world to a joint or a frame [m]."""
+    return float(extents(model, model.frames))
+
+
+@cached_by_model
+def slides(model: pin.Model) -> Flags:
+    """Return which velocities are translations, shape (nv,)."""
+    found = np.zeros(model.nv, dtype=bool)
+    for joint in model.joints[1:]:
+        kind = joint.shortname().removeprefix("JointModel")
+        count = SLIDES.get(kind, joint.nv if kind.startswith("P") else 0)
+        found[joint.idx_v : joint.idx_v + count] = True
+    found.flags.writeable = False
+    return found

@@ -13,10 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.closure import Closure, extents, unit_of_length
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.constraint_rows import ConstraintRows
-from pinarm.engine.constraints.loop_sizes import extents, unit_of_length
 from pinarm.engine.constraints.nullspace import RowDecompositions, of_one_rank
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.laws.motion_law import Grid
 
 CONTROL = "control"
-"""Name of the force element of controllers in dynamics of runs; no force has it: ``problems.actuation.controls``."""
+"""Name of the force element of controllers in dynamics of runs; no force has it: ``problems.control``."""
 
 
 def with_control(dynamics: Dynamics, efforts: PresentEfforts | RecordedEfforts) -> Dynamics:

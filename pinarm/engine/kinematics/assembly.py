@@ -18,9 +18,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.closure import Closure, slides
 from pinarm.engine.constraints.constraint import GuidedCoordinate
-from pinarm.engine.constraints.loop_sizes import slides
 from pinarm.engine.kinematics.newton import SINGULAR, NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.errors import LISTED, AssemblyError, InputError, several

@@ -8,8 +8,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.coupled_joints import coupled_joints
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import coupled_joints, split_rows
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates

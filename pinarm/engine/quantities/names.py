@@ -18,7 +18,7 @@ from msgspec import Struct
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.one_run import one_at_a_time
+from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.quantities.families import FAMILIES, family
 from pinarm.engine.quantities.family import RATES, Asked, Family, UnknownQuantity
@@ -111,7 +111,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         """
         require_name(name)
         if name not in self._known:
-            with one_at_a_time(), one_blas_thread(self.trajectory.mechanism.model.nv):
+            with one_run(), one_blas_thread(self.trajectory.mechanism.model.nv):
                 found = self._extreme(name)
                 if found is None:
                     found = self._require_known(self._find(name))

@@ -25,7 +25,7 @@ from pinarm.errors import InputError, nowhere
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws import Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
-from pinarm.problems.prescription.prescribed_laws import laws_of
+from pinarm.problems.laws import laws_of
 from pinarm.records import ValueRecord
 from pinarm.use.result import curve_integrals
 from pinarm.use.result.row_lookup import MISPLACED, Lookup

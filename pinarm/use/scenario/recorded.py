@@ -15,7 +15,7 @@ from pinarm.engine.quantities.state_arrays import refuse_foreign
 from pinarm.engine.series import require_unit
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import SECOND
-from pinarm.problems.recording.recorded_columns import check_rows, named_columns
+from pinarm.problems.recorded import check_rows, named_columns
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 

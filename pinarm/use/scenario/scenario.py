@@ -16,8 +16,7 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
-from pinarm.engine.checks.residuals import residual_figures
-from pinarm.engine.checks.unclosed import unclosed
+from pinarm.engine.checks.residuals import residual_figures, unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.methods import REMOVED
 from pinarm.engine.mechanism import Mechanism as MechanismParts

@@ -155,7 +155,7 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
 def recorded_csv(result: Result) -> Iterator[bytes]:
     """Yield a recorded motion as the table that gives the same rows again; derivatives of a spline are not in it."""
     from pinarm.engine.motion.recorded_motion import RecordedRows
-    from pinarm.problems.recording.recorded_columns import named_columns
+    from pinarm.problems.recorded import named_columns
 
     run, splined = result.trajectory, result.data["problem"].get("derivatives") == "spline"
     v, a = (None if splined or np.isnan(x).any() else x for x in (run.v, run.a))

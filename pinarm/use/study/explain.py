@@ -37,7 +37,7 @@ from pinarm.use.study.run import run
 if TYPE_CHECKING:
     from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
     from pinarm.mechanics.forces.force_element import ForceElement
-    from pinarm.problems.actuation.controls import ControlOfRun
+    from pinarm.problems.control import ControlOfRun
     from pinarm.use.show.picture import Picture
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.checks.singularity import _least
+from pinarm.engine.checks.residuals import _least
 from pinarm.use.show.terminal import report
 
 LINKAGE = """<robot name="linkage"><link name="base"/><link name="A"/><link name="B"/>

@@ -1,4 +1,4 @@
-"""The rows of constraints at many configurations, kept or not, against those of each configuration by itself."""
+"""The rows of constraints at many configurations against those of each configuration by itself."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from benchmarks.growth import written
-from pinarm.engine.constraints.closure import KEPT, SEVERAL
+from pinarm.engine.constraints.closure import SEVERAL
 from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.errors import InputError
@@ -21,7 +21,7 @@ def closure():
     return Mechanism.load(MODELS / "andrews" / "mechanism.yaml").closure
 
 
-@pytest.mark.parametrize("n", [SEVERAL - 1, KEPT + 1])
+@pytest.mark.parametrize("n", [SEVERAL - 1, 65])
 def test_rows_and_their_derivatives_are_those_of_each_state(closure, n):
     q, v, w = np.random.default_rng(n).uniform(-1.0, 1.0, (3, n, closure.model.nv))
     for rates in (v, w):  # of the same configurations

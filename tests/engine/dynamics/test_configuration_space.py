@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
+from pinarm.engine.dynamics.dynamics import ConfigurationSpace
 
 
 class TestJointSpace:

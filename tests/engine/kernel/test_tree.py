@@ -6,8 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
-from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.dynamics import ConfigurationSpace, Dynamics
 from pinarm.engine.kernel.tree import AGREEMENT, CompiledTree, disagreement
 from pinarm.mechanics.forces.joint_efforts import AppliedEffort
 from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper

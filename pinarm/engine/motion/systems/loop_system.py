@@ -16,9 +16,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import BLOCK, Closure
-from pinarm.engine.constraints.coupled_joints import coupled_joints
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, split_rows
+from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, coupled_joints, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
 from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix, require_masses

@@ -14,14 +14,17 @@ from pinarm.engine.quantities.family import (
     NEWTON,
     NEWTON_METRE,
     RATES,
+    SAY_HOW,
     WATT,
+    WRENCH,
     Asked,
     Family,
     Offered,
+    WrenchFamily,
+    acts,
     length,
 )
 from pinarm.engine.quantities.reactions import tree_axis
-from pinarm.engine.quantities.transmitted import SAY_HOW, WRENCH, WrenchFamily, acts
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit

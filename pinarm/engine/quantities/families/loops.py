@@ -6,9 +6,18 @@ from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 from pinarm.arrays import Array
-from pinarm.engine.quantities.family import ALONG_AXIS, AXES, NEWTON, NEWTON_METRE, Asked, Offered
+from pinarm.engine.quantities.family import (
+    ALONG_AXIS,
+    AXES,
+    NEWTON,
+    NEWTON_METRE,
+    SAY_HOW,
+    WRENCH,
+    Asked,
+    Offered,
+    WrenchFamily,
+)
 from pinarm.engine.quantities.reactions import loop_axis
-from pinarm.engine.quantities.transmitted import SAY_HOW, WRENCH, WrenchFamily
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.joints import METRE

@@ -9,11 +9,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.control.controls import CONTROL, Controls
 from pinarm.engine.control.memory import require_samples
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
@@ -28,10 +32,11 @@ from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE
 from pinarm.mechanics.motors import Actuator, CommandOfEffort, MotorDefinition
-from pinarm.problems.actuation.inverses import InverseOfLoops, InverseOfTree, inverse_of_couplings
+from pinarm.mechanics.rotors import GearedRotor, gear_name
 from pinarm.records import replace
 
 if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.quantities.names import Quantities
 
 
@@ -142,8 +147,6 @@ class MechanismPlant:
         closure = mechanism.closure
         if not closure.size and len(joints) == mechanism.model.nv:
             return InverseOfTree(self.dynamics, np.array([joint.v for joint in joints]))
-        if not self.laws and (coupled := inverse_of_couplings(self.dynamics, closure, joints)) is not None:
-            return coupled
         guided = [*self.laws, *names]
         rows = closure.with_guides(guided, [mechanism.coordinate(name) for name in guided])
         here = rows.split(rows.rows(rows.state(self._start)))
@@ -255,3 +258,85 @@ def _require_own_joints(controllers: Sequence[Controller]) -> None:
     names = [joint.name for controller in controllers for joint in controller.joints]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"the joint '{twice[0]}' has two controllers", expected="one controller for each joint")
+
+
+def demanded(dynamics: Dynamics, t: float, q: Array, v: Array, a: Array) -> Array:
+    """Return ``M a + nle - loads`` of one state, shape (nv,)."""
+    efforts = np.asarray(pin.rnea(dynamics.model, dynamics.data, q, v, a))
+    return efforts - dynamics.loads(t, q, v) if dynamics.forces else efforts
+
+
+@dataclass(frozen=True, eq=False)
+class InverseOfTree:
+    """Inverse dynamics of an open chain whose joints are all driven: ``M a + nle - loads``.
+
+    Attributes:
+        dynamics: The equation of motion.
+        order: Indices in v of the drives, shape (nv,).
+    """
+
+    dynamics: Dynamics
+    order: Array
+
+    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
+        whole = np.empty_like(v)
+        whole[..., self.order] = a
+        if q.ndim > 1:
+            return np.asarray(self.dynamics.inverse(t, q, v, whole)[:, self.order])
+        return np.asarray(demanded(self.dynamics, t, q, v, whole)[self.order])  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False)
+class InverseOfLoops:
+    """Inverse dynamics where other joints follow: ``M a + nle = loads + G^T lam``, see ``dynamics.equation``.
+
+    Attributes:
+        dynamics: The equation of motion.
+        rows: G: the constraints, coordinates that follow laws, and at the end the drives.
+        laws: Of these coordinates.
+        count: Number of drives.
+    """
+
+    dynamics: Dynamics
+    rows: Closure
+    laws: tuple[MotionLaw, ...]
+    count: int
+
+    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts of the drives that give them accelerations a, shape (.., k)."""
+        if q.ndim == 1:
+            return self._efforts(float(t), q, v, a)
+        times = np.broadcast_to(np.asarray(t, float), len(q)).tolist()
+        states = zip(times, q, v, a, strict=True)
+        return np.array([self._efforts(*state) for state in states]).reshape(len(q), self.count)
+
+    def _efforts(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        state, wanted = self.rows.state(q, v), [law.on(t, t)(np.array([t]))[2][0] for law in self.laws]
+        right = -self.rows.drift(state)
+        right[len(right) - self.count - len(wanted) :] += [*wanted, *a]
+        split, mass = self.rows.split(self.rows.rows(state)), mass_matrix(self.dynamics.model, q)
+        force = -self.dynamics.inverse(t, q[None], v[None], np.zeros((1, len(v))))[0]
+        moved = solve(split, mass, force, right)
+        return split.multipliers(mass @ moved - force)[-self.count :]
+
+
+def with_gear_losses(mechanism: Mechanism, control: Sequence[ControlOfRun]) -> Mechanism:
+    """Return a mechanism with the friction of gears whose motors have controllers; itself where none has losses.
+
+    Args:
+        mechanism: The mechanism, or one that has them already, as that of a result.
+        control: The controllers of the run, those of the mechanism included.
+    """
+    commanded = {drive for one in control for drive in one.drives}
+    known = {one.name for one in mechanism.frictions}
+    gears = {one.name: one for one in mechanism.constraints if isinstance(one, GearedRotor)}
+    losing = {
+        name: drive for name, drive in mechanism.drives.items()
+        if name in commanded and drive.efficiency < 1.0 and gear_name(name) in gears
+    }  # fmt: skip
+    if not losing:
+        return mechanism
+    from pinarm.mechanics.friction.gear_loss import GearLoss
+
+    losses = [GearLoss.of(name, gears[gear_name(name)], drive.efficiency) for name, drive in losing.items()]
+    return replace(mechanism, frictions=(*mechanism.frictions, *(loss for loss in losses if loss.name not in known)))

@@ -1,1 +1,0 @@
-"""What drives do in a problem: under controllers, or where more of them share a load."""

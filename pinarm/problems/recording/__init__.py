@@ -1,1 +1,0 @@
-"""Motions that are given as rows: measured, or computed elsewhere."""
