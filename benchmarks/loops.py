@@ -16,7 +16,7 @@ import pinocchio as pin
 
 import pinarm
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.mechanics.forces.point import Wrench
+from pinarm.mechanics.forces.points import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState

@@ -301,7 +301,7 @@ def elastic_gears(
     elastic = {name: drive for name, drive in description.drives.items() if drive.elasticity is not None}
     if not elastic:
         return {}
-    from pinarm.mechanics.forces.flanks import elastic_gear
+    from pinarm.mechanics.forces.along_coordinate import elastic_gear
     from pinarm.mechanics.rotors import DriveTrain
 
     found = dict[str, ForceElement]()

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
     from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.friction.contact import FrictionContact
-    from pinarm.mechanics.loops.cable import CableLoop
-    from pinarm.mechanics.loops.kinds import Loop
+    from pinarm.mechanics.loops.kinds import CableLoop, Loop
     from pinarm.mechanics.payloads import Payload
     from pinarm.mechanics.points import PointDefinition
 
@@ -87,7 +86,7 @@ def named_parts(
     """
     joints, balls = joints_of(model), balls_of(model)
     check_start(description, joints, balls, here)
-    turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
+    turns = {**ball_coordinates(balls), **ball_angles(balls)}
     loops = loop_joints_of(model, key, robot.loops, description.loops, here)
     if description.closures:
         from pinarm.mechanics.loops.closing_frames import closures_of
@@ -102,11 +101,7 @@ def named_parts(
 
 def tying(constraints: Sequence[Constraint], frictions: Sequence[FrictionContact]) -> tuple[Constraint, ...]:
     """Return the constraints without belts that slip: friction alone ties their wheels."""
-    if not any(friction.name.startswith("coupling.") for friction in frictions):
-        return tuple(constraints)
-    from pinarm.mechanics.friction.belt import BeltFriction
-
-    slipping = [friction.coupling for friction in frictions if isinstance(friction, BeltFriction)]
+    slipping = [friction.coupling for friction in frictions if friction.replaces]
     return tuple(constraint for constraint in constraints if constraint not in slipping)
 
 

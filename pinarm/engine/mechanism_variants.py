@@ -87,7 +87,7 @@ def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
     """
     if not forces:
         return
-    from pinarm.mechanics.forces.joint_springs import SpringDamper
+    from pinarm.mechanics.forces.joint_forces import SpringDamper
 
     if others := [name for name, force in forces.items() if not (force.steady or isinstance(force, SpringDamper))]:
         raise VariantsDiffer(f"the force element '{others[0]}'")

@@ -15,16 +15,18 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, b_of, rate_of_b
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.rotation_rows import whole_turns
+from pinarm.mechanics.geometry.pairs import TiedFrames
+from pinarm.mechanics.geometry.rotation_rows import RollPitchYawRow, RotationVectorRow, whole_turns
 from pinarm.mechanics.geometry.vectors import arctan2
-from pinarm.mechanics.joints import METRE, RADIAN, Joint
+from pinarm.mechanics.joints import METRE, RADIAN, UNIVERSE, Joint
 from pinarm.records import ValueRecord
 
 ANGLES = ("roll", "pitch", "yaw")
 SPIN = unit("rad/s")
+NOWHERE = np.zeros(3)
 
 
 class Ball(ValueRecord, frozen=True):
@@ -81,94 +83,72 @@ def roll_pitch_yaw(quaternion: Array) -> Array:
 
 
 class BallCoordinate(ValueRecord, frozen=True):
-    """Component k of a ball joint's rotation vector: ``w' = B(w) omega``, as in ``RotationCoordinate``.
+    """Component k of a ball joint's rotation vector.
 
     Attributes:
-        model: Pinocchio's model.
         ball: The joint.
         component: k.
         unit: Radian.
     """
 
     wraps: ClassVar[bool] = False
-    model: pin.Model
+    kind: ClassVar[type[RotationVectorRow | RollPitchYawRow]] = RotationVectorRow
     ball: Ball
     component: int
     unit: Unit = RADIAN
 
+    def way(self, model: pin.Model) -> TiedFrames:
+        """Return the rotation of the joint's link, in the joint's placement on its parent, between two frames."""
+        index, parent = self.ball.index, int(model.parents[self.ball.index])
+        first = model.getFrameId(model.names[parent], pin.JOINT) if parent else UNIVERSE
+        row = self.kind(self.component, np.asarray(model.jointPlacements[index].rotation))
+        return TiedFrames(first, model.getFrameId(model.names[index], pin.JOINT), row)
+
     def value(self, state: Kinematics) -> float:
-        return float(pin.log3(pin.Quaternion(self.ball.quaternion(state.q)).matrix())[self.component])
+        return float(self.vector(state.q)[self.component])
+
+    def vector(self, q: Array) -> Array:
+        """Return the rotation vector [rad], shape (3,)."""
+        return np.asarray(pin.log3(self._turn(q)))
 
     def row(self, state: Kinematics) -> Array:
-        row = np.zeros(state.model.nv)
-        row[self.ball.v : self.ball.v + 3] = b_of(pin.log3(self._turn(state)))[self.component]
+        turn, row = self._turn(state.q), np.zeros(state.model.nv)
+        row[self.ball.v : self.ball.v + 3] = self._row.directions(NOWHERE, turn.T)[1][0] @ turn
         return row
 
     def drift(self, state: Kinematics) -> float:
-        """Return ``B' omega``: the joint's own velocity is constant while a = 0."""
-        index, turn, data = self.ball.index, self._turn(state), state.data
-        omega = data.v[index].angular - data.liMi[index].rotation.T @ data.v[state.model.parents[index]].angular
-        w = pin.log3(turn)
-        b = b_of(w)
-        return float((rate_of_b(w, b @ omega) @ omega)[self.component])
+        """Return the bend: the joint's own velocity is constant while a = 0."""
+        turn = self._turn(state.q)
+        return float(self._row.bend(NOWHERE, turn.T, NOWHERE, turn @ self.ball.vectors(state.v))[0])
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return nothing: the moment acts between the links of the joint."""
         return {}
-
-    def _turn(self, state: Kinematics) -> Array:
-        index = self.ball.index
-        return np.asarray(self.model.jointPlacements[index].rotation.T @ state.data.liMi[index].rotation)
-
-
-class BallAngle(ValueRecord, frozen=True):
-    """Roll r, pitch p or yaw y of a ball joint, up to half a turn: the angles of three joints in series, about z, y, x.
-
-    With the angular velocity omega in the child's axes, ``A = sin r omega_y + cos r omega_z`` and
-    ``B = cos r omega_y - sin r omega_z``: ``r' = omega_x + A tan p``, ``p' = B``, ``y' = A / cos p``, and while omega
-    is constant ``A' = r' B``, ``B' = -r' A``. At a pitch of 90 deg roll and yaw are not determined.
-
-    Attributes:
-        ball: The joint.
-        component: 0 for roll, 1 for pitch, 2 for yaw.
-        unit: Radian.
-    """
-
-    ball: Ball
-    component: int
-    unit: Unit = RADIAN
 
     @property
-    def wraps(self) -> bool:
+    def _row(self) -> RotationVectorRow | RollPitchYawRow:
+        return self.kind(self.component, np.eye(3))
+
+    def _turn(self, q: Array) -> Array:
+        """Return the rotation of the child in the joint's placement, shape (3, 3)."""
+        return np.asarray(pin.Quaternion(self.ball.quaternion(q)).matrix())
+
+
+class BallAngle(BallCoordinate, frozen=True):
+    """Roll, pitch or yaw of a ball joint, up to half a turn; at a pitch of 90 deg roll and yaw are not determined.
+
+    The component is 0 for roll, 1 for pitch, 2 for yaw: the angles of three joints in series, about z, y, x.
+    """
+
+    kind: ClassVar[type[RotationVectorRow | RollPitchYawRow]] = RollPitchYawRow
+
+    @property
+    def wraps(self) -> bool:  # type: ignore[override]
         return ANGLES[self.component] != "pitch"
 
-    def value(self, state: Kinematics) -> float:
-        return float(roll_pitch_yaw(self.ball.quaternion(state.q))[self.component])
-
-    def row(self, state: Kinematics) -> Array:
-        (sine, cosine), (slope, secant) = self._functions(state)
-        row = np.zeros(state.model.nv)
-        row[self.ball.v : self.ball.v + 3] = (
-            (1.0, slope * sine, slope * cosine), (0.0, cosine, -sine), (0.0, secant * sine, secant * cosine),
-        )[self.component]  # fmt: skip
-        return row
-
-    def drift(self, state: Kinematics) -> float:
-        (sine, cosine), (slope, secant) = self._functions(state)
-        x, y, z = self.ball.vectors(state.v)
-        a, b = sine * y + cosine * z, cosine * y - sine * z
-        roll = x + slope * a
-        second = (secant**2 * b * a + slope * roll * b, -roll * a, secant * (roll * b + slope * b * a))
-        return float(second[self.component])
-
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return nothing: the moment acts between the links of the joint."""
-        return {}
-
-    def _functions(self, state: Kinematics) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return sine and cosine of the roll, tangent and secant of the pitch."""
-        roll, pitch, _ = roll_pitch_yaw(self.ball.quaternion(state.q))
-        return (np.sin(roll), np.cos(roll)), (np.tan(pitch), 1.0 / np.cos(pitch))
+    def vector(self, q: Array) -> Array:
+        """Return roll, pitch and yaw [rad], shape (3,)."""
+        return roll_pitch_yaw(self.ball.quaternion(q))
 
 
 def ball_angles(balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
@@ -176,9 +156,9 @@ def ball_angles(balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
     return {f"{name}.{angle}": BallAngle(ball, k) for name, ball in balls.items() for k, angle in enumerate(ANGLES)}
 
 
-def ball_coordinates(model: pin.Model, balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
+def ball_coordinates(balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
     """Return the components of the rotation vector of every ball joint, ``J.rotation.x`` and so on."""
-    return {f"{name}.rotation.{axis}": BallCoordinate(model, ball, component)
+    return {f"{name}.rotation.{axis}": BallCoordinate(ball, component)
             for name, ball in balls.items() for component, axis in enumerate("xyz")}  # fmt: skip
 
 
@@ -187,7 +167,7 @@ def coordinate_at(model: pin.Model, index: int) -> Coordinate:
     joint = next(each for each in model.joints if each.nv and each.idx_v <= index < each.idx_v + each.nv)
     if joint.nv == 3:
         ball = Ball(model.names[joint.id], joint.id, joint.idx_q, joint.idx_v)
-        return BallCoordinate(model, ball, index - joint.idx_v)
+        return BallCoordinate(ball, index - joint.idx_v)
     weights, places = np.zeros(model.nv), np.full(model.nv, joint.idx_q, dtype=np.intp)
     weights[index] = 1.0
     return LinearCoordinate(METRE if joint.shortname().startswith("JointModelP") else RADIAN, weights, places)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import msgspec
@@ -19,9 +20,9 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct, Weight
 from pinarm.mechanics.geometry.joint_axes import check_parallel
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.pairs import LowerPair, Tie, TiedFrames
 from pinarm.mechanics.geometry.rotation_rows import RotationVectorRow
-from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction, rotated
 from pinarm.mechanics.joints import (
     METRE,
     RADIAN,
@@ -34,7 +35,7 @@ from pinarm.mechanics.joints import (
     links_of,
     unit_vector,
 )
-from pinarm.records import ValueRecord, replace
+from pinarm.records import Record, ValueRecord, replace
 
 
 class Coordinate(Protocol):
@@ -121,183 +122,120 @@ class LinearCoordinate(ValueRecord, frozen=True):
         return {}
 
 
-class FrameCoordinate(ValueRecord, frozen=True):
-    """Position of a link's origin along an axis of the world: ``w = u . p(q)`` [m].
+class PairCoordinate(Record, frozen=True):
+    """The one row of a pair between two frames: a place along an axis, a distance, or a part of a rotation.
 
     Attributes:
-        frame: Index of the frame.
-        axis: Unit vector u in world axes, shape (3,).
+        way: The frames and the pair between them.
+        unit: Unit of its value.
+        loop: Name of the loop joint whose coordinate it is; empty of others.
+    """
+
+    wraps: ClassVar[bool] = False
+    way: TiedFrames
+    unit: Unit
+    loop: str = ""
+
+    @property
+    def ways(self) -> tuple[TiedFrames, ...]:
+        """The pairs of frames whose rows, added up, are its own."""
+        return (self.way,)
+
+    def value(self, state: Kinematics) -> float:
+        value = self.way.gap(state)
+        return float((value + self.missing_turns(value, state.q))[0])
+
+    def missing_turns(self, angle: Array, q: Array) -> Array:
+        """Return the whole turns that angles from -pi to pi lack [rad] at configurations, shape (.., nq)."""
+        return np.zeros(angle.shape)
+
+    def row(self, state: Kinematics) -> Array:
+        return np.asarray(self.way.rows(state)[0])
+
+    def drift(self, state: Kinematics) -> float:
+        return float(self.way.drift(state)[0])
+
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        return self.way.wrenches(links, effort[:, None])
+
+
+def distance(first: int, second: int) -> PairCoordinate:
+    """Return the distance between the origins of two frames; where they coincide its direction is arbitrary."""
+    return PairCoordinate(TiedFrames(first, second, Tie(0.0)), METRE)
+
+
+def rotation(frame: int, component: int, reference: int = UNIVERSE) -> PairCoordinate:
+    """Return a component of the rotation vector of a frame in a reference frame."""
+    return PairCoordinate(TiedFrames(reference, frame, RotationVectorRow(component, np.eye(3))), RADIAN)
+
+
+class PathLength(Record, frozen=True):
+    """Length of the path through the origins of links, straight from each to the next: ``w = sum_k |p_k+1 - p_k|``.
+
+    Such as of a cable over small pulleys.
+
+    Attributes:
+        parts: The distances of neighbours.
         unit: Metre.
     """
 
     wraps: ClassVar[bool] = False
-    frame: int
-    axis: Array
+    parts: tuple[PairCoordinate, ...]
     unit: Unit = METRE
 
-    def value(self, state: Kinematics) -> float:
-        """Return u . p."""
-        return float(self.axis @ state.data.oMf[self.frame].translation)
+    @classmethod
+    def through(cls, model: pin.Model, links: Sequence[str]) -> PathLength:
+        """Return the path through links; errors are located at the key ``through``.
 
-    def row(self, state: Kinematics) -> Array:
-        """Return u . J_p."""
-        jacobian = pin.getFrameJacobian(state.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
-        return np.asarray(self.axis @ jacobian.reshape(6, -1)[:3])
+        Raises:
+            InputError: A link does not exist, follows itself, or all of them are one rigid body.
+        """
+        frames = []
+        for k, name in enumerate(links):
+            with within("through", k):
+                frames.append(frame_of(model, name))
+                if len(frames) > 1 and frames[-1] == frames[-2]:
+                    raise InputError(f"{name} follows itself on the path", expected="another link")
+        if len({model.frames[frame].parentJoint for frame in frames}) < 2:
+            with within("through"):
+                raise InputError(
+                    f"{', '.join(links)} belong to one rigid body: the length of the path cannot change",
+                    expected="links that move against each other",
+                )
+        return cls(tuple(distance(*pair) for pair in pairwise(frames)))
 
-    def drift(self, state: Kinematics) -> float:
-        """Return u . (J_p' v): the acceleration that the point has while a = 0."""
-        acceleration = pin.getFrameClassicalAcceleration(state.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
-        return float(self.axis @ acceleration.linear)
+    @property
+    def ways(self) -> tuple[TiedFrames, ...]:
+        return tuple(part.way for part in self.parts)
 
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        return pull(links, self.frame, effort[:, None] * self.axis)
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """Indices of the frames on the path, in their order."""
+        return (*(part.way.first for part in self.parts), self.parts[-1].way.second)
 
-
-class DistanceCoordinate(ValueRecord, frozen=True):
-    """Distance between the origins of two links: ``w = |d|``, ``d = p_2 - p_1``, ``w' = u . d'`` with ``u = d / w``.
-
-    The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Where they coincide, u is arbitrary.
-
-    Attributes:
-        first: Index of the first frame.
-        second: Index of the second one.
-        unit: Metre.
-    """
-
-    wraps: ClassVar[bool] = False
-    first: int
-    second: int
-    unit: Unit = METRE
-
-    def value(self, state: Kinematics) -> float:
-        return float(np.linalg.norm(self._apart(state)))
-
-    def row(self, state: Kinematics) -> Array:
-        """Return u . (J_2 - J_1)."""
-        first, second = (
-            pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
-            for frame in (self.first, self.second)
-        )
-        return np.asarray(direction(self._apart(state)) @ (second - first))
-
-    def drift(self, state: Kinematics) -> float:
-        """Return u . d'' + (|d'|^2 - (u . d')^2) / w with d'' for a = 0."""
-        world, frames = pin.LOCAL_WORLD_ALIGNED, (self.first, self.second)
-        v1, v2 = (pin.getFrameVelocity(state.model, state.data, frame, world).linear for frame in frames)
-        a1, a2 = (pin.getFrameClassicalAcceleration(state.model, state.data, frame, world).linear for frame in frames)
-        along, rate = direction(self._apart(state)), v2 - v1
-        length = max(self.value(state), MEETING)
-        return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
-
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        place = links.frame(self.second)[1]
-        force = (effort * direction((place - links.frame(self.first)[1]).T)).T
-        return opposed(links.model, self.first, self.second, np.concatenate([force, crossed(place, force)], axis=1))
-
-    def _apart(self, state: Kinematics) -> Array:
-        return np.asarray(state.data.oMf[self.second].translation - state.data.oMf[self.first].translation)
-
-
-class RotationCoordinate(ValueRecord, frozen=True):
-    """Component k of the rotation vector w of a link relative to a reference, ``R_ref^T R = exp([w])``.
-
-    ``w' = B(w) omega`` with omega the angular velocity of the link relative to the reference, in the link's axes. With
-    theta = |w| and W = [w], ``B = 1 + W/2 + c(theta) W^2`` and
-    ``c = 1/theta^2 - (1 + cos theta) / (2 theta sin theta)``; the drift is ``B' omega + B omega'``, where
-    ``omega' = R^T (alpha - alpha_ref + omega_link x omega_ref)`` for a = 0, in world axes within the brackets.
-    (Sola, Deray, Atchuthan, A micro Lie theory, eq. (144).)
-
-    Attributes:
-        frame: Index of the link's frame.
-        component: k.
-        reference: Index of the frame from which it is turned.
-        unit: Radian.
-    """
-
-    wraps: ClassVar[bool] = False
-    frame: int
-    component: int
-    reference: int = UNIVERSE
-    unit: Unit = RADIAN
+    def at_zero(self, model: pin.Model) -> float:
+        """Return the length where all joint coordinates are 0, which is the position of a drawing [m]."""
+        return self.value(Kinematics.at(model, pin.neutral(model)))
 
     def value(self, state: Kinematics) -> float:
-        return float(pin.log3(self._turn(state))[self.component])
+        return sum(part.value(state) for part in self.parts)
 
     def row(self, state: Kinematics) -> Array:
-        """Return row k of ``B R^T (J_omega - J_ref)``."""
-        link, reference = (
-            pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[3:]
-            for frame in (self.frame, self.reference)
-        )
-        turned = self._axes(state).T @ (link - reference)
-        return np.asarray(b_of(pin.log3(self._turn(state)))[self.component] @ turned)
+        return np.asarray(sum((part.row(state) for part in self.parts), np.zeros(state.model.nv)))
 
     def drift(self, state: Kinematics) -> float:
-        world, frames, axes = pin.LOCAL_WORLD_ALIGNED, (self.frame, self.reference), self._axes(state)
-        link, reference = (pin.getFrameVelocity(state.model, state.data, frame, world).angular for frame in frames)
-        alpha, carried = (pin.getFrameAcceleration(state.model, state.data, frame, world).angular for frame in frames)
-        omega = axes.T @ (link - reference)
-        rate = axes.T @ (alpha - carried + np.cross(link, reference))
-        w = pin.log3(self._turn(state))
-        b = b_of(w)
-        return float((b @ rate + rate_of_b(w, b @ omega) @ omega)[self.component])
+        return sum(part.drift(state) for part in self.parts)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return the moments with the same power, along the direction of the angle's row, and back on the reference."""
-        turns, references = links.frame(self.frame)[0], links.frame(self.reference)[0]
-        axes = (references.swapaxes(-1, -2) @ turns).transpose(2, 1, 0)
-        (_, (along,)) = RotationVectorRow(self.component, IDENTITY).directions(axes[0], axes)
-        moment = effort[:, None] * rotated(references, along.T)
-        wrench = np.concatenate([np.zeros_like(moment), moment], axis=1)
-        return opposed(links.model, self.reference, self.frame, wrench)
+        """Return the forces that push neighbours apart; on a link between, the resultant of both."""
+        total: dict[int, Array] = {}
+        for part in self.parts:
+            for joint, wrench in part.wrenches(links, effort).items():
+                total[joint] = total.get(joint, 0.0) + wrench
+        return total
 
-    def _axes(self, state: Kinematics) -> Array:
-        """Return the link's axes in world axes, shape (3, 3)."""
-        return np.asarray(state.data.oMf[self.frame].rotation)
-
-    def _turn(self, state: Kinematics) -> Array:
-        """Return the rotation of the link relative to the reference, shape (3, 3)."""
-        return np.asarray(state.data.oMf[self.reference].rotation.T @ self._axes(state))
-
-
-def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
-    """Return forces at a frame's origin, shape (n, 3), as wrenches on its link.
-
-    Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
-    """
-    wrench = np.concatenate([force, crossed(links.frame(frame)[1], force)], axis=1)
-    return {links.model.frames[frame].parentJoint: wrench}
-
-
-IDENTITY = np.eye(3)
-
-
-def b_of(w: Array) -> Array:
-    """Return ``B = 1 + W/2 + c W^2`` of a rotation vector w, shape (3, 3): ``w' = B omega``, omega in turned axes.
-
-    ``pin.Jlog3`` is the same up to 1e-16 / theta^2: 1e-9 at small angles, which second differences would see.
-    """
-    c, _ = _bend(w)
-    return np.asarray((1.0 - c * float(w @ w)) * IDENTITY + 0.5 * pin.skew(w) + c * (w[:, None] * w))
-
-
-def rate_of_b(w: Array, rate: Array) -> Array:
-    """Return B' for a rotation vector w and its rate: ``[w']/2 + c' W^2 + c (W' W + W W')``, shape (3, 3)."""
-    c, slope = _bend(w)
-    skew, turned = pin.skew(w), pin.skew(rate)
-    growth = slope * float(w @ rate)
-    return np.asarray(0.5 * turned + growth * (skew @ skew) + c * (turned @ skew + skew @ turned))
-
-
-def _bend(w: Array) -> tuple[float, float]:
-    """Return c of B and ``dc/dtheta / theta``; near 0 by the series ``c = 1/12 + theta^2/720``."""
-    theta2 = float(w @ w)
-    theta = theta2**0.5
-    if theta < 1e-2:  # the series' next term is theta^4 / 30240: below rounding here
-        return 1 / 12 + theta2 / 720, 1 / 360 + theta2 / 7560
-    sine, cosine = np.sin(theta), np.cos(theta)
-    c = 1 / theta2 - (1 + cosine) / (2 * theta * sine)
-    return c, ((1 + cosine) * (sine + theta) / (2 * theta2 * sine**2) - 2 / theta**3) / theta
+    def words(self, model: pin.Model) -> str:
+        return ", ".join(model.frames[frame].name for frame in self.frames)
 
 
 class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
@@ -345,7 +283,8 @@ class PointCoordinate(InputStruct, frozen=True, tag_field="kind", tag="point"):
         with within("along"):
             axis = unit_vector(self.along)
         with within("point"):
-            return FrameCoordinate(frame_of(model, self.point), axis)
+            along = TiedFrames(UNIVERSE, frame_of(model, self.point), LowerPair.row(axis, np.zeros(3)))
+            return PairCoordinate(along, METRE)
 
 
 class Distance(InputStruct, frozen=True, tag_field="kind", tag="distance"):
@@ -358,7 +297,7 @@ class Distance(InputStruct, frozen=True, tag_field="kind", tag="distance"):
     between: tuple[str, str]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        return DistanceCoordinate(*frames_of(model, self.between))
+        return distance(*frames_of(model, self.between))
 
 
 class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
@@ -388,13 +327,13 @@ class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
         with within("body"):
             frame = frame_of(model, self.body)
         if not self.relative_to:
-            return RotationCoordinate(frame, "xyz".index(self.about))
+            return rotation(frame, "xyz".index(self.about))
         with within("relative_to"):
             reference = frame_of(model, self.relative_to)
             if model.frames[frame].parentJoint == model.frames[reference].parentJoint:
                 raise InputError(f"'{self.relative_to}' is on the same body as '{self.body}'",
                                  expected="a reference from which the body can turn")  # fmt: skip
-        return RotationCoordinate(frame, "xyz".index(self.about), reference)
+        return rotation(frame, "xyz".index(self.about), reference)
 
 
 CoordinateDefinition = AngleSum | PointCoordinate | Distance | Rotation

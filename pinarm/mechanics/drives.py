@@ -54,7 +54,7 @@ class Drive(InputStruct, frozen=True):
 
     Where a controller commands the ``motor`` of a drive, a drive with an elasticity, or one along a coordinate, its
     losses act in the motion: the rotor is a joint of its own, ``D.rotor``, and ``drive.D.friction`` is what the gear
-    takes; see ``mechanics.friction.gear_loss``.
+    takes; see ``mechanics.friction.coupling_friction``.
 
     Attributes:
         joint: Joint that it drives; this or ``along``.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -56,6 +56,18 @@ class Joint(ValueRecord, frozen=True):
     q: int
     v: int
     unit: Unit
+
+
+class Measured(Protocol):
+    """What has a unit: a joint, or a coordinate."""
+
+    @property
+    def unit(self) -> Unit: ...
+
+
+def effort_unit(of: Measured) -> Unit:
+    """Return the unit of efforts along a joint or a coordinate: N of lengths, N*m of angles."""
+    return unit("N") if of.unit == METRE else unit("N*m")
 
 
 def joints_of(model: pin.Model) -> dict[str, Joint]:

@@ -22,13 +22,10 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.control.controller import Controller, Plant, Reader
+from pinarm.mechanics.control.controller import Controller, Plant, Reader, Signal
 from pinarm.mechanics.control.motor_control import MotorController
 from pinarm.mechanics.control.pid import PidController
-from pinarm.mechanics.control.signals import CoordinateSignal, JointSignal, Signal, SumSignal
-from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import Joint
+from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE
 from pinarm.mechanics.motors import Actuator, CommandOfEffort, MotorDefinition
@@ -100,14 +97,8 @@ class MechanismPlant:
     def signal(self, name: str) -> Signal:
         """Return a coordinate that can be measured; see ``Plant``."""
         mechanism = self.mechanism
-        if name in mechanism.drives:
-            return JointSignal.of(mechanism.driven_joint(name))
-        coordinate = mechanism.coordinate(name)
-        if name in mechanism.joints:
-            return JointSignal.of(mechanism.joints[name])
-        if isinstance(coordinate, LinearCoordinate):
-            return SumSignal(name, coordinate.unit, coordinate.weights, coordinate.places)
-        return CoordinateSignal(name, coordinate, mechanism.closure.state)
+        named = mechanism.driven_joint(name).name if name in mechanism.drives else name
+        return Signal(named, mechanism.coordinate(named), mechanism.closure.state)
 
     def reader(self, name: str) -> Reader:
         """Return a quantity of the state by name; see ``Plant``."""
@@ -336,7 +327,7 @@ def with_gear_losses(mechanism: Mechanism, control: Sequence[ControlOfRun]) -> M
     }  # fmt: skip
     if not losing:
         return mechanism
-    from pinarm.mechanics.friction.gear_loss import GearLoss
+    from pinarm.mechanics.friction.coupling_friction import gear_loss
 
-    losses = [GearLoss.of(name, gears[gear_name(name)], drive.efficiency) for name, drive in losing.items()]
+    losses = [gear_loss(name, gears[gear_name(name)], drive.efficiency) for name, drive in losing.items()]
     return replace(mechanism, frictions=(*mechanism.frictions, *(loss for loss in losses if loss.name not in known)))

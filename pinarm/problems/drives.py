@@ -14,7 +14,7 @@ from pinarm.errors import InputError, Place, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct, Positive, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.joints import effort_unit
 from pinarm.problems.weights import Weight, check_names, comparable, reciprocal, weights_of
 from pinarm.records import replace
 

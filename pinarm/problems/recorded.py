@@ -24,7 +24,7 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, current_folder
-from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.joints import effort_unit
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.drives import Share, drives_of

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.use.mechanism import Mechanism
 from pinarm.use.scenario.scenario import load
 from pinarm.use.study.accuracy.error_estimate import estimate_errors

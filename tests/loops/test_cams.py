@@ -314,7 +314,7 @@ class TestFriction:
         for contact in ({"roller": "T", "roller_radius": "9 mm"}, {"face": "T"}):
             friction = {"cam": {"mu": 0.1, **({"radius": "3 mm"} if "roller" in contact else {})}}
             machine = cam(RISE, at=("3 mm", "30 mm"), friction=friction, **contact)
-            (slip,) = machine.frictions
+            slip = machine.frictions[0].slip
             run = driven(cam(RISE, at=("3 mm", "30 mm"), **contact), {"O": Harmonic(amplitude=2.0, pulsation=3.0)},
                          samples=401)  # fmt: skip
             u, rate = np.array([

@@ -9,7 +9,7 @@ from newton_euler import Mesh, newton_euler
 from pinarm.engine.checks.limits import excesses
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.forces.joint_definitions import JointEffort
+from pinarm.mechanics.forces.joint_forces import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantAcceleration, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics

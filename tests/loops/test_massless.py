@@ -9,8 +9,8 @@ from motions import driven, free, poses, wrench
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.forces.joint_definitions import JointEffort
-from pinarm.mechanics.forces.point import PointSpring
+from pinarm.mechanics.forces.joint_forces import JointEffort
+from pinarm.mechanics.forces.points import PointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.records import replace
 

@@ -12,9 +12,9 @@ from motions import anywhere, driven, free, freely
 from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.forces.joint_definitions import JointEffort
+from pinarm.mechanics.forces.joint_forces import JointEffort
 from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic
-from pinarm.mechanics.loops.screw import Helical
+from pinarm.mechanics.loops.lower_pairs import Helical
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
 from pinarm.records import replace

@@ -14,7 +14,7 @@ from pinarm.mechanics.ball_joints import (
     configuration,
     roll_pitch_yaw,
 )
-from pinarm.mechanics.forces.joint_springs import BallSpring
+from pinarm.mechanics.forces.joint_forces import BallSpring
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Harmonic
@@ -50,7 +50,7 @@ def evaluate(coordinate, model, q, v):
 @pytest.mark.parametrize("component", range(3))
 def test_rates_of_rotation_vectors_and_of_angles_are_their_derivatives(model, differentiate, component, kind):
     ball, (q, v) = balls_of(model)["body"], state(model, 0)
-    coordinate = BallCoordinate(model, ball, component) if kind is BallCoordinate else BallAngle(ball, component)
+    coordinate = BallCoordinate(ball, component) if kind is BallCoordinate else BallAngle(ball, component)
 
     def along(t):
         return np.array(evaluate(coordinate, model, pin.integrate(model, q, t * v), v)[:2])

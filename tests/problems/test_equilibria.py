@@ -14,8 +14,8 @@ from benchmarks.growth import written
 from pinarm.engine.linear.equilibrium import ForceBalance
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, DynamicsError, InputError
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
-from pinarm.mechanics.forces.point import PointSpring, Wrench
+from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring
+from pinarm.mechanics.forces.points import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria

@@ -7,9 +7,8 @@ import pytest
 
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.errors import InputError, IntegrationError, Interrupted
-from pinarm.mechanics.forces.joint_definitions import JointEffort
-from pinarm.mechanics.forces.joint_efforts import AppliedEffort
-from pinarm.mechanics.forces.point import Wrench
+from pinarm.mechanics.forces.joint_forces import AppliedEffort, JointEffort
+from pinarm.mechanics.forces.points import Wrench
 from pinarm.mechanics.laws import (
     Constant,
     ConstantSpeed,

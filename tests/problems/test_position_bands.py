@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
 from pinarm.problems.states import Statics

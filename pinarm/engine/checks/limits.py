@@ -11,8 +11,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.constraint import OneSidedConstraint, one_sided
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
-from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import RADIAN, Joint
+from pinarm.mechanics.joints import RADIAN, Joint, effort_unit
 from pinarm.records import ValueRecord
 
 ROUNDING = 1e-9

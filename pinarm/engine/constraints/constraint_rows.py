@@ -10,38 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Indices, constants_of
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
-from pinarm.mechanics.ball_joints import BallAngle, BallCoordinate
-from pinarm.mechanics.coordinates import (
-    Coordinate,
-    DistanceCoordinate,
-    FrameCoordinate,
-    LinearCoordinate,
-    RotationCoordinate,
-)
+from pinarm.mechanics.ball_joints import BallCoordinate
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate, PathLength
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.geometry.frame_pairs import FramePairs, RelativeMotion, likeness
+from pinarm.mechanics.geometry.frame_pairs import FramePairs, RelativeMotion, likeness, power
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.rotation_rows import RollPitchYawRow, RotationVectorRow
-from pinarm.mechanics.joints import UNIVERSE
-from pinarm.mechanics.loops.cable import CableLoop
+from pinarm.mechanics.geometry.pairs import TiedFrames
+from pinarm.mechanics.loops.kinds import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.lower_pairs import PointOnPlane
-from pinarm.mechanics.loops.relative import SlidOut, TurnedAbout
-from pinarm.mechanics.loops.rod import Tie
-from pinarm.mechanics.paths import PathLength
+from pinarm.mechanics.loops.relative import TurnedAbout
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.geometry.pairs import Pair
     from pinarm.mechanics.geometry.vectors import Axes
-    from pinarm.mechanics.loops.pair import Pair
     from pinarm.mechanics.rotors import GearedRotor
 
 BLOCK = 4000
@@ -99,7 +88,7 @@ class ConstraintRows(Record, frozen=True):
             if isinstance(one, TurnedAbout) or (hasattr(one, "rotor") and cast("GearedRotor", one).coordinate.wraps):
                 turning.append((start, cast("TurnedAbout | GearedRotor", one)))
             for number, part in enumerate(parts_of(model, one)):
-                if not isinstance(part, FramePair):
+                if not isinstance(part, TiedFrames):
                     relations.append((start, part))
                     continue
                 key = constants_of(part.pair), likeness(model, part.first, part.second), number  # one row of a cable
@@ -156,45 +145,18 @@ class Pattern(Record, frozen=True):
         return np.searchsorted(self.rows * self.nv + self.columns, rows[:, None] * self.nv + columns)
 
 
-class FramePair(NamedTuple):
-    """A pair between two frames, given by their indices."""
-
-    pair: Pair
-    first: int
-    second: int
-
-
-def parts_of(model: Model, one: Measured) -> list[FramePair | JointRelation | LinearCoordinate]:
+def parts_of(model: Model, one: Measured) -> Sequence[TiedFrames | JointRelation | LinearCoordinate]:
     """Return the pairs of frames and the relations whose rows, added up, are those of a constraint or coordinate."""
-    if isinstance(one, JointRelation | LinearCoordinate):
+    if isinstance(one, JointRelation | LinearCoordinate | LoopJoint):
         return [one]
-    if isinstance(one, LoopJoint):
-        return [FramePair(one.pair, one.first, one.second)]
-    if isinstance(one, SlidOut | TurnedAbout):
-        return [FramePair(one.way.pair, one.way.first, one.way.second)]
-    if isinstance(one, FrameCoordinate):
-        return [FramePair(PointOnPlane.around(one.axis), UNIVERSE, one.frame)]
-    if isinstance(one, DistanceCoordinate):
-        return [FramePair(Tie(0.0), one.first, one.second)]
-    if isinstance(one, RotationCoordinate):
-        return [FramePair(RotationVectorRow(one.component, np.eye(3)), one.reference, one.frame)]
-    if isinstance(one, BallCoordinate | BallAngle):
-        return [_of_ball(model, one)]
+    if isinstance(one, BallCoordinate):
+        return [one.way(model)]
     if hasattr(one, "rotor"):
         tie = cast("GearedRotor", one)
         return [_rotor(model, tie), *map(_reversed, parts_of(model, tie.coordinate))]
-    path = one.path if isinstance(one, CableLoop) else one
-    assert isinstance(path, PathLength), f"no rows of {type(one).__name__}"
-    return [FramePair(Tie(0.0), part.first, part.second) for part in path.parts]
-
-
-def _of_ball(model: Model, one: BallCoordinate | BallAngle) -> FramePair:
-    """Return the rotation of a ball joint's link, in the joint's placement on its parent."""
-    index, kind = one.ball.index, RotationVectorRow if isinstance(one, BallCoordinate) else RollPitchYawRow
-    parent = int(model.parents[index])
-    first, second = (model.getFrameId(model.names[joint], pin.JOINT) if joint else UNIVERSE
-                     for joint in (parent, index))  # fmt: skip
-    return FramePair(kind(one.component, np.asarray(model.jointPlacements[index].rotation)), first, second)
+    measured = one.path if isinstance(one, CableLoop) else one
+    assert isinstance(measured, PairCoordinate | PathLength), f"no rows of {type(one).__name__}"
+    return measured.ways
 
 
 def _rotor(model: Model, one: GearedRotor) -> LinearCoordinate:
@@ -203,9 +165,9 @@ def _rotor(model: Model, one: GearedRotor) -> LinearCoordinate:
     return LinearCoordinate(one.coordinate.unit, weights, places)
 
 
-def _reversed(part: FramePair | JointRelation | LinearCoordinate) -> FramePair | LinearCoordinate:
-    if isinstance(part, FramePair):
-        return part._replace(pair=Reversed(part.pair))
+def _reversed(part: TiedFrames | JointRelation | LinearCoordinate) -> TiedFrames | LinearCoordinate:
+    if isinstance(part, TiedFrames):
+        return TiedFrames(part.first, part.second, Reversed(part.pair))
     assert isinstance(part, LinearCoordinate), "coordinates of rotors are no couplings"
     return replace(part, weights=-part.weights)
 
@@ -302,8 +264,7 @@ class EvaluatedRows(Record, frozen=True):
         """The entries of G in the order of the pattern, shape (z, ..)."""
         pattern, found = self.rows.pattern, np.zeros((len(self.rows.pattern.rows), *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
-            e, w = _directions(pairs.pair, motion)
-            found[pairs.entries, part] += power(e, motion.linear) + power(w, motion.angular)
+            found[pairs.entries, part] += motion.rows(pairs.pair)
         flat = self.q.reshape(-1, self.q.shape[-1])
         for row, relation in self.rows.relations:
             own = slice(*pattern.starts[row : row + 2])
@@ -347,7 +308,7 @@ class EvaluatedRows(Record, frozen=True):
         found = np.zeros((self.rows.size, *self.states), np.result_type(self.q, v))
         rates = components_first(v, 1)
         for part, pairs, motion in self._pairs():
-            e, w = _directions(pairs.pair, motion)
+            e, w = motion.directions(pairs.pair)
             dp, omega, ddp, domega = motion.rates(rates[:, part])
             bend = pairs.pair.bend(*motion.flat, *(x.reshape(3, -1) for x in (dp, omega)))
             own = (power(e, ddp[:, None]) + power(w, domega[:, None]))[:, 0]
@@ -357,26 +318,6 @@ class EvaluatedRows(Record, frozen=True):
             if isinstance(relation, JointRelation):
                 found[row] += relation.drifts_at(flat, speeds).reshape(self.q.shape[:-1])
         return states_first(found, 1)
-
-
-def power(directions: Array, motions: Array) -> Array:
-    """Return the power of unit multipliers, shape (m, s, L, ..).
-
-    Args:
-        directions: Their forces or moments, shape (m, 3), or (m, 3, L, ..).
-        motions: Velocities, shape (3, s, L, ..).
-    """
-    if directions.ndim == 2:
-        return np.tensordot(directions, motions, 1)
-    return np.asarray(np.einsum("mc...,cs...->ms...", directions, motions))
-
-
-def _directions(pair: Pair, motion: RelativeMotion) -> tuple[Array, Array]:
-    """Return the directions e and w of rows, shape (m, 3), or (m, 3, L, ..) where they turn."""
-    if pair.constant is not None:
-        return pair.constant
-    e, w = (x if x.ndim == 2 else x.reshape(*x.shape[:2], *motion.p.shape[1:]) for x in pair.directions(*motion.flat))
-    return e, w
 
 
 def _spread(x: Array, motion: RelativeMotion) -> Array:

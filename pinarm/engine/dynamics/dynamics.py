@@ -92,7 +92,7 @@ class Dynamics(Record, frozen=True):
     def _acting(self) -> tuple[ForceElement, ...]:
         if not self.forces:
             return ()
-        from pinarm.mechanics.forces.joint_springs import summed
+        from pinarm.mechanics.forces.joint_forces import summed
 
         return summed(self.forces.values())
 
@@ -223,7 +223,7 @@ class Dynamics(Record, frozen=True):
     def _energetic(self) -> tuple[ForceElement, ...]:
         if not self.forces:
             return ()
-        from pinarm.mechanics.forces.joint_springs import energetic
+        from pinarm.mechanics.forces.joint_forces import energetic
 
         return energetic(self.forces.values())
 

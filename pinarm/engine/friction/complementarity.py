@@ -27,7 +27,7 @@ from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slip import Slip, SlipGroup
 from pinarm.engine.friction.slipping import Slipping
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
+from pinarm.mechanics.friction.contact import sizes, unit_vectors
 
 if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact

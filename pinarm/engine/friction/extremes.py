@@ -25,7 +25,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.friction.complementarity import FrictionBalance
 from pinarm.engine.friction.slip import SlipGroup
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.slip_vectors import sizes
+from pinarm.mechanics.friction.contact import sizes
 from pinarm.records import replace
 
 WITHIN, SAME = 1e-12, 1e-12

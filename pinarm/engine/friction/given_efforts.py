@@ -16,8 +16,7 @@ from pinarm.engine.friction.complementarity import MARGIN, FrictionBalance, deci
 from pinarm.engine.friction.extremes import Extremes, extreme_frictions, filled
 from pinarm.engine.friction.response import SlipEquation
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows
-from pinarm.mechanics.friction.slip_vectors import several, sizes, unit_vectors
+from pinarm.mechanics.friction.contact import FrictionContact, several, sizes, slip_rows, unit_vectors
 
 NOTHING = np.zeros(0)
 
@@ -86,12 +85,12 @@ class _JointLaws(NamedTuple):
 @lru_cache(maxsize=16)
 def _constant_laws(contacts: tuple[FrictionContact, ...]) -> _JointLaws | None:
     """Return the laws of joints of the tree; ``None`` where one depends on a load, or has several components."""
-    joints = [contact for contact in contacts if isinstance(contact, JointContact) and not contact.law.loaded]
+    joints = [contact for contact in contacts if isinstance(contact.of, int) and not contact.law.loaded]
     if len(joints) < len(contacts) or several(contacts).any():
         return None
     laws = [(joint.law.static_constant, joint.law.constant, joint.law.viscous) for joint in joints]
     decay = np.array([1.0 / joint.law.stribeck if joint.law.stribeck else 0.0 for joint in joints])
-    places = np.array([joint.v for joint in joints], dtype=np.intp)
+    places = np.array([slip.joint for joint in joints if (slip := joint.standing)], dtype=np.intp)
     resting, slipping, viscous = np.array(laws).reshape(-1, 3).T.copy()
     return _JointLaws(places, resting, slipping, viscous, decay if decay.any() else None)
 

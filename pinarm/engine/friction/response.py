@@ -27,8 +27,7 @@ from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
-from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_drifts, slip_rows_at
-from pinarm.mechanics.friction.coupling_contact import ConstantSlip
+from pinarm.mechanics.friction.contact import FrictionContact, slip_drifts, slip_rows_at
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 DRIVEN = 1e-9
@@ -183,15 +182,15 @@ class BearingReactions:
     @property
     def _by_multipliers(self) -> bool:
         """Whether all loads that count are multipliers."""
-        return all(isinstance(contact, ConstantSlip) or not contact.law.loaded for contact in self.contacts)
+        return all(contact.by_multiplier or not contact.law.loaded for contact in self.contacts)
 
-    def _carried(self, lam: Array) -> Array:
-        """Return the multipliers as wrenches, shape (n, k, 6)."""
+    def _carried(self, q: Array, lam: Array) -> Array:
+        """Return the multipliers at a configuration as wrenches, shape (n, k, 6)."""
         named = {name: lam[:, rows] for name, rows in self.closure.slices.items()}
         carried = np.zeros((len(lam), len(self.contacts), 6))
         for i, contact in enumerate(self.contacts):
-            if isinstance(contact, ConstantSlip):
-                carried[:, i] = contact.carried(named)
+            if contact.law.loaded:
+                carried[:, i] = contact.carried(q[None], named)
         return carried
 
     def _wrenches(self, links: LinkPlacements, t: float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
@@ -223,7 +222,7 @@ class BearingReactions:
             sizes: These frictions [N*m or N], shape (k,).
         """
         if self._by_multipliers:
-            wrenches = self._carried(lam)
+            wrenches = self._carried(q, lam)
             response = (wrenches[1:] - wrenches[0]) / sizes[:, None, None]
             return CarriedLoads.linear(wrenches[0], response.swapaxes(0, 1))
         f, links = _each_alone(sizes), LinkPlacements.at(self.closure.model, q[None])
@@ -253,8 +252,11 @@ class BearingReactions:
     def _acting(self, links: LinkPlacements, t: float, q: Array, v: Array, lam: Array, f: Array) -> Array:
         """Return what loads, constraints and friction do to links, [f; m] at the world's origin, (n, njoints, 6)."""
         acting = self.closure.wrenches(links, lam)
-        own = [force.wrenches(t, q, v) for force in self.dynamics.forces.values()]
-        own += [contact.wrenches(links, size) for contact, size in zip(self.contacts, f.T, strict=True)]
+        own = [
+            force.wrenches(links.some(np.zeros(1, dtype=np.intp)), np.array([t]), v[None])
+            for force in self.dynamics.forces.values()
+        ]
+        own += [contact.slip.wrenches(links, size) for contact, size in zip(self.contacts, f.T, strict=True)]
         for wrenches in own:
             for joint, wrench in wrenches.items():
                 acting[:, joint] += wrench
@@ -265,7 +267,7 @@ class BearingReactions:
         couplings = [constraint for constraint in self.closure.constraints if isinstance(constraint, JointRelation)]
         left = left_open(self.closure.model, couplings)
         for contact in self.contacts:
-            reaction = left.get(contact.index) if isinstance(contact, JointContact) and contact.law.loaded else None
+            reaction = left.get(contact.of) if isinstance(contact.of, int) and contact.law.loaded else None
             if reaction is not None and contact.bearing.most(reaction.wrenches).max() > OPEN:
                 raise DynamicsError(
                     f"the friction of {contact.name} depends on a reaction that is not known: {reaction}",
@@ -299,7 +301,7 @@ class BearingReactions:
         stresses = np.vstack([np.zeros((1, m)), rows.stresses.T])
         still, none = np.zeros((len(stresses), nv)), np.zeros((len(stresses), len(self.contacts)))
         if self._by_multipliers:
-            wrenches = self._carried(stresses)
+            wrenches = self._carried(q, stresses)
         else:
             wrenches = self._wrenches(links, 0.0, q, still[0], still, stresses, none)
         added = (wrenches[1:] - wrenches[0]).swapaxes(0, 1)

@@ -18,8 +18,15 @@ from pinarm.engine.friction.slip import Slip
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.friction.contact import FrictionContact, slip_rows, slip_rows_at
-from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
+from pinarm.mechanics.friction.contact import (
+    FrictionContact,
+    same_joint,
+    several,
+    sizes,
+    slip_rows,
+    slip_rows_at,
+    unit_vectors,
+)
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import replace
 

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pinarm.engine.integration.integrator import Acceleration
-    from pinarm.mechanics.forces.joint_springs import SpringDamper
-    from pinarm.mechanics.forces.point import TwoPointSpring
+    from pinarm.mechanics.forces.joint_forces import SpringDamper
+    from pinarm.mechanics.forces.points import TwoPointSpring
 
 AGREEMENT = 1e-12
 """Largest difference to Pinocchio's accelerations, relative to these and to the squares of velocities: a thousand
@@ -192,9 +192,8 @@ class CompiledTree(Record, frozen=True):
             changing: The other force elements; springs and dampers at joints as one.
             guided: Coordinates that follow laws, whose joints have armatures that outweigh the tree.
         """
-        from pinarm.mechanics.forces.joint_efforts import AppliedEffort
-        from pinarm.mechanics.forces.joint_springs import BallSpring, SpringDamper
-        from pinarm.mechanics.forces.point import TwoPointSpring
+        from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, SpringDamper
+        from pinarm.mechanics.forces.points import TwoPointSpring
 
         efforts = [Followed(one.v, EFFORT, one.function) for one in changing if isinstance(one, AppliedEffort)]
         springs = [one for one in changing if isinstance(one, SpringDamper)]
@@ -218,9 +217,9 @@ class CompiledTree(Record, frozen=True):
         return joint - 1, axes.T @ place.rotation, axes.T @ place.translation
 
     def _between_points(self, spring: TwoPointSpring) -> tuple[object, ...]:
-        frames = (self.model.frames[frame] for frame in spring.frames)
+        frames = (self.model.frames[frame] for frame in spring.points)
         (first, _, begin), (second, _, end) = (self.placed(one.parentJoint, one.placement) for one in frames)
-        numbers = spring.stiffness, spring.damping, spring.free_length, spring.force
+        numbers = spring.stiffness, spring.damping, spring.rest, spring.force
         return (first, second), (begin, end), *numbers
 
     def _degrees(self, steady: Array, springs: Sequence[SpringDamper]) -> NDArray[np.void]:

@@ -101,7 +101,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         """Return that they are not as many as the degrees of freedom: which could be added, or how many are wanted."""
         missing = mobility - len(self.names)
         if missing > 0:
-            own = [*mechanism.joints, *ball_coordinates(mechanism.model, mechanism.balls)]
+            own = [*mechanism.joints, *ball_coordinates(mechanism.balls)]
             free = [name for name in own if name not in self.names]
             return InputError(
                 f"{mobility} coordinates have to follow a law and {len(self.names)} do",

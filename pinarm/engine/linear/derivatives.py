@@ -26,10 +26,8 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
-from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.records import Record, replace
+from pinarm.records import Record
 
 STEP = 1e-30
 """Imaginary step h: its square vanishes beside 1, and no difference is taken."""
@@ -120,22 +118,9 @@ def element_derivatives(model: pin.Model, force: ForceElement, t: float, q: Arra
     v_many = np.concatenate([np.broadcast_to(v, v_steps.shape), v_steps])
     tau = np.zeros((2 * nv, nv), dtype=complex)
     with complex_kept():
-        analytic(model, force).add_load(t, q_many, v_many, tau)
+        force.add_load(t, q_many, v_many, tau)
     slopes = np.imag(tau) / STEP
     return slopes[:nv].T, slopes[nv:].T
-
-
-def analytic(model: pin.Model, force: ForceElement) -> ForceElement:
-    """Return a force element that takes complex steps: one along a coordinate by the coordinate's rows."""
-    if not isinstance(force, AlongCoordinate) or isinstance(force.coordinate, LinearCoordinate):
-        return force
-    rows = ConstraintRows.of(model, [force.coordinate])
-
-    def many(q: Array) -> tuple[Array, Array]:
-        here = rows.at(q)
-        return here.gaps[:, 0], here.matrices[:, 0]
-
-    return replace(force, many=many)
 
 
 def _row_derivatives(

@@ -23,8 +23,7 @@ from pinarm.engine.statics.effort_distribution import weight_terms
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.force_element import ForceElement, refusals
-from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import METRE, format_configuration
+from pinarm.mechanics.joints import METRE, effort_unit, format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.records import Record, replace
 

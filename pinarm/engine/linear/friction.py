@@ -19,11 +19,9 @@ from pinarm.engine.linear.derivatives import STEP, complex_kept
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError, InputError
-from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.friction.contact import FrictionContact, LoopContact, slip_rows_at
-from pinarm.mechanics.friction.slip_vectors import same_joint, sizes
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate
+from pinarm.mechanics.friction.contact import FrictionContact, same_joint, sizes
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.joints import RADIAN
 from pinarm.records import Record, replace
 
 AT_REST = 1e-9
@@ -51,7 +49,7 @@ class FrictionState(Record, frozen=True):
 
     def rows(self, model: pin.Model) -> list[Measured]:
         """Return the slips, as coordinates or rows of loop joints."""
-        return [measured(model, contact) for contact in self.contacts]
+        return [measured(contact) for contact in self.contacts]
 
     @property
     def note(self) -> str:
@@ -76,7 +74,7 @@ def friction_state(state: Trajectory) -> FrictionState:
     slips = slips_of(state, contacts)[0]
     stuck = at_rest(contacts, slips, state.v[0])
     here = Kinematics.at(state.mechanism.model, state.q[0], state.v[0])
-    begun = np.array([contact.row(here) @ state.a[0] + contact.drift(here) for contact in contacts])
+    begun = np.array([contact.slip.row(here) @ state.a[0] + contact.slip.drift(here) for contact in contacts])
     limits = np.array([contact.law.static_mu * load + contact.law.static_constant
                        for contact, load in zip(contacts, _loads(state, contacts)[0], strict=True)])  # fmt: skip
     moves = np.abs(begun) > AT_REST * (1.0 + np.abs(state.a[0]).max(initial=0.0))
@@ -115,7 +113,7 @@ def friction_slopes(steps: Trajectory, contacts: Sequence[FrictionContact]) -> A
 def slips_of(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
     """Return the slips u of k contacts at n states, shape (n, k)."""
     model = run.mechanism.model
-    rows = ConstraintRows.of(model, [measured(model, contact) for contact in contacts])
+    rows = ConstraintRows.of(model, [measured(contact) for contact in contacts])
     return np.asarray(np.matvec(rows.at(run.q).matrices, run.v))
 
 
@@ -124,19 +122,16 @@ def with_friction(run: Trajectory, friction: Array) -> Trajectory:
     return replace(run, columns={**run.columns, **friction_columns(run.mechanism.frictions, friction)})
 
 
-def measured(model: pin.Model, contact: FrictionContact) -> Measured:
-    """Return the slip of a contact as a coordinate or a row of a loop joint.
+def measured(contact: FrictionContact) -> Coordinate:
+    """Return the slip of a contact as a coordinate.
 
     Raises:
         InputError: Its row has no derivative.
     """
-    if isinstance(contact, LoopContact):
+    if isinstance(contact.slip, LinearCoordinate | PairCoordinate):
         return contact.slip
-    if not contact.row_is_constant:
-        raise InputError(f"the linear analysis has no derivatives of the friction of {contact.name}",
-                         expected="friction of joints, threads, teeth or belts")  # fmt: skip
-    weights = slip_rows_at(model, (contact,), pin.neutral(model))[0]
-    return LinearCoordinate(RADIAN, weights, np.zeros(len(weights), dtype=np.intp))
+    raise InputError(f"the linear analysis has no derivatives of the friction of {contact.name}",
+                     expected="friction of joints, threads, teeth or belts")  # fmt: skip
 
 
 def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.linear.derivatives import STEP, analytic
+from pinarm.engine.linear.derivatives import STEP
 from pinarm.errors import InputError, choices
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.forces.along_coordinate import EffortAlong, effort_along
+from pinarm.mechanics.forces.along_coordinate import EffortAlong
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.forces.joint_efforts import AppliedEffort
-from pinarm.mechanics.forces.point import AppliedWrench
+from pinarm.mechanics.forces.joint_forces import AppliedEffort
+from pinarm.mechanics.forces.points import AppliedWrench
+from pinarm.mechanics.joints import effort_unit
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 from pinarm.records import Record, replace
@@ -75,8 +75,8 @@ def input_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], name: str
 def _effort(name: str, known: Mapping[str, Coordinate], coordinate: str) -> Input:
     along = known[coordinate]
     if isinstance(along, LinearCoordinate):
-        return Input(name, effort_along(along), along.weights)
-    return Input(name, effort_along(along), force=added_name(coordinate))
+        return Input(name, effort_unit(along), along.weights)
+    return Input(name, effort_unit(along), force=added_name(coordinate))
 
 
 def added_name(coordinate: str) -> str:
@@ -126,7 +126,7 @@ def _amplitude_unit(mechanism: Mechanism, force: ForceElement, name: str) -> Uni
         pushes, turns = force.wrench[:3].any(), force.wrench[3:].any()
         return DIMENSIONLESS if pushes and turns else unit("N*m" if turns else "N")
     if isinstance(force, EffortAlong):
-        return effort_along(force.coordinate)
+        return effort_unit(force.coordinate)
     if isinstance(force, AppliedEffort):
         return effort_unit(next(joint for joint in mechanism.joints.values() if joint.v == force.v))
     raise InputError(f"the force '{name}' has no amplitude: it follows no law over time",
@@ -177,5 +177,5 @@ def force_load(state: Trajectory, name: str) -> Array:
     t, tau = float(state.grid.t[0]), np.zeros((1, state.v.shape[1]), complex)
     force = stepped_force(state.dynamics.forces[name]).on(t, float(np.nextafter(t, np.inf)))
     q, v = (np.asarray(x[:1] + 0j) for x in (state.q, state.v))
-    analytic(state.mechanism.model, force).add_load(t, q, v, tau)
+    force.add_load(t, q, v, tau)
     return np.asarray(np.imag(tau[0]) / STEP)

@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint_rows import Measured
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import assembled
@@ -157,8 +158,8 @@ class _Balance:
 
     def slopes(self, q: Array, forces: _Forces) -> Array:
         """Return the derivatives of the forces by q, shape (nv, nv)."""
-        slips = [measured(self.mechanism.model, contact) for contact in self.contacts]
-        rows = [*self.mechanism.constraints, *self.driven.coordinates, *slips]
+        slips = [measured(contact) for contact in self.contacts]
+        rows: list[Measured] = [*self.mechanism.constraints, *self.driven.coordinates, *slips]
         lam, still = np.concatenate([forces.carried[: self.closure.size], forces.f]), np.zeros_like(forces.v)
         return equation_derivatives(self.dynamics, rows, 0.0, q, forces.v, still, lam).force_q
 

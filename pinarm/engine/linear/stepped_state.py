@@ -19,7 +19,6 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.linear.derivatives import (
     STEP,
     EquationDerivatives,
-    analytic,
     complex_kept,
     equation_derivatives,
 )
@@ -160,14 +159,12 @@ class SteppedState(Record, frozen=True):
         f[self.friction.stuck], f[~self.friction.stuck] = lam[held:], slipping
         driven, guides = self.drives.acting(model.nv, efforts)
         t, tangent = float(state.grid.t[0]), pin.tangentMap(model, state.q[0])
-        forces = {name: analytic(model, force) for name, force in state.dynamics.forces.items()}
-        fields = {"dynamics": replace(state.dynamics, forces=forces), **changes}
         found = replace(
             state, grid=Grid(np.full(count, t), (t, float(np.nextafter(t, np.inf))), (0, count)), columns={},
             q=state.q[0] + 1j * STEP * (tangent @ q).T, v=state.v[0] + 1j * STEP * v.T,
             a=state.a[0] + 1j * STEP * a.T, tau=state.tau[0] + 1j * STEP * (tau + driven).T,
             lam=Multipliers.known(np.asarray(state.lam)[0] + 1j * STEP * np.vstack([lam[:own], guides]).T, own),
-            **fields,
+            **changes,
         )  # fmt: skip
         return with_friction(found, state.friction[0] + 1j * STEP * f.T)
 
@@ -199,8 +196,7 @@ class SteppedState(Record, frozen=True):
             (x[:, size : size + nv] @ load)[:, None] for x in (motion.whole_a, motion.whole_lam, motion.friction)
         )
         still, dynamics = np.zeros((nv, 1)), self.state.dynamics
-        forces = {key: analytic(self.state.mechanism.model, force) for key, force in dynamics.forces.items()}
-        changed = replace(dynamics, forces={**forces, name: stepped_force(dynamics.forces[name])})
+        changed = replace(dynamics, forces={**dynamics.forces, name: stepped_force(dynamics.forces[name])})
         return _slopes(self._stepped(still, still, a, still, lam, slipping, dynamics=changed), names)[:, 0]
 
     def _require_shared(self, names: Sequence[str]) -> None:

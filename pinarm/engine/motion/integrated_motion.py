@@ -19,7 +19,7 @@ from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import driven_along
-from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.joints import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 

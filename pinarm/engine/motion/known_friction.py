@@ -28,8 +28,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.friction.contact import slip_drifts, slip_rows
-from pinarm.mechanics.friction.slip_vectors import several, sizes, unit_vectors
+from pinarm.mechanics.friction.contact import several, sizes, slip_drifts, slip_rows, unit_vectors
 from pinarm.records import replace
 
 if TYPE_CHECKING:

@@ -18,8 +18,9 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint import joint_ties
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import BallAngle, BallCoordinate, roll_pitch_yaw
-from pinarm.mechanics.coordinates import Coordinate, RotationCoordinate
+from pinarm.mechanics.coordinates import Coordinate, PairCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.rotation_rows import RotationVectorRow
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -72,9 +73,8 @@ class Acting(NamedTuple):
             turned = (ends[1] - ends[0]) / TURN
             if np.abs(turned - np.round(turned)).max() > 0.25:
                 return POLE
-        if isinstance(angle, BallCoordinate | RotationCoordinate):
-            parts = [replace(angle, component=k) for k in range(3)]
-            way = np.linalg.norm([part.value(after) - part.value(before) for part in parts])
+        elif isinstance(angle, BallCoordinate) or _is_turn(angle):
+            way = np.linalg.norm(_vector(angle, after) - _vector(angle, before))
             return self.vector if way > np.pi else None
         return None if self.counted or abs(angle.value(after) - angle.value(before)) < np.pi else UNCOUNTED
 
@@ -113,9 +113,22 @@ def turned_between(forces: Mapping[str, ForceElement], q: Array) -> list[Acting]
     return [Acting(f"'{name}'", angle, vector=BUSHING) for name, angle in angles.items() if angle is not None]
 
 
+def _is_turn(angle: Coordinate) -> bool:
+    return isinstance(angle, PairCoordinate) and isinstance(angle.way.pair, RotationVectorRow)
+
+
+def _vector(angle: Coordinate, state: Kinematics) -> Array:
+    """Return the rotation vector of which an angle is a component [rad], shape (3,)."""
+    if isinstance(angle, BallCoordinate):
+        return angle.vector(state.q)
+    assert isinstance(angle, PairCoordinate)
+    rows = (replace(angle.way, pair=RotationVectorRow(k, np.eye(3))) for k in range(3))
+    return np.array([row.gap(state)[0] for row in rows])
+
+
 def _leaps(one: Acting) -> bool:
     """Return whether the angle may leap: that of a loop does not where a joint counts its turns."""
-    ball = isinstance(one.angle, BallAngle | BallCoordinate | RotationCoordinate)
+    ball = isinstance(one.angle, BallCoordinate) or _is_turn(one.angle)
     return ball or (one.angle.wraps and not one.counted)
 
 

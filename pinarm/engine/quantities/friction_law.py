@@ -17,8 +17,7 @@ from pinarm.engine.friction.sliding import INSTANT, REST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.contact import slip_rows
-from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
+from pinarm.mechanics.friction.contact import sizes, slip_rows, unit_vectors
 
 CONTRADICTED = 1e-6
 """Part of the largest friction by which the law may be missed: what rounding leaves of large reactions is less."""

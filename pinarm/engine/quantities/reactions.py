@@ -29,13 +29,13 @@ from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
 from pinarm.mechanics.geometry.vectors import moved
-from pinarm.mechanics.loops.cable import CableLoop
+from pinarm.mechanics.loops.kinds import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.coordinates import PairCoordinate
     from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
-    from pinarm.mechanics.friction.coupling_contact import CouplingContact
-    from pinarm.mechanics.loops.relative import LoopCoordinate
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
@@ -55,7 +55,7 @@ def tree_axis(model: pin.Model, joint: int) -> Array | None:
 
 def loop_axis(loop: LoopJoint) -> Array | None:
     """Return the axis of a loop joint, in the axes of frame 1, shape (3,); ``None`` where it has none."""
-    from pinarm.mechanics.loops.lower_pairs import LowerPair
+    from pinarm.mechanics.geometry.pairs import LowerPair
 
     return loop.pair.axis if isinstance(loop.pair, LowerPair) and loop.kind not in NO_AXIS else None
 
@@ -139,12 +139,12 @@ class Reactions:
         run, links, states = self.run, self.links.some(rows), self.run.q[rows].shape[:-1]
         wrenches = states_first(np.zeros((6, self.model.njoints, *states), run.q.dtype))
         for force in dynamics.forces.values():
-            for joint, wrench in force.wrenches_at(links, run.grid.t[rows], run.q[rows], run.v[rows]).items():
+            for joint, wrench in force.wrenches(links, run.grid.t[rows], run.v[rows]).items():
                 wrenches[:, joint] += wrench
         if self.closure.size:
             wrenches = wrenches + self.closure.wrenches(links, self.multipliers[rows])
         for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):
-            for joint, wrench in contact.wrenches(links, f[rows]).items():
+            for joint, wrench in contact.slip.wrenches(links, f[rows]).items():
                 wrenches[:, joint] += wrench
         return wrenches
 
@@ -196,29 +196,27 @@ class Reactions:
             held += coordinate.way.wrench(self.links, effort[:, None])
         if not self.run.mechanism.frictions:
             return held
-        from pinarm.mechanics.friction.contact import LoopContact
-
         for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
-            if isinstance(contact, LoopContact) and contact.joint.name == name:
-                held += contact.slip.wrench(self.links, f[:, None])
+            if isinstance(contact.slip, PairCoordinate) and contact.slip.loop == name:
+                held += contact.slip.way.wrench(self.links, f[:, None])
         return held
 
-    def _own_efforts(self, name: str) -> Iterator[tuple[LoopCoordinate, Array]]:
+    def _own_efforts(self, name: str) -> Iterator[tuple[PairCoordinate, Array]]:
         """Yield the coordinates of a loop joint with efforts along them, of drives and force elements, shape (n,)."""
+        from pinarm.mechanics.coordinates import PairCoordinate
         from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
-        from pinarm.mechanics.loops.relative import LoopCoordinate
 
         run, guides = self.run, self.closure.constraints[len(self.run.mechanism.constraints) :]
         for guide in guides:
             guided = guide.coordinate if isinstance(guide, GuidedCoordinate) else None
-            if isinstance(guided, LoopCoordinate) and guided.loop == name:
+            if isinstance(guided, PairCoordinate) and guided.loop == name:
                 yield guided, self.multipliers[:, self.closure.slices[guide.name].start]
         for tie in joint_ties(run.mechanism.constraints):
-            if isinstance(tie.coordinate, LoopCoordinate) and tie.coordinate.loop == name:
+            if isinstance(tie.coordinate, PairCoordinate) and tie.coordinate.loop == name:
                 yield tie.coordinate, -self.multipliers[:, self.closure.slices[tie.name].start]
         for key, force in run.dynamics.forces.items():
             along = force.coordinate if isinstance(force, AlongCoordinate) else None
-            if isinstance(along, LoopCoordinate) and along.loop == name:
+            if isinstance(along, PairCoordinate) and along.loop == name:
                 yield along, run.gather(partial(self._efforts, key))
 
     def _efforts(self, name: str, dynamics: Dynamics, rows: slice) -> Array:
@@ -268,17 +266,14 @@ class Reactions:
         actions = [coupling.transmitted(self.links, x[:, None]) for x in (lam, np.zeros_like(lam), *stresses)]
         points, (wrench, idle, *stressed) = actions[0][0], [wrench for _, wrench in actions]
         for contact, f in self.friction_of(name):
-            wrench = wrench + moved(contact.wrenches(self.links, f)[coupling.second], -points)
+            wrench = wrench + moved(contact.slip.wrenches(self.links, f)[coupling.second], -points)
         return points, wrench, [stress - idle for stress in stressed]
 
-    def friction_of(self, name: str) -> list[tuple[CouplingContact, Array]]:
+    def friction_of(self, name: str) -> list[tuple[FrictionContact, Array]]:
         """Return where the members of a coupling rub, with the friction there [N], shape (n,)."""
-        if not self.run.mechanism.frictions:
-            return []
-        from pinarm.mechanics.friction.coupling_contact import CouplingContact
-
-        return [(contact, f) for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True)
-                if isinstance(contact, CouplingContact) and contact.coupling.name == name]  # fmt: skip
+        frictions = self.run.mechanism.frictions
+        pairs = zip(frictions, self.run.friction.T, strict=True) if frictions else ()
+        return [(contact, f) for contact, f in pairs if contact.coupling and contact.coupling.name == name]
 
     @cached_property
     def stresses(self) -> list[tuple[Indices, SelfStresses]]:

@@ -18,7 +18,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.joints import effort_unit
 from pinarm.records import Record, ValueRecord
 
 CARRIED = 1e-9

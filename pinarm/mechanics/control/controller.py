@@ -17,25 +17,51 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.input.units import Unit
-from pinarm.mechanics.control.signals import JointSignal, Signal
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.limited_states import Switch
 from pinarm.mechanics.motors import CommandOfEffort
+from pinarm.records import Record
 
 Reader = Callable[[float, Array, Array], float]
 """``(t, q, v) -> `` a named quantity of one state [SI]."""
 
 
+class Signal(Record, frozen=True):
+    """A coordinate that a controller measures.
+
+    Attributes:
+        name: Its name.
+        coordinate: The coordinate.
+        state: Evaluates one state (q, v), shapes (nq,) and (nv,).
+    """
+
+    name: str
+    coordinate: Coordinate
+    state: Callable[[Array, Array], Kinematics]
+
+    @property
+    def unit(self) -> Unit:
+        return self.coordinate.unit
+
+    def measure(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return value and rate in states of shapes (..., nq) and (..., nv), both of shape (...)."""
+        if isinstance(self.coordinate, LinearCoordinate):
+            return self.coordinate.at(q), self.coordinate.rate(v)
+        flat = zip(q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]), strict=True)
+        states = [self.state(*row) for row in flat]
+        pairs = [(self.coordinate.value(state), self.coordinate.row(state) @ state.v) for state in states]
+        value, rate = np.array(pairs, float).reshape(-1, 2).T
+        return value.reshape(q.shape[:-1]), rate.reshape(q.shape[:-1])
+
+
 class Plant(Protocol):
-    """The mechanism as controllers see it."""
+    """The mechanism as controllers see it; names that it does not know raise ``InputError``."""
 
     def drive(self, name: str) -> Joint:
-        """Return the joint that a drive moves, by the name of the drive or of the joint.
-
-        Raises:
-            InputError: There is none of that name.
-        """
+        """Return the joint that a drive moves, by the name of the drive or of the joint."""
         ...
 
     def command_unit(self, name: str) -> Unit:
@@ -47,19 +73,11 @@ class Plant(Protocol):
         ...
 
     def signal(self, name: str) -> Signal:
-        """Return a coordinate that can be measured, by the name of the coordinate or of the drive that moves it.
-
-        Raises:
-            InputError: There is none of that name.
-        """
+        """Return a coordinate that can be measured, by the name of the coordinate or of the drive that moves it."""
         ...
 
     def reader(self, name: str) -> Reader:
-        """Return a quantity of the state by name.
-
-        Raises:
-            InputError: There is none of that name, or the state does not determine it.
-        """
+        """Return a quantity of the state by name; it must be determined by positions and velocities."""
         ...
 
     def inverse(self, joints: Sequence[Joint]) -> Callable[[Array | float, Array, Array, Array], Array]:
@@ -201,10 +219,16 @@ class Controller(ABC):
     @cached_property
     def _places(self) -> tuple[Indices, Indices] | None:
         """Indices in q and v of the signals where all are coordinates of joints: these are read at once."""
-        own = [signal for signal in self.signals if isinstance(signal, JointSignal)]
-        if len(own) < len(self.signals):
+        measured = [signal.coordinate for signal in self.signals]
+        own = [
+            (one.places[one.joint], one.joint)
+            for one in measured
+            if isinstance(one, LinearCoordinate) and one.joint is not None
+        ]
+        if len(own) < len(measured):
             return None
-        return np.array([one.q for one in own], dtype=np.intp), np.array([one.v for one in own], dtype=np.intp)
+        q, v = np.array(own, dtype=np.intp).reshape(-1, 2).T
+        return q, v
 
     @cached_property
     def _endless(self) -> bool:

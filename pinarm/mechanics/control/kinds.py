@@ -1,11 +1,234 @@
-"""The kinds of controller that files may name."""
+"""The kinds of controller that files may name: computed torque, state feedback, relays, and PID."""
 
 from __future__ import annotations
 
-from pinarm.mechanics.control.computed_torque import ComputedTorque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, within
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import AnyQuantity, Pause, check_unit
+from pinarm.mechanics.control.controller import Controller, Given, Plant
+from pinarm.mechanics.control.definition import ControlDefinition, OneDriveDefinition, References, measured
 from pinarm.mechanics.control.pid import Pid
-from pinarm.mechanics.control.state_feedback import StateFeedback
-from pinarm.mechanics.control.switching import Switching
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.limited_states import Switch
+
+LOW, HIGH = 0, 1
+"""States of the relay: the effort below and above."""
+
+
+class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="computed_torque"):
+    """The efforts that inverse dynamics asks for the accelerations ``r'' + kd e' + kp e`` of the drives.
+
+    Inverse dynamics is that of the mechanism with all its forces at the measured state: the errors obey
+    ``e'' + kd e' + kp e = 0`` and vanish. What the drives do not move directly, such as free joints, follows from the
+    equation of motion. Source: Siciliano et al., Robotics (2009), section 8.5.2.
+
+    Good values: ``kp = w^2``, ``kd = 2 w`` with the pulsation w at which errors are to vanish.
+
+    Attributes:
+        follows: Laws of the drives' coordinates: one for each drive in their order, or drive -> law.
+        kp: Acceleration per error [1/s^2].
+        kd: Acceleration per rate of the error [1/s].
+    """
+
+    follows: References
+    kp: AnyQuantity = 0.0
+    kd: AnyQuantity = 0.0
+
+    def bind(self, plant: Plant) -> Controller:
+        joints = self.joints(plant)
+        signals = measured(plant, self.drives)
+        laws = self.follows.laws(self.drives, signals)
+        for key, per in (("kp", "1/s^2"), ("kd", "1/s")):
+            with within(key):
+                check_unit(getattr(self, key), unit(per))
+        with within("drive"):
+            found = [plant.motor_inverse(name) for name in self.drives]
+            motors = [motor for motor in found if motor is not None]
+            if len(motors) < len(found):
+                raise InputError("the current of a motor with inductance follows its voltage late: no voltage gives an "
+                                 "effort at once", expected="a motor without inductance, or an ideal one",
+                                 hint="kind: pid, or the joint's name in place of the drive's")  # fmt: skip
+            inverse = plant.inverse(joints)
+        gains = float(self.kp), float(self.kd)
+        return ComputedTorqueController(*self.wired(plant, signals, laws), *gains, np.array(motors).T, inverse)
+
+
+@dataclass(frozen=True, eq=False)
+class ComputedTorqueController(Controller):
+    """Computed torque of one mechanism.
+
+    Attributes:
+        kp: Acceleration per error [1/s^2].
+        kd: Acceleration per rate of the error [1/s].
+        motors: Command of each drive per effort and per velocity of its joint, shape (2, k); see ``CommandOfEffort``.
+        inverse: ``(t, q, v, a) -> efforts`` of the drives; see ``Plant.inverse``.
+    """
+
+    kp: float
+    kd: float
+    motors: Array = field(repr=False)
+    inverse: Callable[[Array | float, Array, Array, Array], Array] = field(repr=False)
+
+    def command(self, given: Given) -> Array:
+        """Return the efforts of the accelerations ``r'' + kd e' + kp e``, or the commands of motors that give them."""
+        error = given.error
+        wanted = given.reference[..., 2] + self.kd * error[..., 1] + self.kp * error[..., 0]
+        per_effort, per_velocity = self.motors
+        velocities = given.v[..., [joint.v for joint in self.joints]]
+        efforts = self.inverse(given.t, given.q, given.v, wanted)
+        return np.asarray(per_effort * efforts + per_velocity * velocities)
+
+
+class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="state_feedback"):
+    """``u = u_0 + K (x_r - x)``, x being coordinates and their rates, x_r what they should be.
+
+    Gains as of a linear-quadratic regulator, or of placed poles: K is designed elsewhere, for the linearised mechanism.
+
+    Attributes:
+        states: The coordinates in x; their rates follow all of them: ``x = [y_1 .. y_s, y_1' .. y_s']``.
+        gains: K, a row for each drive with 2 s columns: efforts per coordinate, then efforts per rate.
+        follows: Laws of the references, whose derivatives are those of the rates, such as ``{x: {law: constant, value:
+            0.2 m}}``: coordinate -> law, 0 where one is left out; or a list of laws, one for each state.
+        bias: u_0, an effort for each drive, such as the one that holds the mechanism at the reference.
+    """
+
+    states: Annotated[list[str], msgspec.Meta(min_length=1)]
+    gains: list[list[AnyQuantity]]
+    follows: References | None = None
+    bias: list[AnyQuantity] = []
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the drives and of the states."""
+        return [*self.drives, *self.states]
+
+    def bind(self, plant: Plant) -> Controller:
+        joints, units = self.joints(plant), self.units(plant)
+        with within("states"):
+            if len(set(self.states)) < len(self.states):
+                raise InputError("a state is named twice", expected="each coordinate once")
+            signals = measured(plant, self.states)
+        rest = Constant(value=0.0)
+        laws = (self.follows or References({})).laws(self.states, signals, rest)
+        shape = len(joints), 2 * len(signals)
+        with within("gains"):
+            if len(self.gains) != shape[0] or any(len(row) != shape[1] for row in self.gains):
+                raise InputError(f"the matrix has not {shape[0]} rows of {shape[1]} gains",
+                                 expected="a row for each drive: gains of the states, then of their rates")  # fmt: skip
+            for k, (row, commanded) in enumerate(zip(self.gains, units, strict=True)):
+                for i, gain in enumerate(row):
+                    rated = unit("1/s") if i >= len(signals) else unit("1")
+                    with within(k, i):
+                        check_unit(gain, commanded / signals[i % len(signals)].unit / rated)
+        with within("bias"):
+            if len(self.bias) not in (0, len(joints)):
+                raise InputError(f"there are {len(self.bias)} efforts", expected=f"{len(joints)}, one for each drive")
+            for command, commanded in zip(self.bias, units, strict=False):
+                check_unit(command, commanded)
+        gains, bias = np.array(self.gains, float), np.array(self.bias or [0.0] * len(joints), float)
+        return StateFeedbackController(*self.wired(plant, signals, laws), gains, bias)
+
+
+@dataclass(frozen=True, eq=False)
+class StateFeedbackController(Controller):
+    """State feedback of one mechanism.
+
+    Attributes:
+        gains: K, shape (k, 2 s).
+        bias: u_0, shape (k,).
+    """
+
+    gains: Array = field(repr=False)
+    bias: Array = field(repr=False)
+
+    def command(self, given: Given) -> Array:
+        """Return ``u_0 + K (x_r - x)``."""
+        error = given.error
+        x = np.concatenate([error[..., 0], error[..., 1]], axis=-1)
+        return np.asarray(self.bias + x @ self.gains.T)
+
+
+class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="switching"):
+    """A relay on ``s = e + lead e'``: the effort ``above`` once s reaches the hysteresis, ``below`` once its negative.
+
+    In between it keeps the effort that it has; at the start it takes the one of the sign of s. ``lead`` makes it switch
+    before the error vanishes (bang-bang control along a line in the phase plane). A continuous relay switches at
+    events and needs a hysteresis: without one it would switch without end.
+
+    Attributes:
+        follows: Law of the reference r of the measured coordinate y, such as ``{law: constant, value: 20 deg}``, ``e =
+            r - y``; 0 where it is left out.
+        above: Effort while s is above, mostly positive.
+        below: Effort while s is below.
+        hysteresis: Half the width within which the relay keeps its effort, in the unit of y.
+        lead: Time by which rates count [s].
+    """
+
+    follows: References | None = None
+    above: AnyQuantity
+    below: AnyQuantity
+    hysteresis: AnyQuantity = 0.0
+    lead: Pause = 0.0
+
+    def check(self) -> None:
+        """Refuse several drives, and a continuous relay without hysteresis."""
+        super().check()
+        if self.hysteresis < 0.0 or (self.period is None and not self.hysteresis):
+            with within("hysteresis"):
+                raise InputError(f"the hysteresis is {self.hysteresis:g}: a continuous relay would switch without end",
+                                 expected="a positive one", hint="period: 1 ms for a sampled relay")  # fmt: skip
+
+    def bind(self, plant: Plant) -> Controller:
+        (commanded,), signals = self.units(plant), self.signals(plant)
+        laws = (self.follows or References(Constant(value=0.0))).laws([self.measures or self.drives[0]], signals)
+        for key, measure in (("above", commanded), ("below", commanded),
+                             ("hysteresis", signals[0].unit)):  # fmt: skip
+            with within(key):
+                check_unit(getattr(self, key), measure)
+        numbers = float(self.above), float(self.below), float(self.hysteresis), float(self.lead)
+        return Relay(*self.wired(plant, signals, laws), *numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class Relay(Controller):
+    """A relay of one mechanism; see ``Switching`` for its numbers, in SI."""
+
+    above: float
+    below: float
+    hysteresis: float
+    lead: float
+
+    def command(self, given: Given) -> Array:
+        efforts = np.where(np.equal(given.mode, HIGH), self.above, self.below)
+        return np.broadcast_to(efforts, np.shape(given.t))[..., None]
+
+    def deviation(self, given: Given) -> Array:
+        """Return ``s = e + lead e'``, shape (...)."""
+        error = given.error[..., 0, :]
+        return np.asarray(error[..., 0] + self.lead * error[..., 1])
+
+    def mode(self, given: Given, before: int | None) -> int:
+        """Return the state: the one of s beyond the hysteresis, and the one before within."""
+        s = float(self.deviation(given))
+        if before is None:
+            return HIGH if s >= 0.0 else LOW
+        if s >= self.hysteresis:
+            return HIGH
+        return LOW if s <= -self.hysteresis else before
+
+    def switches(self, mode: int) -> list[Switch[Given]]:
+        if mode == HIGH:
+            return [Switch(lambda given: self.deviation(given) + self.hysteresis, -1, LOW, leaps=True)]
+        return [Switch(lambda given: self.deviation(given) - self.hysteresis, 1, HIGH, leaps=True)]
+
 
 Control = Pid | StateFeedback | ComputedTorque | Switching
-"""Any controller. A new one is a module beside these and one entry here."""
+"""Any controller. A new one is a class here or in a module beside this one, and one entry here."""

@@ -12,10 +12,8 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Duration, Gain, IntegralGain, RateGain, check_unit
-from pinarm.mechanics.control.controller import Controller, Given, Plant
-from pinarm.mechanics.control.definition import OneDriveDefinition
-from pinarm.mechanics.control.references import References
-from pinarm.mechanics.control.signals import Signal
+from pinarm.mechanics.control.controller import Controller, Given, Plant, Signal
+from pinarm.mechanics.control.definition import OneDriveDefinition, References
 from pinarm.mechanics.limited_states import FREE, StateLimits, Switch, mode_of, number_of
 
 
@@ -50,22 +48,15 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
     tracking_time: Duration | None = None
 
     def bind(self, plant: Plant) -> Controller:
-        """Return the controller of one mechanism.
-
-        Raises:
-            InputError: The drive or the coordinate does not exist, or a unit is another.
-        """
-        joints, (commanded,) = self.joints(plant), self.units(plant)
-        signals = self.signals(plant)
+        (commanded,), signals = self.units(plant), self.signals(plant)
         laws = self.follows.laws([self.measures or self.drives[0]], signals)
         gains = []
         for key, per in (("kp", "1"), ("ki", "s"), ("kd", "1/s")):
             with within(key):
                 _check_gain(getattr(self, key), commanded, signals[0], per)
             gains.append(np.array([float(getattr(self, key))]))
-        (kp, ki, kd), bounds, sampling = gains, self.bounds([commanded]), self.sampling(signals)
-        drives = tuple(self.drives)
-        return PidController(drives, joints, signals, laws, *bounds, sampling, kp, ki, kd, self._tracking())
+        kp, ki, kd = gains
+        return PidController(*self.wired(plant, signals, laws), kp, ki, kd, self._tracking())
 
     def _tracking(self) -> float:
         """Return T_t [s]; infinite where it is not given and kp is 0.

@@ -14,7 +14,7 @@ from pinarm.input.yaml.schema import Angle, InputStruct, Span, Tension
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.couplings.members import MemberPair, member_pair
 from pinarm.mechanics.couplings.teeth import plane_of
-from pinarm.mechanics.couplings.transmissions import Strands
+from pinarm.mechanics.couplings.transmissions import Strands, at_origin
 from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.joints import RADIAN, Joint, joint_of
 from pinarm.records import replace
@@ -92,11 +92,10 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         angle = float(np.arccos(cosine))  # from the line of centres to the points where the belt leaves the wheels
         wrap = min(2.0 * np.pi - 2.0 * angle, 2.0 * angle) if r2 > 0.0 else 2.0 * np.pi - 2.0 * angle
         members = pair.carrier, pair.first.body, pair.second.body
-        return Strands(*members, two, np.array(pulls), sense / r2, pretension, wrap)
+        return Strands.between(members, two, np.array(pulls), sense / r2, pretension, wrap)
 
 
 def _pull(one: Array, two: Array, r1: float, r2: float, normal: Array) -> Array:
     """Return the wrench of a strand of unit tension on the second wheel [f; m] at the carrier's origin."""
     start, end = one + r1 * normal, two + r2 * normal
-    force = (start - end) / np.linalg.norm(start - end)
-    return np.concatenate([force, np.cross(end, force)])
+    return at_origin(end, (start - end) / np.linalg.norm(start - end))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +13,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
+from pinarm.mechanics.couplings.transmissions import Kink, Transmission
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
@@ -20,28 +21,25 @@ from pinarm.mechanics.joints import Joint, joint_of
 from pinarm.records import AbstractRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.transmissions import Transmission
     from pinarm.mechanics.forces.force_element import Edge
     from pinarm.mechanics.laws.motion_law import MotionLaw
     from pinarm.mechanics.loading.model_tree import Mimic
 
 
-class Kink(NamedTuple):
-    """Where wrenches that depend on a size, as a multiplier, change their slope: ``|size - at| wrench`` is among them.
-
-    Attributes:
-        at: The size there [N*m or N].
-        wrenches: Joint index -> [f; m] at the world's origin, per size, shape (6,).
-    """
-
-    at: float
-    wrenches: dict[int, Array]
-
-
 class JointRelation(ABC):
     """An equation between joint coordinates, held by forces on the bodies that it couples; a constraint of one row.
 
-    Its multiplier is the effort at the joint whose coefficient in the row is 1.
+    Its multiplier is the effort at the joint whose coefficient in the row is 1. A relation in pieces, as of a cam, says
+    where these meet: steps of integrations end there; see ``ForceElement`` for ``edges``, ``marked`` and ``passed``.
+
+    Attributes:
+        name: Its name.
+        kind: Its kind, as files call it.
+        missing: What would have to be given for the forces on bodies to be known, in words.
+        size: One row.
+        flaw: What is wrong with it at flawed configurations, in words.
+        in_pieces: Whether its row is made of pieces, along the coordinate of a joint.
+        side: Sense in which its multiplier can act, 1 or -1; 0 where it holds both ways.
     """
 
     name: str
@@ -51,29 +49,25 @@ class JointRelation(ABC):
 
     @property
     def side(self) -> float:
-        """Sense in which its multiplier can act, 1 or -1; 0 where it holds both ways."""
         return 0.0
+
+    @property
+    def flaw(self) -> str:
+        return ""
+
+    @property
+    def in_pieces(self) -> bool:
+        return False
 
     def flawed(self, q: Array) -> Flags:
         """Return at which configurations, shape (n, nq), no part of its kind can do what it says, shape (n,)."""
         return np.zeros(len(q), dtype=bool)
 
-    @property
-    def flaw(self) -> str:
-        """What is wrong there, in words."""
-        return ""
-
     def whereabouts(self, q: Array) -> str:
         """Return what tells a configuration, shape (nq,), apart for it, in words; may be empty."""
         return ""
 
-    @property
-    def in_pieces(self) -> bool:
-        """Whether its row is made of pieces, along the coordinate of a joint."""
-        return False
-
     def edges(self) -> Sequence[Edge]:
-        """Return where one piece meets the next: steps of integrations end there."""
         return ()
 
     def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
@@ -81,12 +75,31 @@ class JointRelation(ABC):
         return []
 
     def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when points of pieces are passed; see ``ForceElement.marked``."""
         return []
 
     def passed(self, q: Array, v: Array) -> bool:
-        """Return whether a step may have gone past a piece; see ``ForceElement.passed``."""
         return False
+
+    def push(self, q: Array, lam: Array) -> Array:
+        """Return the size of its forces at configurations, shape (n, nq), from its multipliers, both (n,)."""
+        return lam
+
+    def gap(self, state: Kinematics) -> Array:
+        return self.gaps_at(state.q[None])
+
+    def rows(self, state: Kinematics) -> Array:
+        return self.rows_at(state.q[None])
+
+    def drift(self, state: Kinematics) -> Array:
+        return self.drifts_at(state.q[None], state.v[None])
+
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return where its wrenches, which are linear in its multiplier between, change their slope.
+
+        Args:
+            links: Where the links are, at one configuration.
+        """
+        return []
 
     @property
     @abstractmethod
@@ -119,18 +132,6 @@ class JointRelation(ABC):
     def drifts_at(self, q: Array, v: Array) -> Array:
         """Return ``G' v`` in states, shapes (n, nq) and (n, nv), as an array of shape (n,)."""
 
-    def gap(self, state: Kinematics) -> Array:
-        """Return what is not closed [m or rad], shape (1,)."""
-        return self.gaps_at(state.q[None])
-
-    def rows(self, state: Kinematics) -> Array:
-        """Return the row of G, shape (1, nv)."""
-        return self.rows_at(state.q[None])
-
-    def drift(self, state: Kinematics) -> Array:
-        """Return ``G' v``, shape (1,)."""
-        return self.drifts_at(state.q[None], state.v[None])
-
     @abstractmethod
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (n, 1), do to links: joint index -> [f; m] at the world's origin, (n, 6).
@@ -138,14 +139,6 @@ class JointRelation(ABC):
         Their virtual power is lam times the row. Nothing where they are not known: the multipliers are then efforts at
         the coupled joints only.
         """
-
-    def kinks(self, links: LinkPlacements) -> list[Kink]:
-        """Return where its wrenches, which are linear in its multiplier between, change their slope.
-
-        Args:
-            links: Where the links are, at one configuration.
-        """
-        return []
 
     @abstractmethod
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
@@ -201,8 +194,12 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def second(self) -> int:
+        return self._known.second
+
+    @property
+    def _known(self) -> Transmission:
         assert self.transmission is not None
-        return self.transmission.second
+        return self.transmission
 
     def unit(self, row: int) -> Unit:
         return self.coordinate.unit
@@ -215,28 +212,17 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
         return np.broadcast_to(self.coordinate.weights, (len(q), len(self.coordinate.weights)))
 
     def drifts_at(self, q: Array, v: Array) -> Array:
-        """Return 0: the row is constant."""
         return np.zeros(len(q))
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return what multipliers do to links; see ``JointRelation``. Nothing where there is no transmission."""
-        known = self.transmission
-        if known is None:
-            return {}
-        return {body: outwards(links, known.carrier, wrench) for body, wrench in known.wrenches(lam[:, 0]).items()}
+        return self.transmission.on_links(links, lam[:, 0]) if self.transmission else {}
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:
-        known = self.transmission
-        if known is None:
-            return []
-        own = [(at, outwards(links, known.carrier, wrench[None])[0]) for at, wrench in known.kinks]
-        return [Kink(at, {known.second: wrench, known.first: -wrench}) for at, wrench in own]
+        return self.transmission.kinks(links) if self.transmission else []
 
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
-        """Return where and how the second member is acted on; see ``JointRelation``."""
-        known = self.transmission
-        assert known is not None
-        wrench = outwards(links, known.carrier, known.wrenches(lam[:, 0])[known.second])
+        known = self._known
+        wrench = known.on_links(links, lam[:, 0])[known.second]
         point = links.places[:, known.carrier] + np.matvec(links.turns[:, known.carrier], known.point)
         return point, np.concatenate([wrench[:, :3], wrench[:, 3:] - crossed(point, wrench[:, :3])], axis=1)
 
@@ -244,19 +230,11 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
         return self.transmission.parts() if self.transmission else {}
 
     def part(self, name: str, q: Array, lam: Array) -> Array:
-        assert self.transmission is not None
-        return self.transmission.part(name, lam)
+        return self._known.part(name, lam)
 
     @property
     def description(self) -> str:
-        return str(self.transmission or f"its forces on bodies are not known: {self.missing}")
-
-
-def outwards(links: LinkPlacements, carrier: int, wrench: Array) -> Array:
-    """Return wrenches [f; m] at the world's origin from those in the frame of a joint, shape (n, 6)."""
-    turn, place = links.turns[:, carrier], links.places[:, carrier]
-    force, moment = np.matvec(turn, wrench[:, :3]), np.matvec(turn, wrench[:, 3:])
-    return np.concatenate([force, moment + crossed(place, force)], axis=1)
+        return self.transmission.words if self.transmission else f"its forces on bodies are not known: {self.missing}"
 
 
 def mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:

@@ -14,7 +14,7 @@ from pinarm.input.yaml.schema import Angle, AnyQuantity, InputStruct, Measured, 
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.couplings.members import MemberPair, member_pair
 from pinarm.mechanics.couplings.teeth import Teeth, wheels_in_mesh
-from pinarm.mechanics.couplings.transmissions import PureMoments, Transmission
+from pinarm.mechanics.couplings.transmissions import Transmission
 from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.joints import RADIAN, Joint, joint_of
 from pinarm.records import replace
@@ -116,13 +116,16 @@ def check_teeth(pressure_angle: float | None, helix_angle: float, plane: str) ->
         raise InputError("the teeth have no pressure_angle", expected="pressure_angle, such as 20 deg")
 
 
-def _moments(pair: MemberPair, inner_ratio: float, planets: int) -> PureMoments:
-    """Return the moments of planets between coaxial wheels."""
+def _moments(pair: MemberPair, inner_ratio: float, planets: int) -> Transmission:
+    """Return the moments of planets between coaxial wheels: their forces cancel on every member."""
     a, b = pair.first.axis, pair.second.axis
     apart = np.cross(a, pair.second.point - pair.first.point)
     if np.linalg.norm(np.cross(a, b)) > PARALLEL or np.linalg.norm(apart) > PARALLEL:
         raise InputError(f"{pair.first.joint.name} and {pair.second.joint.name} turn about different axes",
                          expected="planets between wheels on one axis", hint="pressure_angle: 20 deg")  # fmt: skip
     on_second, on_first = pair.sense * b, -pair.sense * inner_ratio * a
-    moments = np.array([on_second, on_first, -on_second - on_first])
-    return PureMoments(pair.carrier, pair.first.body, pair.second.body, pair.second.point, moments, planets)
+    wrench, back = (np.concatenate([np.zeros(3), moment]) for moment in (on_second, on_first))
+    words = f"moments only, shared by {planets} evenly spaced planets"
+    return Transmission(
+        pair.carrier, pair.first.body, pair.second.body, pair.second.point, wrench, words, back=back
+    )  # fmt: skip

@@ -11,7 +11,7 @@ from pinarm.errors import InputError
 from pinarm.input.yaml.schema import InputStruct, Lead
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.couplings.members import MemberPair, member_pair
-from pinarm.mechanics.couplings.transmissions import ThreadContact
+from pinarm.mechanics.couplings.transmissions import NEWTON, NEWTON_METRE, Part, ThreadContact, at_origin
 from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
 from pinarm.records import replace
@@ -75,6 +75,10 @@ def turning_and_sliding(joints: Mapping[str, Joint], names: tuple[str, str], kin
 
 def _thread(pair: MemberPair, pitch: float) -> ThreadContact:
     """Return the wrench of a unit multiplier: a force on the nut, and the moment that keeps its power 0."""
-    along = pair.sense * pair.second.axis
+    point, along = pair.first.point, pair.sense * pair.second.axis
     about = pair.sense * pair.inner_ratio(pitch) * pair.first.axis
-    return ThreadContact(pair.carrier, pair.first.body, pair.second.body, pair.first.point, along, about, pitch)
+    wrench = at_origin(point, along) + np.concatenate([np.zeros(3), about])
+    return ThreadContact(
+        pair.carrier, pair.first.body, pair.second.body, point, wrench, f"thread, lead {2e3 * np.pi * pitch:.6g} mm",
+        single={"axial": Part(NEWTON, 1.0), "torque": Part(NEWTON_METRE, pitch)}, about=about, pitch=pitch,
+    )  # fmt: skip

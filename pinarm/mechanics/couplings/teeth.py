@@ -12,22 +12,20 @@ II, section 22.1; Shigley's Mechanical Engineering Design, chapter 13, gears: fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.couplings.members import IN_LINE, Member, MemberPair
-from pinarm.mechanics.couplings.transmissions import PitchSurfaces, ToothContact
+from pinarm.mechanics.couplings.transmissions import NEWTON, Part, PitchSurfaces, ToothContact, at_origin
 from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.geometry.pinocchio_data import new_data
-from pinarm.mechanics.joints import Joint, frame_of
+from pinarm.mechanics.joints import RADIAN, Joint, frame_of
+from pinarm.records import Record, ValueRecord
 
 
-@dataclass(frozen=True)
-class Teeth:
+class Teeth(ValueRecord, frozen=True):
     """What files say of teeth.
 
     Attributes:
@@ -50,8 +48,7 @@ class Teeth:
                                      expected=f"an angle between {np.rad2deg(least):g} and 90 deg")  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class PitchPoint:
+class PitchPoint(Record, frozen=True):
     """Where two members roll on each other, in the carrier.
 
     Attributes:
@@ -75,15 +72,18 @@ class PitchPoint:
     def contact(self, pair: MemberPair, teeth: Teeth, names: tuple[str, str], words: str) -> ToothContact:
         """Return the force of a unit multiplier there; ``names`` are those of its parts along N and l."""
         alpha, beta = teeth.pressure_angle, teeth.helix_angle
-        tangential, separating = pair.sense / self.lever, np.tan(alpha) / np.cos(beta) / abs(self.lever)
+        tangential, separating = pair.sense / self.lever, float(np.tan(alpha) / np.cos(beta) / abs(self.lever))
         along = tangential * (self.way - np.tan(beta) * self.line)
-        components = {"tangential": (abs(tangential), False), names[0]: (float(separating), True)}
+        single = {"tangential": Part(NEWTON, abs(tangential)), names[0]: Part(NEWTON, separating, keeps=True)}
         if names[1]:
-            components[names[1]] = (float(-tangential * np.tan(beta)), False)
+            single[names[1]] = Part(NEWTON, float(-tangential * np.tan(beta)))
         angles = f"pressure angle {np.rad2deg(alpha):.6g} deg, helix angle {np.rad2deg(beta):.6g} deg"
-        surfaces = PitchSurfaces(self.line, self._rates(pair), self.radii, self.curvatures, alpha, beta)
-        return ToothContact(pair.carrier, pair.first.body, pair.second.body, self.at, along, separating * self.normal,
-                            components, f"{words}, {angles}", surfaces)  # fmt: skip
+        apart = at_origin(self.at, separating * self.normal)
+        return ToothContact(
+            pair.carrier, pair.first.body, pair.second.body, self.at, at_origin(self.at, along), f"{words}, {angles}",
+            ((0.0, apart),), single,
+            surfaces=PitchSurfaces(self.line, self._rates(pair), self.radii, self.curvatures, alpha, beta),
+        )  # fmt: skip
 
     def _rates(self, pair: MemberPair) -> dict[Joint, float]:
         """Return the parts of joints in the angular velocity of the first member against the second, along l."""
@@ -239,7 +239,7 @@ def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: s
 
 
 def _turns(member: Member) -> bool:
-    return str(member.joint.unit) == "rad"
+    return member.joint.unit == RADIAN
 
 
 def _across(axis: Array, vector: Array) -> Array:

@@ -1,44 +1,39 @@
-"""Springs, dampers and efforts along any coordinate: of a loop joint, a sum of joints, a point, a distance."""
+"""Springs, dampers, stops, elastic cables and efforts along coordinates, of joints, loop joints, points, distances."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.errors import within
-from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import AnyQuantity, InputStruct, NotNegative, check_unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, coordinate_of
-from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import AnyQuantity, Damping, InputStruct, NotNegative, Span, Stiffness, check_unit
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate, PathLength, coordinate_of
+from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement, LawElement, Pieces
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.joints import METRE
+from pinarm.mechanics.joints import METRE, Joint, effort_unit
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
-from pinarm.records import AbstractRecord, replace
+from pinarm.records import AbstractRecord
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.drives import Elasticity
+    from pinarm.mechanics.geometry.frame_pairs import FramePairs
+    from pinarm.mechanics.geometry.pairs import TiedFrames
 
 TOUCHING = 1e-13
 """Gap, relative to ``1 + |w|`` in SI, at which what pushes or pulls one way counts as closed: where it closes it is at
 work, though rounding may leave it open there."""
 
 
-class Evaluated(AbstractRecord, frozen=True, kw_only=True):
-    """How a coordinate is evaluated at many states.
-
-    Attributes:
-        many: ``q -> w, J`` at configurations, shape (n, nq), also complex steps; Pinocchio where it is left out.
-    """
-
-    unshown: ClassVar[tuple[str, ...]] = ("many",)
-
-    many: Callable[[Array], tuple[Array, Array]] | None = None
-
-
-class AlongCoordinate(Evaluated, ForceElement, frozen=True):
+class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
     """An effort along a coordinate w with the row J, ``load = J^T effort``.
 
     Attributes:
@@ -46,7 +41,7 @@ class AlongCoordinate(Evaluated, ForceElement, frozen=True):
         coordinate: The coordinate.
     """
 
-    unshown = ("model", "many")
+    unshown = ("model",)
 
     model: pin.Model
     coordinate: Coordinate
@@ -57,104 +52,213 @@ class AlongCoordinate(Evaluated, ForceElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T effort`` to ``tau``."""
-        w, rows = self._evaluated(q, v)
-        efforts = self.effort(t, w, (rows * v).sum(axis=-1))
-        tau += np.asarray(efforts)[..., None] * rows
+        w, rate, rows = self._moving(q, v)
+        tau += np.asarray(self.effort(t, w, rate))[..., None] * rows
 
-    def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
         """Return what the effort does to the links, unless it is one at joints of the tree."""
-        w, rows = self._evaluated(q, v)
-        effort = np.atleast_1d(self.effort(t, w, (rows * v).sum(axis=-1)))
-        acting = self.coordinate.wrenches(LinkPlacements.at(self.model, q[None]), effort)
-        return {joint: wrench[0] for joint, wrench in acting.items()}
+        return self.coordinate.wrenches(links, self.efforts(t, links.q, v))
 
     def measures(self) -> Mapping[str, ElementQuantity]:
-        return {"effort": ElementQuantity(effort_along(self.coordinate), self.efforts)}
+        return {"effort": ElementQuantity(effort_unit(self.coordinate), self.efforts)}
 
     def efforts(self, t: Array, q: Array, v: Array) -> Array:
-        w, rows = self._evaluated(q, v)
-        return np.broadcast_to(self.effort(t, w, (rows * v).sum(axis=-1)), w.shape)
+        w, rate, _ = self._moving(q, v)
+        return np.broadcast_to(self.effort(t, w, rate), w.shape)
 
     def _edge(self, value: Callable[[Array, Array], Array], counts: Callable[[Array], Flags] | None = None) -> Edge:
         """Return an edge at zeros of a function of w and its rate, which count where another one of w says so."""
+        return Edge(
+            lambda t, q, v: value(*self._moving(q, v)[:2]), counts and (lambda t, q, v: counts(self._values(q)))
+        )  # fmt: skip
 
-        def at(t: Array, q: Array, v: Array) -> Array:
-            w, rows = self._evaluated(q, v)
-            return value(w, (rows * v).sum(axis=-1))
+    def _values(self, q: Array) -> Array:
+        return self._evaluated(q)[0]
 
-        return Edge(at, counts and (lambda t, q, v: counts(self._evaluated(q, v)[0])))
+    def _moving(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return w and its rate, shape (...), and J, shape (..., nv)."""
+        w, rows = self._evaluated(q)
+        return w, (rows * v).sum(axis=-1), rows
 
-    def _evaluated(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def _evaluated(self, q: Array) -> tuple[Array, Array]:
         """Return w, shape (...), and J, shape (..., nv)."""
         if isinstance(self.coordinate, LinearCoordinate):
             weights = self.coordinate.weights
-            return np.asarray(q[..., self.coordinate.places] @ weights), np.broadcast_to(weights, v.shape)
-        if self.many is not None:
-            w, rows = self.many(q.reshape(-1, q.shape[-1]))
-            return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], v.shape[-1])
-        states = [Kinematics.at(self.model, one) for one in q.reshape(-1, q.shape[-1])]
-        w = np.array([self.coordinate.value(state) for state in states])
-        rows = np.array([self.coordinate.row(state) for state in states])
-        return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], v.shape[-1])
+            values = np.asarray(q[..., self.coordinate.places] @ weights)
+            return values, np.broadcast_to(weights, (*values.shape, len(weights)))
+        if q.ndim == 1 and np.isrealobj(q):
+            state = Kinematics.at(self.model, q)
+            return np.asarray(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
+        states = q.reshape(-1, q.shape[-1])
+        w, rows = self._of_frames(states)
+        return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
+
+    def _of_frames(self, states: Array) -> tuple[Array, Array]:
+        """Return w, shape (n,), and J, shape (n, nv), by the motions of the frames that the coordinate measures."""
+        w, rows = np.zeros(len(states), states.dtype), np.zeros((self.model.nv, len(states)), states.dtype)
+        for way, frames in self._ways:
+            motion = frames.at_configurations(states)
+            w += way.pair.gap(*motion.flat)[0]
+            rows[frames.velocities[:, 0]] += motion.rows(way.pair)[0, :, 0]
+        if isinstance(self.coordinate, PairCoordinate):
+            w += self.coordinate.missing_turns(w, states)
+        return w, rows.T
+
+    @cached_property
+    def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:
+        """The pairs of frames that the coordinate measures."""
+        from pinarm.mechanics.ball_joints import BallCoordinate
+        from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
+
+        along = self.coordinate
+        if isinstance(along, BallCoordinate):
+            ways: tuple[TiedFrames, ...] = (along.way(self.model),)
+        else:
+            assert isinstance(along, PairCoordinate | PathLength)
+            ways = along.ways
+        return [(way, FramePairs.between(self.model, way.first, way.second)) for way in ways]
 
 
 class SpringAlong(AlongCoordinate, frozen=True):
-    """Spring and damper: ``effort = -stiffness (w - rest) - damping w'``; energy ``stiffness (w - rest)^2 / 2``.
+    """Spring and damper, and a constant pull: ``effort = -stiffness (w - rest) - damping w' - pull``.
+
+    The energy is ``stiffness (w - rest)^2 / 2 + pull (w - rest)``.
 
     Attributes:
         stiffness: [N*m/rad or N/m].
         damping: [N*m*s/rad or N*s/m].
         rest: Value at which the spring is free [rad or m].
+        force: The pull [N*m or N].
     """
 
     stiffness: float
     damping: float
     rest: float
+    force: float = 0.0
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
-        return np.asarray(-self.stiffness * (w - self.rest) - self.damping * rate)
+        return np.asarray(-self.stiffness * (w - self.rest) - self.damping * rate - self.force)
 
     def potential_energy(self, q: Array) -> Array:
-        w, _ = self._evaluated(q, np.zeros((*q.shape[:-1], self.model.nv)))
-        return np.asarray(0.5 * self.stiffness * (w - self.rest) ** 2)
+        stretched = self._values(q) - self.rest
+        return np.asarray(0.5 * self.stiffness * stretched**2 + self.force * stretched)
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        return np.asarray(self.damping * (self._evaluated(q, v)[1] * v).sum(axis=-1) ** 2)
+        if not self.damping:
+            return np.zeros(q.shape[:-1])
+        return np.asarray(self.damping * self._moving(q, v)[1] ** 2)
 
     @property
     def conservative(self) -> bool:
         return not self.damping
 
 
-class EffortAlong(AlongCoordinate, frozen=True):
+class StopSpring(AlongCoordinate, frozen=True):
+    """``effort = -max(k (w - h) + c w', 0)`` for w > h, its mirror image for w < -h, and 0 between.
+
+    Such as the flanks of a gear with the backlash 2 h: free travel, then springs and dampers that only push. Steps end
+    where a side is met or left and, with a damper, where it stops pushing.
+
+    Attributes:
+        stiffness: k [N*m/rad or N/m].
+        damping: c [N*m*s/rad or N*s/m].
+        half: h [rad or m].
+        sides: 1 and -1, or 1 alone where there is no mirror image.
+    """
+
+    stiffness: float
+    damping: float
+    half: float
+    sides: tuple[float, ...] = (1.0, -1.0)
+
+    def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
+        side = self._side(w)
+        push = np.maximum(self._push(side, w, rate), 0.0)
+        return np.asarray(np.where(self._touches(side, w), -side * push, 0.0))
+
+    def _side(self, w: Array) -> Array:
+        return np.where(np.real(w) < 0.0, -1.0, 1.0) if len(self.sides) > 1 else np.ones(w.shape)
+
+    def _push(self, side: Array | float, w: Array, rate: Array) -> Array:
+        return np.asarray(self.stiffness * (side * w - self.half) + self.damping * side * rate)
+
+    def _touches(self, side: Array | float, w: Array) -> Flags:
+        return np.asarray(side * w > self.half - TOUCHING * (1.0 + self.half))
+
+    def _compression(self, w: Array) -> Array:
+        return np.asarray(np.maximum(self._side(w) * w - self.half, 0.0))
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return ``k d^2 / 2`` of the compression d of a side."""
+        return np.asarray(0.5 * self.stiffness * self._compression(self._values(q)) ** 2)
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return ``-(effort + k d) w'``: of the damper, and of a side that is left before it has sprung back."""
+        w, rate, _ = self._moving(q, v)
+        stored = self.stiffness * self._side(w) * self._compression(w)
+        return np.asarray(-(self.effort(t, w, rate) + stored) * rate)
+
+    @property
+    def conservative(self) -> bool:
+        return not self.damping
+
+    def edges(self) -> list[Edge]:
+        """Return where sides begin to touch and, with a damper, where they stop pushing while they touch."""
+        return [edge for side in self.sides for edge in self._edges_of(side)]
+
+    def _edges_of(self, side: float) -> list[Edge]:
+        met = self._edge(lambda w, rate: side * w - self.half)
+        if not self.damping:
+            return [met]
+        return [met, self._edge(lambda w, rate: self._push(side, w, rate), lambda w: self._touches(side, w))]
+
+    @property
+    def in_pieces(self) -> bool:
+        return len(self.sides) > 1
+
+    def passed(self, q: Array, v: Array) -> bool:
+        return self._pieces.passed(self._values(q))
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return Pieces(np.array([-self.half, self.half]))
+
+
+class TautSpring(StopSpring, frozen=True):
+    """An elastic cable: it pulls along a path that is longer than its free length, and is slack on a shorter one."""
+
+    @property
+    def path(self) -> PathLength:
+        assert isinstance(self.coordinate, PathLength)
+        return self.coordinate
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        return self.path.frames
+
+    def measures(self) -> Mapping[str, ElementQuantity]:
+        return {
+            "length": ElementQuantity(METRE, lambda t, q, v: self._values(q)),
+            "tension": ElementQuantity(unit("N"), lambda t, q, v: -self.efforts(t, q, v)),
+        }
+
+    @property
+    def description(self) -> str:
+        return f"cable through {self.path.words(self.model)}"
+
+
+class EffortAlong(AlongCoordinate, LawElement, frozen=True):
     """A torque or force that follows a law of time; all of its power is supplied.
 
     Attributes:
         law: The effort [N*m or N] over time.
-        function: The smooth piece of the law on the present interval.
     """
 
     law: MotionLaw
     function: Callable[[Array], Values] | None = None
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
-        if self.function is None:
-            raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
-        return self.function(np.asarray(t, float))[0]
-
-    def potential_energy(self, q: Array) -> Array:
-        return np.zeros(q.shape[:-1])
-
-    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        w, rows = self._evaluated(q, v)
-        rate = (rows * v).sum(axis=-1)
-        return np.asarray(-self.effort(t, w, rate) * rate)
-
-    def laws(self) -> list[MotionLaw]:
-        return [self.law]
-
-    def on(self, start: float, end: float) -> EffortAlong:
-        return replace(self, function=self.law.on(start, end))
+        return self.law_at(t)
 
 
 class CoordinateSpring(InputStruct, frozen=True, tag_field="kind", tag="coordinate_spring"):
@@ -175,10 +279,9 @@ class CoordinateSpring(InputStruct, frozen=True, tag_field="kind", tag="coordina
     def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> ForceElement:
         with within("coordinate"):
             along = coordinate_of(model, coordinates, self.coordinate)
-        effort = effort_along(along)
-        for key, measured in (
-            ("stiffness", effort / along.unit), ("damping", effort / along.unit * unit("s")), ("rest", along.unit),
-        ):  # fmt: skip
+        stiff = effort_unit(along) / along.unit
+        units = {"stiffness": stiff, "damping": stiff * unit("s"), "rest": along.unit}
+        for key, measured in units.items():
             with within(key):
                 check_unit(getattr(self, key), measured)
         return SpringAlong(model, along, float(self.stiffness), float(self.damping), float(self.rest))
@@ -199,10 +302,62 @@ class CoordinateEffort(InputStruct, frozen=True, tag_field="kind", tag="coordina
         with within("coordinate"):
             along = coordinate_of(model, coordinates, self.coordinate)
         with within("effort"):
-            self.effort.check_units(effort_along(along))
+            self.effort.check_units(effort_unit(along))
         return EffortAlong(model, along, self.effort)
 
 
-def effort_along(coordinate: Coordinate) -> Unit:
-    """Return N for a coordinate that is a length and N*m for an angle."""
-    return unit("N") if coordinate.unit == METRE else unit("N*m")
+class ElasticCable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
+    """An elastic cable from one link over others to the last one; it pulls, and is slack where it is too long.
+
+    While the path through the links, of length l, is longer than the free length l0, the tension is
+    ``S = max(stiffness (l - l0) + damping l', 0)``. On the way it runs without friction over small pulleys or through
+    eyes, as the loop joint ``cable``, which does not stretch.
+
+    Attributes:
+        through: The links, from one end to the other, such as ``[weight, pulley, door]``.
+        stiffness: Of the whole cable: modulus times cross-section over its length.
+        damping: Such as ``50 N*s/m``.
+        free_length: Length without tension.
+    """
+
+    through: Annotated[list[str], msgspec.Meta(min_length=2)]
+    stiffness: Stiffness
+    free_length: Span
+    damping: Damping = 0.0
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        """Return the element of one model.
+
+        Raises:
+            InputError: A link does not exist, or the cable ties nothing that moves.
+        """
+        path = PathLength.through(model, self.through)
+        numbers = float(self.stiffness), float(self.damping), float(self.free_length)
+        return TautSpring(model, path, *numbers, (1.0,))
+
+
+def elastic_gear(
+    model: pin.Model, deflection: LinearCoordinate, elasticity: Elasticity, backlash: float
+) -> ForceElement:  # fmt: skip
+    """Return the spring and damper of an elastic gear, or its flanks.
+
+    Args:
+        model: Pinocchio's model.
+        deflection: w, of the rotor less what it drives.
+        elasticity: Stiffness and damping.
+        backlash: [rad or m].
+
+    Raises:
+        UnitError: A unit is not that of what is driven.
+    """
+    stiff = effort_unit(deflection) / deflection.unit
+    given = ("stiffness", elasticity.stiffness, stiff), ("damping", elasticity.damping, stiff * unit("s"))
+    for key, value, expected in given:
+        with within("elasticity", key):
+            check_unit(value, expected)
+    with within("backlash"):
+        check_unit(backlash, deflection.unit)
+    stiffness, damping = float(elasticity.stiffness), float(elasticity.damping)
+    if backlash:
+        return StopSpring(model, deflection, stiffness, damping, 0.5 * float(backlash))
+    return SpringAlong(model, deflection, stiffness, damping, 0.0)

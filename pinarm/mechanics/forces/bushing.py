@@ -24,16 +24,17 @@ from pinarm.input.yaml.schema import (
     Stiffness,
     check_unit,
 )
-from pinarm.mechanics.coordinates import RotationCoordinate
+from pinarm.mechanics.coordinates import PairCoordinate, rotation
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.deflection import REACH, Deflection
-from pinarm.mechanics.geometry.link_placements import opposed
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
 from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.vectors import joined, moved
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
 from pinarm.records import AbstractRecord
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.geometry.frame_pairs import FramePairs
+    from pinarm.mechanics.geometry.frame_pairs import FramePairs, RelativeMotion
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The components of a deflection: displacements along the axes, then those of the rotation vector."""
@@ -43,9 +44,6 @@ NEAR = math.radians(5.0)
 
 SEMIDEFINITE = 1e-9
 """Negative eigenvalue that rounding of typed digits explains, of a matrix scaled to a diagonal of ones."""
-
-MANY = 8
-"""Number of configurations from which on it pays to place the frames in all of them together."""
 
 
 class LinearBushing(AbstractRecord, ForceElement, frozen=True):
@@ -74,37 +72,44 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load to ``tau``: that of the wrench on frame 2 on its twist in frame 1."""
-        if q.ndim > 1:
-            self._add_many(_rows(q), _rows(v), _rows(tau))
+        if q.ndim == 1 and np.isrealobj(q):
+            placement, jacobian = self._relative(q)
+            wrench = self._wrench(placement, jacobian, v).reshape(2, 3)
+            tau += wrench.dot(placement.rotation).ravel().dot(jacobian)
             return
-        placement, jacobian = self._relative(q)
-        turn = placement.rotation
-        tau += self._wrench(placement, jacobian, v).reshape(2, 3).dot(turn).ravel().dot(jacobian)
+        motion, apart = self._apart(_rows(q))
+        force, moment = self._pull(motion, apart, _rows(v))
+        efforts = motion.efforts(force[:, None], moment[:, None])[:, 0].T
+        tau[..., self.frame_pair.velocities[:, 0]] += efforts.reshape(*q.shape[:-1], -1)
 
-    def _add_many(self, q: Array, v: Array, tau: Array) -> None:
-        """Add the loads at n configurations."""
-        if len(q) < MANY and np.isrealobj(q):
-            for state, rate, load in zip(q, v, tau, strict=True):
-                self.add_load(0.0, state, rate, load)
-            return
+    def _apart(self, q: Array) -> tuple[RelativeMotion, Deflection[Array]]:
+        """Return the motion of frame 2 in frame 1 and the deflections at n configurations."""
         motion = self.frame_pair.at_configurations(q)
-        apart = Deflection.many(*motion.flat)
+        return motion, Deflection.many(*motion.flat)
+
+    def _rates(self, motion: RelativeMotion, apart: Deflection[Array], v: Array) -> Array:
+        """Return d' and phi' [m/s, rad/s], shape (6, n)."""
+        dp, w, _, _ = (part[:, 0] for part in motion.rates(v.T))
+        return np.concatenate(apart.rate(tuple(dp), tuple(w)))
+
+    def _pull(self, motion: RelativeMotion, apart: Deflection[Array], v: Array) -> tuple[Array, Array]:
+        """Return force and moment on frame 2 at its origin [N, N*m], axes of frame 1, shape (3, n) each."""
         pull = self.stiffness @ np.array([*apart.d, *apart.phi])
         if self._damped:
-            dp, w, _, _ = (part[:, 0] for part in motion.rates(v.T))
-            pull += self.damping @ np.concatenate(apart.rate(tuple(dp), tuple(w)))
-        force, moment = (np.array(part) for part in apart.wrench(tuple(-pull[:3]), tuple(-pull[3:])))
-        tau[:, self.frame_pair.velocities[:, 0]] += motion.efforts(force[:, None], moment[:, None])[:, 0].T
+            pull = pull + self.damping @ self._rates(motion, apart, v)
+        force, moment = apart.wrench(tuple(-pull[:3]), tuple(-pull[3:]))
+        return np.array(force), np.array(moment)
 
     def potential_energy(self, q: Array) -> Array:
-        x = np.array([self._deflection(state) for state in _rows(q)]).reshape(-1, 6)
-        return np.asarray(0.5 * (x @ self.stiffness * x).sum(axis=1)).reshape(q.shape[:-1])
+        _, apart = self._apart(_rows(q))
+        x = np.array([*apart.d, *apart.phi])
+        return np.asarray(0.5 * (x * (self.stiffness @ x)).sum(axis=0)).reshape(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         if not self._damped:
             return np.zeros(q.shape[:-1])
-        x = np.array([self._rate(*state) for state in zip(_rows(q), _rows(v), strict=True)]).reshape(-1, 6)
-        return np.asarray((x @ self.damping * x).sum(axis=1)).reshape(q.shape[:-1])
+        x = self._rates(*self._apart(_rows(q)), _rows(v))
+        return np.asarray((x * (self.damping @ x)).sum(axis=0)).reshape(q.shape[:-1])
 
     @property
     def conservative(self) -> bool:
@@ -114,12 +119,18 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
     def points(self) -> tuple[int, ...]:
         return self.frames
 
-    def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
-        placement, jacobian = self._relative(q)
-        wrench = self._wrench(placement, jacobian, v)
-        wrench[3:] += np.cross(placement.translation, wrench[:3])
-        moved = self.data.oMf[self.frames[0]].act(pin.Force(wrench)).vector
-        return opposed(self.model, *self.frames, moved)
+    def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
+        vectors = self._in_world(links, v)
+        acting = joined(vectors["force"], vectors["moment"])
+        return opposed(self.model, *self.frames, moved(acting, links.frame(self.frames[1])[1]))
+
+    def _in_world(self, links: LinkPlacements, v: Array) -> dict[str, Array]:
+        """Return displacement, rotation, force and moment in n states, world axes, shape (n, 3) each."""
+        motion, apart = self._apart(links.q)
+        force, moment = self._pull(motion, apart, v)
+        inner = {"displacement": motion.p[:, 0], "rotation": np.array(apart.phi), "force": force, "moment": moment}
+        turn = links.frame(self.frames[0])[0]
+        return {name: np.matvec(turn, np.broadcast_to(part, (3, len(v))).T) for name, part in inner.items()}
 
     def refusal(self, q: Array) -> str:
         """Return why it has no load: the frames are turned too far; empty where it has one."""
@@ -129,7 +140,7 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         turned, most = (f"{math.degrees(angle):.4g} deg" for angle in (theta, REACH))
         return f"its frames {self.between} are turned by {turned} to one another, and a bushing acts up to {most}"
 
-    def turned_between(self, q: Array) -> RotationCoordinate | None:
+    def turned_between(self, q: Array) -> PairCoordinate | None:
         """Return part of the rotation of frame 2 in frame 1, unless they turn by less than from ``REACH`` to beyond it.
 
         Then a row at which there is no load stands between those on either side of half a turn.
@@ -143,7 +154,7 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
             way = np.abs(np.diff(q[:, turning], axis=0)).sum(axis=1)
         if way.max(initial=0.0) < 2.0 * (math.pi - REACH):
             return None
-        return RotationCoordinate(self.frames[1], 0, self.frames[0])
+        return rotation(self.frames[1], 0, self.frames[0])
 
     def measures(self) -> Mapping[str, ElementQuantity]:
         """Return how far frame 2 is from frame 1, and what the first link does to the second, all in world axes.
@@ -151,11 +162,12 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         ``displacement`` of the second origin from the first, ``rotation`` vector of the second frame in the first,
         ``force`` and ``moment`` at the origin of the second frame.
         """
-        units = (METRE, RADIAN, unit("N"), unit("N*m"))
-        named = zip(("displacement", "rotation", "force", "moment"), units, strict=True)
-        return {
-            name: ElementQuantity(each, partial(self._in_world, k), vector=True) for k, (name, each) in enumerate(named)
-        }
+        units = {"displacement": METRE, "rotation": RADIAN, "force": unit("N"), "moment": unit("N*m")}
+
+        def values(name: str, t: Array, q: Array, v: Array) -> Array:
+            return self._in_world(LinkPlacements.at(self.model, q), v)[name]
+
+        return {name: ElementQuantity(each, partial(values, name), vector=True) for name, each in units.items()}
 
     @property
     def description(self) -> str:
@@ -195,26 +207,6 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         fx, fy, fz, mx, my, mz = (-pull).tolist()
         force, moment = apart.wrench((fx, fy, fz), (mx, my, mz))
         return np.array([*force, *moment])
-
-    def _deflection(self, q: Array) -> Array:
-        """Return d and phi [m, rad], shape (6,)."""
-        apart = Deflection.one(self._relative(q)[0])
-        return np.array([*apart.d, *apart.phi])
-
-    def _rate(self, q: Array, v: Array) -> Array:
-        """Return d' and phi' [m/s, rad/s], shape (6,)."""
-        placement, jacobian = self._relative(q)
-        return _rate(Deflection.one(placement), placement, jacobian, v)
-
-    def _in_world(self, part: int, t: Array, q: Array, v: Array) -> Array:
-        """Return displacement, rotation, force or moment (0 to 3) at n states, world axes, shape (n, 3)."""
-        rows = np.empty((len(q), 3))
-        for k, (state, rate) in enumerate(zip(q, v, strict=True)):
-            placement, jacobian = self._relative(state)
-            wrench = self._wrench(placement, jacobian, rate).reshape(2, 3)
-            vectors = placement.translation, pin.log3(placement.rotation), *wrench
-            rows[k] = self.data.oMf[self.frames[0]].rotation @ vectors[part]
-        return rows
 
 
 def _rate(apart: Deflection[float], placement: pin.SE3, jacobian: Array, v: Array) -> Array:

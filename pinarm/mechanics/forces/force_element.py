@@ -1,22 +1,70 @@
-"""What every force element promises."""
+"""Force elements in general, and where their loads stop being smooth."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Flags, Indices, distinct
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.mechanics.laws.motion_law import MotionLaw
-from pinarm.records import ValueRecord
+from pinarm.mechanics.laws.motion_law import MotionLaw, Values
+from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.coordinates import RotationCoordinate
+    from pinarm.mechanics.coordinates import PairCoordinate
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
+
+
+SLIVER = 1e-12
+"""Width of a piece, relative to where it is, that rounding makes."""
+
+
+class Pieces(Record, frozen=True):
+    """The intervals of a coordinate or a velocity w on which a load is one smooth function of it.
+
+    Attributes:
+        bounds: Where one meets the next, ascending, shape (k,); those from 0 on of the first period where they repeat.
+        period: After which they repeat; infinite where they do not.
+    """
+
+    bounds: Array
+    period: float = math.inf
+
+    def passed(self, w: Array) -> bool:
+        """Return whether values go further than the narrowest piece among them is wide.
+
+        Stages of a step that goes no further than that are in every piece that it touches, or next to it.
+
+        Args:
+            w: Values along a step, its ends included, shape (n,).
+        """
+        low, high = float(w.min()), float(w.max())
+        if high - low > self.period:
+            return True
+        turn = 0.0 if self.period == math.inf else self.period * math.floor(low / self.period)
+        first = np.searchsorted(self._bounds, low - turn, side="right")
+        last = np.searchsorted(self._bounds, high - turn)
+        return bool(first < last and high - low > self._widths[first : last + 1].min())
+
+    @cached_property
+    def _bounds(self) -> Array:
+        """The bounds, those of two periods where they repeat, without slivers."""
+        around = self.bounds
+        if self.period < math.inf:
+            around = np.concatenate([[0.0], around, self.period + np.array([0.0, *around]), [2.0 * self.period]])
+        around = distinct(around)
+        return around[np.diff(around, prepend=-math.inf) > SLIVER * (1.0 + np.abs(around))]
+
+    @cached_property
+    def _widths(self) -> Array:
+        """How wide the pieces are below, between and above the bounds, shape (k + 1,)."""
+        return np.diff(self._bounds, prepend=-math.inf, append=math.inf)
 
 
 class Edge(NamedTuple):
@@ -66,21 +114,22 @@ class HeldLoad(Protocol):
 class ForceElement(ABC):
     """An element of one mechanism, ready for evaluation at one state or at many (leading axes).
 
-    The three abstract methods obey ``load . v = -dU/dt - dissipated`` whatever the motion; one test holds every element
-    to it. A load that drives the mechanism dissipates a negative power: it supplies it.
+    Loads, energy and dissipated power obey ``load . v = -dU/dt - dissipated`` whatever the motion; one test holds every
+    element to it. A load that drives the mechanism dissipates a negative power: it supplies it. Without an energy of
+    its own an element supplies, or takes, all of its power.
     """
 
     @abstractmethod
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the generalised load [N*m or N] to ``tau``, shape (..., nv)."""
 
-    @abstractmethod
     def potential_energy(self, q: Array) -> Array:
         """Return U [J], shape (...)."""
+        return np.zeros(q.shape[:-1])
 
-    @abstractmethod
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the power that leaves the mechanism [W], shape (...)."""
+        return -power(self, t, q, v)
 
     @property
     def conservative(self) -> bool:
@@ -144,20 +193,13 @@ class ForceElement(ABC):
         """
         return None
 
-    def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
-        """Return what acts on links from outside: joint index -> [f; m] at the world's origin, world axes, shape (6,).
+    def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
+        """Return what acts on links from outside in n states: joint index -> [f; m] at the world's origin, (n, 6).
 
         Elements that act between the two links of a joint have none: their effort is part of what the joint transmits.
+        ``links`` are placed as the states say.
         """
         return {}
-
-    def wrenches_at(self, links: LinkPlacements, t: Array, q: Array, v: Array) -> dict[int, Array]:
-        """Return the same in n states, each wrench of shape (n, 6); ``links`` are placed as the states say."""
-        found: dict[int, Array] = {}
-        for k, state in enumerate(zip(t, q, v, strict=True)):
-            for joint, wrench in self.wrenches(*state).items():
-                found.setdefault(joint, np.zeros((len(q), *wrench.shape), wrench.dtype))[k] = wrench
-        return found
 
     @property
     def points(self) -> tuple[int, ...]:
@@ -175,7 +217,7 @@ class ForceElement(ABC):
         """
         return ""
 
-    def turned_between(self, q: Array) -> RotationCoordinate | None:
+    def turned_between(self, q: Array) -> PairCoordinate | None:
         """Return part of the rotation between its frames, if that may pass half a turn between rows of a motion.
 
         Args:
@@ -187,6 +229,30 @@ class ForceElement(ABC):
     def description(self) -> str:
         """What it is and where, in words; may be empty."""
         return ""
+
+
+class LawElement(ForceElement):
+    """An element whose load follows a law of time.
+
+    Attributes:
+        law: The law.
+        function: The smooth piece of the law on the present interval.
+    """
+
+    law: MotionLaw
+    function: Callable[[Array], Values] | None
+
+    def laws(self) -> list[MotionLaw]:
+        return [self.law]
+
+    def on(self, start: float, end: float) -> ForceElement:
+        return replace(self, function=self.law.on(start, end))
+
+    def law_at(self, t: Array | float) -> Array:
+        """Return the values of the law."""
+        if self.function is None:
+            raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
+        return np.asarray(self.function(np.asarray(t, float))[0])
 
 
 def refusals(forces: Mapping[str, ForceElement], q: Array) -> str:

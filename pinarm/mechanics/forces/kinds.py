@@ -8,12 +8,11 @@ import pinocchio as pin
 
 from pinarm.errors import InputError, within
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
+from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring, ElasticCable
 from pinarm.mechanics.forces.bushing import Bushing
-from pinarm.mechanics.forces.cable import ElasticCable
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
-from pinarm.mechanics.forces.point import PointSpring, Wrench
+from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
+from pinarm.mechanics.forces.points import PointSpring, Wrench
 from pinarm.mechanics.joints import Joint
 
 Force = (

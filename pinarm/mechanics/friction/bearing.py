@@ -20,18 +20,16 @@ for which there is no size has no friction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.records import Record
 
 STRAIGHT = 1e-11
 """Part of a normal force across a line that rounding leaves of one along it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Bearing:
+class Bearing(Record, frozen=True):
     """The load of one joint: ``N = sum_p lever_p |P_p w| + preload`` for the wrench ``w = [F; M]`` that it transmits.
 
     Attributes:
@@ -98,6 +96,11 @@ class Bearing:
         part = np.zeros((1, 3, 6))
         part[0, 0, :3] = axis
         return cls(np.array([lever]), part)
+
+    @classmethod
+    def along(cls, lever: float) -> Bearing:
+        """Return what carries a multiplier, the first component of a wrench, times a lever."""
+        return cls.thread(np.eye(3)[0], lever)
 
     def load(self, wrench: Array) -> Array:
         """Return N of wrenches, shape (.., 6), as an array of shape (..)."""

@@ -1,64 +1,98 @@
-"""Where friction acts: the slip of a joint of the tree, or of one that closes a loop."""
+"""Where dry friction acts: the slip of a joint, of a loop joint or between the members of a coupling, and its law.
+
+A slip with several components, of a joint that turns and slides or turns about a point, has one contact for each, all
+with one name, one law and one bearing: friction is against the direction of the slip, and its limit is that of its
+length. Of a joint with one component the direction is 1 or -1.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, vecmat
-from pinarm.input.units import Unit
+from pinarm.arrays import Array, Flags, vecmat
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.couplings.coupling import JointRelation
+from pinarm.mechanics.couplings.transmissions import Kink, Transmission
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.joints import METRE, RADIAN
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.rotors import GearedRotor
+from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.coupling import Kink
     from pinarm.mechanics.friction.bearing import Bearing
-    from pinarm.mechanics.friction.law import FrictionLaw
-    from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 
-class FrictionContact(Protocol):
-    """One slip u = J v [rad/s or m/s] with the friction f against it [N*m or N], whose load is ``J^T f``."""
+class FrictionLaw(ValueRecord, frozen=True):
+    """Resistance of one joint to slip, as a function of its load N and its speed u >= 0.
+
+    While it slips ``F = mu(u) N + c(u) + viscous u``; at rest the friction is whatever keeps the joint at rest, up to
+    ``static_mu N + static_constant``. With Stribeck's velocity w, ``mu(u) = mu + (static_mu - mu) exp(-(u / w)^2)``, c
+    likewise; without one both drop at once when slip begins.
+
+    N is in units of F: the normal forces in a bearing times their levers (``Bearing.load``).
+
+    Attributes:
+        mu: Coefficient while it slips.
+        static_mu: Coefficient at rest.
+        constant: Part that does not depend on the load, while it slips [N*m or N].
+        static_constant: The same at rest.
+        viscous: [N*m*s/rad or N*s/m].
+        stribeck: w [rad/s or m/s]; 0 without a transition.
+    """
+
+    mu: float
+    static_mu: float
+    constant: float
+    static_constant: float
+    viscous: float = 0.0
+    stribeck: float = 0.0
+
+    @classmethod
+    def plain(cls, constant: float) -> FrictionLaw:
+        """Return the law of a friction that neither load nor speed changes."""
+        return cls(0.0, 0.0, constant, constant)
+
+    def slipping(self, speed: Array | float) -> tuple[Array, Array]:
+        """Return ``mu(u)`` and ``c(u) + viscous u``, each of the shape of the speeds u >= 0."""
+        speed = np.asarray(speed)
+        rest = np.exp(-((speed / self.stribeck) ** 2)) if self.stribeck else np.zeros_like(speed)
+        mu = self.mu + (self.static_mu - self.mu) * rest
+        constant = self.constant + (self.static_constant - self.constant) * rest
+        return mu, constant + self.viscous * speed
+
+    def words(self, effort: Unit) -> str:
+        speed = RADIAN if effort == unit("N*m") else METRE
+        sizes = ("mu ", self.mu, self.static_mu, ""), ("", self.constant, self.static_constant, f" {effort}")
+        parts = [
+            f"{name}{slipping:g}{measure}" + (f" ({resting:g}{measure} at rest)" if resting != slipping else "")
+            for name, slipping, resting, measure in sizes
+            if resting
+        ]
+        parts += [f"viscous {self.viscous:g} {effort}*s/{speed}"] if self.viscous else []
+        parts += [f"Stribeck's velocity {self.stribeck:g} {speed}/s"] if self.stribeck else []
+        return ", ".join(parts) or "none"
 
     @property
-    def name(self) -> str:
-        """``joint.J`` or ``loop.L``: the components of one slip have one name."""
-        ...
+    def resting(self) -> tuple[float, float]:
+        """``static_mu`` and ``static_constant``."""
+        return self.static_mu, self.static_constant
 
     @property
-    def quantity(self) -> str:
-        """Name of the friction, ``joint.J.friction``."""
-        ...
+    def loaded(self) -> bool:
+        """Whether it depends on the load."""
+        return self.static_mu > 0.0
 
-    @property
-    def effort(self) -> Unit:
-        """Unit of the friction."""
-        ...
 
-    @property
-    def law(self) -> FrictionLaw:
-        """How it depends on load and speed."""
-        ...
-
-    @property
-    def bearing(self) -> Bearing:
-        """How its load follows from what it transmits."""
-        ...
-
-    @property
-    def shared(self) -> bool:
-        """Whether what rigid bodies leave open of its load is taken from the least multipliers."""
-        ...
-
-    @property
-    def row_is_constant(self) -> bool:
-        """Whether J is the same in all configurations."""
-        ...
+class Slip(Protocol):
+    """A velocity u = J v; coordinates are slips."""
 
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""
@@ -68,16 +102,96 @@ class FrictionContact(Protocol):
         """Return J' v."""
         ...
 
-    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        """Return what the friction, shape (n,), does to links, other than within a joint of the tree.
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        """Return what friction, shape (n,), does to links, other than within a joint of the tree.
 
         Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
         """
         ...
 
+
+class CoupledSlip(LinearCoordinate, frozen=True):
+    """The slip of threads, teeth and belts: a sum of joint velocities.
+
+    Attributes:
+        acting: What friction does to the members; ``None`` where it acts as efforts at the coupled joints.
+    """
+
+    acting: Transmission | None = None
+
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        return self.acting.on_links(links, effort) if self.acting else {}
+
+
+class FrictionContact(Record, frozen=True):
+    """One slip u = J v [rad/s or m/s] with the friction f against it [N*m or N], whose load is ``J^T f``.
+
+    Attributes:
+        name: ``joint.J``, ``loop.L``, ``coupling.C`` or ``drive.D``: the components of one slip have one name.
+        effort: Unit of the friction.
+        law: How it depends on load and speed.
+        bearing: How its load follows from what is transmitted: of joints by the wrench in the axes of the child, of
+            loop joints in those of frame 1, of couplings and gears by the multiplier as its first component.
+        slip: The slip.
+        of: What slips: a joint of the tree by its index, a loop joint, a coupling, or the gear of a rotor.
+        shared: Whether what rigid bodies leave open of its load is taken from the least multipliers.
+        part: Component of the slip: ``x``, ``y``, ``z`` of a ball joint, ``tangential`` and ``axial`` of a cylindrical
+            one; empty where there is one.
+    """
+
+    unshown = ("bearing",)
+
+    name: str
+    effort: Unit
+    law: FrictionLaw
+    bearing: Bearing
+    slip: Slip
+    of: int | LoopJoint | JointRelation | GearedRotor
+    shared: bool = False
+    part: str = ""
+
+    @property
+    def quantity(self) -> str:
+        """Name of the friction, such as ``joint.J.friction`` or ``loop.L.friction.axial``."""
+        return f"{self.name}.friction.{self.part}" if self.part else f"{self.name}.friction"
+
+    @property
+    def coupling(self) -> JointRelation | None:
+        """The coupling between whose members it acts."""
+        return self.of if isinstance(self.of, JointRelation) else None
+
+    @property
+    def replaces(self) -> bool:
+        """Whether friction alone ties what the coupling would: of a belt that slips."""
+        return self.coupling is not None and self.coupling.kind == "belt"
+
+    @property
+    def by_multiplier(self) -> bool:
+        """Whether its load is a multiplier in all configurations."""
+        return isinstance(self.slip, CoupledSlip)
+
+    @property
+    def row_is_constant(self) -> bool:
+        """Whether J is the same in all configurations."""
+        return isinstance(self.slip, LinearCoordinate)
+
+    @property
+    def standing(self) -> LinearCoordinate | None:
+        """Sum of joint coordinates, the largest weight 1, that stands still where the slip is 0, if J is constant."""
+        if not isinstance(self.slip, LinearCoordinate):
+            return None
+        weights = self.slip.weights / np.abs(self.slip.weights).max()
+        return LinearCoordinate(self.slip.unit, weights, self.slip.places)
+
     def kinks(self, links: LinkPlacements) -> list[Kink]:
-        """Return where these wrenches, linear in the friction between, change their slope; see ``JointRelation``."""
-        ...
+        """Return where the wrenches of friction change their slope; see ``JointRelation``."""
+        acting = self.slip.acting if isinstance(self.slip, CoupledSlip) else None
+        return acting.kinks(links) if acting else []
+
+    def added(self, part: str, f: Array) -> Array:
+        """Return what friction adds to a single force or moment of the coupling [N or N*m], shape (n,)."""
+        acting = self.slip.acting if isinstance(self.slip, CoupledSlip) else None
+        return acting.part(part, f) if acting and part in acting.single else np.zeros_like(f)
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the wrench that the bearing carries, in axes in which its parts are given, shape (n, 6).
@@ -87,127 +201,30 @@ class FrictionContact(Protocol):
             joints: Wrenches of parents on children, at the joints' origins, world axes, shape (n, njoints, 6).
             lam: Multipliers of the constraints by name, each of shape (n, m).
         """
-        ...
+        if not self.law.loaded:
+            return np.zeros((len(joints), 6))
+        if isinstance(self.of, int):
+            return _turned_back(links.turns[:, self.of], joints[:, self.of])
+        if isinstance(self.of, LoopJoint):
+            return _turned_back(links.frame(self.of.first)[0], self.of.wrench(links, lam[self.of.name]))
+        return self.carried(links.q, lam)
+
+    def carried(self, q: Array, lam: dict[str, Array]) -> Array:
+        """Return the same of a coupling or a gear, at configurations, shape (n, nq)."""
+        assert isinstance(self.of, JointRelation | GearedRotor)
+        multiplier = lam[self.of.name][:, :1]
+        if isinstance(self.of, JointRelation):
+            multiplier = self.of.push(q, multiplier[:, 0])[:, None]
+        return np.concatenate([multiplier, np.zeros((len(multiplier), 5))], axis=1)
 
 
-def quantity_of(name: str, part: str = "") -> str:
-    """Return the name of a friction in tables."""
-    return f"{name}.friction.{part}" if part else f"{name}.friction"
-
-
-@dataclass(frozen=True, eq=False)
-class JointContact:
-    """The slip of a joint of the tree along one of its velocities.
-
-    Attributes:
-        name: ``joint.J``.
-        effort: Unit of the friction.
-        index: Pinocchio's joint index.
-        v: Index in v.
-        law: Of friction.
-        bearing: In the axes of the child.
-        shared: See ``FrictionContact``.
-        part: ``x``, ``y`` or ``z`` of a ball joint, in the axes of the child; empty of a joint with one coordinate.
-    """
-
-    name: str
-    effort: Unit
-    index: int
-    v: int
-    law: FrictionLaw
-    bearing: Bearing = field(repr=False)
-    shared: bool = False
-    part: str = ""
-
-    @property
-    def quantity(self) -> str:
-        """``joint.J.friction``, of a ball joint ``joint.J.friction.x``."""
-        return quantity_of(self.name, self.part)
-
-    @property
-    def row_is_constant(self) -> bool:
-        return True
-
-    def row(self, state: Kinematics) -> Array:
-        unit = np.zeros(state.model.nv)
-        unit[self.v] = 1.0
-        return unit
-
-    def drift(self, state: Kinematics) -> float:
-        """Return 0: the row is constant."""
-        return 0.0
-
-    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        """Return nothing: it acts within the joint."""
-        return {}
-
-    def kinks(self, links: LinkPlacements) -> list[Kink]:
-        return []
-
-    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
-        turn = links.turns[:, self.index]
-        wrench = joints[:, self.index]
-        return np.concatenate([vecmat(wrench[:, :3], turn), vecmat(wrench[:, 3:], turn)], axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class LoopContact:
-    """The slip of a loop joint that turns or slides, or one component of it.
-
-    Attributes:
-        name: ``loop.L``.
-        effort: Unit of the friction.
-        joint: The loop joint.
-        slip: What it leaves free, as a joint of one row that holds it.
-        law: Of friction.
-        bearing: In the axes of the joint's first frame.
-        shared: See ``FrictionContact``.
-        part: Of a slip with several components: ``tangential`` and ``axial`` of a cylindrical joint, ``x``, ``y`` and
-            ``z`` of a ball joint, in the axes of the first frame.
-    """
-
-    name: str
-    effort: Unit
-    joint: LoopJoint
-    slip: LoopJoint
-    law: FrictionLaw
-    bearing: Bearing = field(repr=False)
-    shared: bool = False
-    part: str = ""
-
-    @property
-    def quantity(self) -> str:
-        """``loop.L.friction``, and ``loop.L.friction.axial`` of a component."""
-        return quantity_of(self.name, self.part)
-
-    @property
-    def row_is_constant(self) -> bool:
-        return False
-
-    def row(self, state: Kinematics) -> Array:
-        return np.asarray(self.slip.rows(state)[0])
-
-    def drift(self, state: Kinematics) -> float:
-        return float(self.slip.drift(state)[0])
-
-    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        return self.slip.wrenches(links, f[:, None])
-
-    def kinks(self, links: LinkPlacements) -> list[Kink]:
-        """Return nothing: they are linear."""
-        return []
-
-    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
-        """Return the wrench of the first link on the second, at frame 2, in the axes of frame 1."""
-        wrench, turn = self.joint.wrench(links, lam[self.joint.name]), links.frame(self.joint.first)[0]
-        return np.concatenate([vecmat(wrench[:, :3], turn), vecmat(wrench[:, 3:], turn)], axis=1)
+def _turned_back(turn: Array, wrench: Array) -> Array:
+    return np.concatenate([vecmat(wrench[:, :3], turn), vecmat(wrench[:, 3:], turn)], axis=1)
 
 
 def slip_rows_at(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
     """Return J of all contacts at a configuration, shape (nq,), as an array of shape (k, nv)."""
-    if all(contact.row_is_constant for contact in contacts):
-        return _constant_rows(model, tuple(contacts))
-    return _rows(contacts, Kinematics.at(model, q))
+    return np.asarray(slip_rows(model, contacts, q[None])[0])
 
 
 def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
@@ -216,7 +233,8 @@ def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -
         fixed = _constant_rows(model, tuple(contacts))
         return np.broadcast_to(fixed, (len(q), *fixed.shape))
     states = (Kinematics.at(model, row) for row in q)
-    return np.array([_rows(contacts, state) for state in states]).reshape(len(q), len(contacts), model.nv)
+    rows = [[contact.slip.row(state) for contact in contacts] for state in states]
+    return np.array(rows).reshape(len(q), len(contacts), model.nv)
 
 
 def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array, v: Array) -> Array:
@@ -224,16 +242,45 @@ def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array,
     if all(contact.row_is_constant for contact in contacts):
         return np.zeros((len(q), len(contacts)))
     states = (Kinematics.at(model, *row) for row in zip(q, v, strict=True))
-    return np.array([[contact.drift(state) for contact in contacts] for state in states]).reshape(len(q), len(contacts))
+    drifts = [[contact.slip.drift(state) for contact in contacts] for state in states]
+    return np.array(drifts).reshape(len(q), len(contacts))
 
 
 @lru_cache(maxsize=16)  # asked at every evaluation of an equation of motion
 def _constant_rows(model: pin.Model, contacts: tuple[FrictionContact, ...]) -> Array:
     """Return J of contacts whose rows are the same in all configurations, shape (k, nv); not to be written to."""
-    found = _rows(contacts, Kinematics.at(model, pin.neutral(model)))
-    found.flags.writeable = False
-    return found
+    state = Kinematics.at(model, pin.neutral(model))
+    rows = np.array([contact.slip.row(state) for contact in contacts]).reshape(len(contacts), model.nv)
+    rows.flags.writeable = False
+    return rows
 
 
-def _rows(contacts: Sequence[FrictionContact], state: Kinematics) -> Array:
-    return np.array([contact.row(state) for contact in contacts]).reshape(len(contacts), state.model.nv)
+def same_joint(contacts: Sequence[FrictionContact]) -> Flags:
+    """Return which contacts are components of one slip, shape (k, k)."""
+    return _same_names(tuple(contact.name for contact in contacts))[0]
+
+
+def several(contacts: Sequence[FrictionContact]) -> Flags:
+    """Return which contacts are components of a slip with several, shape (k,)."""
+    return _same_names(tuple(contact.name for contact in contacts))[1]
+
+
+@lru_cache(maxsize=16)  # asked at every evaluation of an equation of motion
+def _same_names(names: tuple[str, ...]) -> tuple[Flags, Flags]:
+    same = np.array([[name == other for other in names] for name in names], dtype=bool).reshape(len(names), len(names))
+    return same, same.sum(axis=1) > 1
+
+
+def sizes(contacts: Sequence[FrictionContact], x: Array) -> Array:
+    """Return the length of the slip that each component, shape (.., k), is of, shape (.., k)."""
+    if not several(contacts).any():
+        return np.abs(x)
+    return np.asarray(np.sqrt(x**2 @ same_joint(contacts).astype(float)))
+
+
+def unit_vectors(contacts: Sequence[FrictionContact], x: Array) -> Array:
+    """Return ``x / |x|`` joint by joint, 0 where x is, of the shape of x, (.., k)."""
+    if not several(contacts).any():
+        return np.sign(x)
+    length = sizes(contacts, x)
+    return np.divide(x, length, out=np.zeros_like(x), where=length > 0.0)

@@ -13,19 +13,17 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Angle, Coefficient, Force, InputStruct, NotNegative, Positive, Span, check_unit
-from pinarm.mechanics.ball_joints import Ball, balls_of
+from pinarm.mechanics.ball_joints import balls_of
+from pinarm.mechanics.coordinates import LinearCoordinate, PairCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.couplings.transmissions import ToothContact
-from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.contact import FrictionContact, JointContact, LoopContact
-from pinarm.mechanics.friction.law import FrictionLaw
-from pinarm.mechanics.friction.thread import ThreadFriction, ThreadGeometry
+from pinarm.mechanics.friction.contact import CoupledSlip, FrictionContact, FrictionLaw
+from pinarm.mechanics.geometry.pairs import LowerPair, TiedFrames
 from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.lower_pairs import LowerPair
-from pinarm.mechanics.loops.screw import Thread
+from pinarm.mechanics.loops.lower_pairs import Thread
 
 SLIPS = {"revolute": RADIAN, "pin": RADIAN, "prismatic": METRE}
 """Kinds of loop joints that have friction, and the unit of what they leave free."""
@@ -130,32 +128,34 @@ class Friction(InputStruct, frozen=True):
         Raises:
             InputError: There is none, or none that turns or slides; or a size is missing.
         """
-        of_loops = {one.name: one for one in constraints}
+        known, balls = {constraint.name: constraint for constraint in constraints}, balls_of(model)
         if name in joints:
             joint = joints[name]
-            axis = _axis(model, joint)
-            law, bearing = self._law(joint), self._bearing(axis, turns=joint.unit == RADIAN)
-            return (
-                JointContact(f"joint.{name}", effort_unit(joint), joint.index, joint.v, law, bearing, self._shared),
-            )
-        balls = balls_of(model)
+            bearing = self._bearing(_axis(model, joint), turns=joint.unit == RADIAN)
+            return (self._of_joint(model, name, joint.index, joint.v, joint.unit, bearing),)
         if name in balls:
-            return self._of_ball(balls[name])
-        if name not in of_loops:
-            expected, hint = choices(name, [*joints, *balls, *of_loops])
+            ball, socket = balls[name], self._socket(name)
+            parts = enumerate("xyz")
+            return tuple(self._of_joint(model, name, ball.index, ball.v + k, RADIAN, socket, x) for k, x in parts)
+        if name not in known:
+            expected, hint = choices(name, [*joints, *balls, *known])
             raise InputError(f"there is no joint '{name}' with friction", expected=expected, hint=hint)
-        constraint = of_loops[name]
-        if isinstance(constraint, Coupling):
-            return (self._of_coupling(constraint),)
-        return self._of_loop(constraint) if isinstance(constraint, LoopJoint) else (self._of_cam(constraint),)
+        constraint = known[name]
+        if isinstance(constraint, LoopJoint):
+            return self._of_loop(constraint)
+        return (self._of_coupling(constraint) if isinstance(constraint, Coupling) else self._of_cam(constraint),)
 
-    def _of_ball(self, ball: Ball) -> tuple[JointContact, ...]:
-        """Return the friction of a ball joint of the tree: a moment in the axes of the child."""
-        law, bearing = self._law(Joint(ball.name, 0, 0, 0, RADIAN)), self._socket(ball.name)
-        return tuple(
-            JointContact(f"joint.{ball.name}", unit("N*m"), ball.index, ball.v + k, law, bearing, self._shared, part)
-            for k, part in enumerate("xyz")
-        )
+    def _of_joint(
+        self, model: pin.Model, name: str, index: int, v: int, measured: Unit, bearing: Bearing, part: str = ""
+    ) -> FrictionContact:  # fmt: skip
+        """Return the friction of a joint of the tree along one of its velocities, in the axes of the child."""
+        weights = np.zeros(model.nv)
+        weights[v] = 1.0
+        slip = LinearCoordinate(measured, weights, np.full(model.nv, model.joints[index].idx_q, dtype=np.intp))
+        law = self._law(measured)
+        return FrictionContact(
+            f"joint.{name}", _effort(measured), law, bearing, slip, index, self._shared, part
+        )  # fmt: skip
 
     def _socket(self, name: str) -> Bearing:
         """Return the bearing of a ball joint."""
@@ -169,138 +169,137 @@ class Friction(InputStruct, frozen=True):
     def _of_coupling(self, coupling: Coupling) -> FrictionContact:
         """Return the friction of a screw between two joints, of a worm and its wheel, of teeth, or of a belt."""
         if coupling.kind == "belt":
-            return self._of_belt(coupling)
+            from pinarm.mechanics.friction.coupling_friction import belt_friction
+
+            self._check_sizes("a belt")
+            return belt_friction(coupling, self._law(METRE))
         if self.teeth is not None:
             from pinarm.mechanics.friction.tooth import tooth_friction
 
             self._check_sizes("teeth")
-            law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
-            return tooth_friction(coupling, self.teeth, law, shared=self._shared)
+            return tooth_friction(coupling, self.teeth, self._law(METRE), shared=self._shared)
+        return self._of_thread(coupling)
+
+    def _of_thread(self, coupling: Coupling) -> FrictionContact:
+        from pinarm.mechanics.friction.coupling_friction import ThreadGeometry
+
         self._check_sizes("a screw" if coupling.kind == "screw" else "a worm")
-        weights = coupling.coordinate.weights
+        weights, places = coupling.coordinate.weights, coupling.coordinate.places
         first, second = _coupled(weights, coupling.name)
-        ratio, radius = -float(weights[first]), self._thread_radius(coupling.name)
-        wheel = 1.0
+        ratio, radius, wheel = -float(weights[first]), self._thread_radius(coupling.name), 1.0
         if coupling.kind != "screw":
             if self.lead_angle is None:
-                raise InputError(f"friction of the {coupling.kind} '{coupling.name}' is that of a worm, or of teeth",
-                                 expected="lead_angle, the worm being the first joint, or teeth")  # fmt: skip
+                raise InputError(
+                    f"friction of the {coupling.kind} '{coupling.name}' is that of a worm, or of teeth",
+                    expected="lead_angle, the worm being the first joint, or teeth",
+                )
             wheel = radius * np.tan(self.lead_angle) / abs(ratio)
         thread = ThreadGeometry(radius, wheel * ratio, float(self.flank))
-        slip, (turning, sliding) = np.zeros(len(weights)), thread.along
-        slip[first], slip[second] = turning, wheel * sliding
+        along, (turning, sliding) = np.zeros(len(weights)), thread.along
+        along[first], along[second] = turning, wheel * sliding
         if isinstance(coupling.transmission, ToothContact):
-            raise InputError(f"how friction loads the bearings of '{coupling.name}' is not known",
-                             expected="a gear without the geometry of its teeth")  # fmt: skip
-        bearing = Bearing.thread(np.array([1.0, 0.0, 0.0]), thread.lever / wheel)
-        law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
-        return ThreadFriction(
-            f"coupling.{coupling.name}", unit("N"), coupling, law, bearing, self._shared, slip=slip, along=thread.along
-        )
+            raise InputError(
+                f"how friction loads the bearings of '{coupling.name}' is not known",
+                expected="a gear without the geometry of its teeth",
+            )
+        slip = CoupledSlip(coupling.coordinate.unit, along, places, thread.acting(coupling.transmission))
+        bearing, law = Bearing.along(thread.lever / wheel), self._law(METRE)
+        return FrictionContact(f"coupling.{coupling.name}", unit("N"), law, bearing, slip, coupling, self._shared)
 
     def _of_cam(self, cam: JointRelation) -> FrictionContact:
         from pinarm.mechanics.couplings.cams.cam_coupling import CamCoupling
-        from pinarm.mechanics.friction.cam import cam_friction
+        from pinarm.mechanics.friction.coupling_friction import cam_friction
 
         assert isinstance(cam, CamCoupling)
         self._check_sizes("a cam")
-        law = self._law(Joint(cam.name, 0, 0, 0, METRE))
-        return cam_friction(cam, float(self.radius or 0.0), law, shared=self._shared)
-
-    def _of_belt(self, coupling: Coupling) -> FrictionContact:
-        from pinarm.mechanics.friction.belt import belt_friction
-
-        self._check_sizes("a belt")
-        return belt_friction(coupling, self._law(Joint(coupling.name, 0, 0, 0, METRE)))
+        return cam_friction(cam, float(self.radius or 0.0), self._law(METRE), shared=self._shared)
 
     def _check_sizes(self, part: str) -> None:
         """Raise where a size is given that the part does not have."""
         unused = sorted({key for keys in SIZES.values() for key in keys if getattr(self, key)}.difference(SIZES[part]))
         if unused:
             with within(unused[0]):
-                raise InputError(f"friction of {part} has no {unused[0]}",
-                                 expected=", ".join(["mu", "static_mu", *SIZES[part]]))  # fmt: skip
+                raise InputError(
+                    f"friction of {part} has no {unused[0]}", expected=", ".join(["mu", "static_mu", *SIZES[part]])
+                )
 
     def _thread_radius(self, name: str) -> float:
         if not self.radius:
             raise InputError(f"friction of '{name}' needs the mean radius of its thread", expected="radius: 12 mm")
         return float(self.radius)
 
-    def _of_loop(self, loop: LoopJoint) -> tuple[LoopContact, ...]:
+    def _of_loop(self, loop: LoopJoint) -> tuple[FrictionContact, ...]:
+        """Return the components of the friction of a loop joint, with their directions in the first frame."""
+        nothing, axis = np.zeros(3), loop.pair.axis if isinstance(loop.pair, LowerPair) else np.zeros(3)
         if isinstance(loop.pair, LowerPair) and isinstance(loop.pair.rotation, Thread):
-            return (self._of_screw(loop, loop.pair.axis, loop.pair.rotation.pitch),)
-        if loop.kind == "cylindrical" and isinstance(loop.pair, LowerPair):
-            return self._of_cylinder(loop, loop.pair.axis)
-        if loop.kind == "spherical":
-            return self._of_socket(loop)
-        if loop.kind not in SLIPS or not isinstance(loop.pair, LowerPair):
-            raise InputError(f"the loop joint '{loop.name}' is of the kind {loop.kind}",
-                             expected=f"one of {', '.join(SLIPS)}, cylindrical, spherical, screw")  # fmt: skip
-        measured, axis, nothing = SLIPS[loop.kind], loop.pair.axis[None], np.zeros((1, 3))
-        turns = measured == RADIAN
-        free = LowerPair(nothing, axis, axis[0], None) if turns else LowerPair(axis, nothing, axis[0], None)
-        slip = LoopJoint(loop.name, "slip", loop.first, loop.second, free)
-        joint = Joint(loop.name, 0, 0, 0, measured)
-        law, bearing = self._law(joint), self._bearing(axis[0], turns=turns)
-        return (LoopContact(f"loop.{loop.name}", effort_unit(joint), loop, slip, law, bearing, self._shared),)
-
-    def _of_cylinder(self, loop: LoopJoint, axis: Array) -> tuple[LoopContact, ...]:
-        """Return the friction on the surface of a cylinder: forces [N] around it, at its radius, and along it."""
-        self._check_sizes("a cylindrical joint")
-        if not self.radius:
-            raise InputError(f"friction of the cylindrical joint '{loop.name}' needs the radius at which it slips",
-                             expected="radius: 12 mm")  # fmt: skip
-        bearing = Bearing.none()
-        if self.mu or self.static_mu:
-            bearing = Bearing.guide(axis, 0.0, float(self.span or 0.0), float(self.preload))
-        rows = {"tangential": (np.zeros(3), float(self.radius) * axis), "axial": (axis, np.zeros(3))}
-        return self._components(loop, rows, METRE, bearing)
-
-    def _of_socket(self, loop: LoopJoint) -> tuple[LoopContact, ...]:
-        """Return the friction of a ball in its socket: a moment [N*m] in the axes of the first frame."""
-        rows = {part: (np.zeros(3), about) for part, about in zip("xyz", np.eye(3), strict=True)}
-        return self._components(loop, rows, RADIAN, self._socket(loop.name))
-
-    def _components(
-        self, loop: LoopJoint, rows: Mapping[str, tuple[Array, Array]], measured: Unit, bearing: Bearing
-    ) -> tuple[LoopContact, ...]:
-        """Return the components of a slip, with their directions of translation and rotation in the first frame."""
-        joint = Joint(loop.name, 0, 0, 0, measured)
-        return tuple(
-            LoopContact(
-                f"loop.{loop.name}", effort_unit(joint), loop,
-                LoopJoint(loop.name, "slip", loop.first, loop.second, LowerPair(e[None], w[None], e + w, None)),
-                self._law(joint), bearing, self._shared, part,
+            return self._of_screw(loop, axis, loop.pair.rotation.pitch)
+        if loop.kind == "cylindrical":
+            rows = {"tangential": (nothing, self._surface(loop) * axis), "axial": (axis, nothing)}
+            loaded = self.mu or self.static_mu
+            bearing = (
+                Bearing.guide(axis, 0.0, float(self.span or 0.0), float(self.preload)) if loaded else Bearing.none()
             )
-            for part, (e, w) in rows.items()
-        )  # fmt: skip
+            return self._components(loop, rows, METRE, bearing)
+        if loop.kind == "spherical":
+            rows = {part: (nothing, about) for part, about in zip("xyz", np.eye(3), strict=True)}
+            return self._components(loop, rows, RADIAN, self._socket(loop.name))
+        if loop.kind not in SLIPS:
+            raise InputError(
+                f"the loop joint '{loop.name}' is of the kind {loop.kind}",
+                expected=f"one of {', '.join(SLIPS)}, cylindrical, spherical, screw",
+            )
+        turns = SLIPS[loop.kind] == RADIAN
+        row = (nothing, axis) if turns else (axis, nothing)
+        return self._components(loop, {"": row}, SLIPS[loop.kind], self._bearing(axis, turns=turns))
 
-    def _of_screw(self, loop: LoopJoint, axis: Array, pitch: float) -> LoopContact:
+    def _of_screw(self, loop: LoopJoint, axis: Array, pitch: float) -> tuple[FrictionContact, ...]:
+        from pinarm.mechanics.friction.coupling_friction import ThreadGeometry
+
         self._check_sizes("a screw")
         thread = ThreadGeometry(self._thread_radius(loop.name), pitch, float(self.flank))
         turning, sliding = thread.along
-        slip = LoopJoint(loop.name, "slip", loop.first, loop.second,
-                         LowerPair(sliding * axis[None], turning * axis[None], axis, None))  # fmt: skip
-        law = self._law(Joint(loop.name, 0, 0, 0, METRE))
-        bearing = Bearing.thread(axis, thread.lever)
-        return LoopContact(f"loop.{loop.name}", unit("N"), loop, slip, law, bearing, self._shared)
+        return self._components(
+            loop, {"": (sliding * axis, turning * axis)}, METRE, Bearing.thread(axis, thread.lever)
+        )  # fmt: skip
+
+    def _surface(self, loop: LoopJoint) -> float:
+        """Return the radius at which a cylindrical joint slips."""
+        self._check_sizes("a cylindrical joint")
+        if not self.radius:
+            raise InputError(
+                f"friction of the cylindrical joint '{loop.name}' needs the radius at which it slips",
+                expected="radius: 12 mm",
+            )
+        return float(self.radius)
+
+    def _components(
+        self, loop: LoopJoint, rows: Mapping[str, tuple[Array, Array]], measured: Unit, bearing: Bearing
+    ) -> tuple[FrictionContact, ...]:
+        """Return the components of a slip, with their directions of translation and rotation in the first frame."""
+        law = self._law(measured)
+        slips = {
+            part: PairCoordinate(TiedFrames(loop.first, loop.second, LowerPair.row(e, w)), measured, loop.name)
+            for part, (e, w) in rows.items()
+        }
+        return tuple(
+            FrictionContact(f"loop.{loop.name}", _effort(measured), law, bearing, slip, loop, self._shared, part)
+            for part, slip in slips.items()
+        )
 
     @property
     def _shared(self) -> bool:
         return self.undetermined == "minimum_norm"
 
-    def _law(self, joint: Joint) -> FrictionLaw:
-        effort, rate = effort_unit(joint), joint.unit / unit("s")
-        for key, measured in (
-            ("constant", effort), ("static_constant", effort), ("viscous", effort / rate), ("stribeck", rate),
-        ):  # fmt: skip
+    def _law(self, measured: Unit) -> FrictionLaw:
+        effort, rate = _effort(measured), measured / unit("s")
+        units = {"constant": effort, "static_constant": effort, "viscous": effort / rate, "stribeck": rate}
+        for key, expected in units.items():
             with within(key):
-                value = getattr(self, key)
-                check_unit(0.0 if value is None else value, measured)
+                check_unit(getattr(self, key) or 0.0, expected)
         static_mu = self.mu if self.static_mu is None else self.static_mu
         static = self.constant if self.static_constant is None else self.static_constant
-        return FrictionLaw(self.mu, static_mu, float(self.constant), float(static), float(self.viscous),
-                           float(self.stribeck or 0.0))  # fmt: skip
+        numbers = self.constant, static, self.viscous, self.stribeck or 0.0
+        return FrictionLaw(self.mu, static_mu, *map(float, numbers))
 
     def _bearing(self, axis: Array, *, turns: bool) -> Bearing:
         radius, thrust_radius, span = (float(x or 0.0) for x in (self.radius, self.thrust_radius, self.span))
@@ -312,6 +311,10 @@ class Friction(InputStruct, frozen=True):
         if not radius:
             raise InputError("mu of a joint that turns needs the radius of its journal", expected="radius: 12 mm")
         return Bearing.journal(axis, radius, thrust_radius, span, float(self.preload))
+
+
+def _effort(measured: Unit) -> Unit:
+    return unit("N" if measured == METRE else "N*m")
 
 
 def _coupled(weights: Array, name: str) -> tuple[int, int]:

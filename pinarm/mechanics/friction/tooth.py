@@ -27,22 +27,17 @@ II, section 21.11 (losses), and III, section 33 (virtual spur wheels of bevel wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import unit
-from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling, outwards
-from pinarm.mechanics.couplings.transmissions import PitchSurfaces, ToothContact
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.transmissions import PitchSurfaces, ToothContact, Transmission
 from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.coupling_contact import ConstantSlip
-from pinarm.mechanics.friction.law import FrictionLaw
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.friction.contact import CoupledSlip, FrictionContact, FrictionLaw
 from pinarm.mechanics.joints import RADIAN
-from pinarm.records import replace
+from pinarm.records import Record
 
 ALIGNED = 1e-9
 """Rounding of a number of teeth."""
@@ -51,8 +46,7 @@ POINTED = float(np.arctan(np.pi / 4.0))
 """Pressure angle [rad] at which a rack's teeth, half a pitch thick, end in a point one module above the pitch line."""
 
 
-@dataclass(frozen=True, eq=False)
-class ToothMesh:
+class ToothMesh(Record, frozen=True):
     """Two members in mesh with the standard addendum of one normal module, in the section across the pitch line.
 
     Attributes:
@@ -128,29 +122,7 @@ def _integral(begins: Array, ends: Array) -> float:
     return float((ends * np.abs(ends) - begins * np.abs(begins)).sum() / 2.0)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ToothFriction(ConstantSlip):
-    """The mean slip of the teeth in a coupling.
-
-    Attributes:
-        couple: Moment on the first member of a unit friction, in the carrier [m], shape (3,).
-    """
-
-    couple: Array = field(repr=False)
-
-    @property
-    def coordinate(self) -> LinearCoordinate:
-        """The angle by which the first member rolls on the second, the largest weight 1."""
-        return replace(super().coordinate, unit=RADIAN)
-
-    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        known = self.coupling.transmission
-        assert isinstance(known, ToothContact)
-        wrench = outwards(links, known.carrier, np.multiply.outer(f, np.concatenate([np.zeros(3), self.couple])))
-        return {known.first: wrench, known.second: -wrench}
-
-
-def tooth_friction(coupling: Coupling, teeth: int, law: FrictionLaw, *, shared: bool) -> ToothFriction:
+def tooth_friction(coupling: Coupling, teeth: int, law: FrictionLaw, *, shared: bool) -> FrictionContact:
     """Return the friction of the teeth of a gear or of a rack and its pinion.
 
     Args:
@@ -163,17 +135,27 @@ def tooth_friction(coupling: Coupling, teeth: int, law: FrictionLaw, *, shared: 
         InputError: Its teeth are not known, or do not mesh.
     """
     known = coupling.transmission
-    if not isinstance(known, ToothContact) or not np.any(known.apart):
-        raise InputError(f"the teeth of the {coupling.kind} '{coupling.name}' are not known",
-                         expected="a gear or a rack with its pressure_angle")  # fmt: skip
+    if not isinstance(known, ToothContact) or not known.surfaces.pressure_angle:
+        raise InputError(
+            f"the teeth of the {coupling.kind} '{coupling.name}' are not known",
+            expected="a gear or a rack with its pressure_angle",
+        )
     mesh = ToothMesh(teeth, known.surfaces)
     with within("teeth"):
         mesh.check()
-    slip = np.zeros(len(coupling.coordinate.weights))
+    weights = np.zeros(len(coupling.coordinate.weights))
     for joint, rate in known.surfaces.rates.items():
-        slip[joint.v] = mesh.mean_distance * rate
-    normal = Bearing.thread(np.array([1.0, 0.0, 0.0]), float(np.linalg.norm(known.along + known.apart)))
-    couple = mesh.mean_distance * known.surfaces.line
-    return ToothFriction(
-        f"coupling.{coupling.name}", unit("N"), coupling, law, normal, shared, slip=slip, couple=couple
+        weights[joint.v] = mesh.mean_distance * rate
+    couple = np.concatenate([np.zeros(3), mesh.mean_distance * known.surfaces.line])
+    acting = Transmission(known.carrier, known.first, known.second, known.point, -couple)
+    slip = CoupledSlip(RADIAN, weights, coupling.coordinate.places, acting)
+    pressing = known.wrench[:3] + known.folds[0][1][:3]
+    return FrictionContact(
+        f"coupling.{coupling.name}",
+        unit("N"),
+        law,
+        Bearing.along(float(np.linalg.norm(pressing))),
+        slip,
+        coupling,
+        shared,
     )

@@ -20,6 +20,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_tree import LinkTree, product, states_last, turned
 from pinarm.mechanics.geometry.model_variants import Model
+from pinarm.mechanics.geometry.pairs import Pair
 from pinarm.mechanics.geometry.vectors import cross, dot
 from pinarm.records import Record
 
@@ -208,6 +209,18 @@ class RelativeMotion(Record, frozen=True):
         """``p`` and the axes of frames 2, all pairs and states along the last axis: shapes (3, N) and (3, 3, N)."""
         return self.p.reshape(3, -1), self.turn.swapaxes(0, 1).reshape(3, 3, -1)
 
+    def directions(self, pair: Pair) -> tuple[Array, Array]:
+        """Return the directions e and w of a pair's rows, shape (m, 3), or (m, 3, L, ..) where they turn."""
+        if pair.constant is not None:
+            return pair.constant
+        e, w = (x if x.ndim == 2 else x.reshape(*x.shape[:2], *self.p.shape[1:]) for x in pair.directions(*self.flat))
+        return e, w
+
+    def rows(self, pair: Pair) -> Array:
+        """Return the rows of a pair along the velocities of the path, shape (m, s, L, ..)."""
+        e, w = self.directions(pair)
+        return power(e, self.linear) + power(w, self.angular)
+
     def efforts(self, force: Array, moment: Array) -> Array:
         """Return the efforts along the velocities of a force and a moment at the origins of frames 2.
 
@@ -239,3 +252,15 @@ class RelativeMotion(Record, frozen=True):
             along.sum(axis=1), about.sum(axis=1),
             cross(before + beyond, along).sum(axis=1), cross(before, about).sum(axis=1),
         )  # fmt: skip
+
+
+def power(directions: Array, motions: Array) -> Array:
+    """Return the power of unit multipliers, shape (m, s, L, ..).
+
+    Args:
+        directions: Their forces or moments, shape (m, 3), or (m, 3, L, ..).
+        motions: Velocities, shape (3, s, L, ..).
+    """
+    if directions.ndim == 2:
+        return np.tensordot(directions, motions, 1)
+    return np.asarray(np.einsum("mc...,cs...->ms...", directions, motions))

@@ -1,6 +1,6 @@
 """Rows of angles over angular velocities: an angle about an axis, a rotation vector, roll, pitch and yaw.
 
-Each is what a ``Pair`` of two frames measures (``mechanics.loops.pair``), for one or many configurations and complex
+Each is what a ``Pair`` of two frames measures (``geometry.pairs``), for one or many configurations and complex
 steps: the value, the direction d with ``value' = d . omega`` in the axes of frame 1, and ``d' . omega``.
 """
 
@@ -123,8 +123,6 @@ class RollPitchYawRow(RotationRow, frozen=True):
 class AngleAbout(Record, frozen=True):
     """The angle by which frame 2 is turned about an axis, as a rotation vector along that axis.
 
-    With the normals u and v of the axis ``atan2(v . R u - u . R v, u . R u + v . R v)``, from -pi to pi.
-
     Attributes:
         axis: Shape (3,).
         across: u and v, with the axis right-handed, shape (2, 3).
@@ -136,11 +134,16 @@ class AngleAbout(Record, frozen=True):
     counted: Callable[[Array], Array] | None = None
 
     def __call__(self, p: Array, axes: Axes) -> Array:
-        (u, v), (ru, rv) = self.across.reshape(2, 3, *(1,) * (p.ndim - 1)), (combined(axes, x) for x in self.across)
-        angle = arctan2(dot(v, ru) - dot(u, rv), dot(u, ru) + dot(v, rv))
+        angle = angle_about(self.across, axes)
         if self.counted is not None:
             angle = angle + whole_turns(self.counted(p) - angle)
         return np.multiply.outer(self.axis, angle)
+
+
+def angle_about(across: Array, axes: Axes) -> Array:
+    """Return ``atan2(v . R u - u . R v, u . R u + v . R v)``, from -pi to pi, of normals u and v, shape (2, 3)."""
+    (u, v), (ru, rv) = across, (combined(axes, normal) for normal in across)
+    return arctan2(v @ ru - u @ rv, u @ ru + v @ rv)
 
 
 def whole_turns(angle: Array) -> Array:

@@ -22,7 +22,7 @@ from pinarm.input.xml_names import is_foreign
 from pinarm.input.xml_text import tree_of
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.forces.joint_definitions import CREEP
+from pinarm.mechanics.forces.joint_forces import CREEP
 from pinarm.mechanics.loading.model_tree import (
     LIGHTEST,
     Bounds,
@@ -342,7 +342,7 @@ def _passive(model: pin.Model, tree: Tree, creep: float | None) -> dict[str, For
     of = [(parts[model.names[made.id]], made) for made in model.joints[1:]]
     if not any(joint.damping or joint.friction or joint.stiffness for joint, _ in of):
         return {}
-    from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
+    from pinarm.mechanics.forces.joint_forces import BallSpring, DryFriction, SpringDamper
 
     rows = [joint for joint, made in of for _ in range(made.nv)]
     damping, friction = (np.array([getattr(joint, key) for joint in rows]) for key in ("damping", "friction"))

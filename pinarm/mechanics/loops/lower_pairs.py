@@ -1,85 +1,39 @@
-"""Lower pairs, whose free motions have fixed directions in frame 1, and joints that hold less in the same way."""
+"""Lower pairs and screws: joints whose free motions have fixed directions in frame 1, and joints that hold less."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Protocol, get_args
+from typing import ClassVar, get_args
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.errors import InputError
+from pinarm.input.yaml.schema import Lead
+from pinarm.mechanics.geometry.pairs import ALL, NOTHING, LowerPair, Pair, RotationGap
+from pinarm.mechanics.geometry.rotation_rows import angle_about, whole_turns
 from pinarm.mechanics.geometry.vectors import Axes, combined, dot, rotation_vector
 from pinarm.mechanics.joints import Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
-from pinarm.mechanics.loops.pair import ALL, NOTHING, Pair
 from pinarm.records import Record
 
 MEETING, TINY = 1e-8, 1e-300
-"""Sine of an angle below which the direction of its axis is rounding; what keeps a quotient finite."""
-
-
-class RotationGap(Protocol):
-    """How far the rotation of frame 2 against frame 1 is from the one that a pair asks at p."""
-
-    def __call__(self, p: Array, axes: Axes) -> Array:
-        """Return a rotation vector [rad], shape (3, ..)."""
-        ...
-
-
-class LowerPair(Record, frozen=True):
-    """A pair whose rows have constant directions, those without a direction of rotation first.
-
-    The gap of these is ``e . p``, that of the others ``w . rotation``.
-
-    Attributes:
-        e: Directions of translation, shape (m, 3).
-        w: Directions of rotation, shape (m, 3).
-        axis: The common axis, shape (3,).
-        rotation: The open rotation; none where no row has a direction of rotation.
-    """
-
-    e: Array
-    w: Array
-    axis: Array
-    rotation: RotationGap | None
-
-    @cached_property
-    def along(self) -> list[bool]:
-        return [bool(row.any()) for row in self.e]
-
-    @cached_property
-    def about(self) -> list[bool]:
-        return [bool(row.any()) for row in self.w]
-
-    @property
-    def constant(self) -> tuple[Array, Array]:
-        return self.e, self.w
-
-    @cached_property
-    def _held(self) -> Array:
-        return self.e[np.logical_not(self.about)]
-
-    @cached_property
-    def _aligned(self) -> Array:
-        return self.w[self.about]
-
-    def gap(self, p: Array, axes: Axes) -> list[Array]:
-        if self.rotation is None:
-            return list(self._held @ p)
-        return [*(self._held @ p), *(self._aligned @ self.rotation(p, axes))]
-
-    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
-        return self.e, self.w
-
-    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
-        return np.zeros((len(self.e), 1)[: p.ndim])
+"""Sine of an angle below which the direction of its axis is rounding; smallest divisor."""
 
 
 def turned(p: Array, axes: Axes) -> Array:
     """Return ``log R``."""
     return rotation_vector(axes)
+
+
+def normals(axis: Array) -> Array:
+    """Return two unit vectors at right angles to an axis and to each other, shape (2, 3)."""
+    least = np.eye(3)[int(np.abs(axis).argmin())]
+    across = np.cross(axis, least)
+    across /= np.linalg.norm(across)
+    return np.array([across, np.cross(axis, across)])
 
 
 class Tilt(Record, frozen=True):
@@ -111,6 +65,31 @@ class Tilt(Record, frozen=True):
         return np.vstack([pin.skew(self.axis), self.axis])
 
 
+class Thread(Record, frozen=True):
+    """The open rotation of a screw.
+
+    Attributes:
+        tilt: That of the axes.
+        across: Two normals u, v of the axis, with it right-handed, shape (2, 3).
+        pitch: h, way per angle [m/rad].
+        offset: z where the angle is 0 [m].
+    """
+
+    tilt: Tilt
+    across: Array
+    pitch: float
+    offset: float
+
+    def angle(self, p: Array) -> Array:
+        """Return the angle that a place asks, whole turns counted: ``(z - offset) / h`` [rad], shape (..)."""
+        return np.asarray((self.tilt.axis @ p - self.offset) / self.pitch)
+
+    def __call__(self, p: Array, axes: Axes) -> Array:
+        """Return the tilt, and about the axis the angle less the one that p asks, but for whole turns."""
+        missing = angle_about(self.across, axes) - self.angle(p)
+        return self.tilt(p, axes) + np.multiply.outer(self.tilt.axis, missing - whole_turns(missing))
+
+
 def holding(held: Array, aligned: Array, axis: Array) -> LowerPair:
     """Return the pair whose rows measure lengths or angles, not both.
 
@@ -125,24 +104,35 @@ def holding(held: Array, aligned: Array, axis: Array) -> LowerPair:
     return LowerPair(e, w, axis, rotations.get(len(aligned)))
 
 
-def normals(axis: Array) -> Array:
-    """Return two unit vectors at right angles to an axis and to each other, shape (2, 3)."""
-    least = np.eye(3)[int(np.abs(axis).argmin())]
-    one = np.cross(axis, least)
-    one /= np.linalg.norm(one)
-    return np.array([one, np.cross(axis, one)])
+Held = Callable[[Array], Array]
+"""From the axis of a joint to directions that it holds, shape (k, 3)."""
+
+
+def _every(axis: Array) -> Array:
+    return ALL
+
+
+def _none(axis: Array) -> Array:
+    return NOTHING
+
+
+def _along(axis: Array) -> Array:
+    return axis[None]
 
 
 class LowerDefinition(LoopDefinition, frozen=True):
-    """A lower pair, as files give it; ``around`` says what the kind holds about a unit vector."""
+    """A lower pair, as files give it; ``holds`` says in and about which directions."""
+
+    holds: ClassVar[tuple[Held, Held]]
 
     def pair(self) -> LowerPair:
         return self.around(ALL[2])
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
+    @classmethod
+    def around(cls, axis: Array) -> LowerPair:
         """Return the pair about a unit vector, shape (3,)."""
-        raise NotImplementedError
+        held, aligned = cls.holds
+        return holding(held(axis), aligned(axis), axis)
 
 
 class AxisDefinition(LowerDefinition, frozen=True):
@@ -161,64 +151,43 @@ class AxisDefinition(LowerDefinition, frozen=True):
 class Fixed(LowerDefinition, frozen=True, tag_field="kind", tag="fixed"):
     """The frames coincide."""
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(ALL, ALL, axis)
+    holds: ClassVar[tuple[Held, Held]] = _every, _every
 
 
 class Revolute(AxisDefinition, frozen=True, tag_field="kind", tag="revolute"):
     """The frames turn against each other about a common axis; the origins coincide."""
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(ALL, normals(axis), axis)
+    holds: ClassVar[tuple[Held, Held]] = _every, normals
 
 
 class Prismatic(AxisDefinition, frozen=True, tag_field="kind", tag="prismatic"):
     """Frame 2 slides along an axis without turning."""
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(normals(axis), ALL, axis)
+    holds: ClassVar[tuple[Held, Held]] = normals, _every
 
 
 class Cylindrical(AxisDefinition, frozen=True, tag_field="kind", tag="cylindrical"):
     """Frame 2 slides along an axis and turns about it."""
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(normals(axis), normals(axis), axis)
+    holds: ClassVar[tuple[Held, Held]] = normals, normals
 
 
 class Spherical(LowerDefinition, frozen=True, tag_field="kind", tag="spherical"):
     """A ball joint: the origins coincide."""
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(ALL, NOTHING, axis)
+    holds: ClassVar[tuple[Held, Held]] = _every, _none
 
 
 class Planar(AxisDefinition, frozen=True, tag_field="kind", tag="planar"):
     """Two planes slide on each other; the axis is their normal."""
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(axis[None], normals(axis), axis)
+    holds: ClassVar[tuple[Held, Held]] = _along, normals
 
 
 class PointOnLine(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_line"):
     """The origin of frame 2 stays on a line through that of frame 1."""
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(normals(axis), NOTHING, axis)
+    holds: ClassVar[tuple[Held, Held]] = normals, _none
 
 
 class Pin(AxisDefinition, frozen=True, tag_field="kind", tag="pin"):
@@ -228,19 +197,13 @@ class Pin(AxisDefinition, frozen=True, tag_field="kind", tag="pin"):
     has the angle of a ``revolute`` joint, with its friction, springs and drives.
     """
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(normals(axis), NOTHING, axis)
+    holds: ClassVar[tuple[Held, Held]] = normals, _none
 
 
 class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_plane"):
     """The origin of frame 2 stays in a plane through that of frame 1; the axis is its normal."""
 
-    @staticmethod
-    def around(axis: Array) -> LowerPair:
-        """Return the pair."""
-        return holding(axis[None], NOTHING, axis)
+    holds: ClassVar[tuple[Held, Held]] = _along, _none
 
 
 LowerKind = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Planar | PointOnLine | Pin | PointOnPlane
@@ -252,6 +215,38 @@ LOWER_KINDS: Mapping[str, type[LowerDefinition]] = {
 """These kinds by the name that files call them by."""
 
 
+class Helical(LoopDefinition, frozen=True, tag_field="kind", tag="screw", kw_only=True):
+    """Frame 2 slides along an axis by ``lead`` per turn about it.
+
+    The place z of frame 2 along the axis counts the turns: ``z = offset + lead * angle / (2 pi)`` for any number of
+    them. Placements tell the angle but for whole turns, so a nut may sit on its thread in places that are whole leads
+    apart. It begins in the one that is nearest to the start, as with any assembly, and stays on it.
+
+    Attributes:
+        lead: Way per turn [m]; positive for a right-handed thread.
+        axis: The common axis, the same in both frames.
+        offset: z where the frames have the same axes [m].
+    """
+
+    lead: Lead
+    axis: Direction = "z"
+    offset: Lead = 0.0
+
+    def check(self) -> None:
+        """Refuse a lead that ties no rotation to a way."""
+        if self.lead == 0.0:
+            raise InputError(
+                "a screw of lead 0 does not advance", expected="a length other than 0", hint="kind: revolute"
+            )
+
+    def pair(self) -> LowerPair:
+        """Return what it holds: two distances, two angles, and with h = lead / (2 pi) ``z' - h omega_z = 0``."""
+        axis, pitch = unit_vector(self.axis), float(self.lead) / (2.0 * np.pi)
+        across, nothing = normals(axis), np.zeros((2, 3))
+        e, w = np.vstack([across, nothing, axis]), np.vstack([nothing, across, -pitch * axis])
+        return LowerPair(e, w, axis, Thread(Tilt(axis, across[0]), across, pitch, float(self.offset)))
+
+
 def looser(pair: Pair) -> list[tuple[str, Array]]:
     """Return the kinds about the same axis whose rows are fewer than those of a lower pair, and follow from them.
 
@@ -261,12 +256,12 @@ def looser(pair: Pair) -> list[tuple[str, Array]]:
     """
     if not isinstance(pair, LowerPair):
         return []
-    own, found = np.hstack([pair.e, pair.w]), []
+    own, kinds = np.hstack([pair.e, pair.w]), []
     for kind in (kind for kind in get_args(LowerKind) if kind is not Pin):
         other = kind.around(pair.axis)
         rows = np.hstack([other.e, other.w])
         combined = np.linalg.lstsq(own.T, rows.T, rcond=None)[0]
         if len(rows) < len(own) and np.abs(rows - combined.T @ own).max() < 1e-9:
             given_up = np.linalg.qr(combined, mode="complete")[0][:, len(rows) :]
-            found.append((str(kind.__struct_config__.tag), given_up))
-    return found
+            kinds.append((str(kind.__struct_config__.tag), given_up))
+    return kinds

@@ -239,7 +239,7 @@ class _Part(Record, frozen=True):
             for name, known in self.whole.coordinates.items()
             if not (isinstance(known, LinearCoordinate) and known.weights[gone].any())
         }  # fmt: skip
-        return {**found, **ball_coordinates(self.model, balls), **ball_angles(balls)}
+        return {**found, **ball_coordinates(balls), **ball_angles(balls)}
 
     def _coupling(self, one: Coupling) -> Coupling:
         """Return a coupling of the part, its forces as efforts: reactions are asked of the whole."""

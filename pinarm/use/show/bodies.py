@@ -160,13 +160,13 @@ def _drawn_as(element: ForceElement | Constraint) -> tuple[ConnectionKind, Seque
     """Return the kind and the frames of the connection that an element makes; no frames where it has no place."""
     if isinstance(element, LoopJoint):
         return LOOPS.get(element.kind, "loop"), (element.first, element.second)
+    from pinarm.mechanics.forces.along_coordinate import TautSpring
     from pinarm.mechanics.forces.bushing import LinearBushing
-    from pinarm.mechanics.forces.cable import TautSpring
-    from pinarm.mechanics.forces.point import TwoPointSpring
-    from pinarm.mechanics.loops.cable import CableLoop
+    from pinarm.mechanics.forces.points import TwoPointSpring
+    from pinarm.mechanics.loops.kinds import CableLoop
 
     if isinstance(element, TwoPointSpring):
-        return "spring" if element.stiffness > 0.0 and element.force >= 0.0 else "cylinder", element.frames
+        return "spring" if element.stiffness > 0.0 and element.force >= 0.0 else "cylinder", element.points
     if isinstance(element, LinearBushing):
         return "bushing", element.frames
     if isinstance(element, TautSpring | CableLoop):

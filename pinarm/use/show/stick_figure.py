@@ -358,7 +358,7 @@ def slots(mechanism: Mechanism, normal: Array | None, size: float, places: Array
     """
     if normal is None:
         return []
-    from pinarm.mechanics.loops.lower_pairs import LowerPair
+    from pinarm.mechanics.geometry.pairs import LowerPair
 
     model, outlines = mechanism.model, list[Stick]()
     for joint in mechanism.constraints:

@@ -24,7 +24,7 @@ from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.loading.pinocchio_layout import FLOATING
-from pinarm.mechanics.loops.cable import CableLoop
+from pinarm.mechanics.loops.kinds import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
@@ -139,9 +139,7 @@ class Explanation:
 
     def _slipping_belts(self) -> list[str]:
         """Return a line for every belt that slips: no row ties its wheels."""
-        from pinarm.mechanics.friction.belt import BeltFriction
-
-        belts = [one.coupling for one in self.mechanism.frictions if isinstance(one, BeltFriction)]
+        belts = [one.coupling for one in self.mechanism.frictions if one.coupling and one.replaces]
         return [f"  {belt.name}: belt, no row: friction ties its wheels; {belt.description}" for belt in belts]
 
     def _mobility(self) -> list[str]:

@@ -6,13 +6,12 @@ import pytest
 
 from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.mechanics.ball_joints import BallAngle, BallCoordinate, balls_of, coordinate_at
-from pinarm.mechanics.coordinates import Distance, PointCoordinate, Rotation, RotationCoordinate
+from pinarm.mechanics.coordinates import Distance, PointCoordinate, Rotation, rotation
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
-from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS
+from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS, Helical
 from pinarm.mechanics.loops.relative import loop_coordinates
-from pinarm.mechanics.loops.screw import Helical
 from pinarm.mechanics.rotors import GearedRotor
 
 ARM = (
@@ -30,7 +29,7 @@ def model_of(chain):
 def coordinates(model):
     """One of each kind."""
     body, joints = balls_of(model)["body"], joints_of(model)
-    found = [BallCoordinate(model, body, k) for k in range(3)] + [BallAngle(body, k) for k in range(3)]
+    found = [BallCoordinate(body, k) for k in range(3)] + [BallAngle(body, k) for k in range(3)]
     found += [Rotation(body=LAST, about=axis).bind(model, joints) for axis in "xyz"]
     found += [Rotation(body=LAST, about="y", relative_to=SWING).bind(model, joints)]
     found += [Distance(between=(SWING, LAST)).bind(model, joints), coordinate_at(model, 0)]
@@ -87,7 +86,7 @@ def test_complex_steps_are_the_slopes(model, states, differentiate):
 
 def test_a_rotation_vector_near_zero_has_the_series(model):
     """At rest in the reference, and beside it: the row is that of an angular velocity but for the angle."""
-    coordinate = RotationCoordinate(model.getFrameId(SWING), 2)
+    coordinate = rotation(model.getFrameId(SWING), 2)
     q = np.array([pin.neutral(model)] * 3)
     q[:, 0] = 0.0, 1e-9, 0.9e-2
     rows = ConstraintRows.of(model, [coordinate]).at(q).matrices[:, 0]

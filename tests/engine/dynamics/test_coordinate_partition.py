@@ -17,7 +17,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems import Initial, system_of
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import coordinates_of
-from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, Trapezoid
 from pinarm.mechanics.laws.motion_law import Grid

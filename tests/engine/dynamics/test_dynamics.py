@@ -6,7 +6,7 @@ import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward

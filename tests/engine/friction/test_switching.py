@@ -11,7 +11,7 @@ from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.law import FrictionLaw
+from pinarm.mechanics.friction.contact import FrictionLaw
 
 
 def balance(rows, pull, limits, static=None):

@@ -17,8 +17,7 @@ from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.tree_system import TreeSystem
 from pinarm.errors import IntegrationError
-from pinarm.mechanics.forces.joint_efforts import AppliedEffort
-from pinarm.mechanics.forces.joint_springs import SpringDamper
+from pinarm.mechanics.forces.joint_forces import AppliedEffort, SpringDamper
 from pinarm.mechanics.laws import Constant
 from pinarm.records import replace
 
@@ -89,7 +88,7 @@ class TestSteps:
         """The step of one interval begins the next; the end of an interval is the end of a step."""
         one, places = np.ones(2), np.arange(2)
         forces = {"spring": SpringDamper(places, places, 50.0 * one, one, 0.1 * one),
-                  "motor": AppliedEffort(1, Constant(value=3.0))}  # fmt: skip
+                  "motor": AppliedEffort(1, law=Constant(value=3.0))}  # fmt: skip
         found, expected = both(regular(["RX", "RY"], forces=forces), Adaptive(1e-9), 0.0, 0.3, 0.35, 1.0)
         assert_same(found, expected)
         assert {0.3, 0.35, 1.0} <= set(found.steps.until.tolist())

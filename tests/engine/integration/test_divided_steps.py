@@ -14,7 +14,7 @@ from pinarm.engine.integration.tableaus import DOPRI5
 from pinarm.engine.kernel.library import library
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.tree_system import TreeSystem
-from pinarm.mechanics.forces.joint_springs import SpringDamper
+from pinarm.mechanics.forces.joint_forces import SpringDamper
 from pinarm.records import replace
 
 SLOW, FAST = 1.0, 300.0

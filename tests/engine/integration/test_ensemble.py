@@ -13,7 +13,7 @@ from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.kernel.tree_variants import variant_flows
-from pinarm.mechanics.forces.joint_efforts import AppliedEffort
+from pinarm.mechanics.forces.joint_forces import AppliedEffort
 from pinarm.mechanics.laws import Constant
 from tests.mechanics.geometry.random_variants import random_variants
 
@@ -28,7 +28,7 @@ METHOD, COUNT, JOINTS = Adaptive(1e-9), 5, 3
 @pytest.fixture(scope="module")
 def motion():
     """A tree with a ball joint under a steady effort, and states of no special kind."""
-    dynamics = regular(["RZ", "Spherical", "PX"], forces={"push": AppliedEffort(0, Constant(value=0.7))})
+    dynamics = regular(["RZ", "Spherical", "PX"], forces={"push": AppliedEffort(0, law=Constant(value=0.7))})
     compiled, _ = intervals(dynamics, 0.0, 1.5)
     q, v = (np.array(x) for x in zip(*states(dynamics.model, 9), strict=True))
     return dynamics.manifold, compiled[0], q, 0.5 * v

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 import pinarm
 from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.motion.systems.tree_system import TreeSystem
-from pinarm.mechanics.forces.joint_efforts import AppliedEffort
+from pinarm.mechanics.forces.joint_forces import AppliedEffort
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.clamped_spline import ClampedSpline
 from pinarm.mechanics.laws.motion_law import Wave
@@ -114,7 +114,7 @@ def test_a_mass_under_a_wave_and_a_steady_force_moves_as_in_its_textbook():
     model, steady = tree(["PX"], 0), 3.0
     m = float(pin.crba(model, model.createData(), np.zeros(1))[0, 0])
     wave = Wave(0.0, 2.0, 0.0, 5.0, 0.4, 0.2)
-    flow = CompiledTree.of(model).flow(np.array([steady]), (AppliedEffort(0, Constant(value=0.0), wave),))
+    flow = CompiledTree.of(model).flow(np.array([steady]), (AppliedEffort(0, law=Constant(value=0.0), function=wave),))
     weight = float(pin.rnea(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))[0])
     for t in (0.0, 0.7, 9.0):
         a = (steady + 2.0 * math.sin(5.0 * (t - 0.2) + 0.4) - weight) / m
@@ -130,7 +130,7 @@ def test_a_mass_under_the_forces_of_a_spline_moves_as_scipys_says():
     x, y = np.array([0.0, 0.3, 0.7, 1.5, 1.6]), np.array([1.0, -2.0, 4.0, 4.5, 0.0])
     expected = CubicSpline(x, y, bc_type=((1, 3.0), (1, -5.0)))
     spline = ClampedSpline.through(x, y, (3.0, -5.0))
-    flow = CompiledTree.of(model).flow(np.array([3.0]), (AppliedEffort(0, Constant(value=0.0), spline),))
+    flow = CompiledTree.of(model).flow(np.array([3.0]), (AppliedEffort(0, law=Constant(value=0.0), function=spline),))
     for t in (-0.2, 0.0, 0.1, 0.3, 0.5, 0.7, 1.2, 1.5, 1.55, 1.6, 1.8):
         a = (3.0 + expected(t) - weight) / m
         assert flow.slope(t, np.array([0.3, -0.8]))[1] == pytest.approx(a, rel=1e-12, abs=1e-12)

@@ -8,8 +8,7 @@ import pytest
 
 from pinarm.engine.dynamics.dynamics import ConfigurationSpace, Dynamics
 from pinarm.engine.kernel.tree import AGREEMENT, CompiledTree, disagreement
-from pinarm.mechanics.forces.joint_efforts import AppliedEffort
-from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
+from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, DryFriction, SpringDamper
 from pinarm.mechanics.laws import Constant
 
 from .known_trees import JOINTS, states, tree
@@ -95,7 +94,7 @@ class TestLoads:
         self.compare(model, {
             "springs": SpringDamper(places, places, 10.0 * numbers, numbers, -numbers),
             "another": SpringDamper(places[1:2], places[1:2], numbers[:1], numbers[:1], numbers[:1]),
-            "motor": AppliedEffort(1, Constant(value=7.0)),
+            "motor": AppliedEffort(1, law=Constant(value=7.0)),
         })  # fmt: skip
 
     def test_of_the_damper_of_a_joint_with_cosine_and_sine(self):

@@ -8,7 +8,7 @@ import pytest
 import pinarm
 from pinarm.engine.integration.methods import METHODS
 from pinarm.engine.motion import small_motions
-from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid

@@ -8,7 +8,7 @@ import pytest
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.description import MechanismDescription
-from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.mechanics.forces.joint_forces import JointSpring
 
 TYPED = "pinarm: 1\nrobot: arm.urdf\nforces:\n  spring: {kind: joint_spring, joint: A, stiffness: 2 N*m/rad}\n"
 

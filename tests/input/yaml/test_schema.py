@@ -14,7 +14,7 @@ from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Measured, 
 from pinarm.mechanics.couplings.gear import Gear
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.mechanics.laws import Polynomial
 
 

@@ -67,7 +67,7 @@ def test_leaders_carry_what_their_followers_demand(pair):
     expected = [pin.rnea(theirs, data, *row) for row in zip(their_q, their_v, their_a, strict=True)]
     loads = robot.dynamics.loads(0.0, q, v)  # they ignore damping and friction
     for one in robot.frictions:
-        loads[:, one.v] -= one.law.constant * np.sign(v[:, one.v])
+        loads[:, one.slip.joint] -= one.law.constant * np.sign(v[:, one.slip.joint])
     dissipated = np.array([load @ spread for load in loads])
     found = tau @ spread + dissipated
     assert found == pytest.approx(np.array(expected), rel=1e-11, abs=1e-11 * np.abs(expected).max())

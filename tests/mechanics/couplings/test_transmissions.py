@@ -104,17 +104,18 @@ def test_friction_of_teeth_is_against_the_rolling_of_the_members(name, gearbox):
     box = gearbox(it=SAMPLES[name])
     (coupling,), model = box.constraints, box.model
     (contact,) = Friction(mu=0.1, teeth=TEETH_OF_FIRST[name]).bind("it", model, {}, box.constraints)
-    known, distance = coupling.transmission, np.linalg.norm(contact.couple)
+    known, couple = coupling.transmission, -contact.slip.acting.wrench[3:]
+    distance = np.linalg.norm(couple)
     data, rng = model.createData(), np.random.default_rng(5)
     q, v, f = rng.uniform(-2, 2, model.nq), rng.uniform(-2, 2, model.nv), np.array([7.0])
     pin.forwardKinematics(model, data, q, v)
-    line = data.oMi[known.carrier].rotation @ contact.couple / distance
+    line = data.oMi[known.carrier].rotation @ couple / distance
     spins = [pin.getVelocity(model, data, body, pin.WORLD).angular for body in (known.first, known.second)]
-    slip = contact.row(None) @ v
+    slip = contact.slip.weights @ v
     assert slip == pytest.approx(distance * line @ (spins[0] - spins[1]), rel=1e-12)
     power = sum(
         wrench[0] @ pin.getVelocity(model, data, body, pin.WORLD).vector
-        for body, wrench in contact.wrenches(LinkPlacements.at(model, q[None]), f).items()
+        for body, wrench in contact.slip.wrenches(LinkPlacements.at(model, q[None]), f).items()
     )
     assert power == pytest.approx(7.0 * slip, rel=1e-11)
     force = known.wrenches(np.array([-3.0]))[known.second][0, :3]

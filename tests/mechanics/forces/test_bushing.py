@@ -13,7 +13,7 @@ import pinarm
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError, IntegrationError, NumericsError
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, LinearBushing, SpringRates
-from pinarm.mechanics.forces.point import PointSpring, Wrench
+from pinarm.mechanics.forces.points import PointSpring, Wrench
 from pinarm.mechanics.geometry.deflection import REACH
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
@@ -21,6 +21,8 @@ from pinarm.problems.equilibria import Equilibria
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+
+from .test_force_element import wrenches_of
 
 FULL = np.random.default_rng(7).normal(size=(2, 6, 6))
 STIFFNESS, DAMPING = (half @ half.T * scale for half, scale in zip(FULL, (5.0, 0.3), strict=True))
@@ -100,7 +102,7 @@ class TestContract:
 
     def test_the_wrenches_on_the_two_links_are_opposite(self, two_bodies):
         q, v = posed(two_bodies, 2, 1.9)
-        one, other = between(two_bodies).wrenches(0.0, q, v).values()
+        one, other = wrenches_of(between(two_bodies), two_bodies[0], 0.0, q, v).values()
         assert (one == -other).all()
         assert np.linalg.norm(one) > 1.0
 
@@ -116,7 +118,7 @@ class TestContract:
             step = model.frames[second].placement.act(pin.Motion(direction)).vector
             moved = pin.integrate(model, q, np.concatenate([np.zeros(6), h * step]))
             pin.framesForwardKinematics(model, data, moved)
-            wrench = element.wrenches(0.0, moved, np.zeros(12))[model.frames[second].parentJoint]
+            wrench = wrenches_of(element, model, 0.0, moved, np.zeros(12))[model.frames[second].parentJoint]
             return data.oMf[second].actInv(pin.Force(wrench)).vector
 
         found = np.array([differentiate(lambda h, x=x: pull(h, x), 0.0) for x in np.eye(6)])

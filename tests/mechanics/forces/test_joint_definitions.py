@@ -5,8 +5,8 @@ import pytest
 from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
-from pinarm.mechanics.forces.point import PointSpring
+from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
+from pinarm.mechanics.forces.points import PointSpring
 from pinarm.mechanics.laws import Harmonic
 
 

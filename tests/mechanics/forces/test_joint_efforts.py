@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.mechanics.forces.joint_definitions import JointEffort, TorqueSpeed
+from pinarm.mechanics.forces.joint_forces import JointEffort, TorqueSpeed
 from pinarm.mechanics.laws import Trapezoid
 
 from .test_force_element import SAMPLES, load, motion

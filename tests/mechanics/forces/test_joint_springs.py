@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.mechanics.forces.joint_definitions import CREEP, JointSpring, RegularisedFriction
+from pinarm.mechanics.forces.joint_forces import CREEP, JointSpring, RegularisedFriction
 
 from .test_force_element import SAMPLES, load
 

@@ -5,12 +5,12 @@ import pinocchio as pin
 import pytest
 
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.forces.point import PointSpring, Wrench
+from pinarm.mechanics.forces.points import PointSpring, Wrench
 from pinarm.mechanics.joints import frame_of, joints_of
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loading.pinocchio_model import build_model
 
-from .test_force_element import SAMPLES, load, motion
+from .test_force_element import SAMPLES, load, motion, wrenches_of
 
 
 @pytest.mark.parametrize("point", ["slide_link", "turn_link"])
@@ -47,7 +47,7 @@ def test_a_wrench_follows_its_factor(model, joints):
     for t in (0.1, 0.7):
         scale = 2.0 * np.sin(3.0 * t)
         assert load(varied, t, q, v) == pytest.approx(scale * load(plain, t, q, v), abs=1e-14)
-        [one], [other] = varied.wrenches(t, q, v).values(), plain.wrenches(t, q, v).values()
+        [one], [other] = (wrenches_of(element, model, t, q, v).values() for element in (varied, plain))
         assert one == pytest.approx(scale * other, abs=1e-14)
     with pytest.raises(ValueError, match="on an interval of time"):
         load(SAMPLES[Wrench][3].bind(model, joints), 0.5, q, v)
@@ -81,7 +81,7 @@ def test_point_spring_on_a_pendulum_by_hand(held, ends, theta):
     stretched = length - 0.5
     assert element.potential_energy(q) == pytest.approx(20.0 * stretched**2 + 3.0 * stretched, rel=1e-13)
     assert element.dissipated_power(0.0, q, v) == pytest.approx(6.0 * (slope * rate) ** 2, rel=1e-13)
-    pull = element.wrenches(0.0, q, v)[1]
+    pull = wrenches_of(element, held[0], 0.0, q, v)[1]
     point = np.array([0.8 * np.cos(theta), 0.8 * np.sin(theta), 0.0])
     expected = -tension * np.array([x, y, 0.0]) / length
     assert pull == pytest.approx(np.concatenate([expected, np.cross(point, expected)]), abs=1e-12)
@@ -105,11 +105,12 @@ def test_a_spring_of_free_length_zero_pulls_through_zero(meeting, n):
     found = load(element, np.zeros(n), theta, np.ones((n, 1)))
     assert found == pytest.approx(-0.64 * 40.0 * np.sin(theta), abs=1e-13)
     assert element.potential_energy(theta) == pytest.approx(0.64 * 40.0 * (1.0 - np.cos(theta[:, 0])), abs=1e-13)
-    assert not any(wrench.any() for wrench in element.wrenches(0.0, theta[0], np.ones(1)).values())
+    assert not any(wrench.any() for wrench in wrenches_of(element, meeting, 0.0, theta[0], np.ones(1)).values())
 
 
 @pytest.mark.parametrize("act", [
-    lambda element, q, v: load(element, 0.0, q, v), lambda element, q, v: element.wrenches(0.0, q, v),
+    lambda element, q, v: load(element, 0.0, q, v),
+    lambda element, q, v: wrenches_of(element, element.model, 0.0, q, v),
 ])  # fmt: skip
 def test_points_that_meet_are_refused(meeting, act):
     element = PointSpring(between=("tip", "hook"), stiffness=1.0, damping=1.0).bind(meeting, joints_of(meeting))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.law import FrictionLaw
+from pinarm.mechanics.friction.contact import FrictionLaw
 
 Z = np.array([0.0, 0.0, 1.0])
 

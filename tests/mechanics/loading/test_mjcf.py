@@ -92,7 +92,7 @@ class TestAgainstMujoco:
         q, _, index = state
         fast, tau = np.ones(chain.model.nv), np.zeros(chain.model.nv)
         for contact in chain.frictions:
-            tau[contact.v] = -contact.law.constant
+            tau[contact.slip.joint] = -contact.law.constant
         if "joint friction" in chain.forces:  # of ball joints
             chain.forces["joint friction"].add_load(0.0, q, fast, tau)
         assert tau[index] == pytest.approx(-np.array(MUJOCO["frictionloss"]), abs=1e-15)

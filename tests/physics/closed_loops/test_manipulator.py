@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.point import Wrench
+from pinarm.mechanics.forces.points import Wrench
 from pinarm.mechanics.laws import Harmonic
 
 from .manipulator_closed_form import Manipulator

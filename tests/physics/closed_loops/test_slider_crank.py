@@ -6,7 +6,7 @@ import pytest
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import NumericsError
-from pinarm.mechanics.forces.point import Wrench
+from pinarm.mechanics.forces.points import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 from pinarm.mechanics.laws.motion_law import Grid
 

@@ -18,7 +18,7 @@ from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.control.controller import Controller
 from pinarm.mechanics.control.motor_control import MotorController
-from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.joints import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.motors import TorqueSource
 from pinarm.records import replace

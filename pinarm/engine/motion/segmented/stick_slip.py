@@ -37,9 +37,15 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_at
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows, slip_rows_at
-from pinarm.mechanics.friction.coupling_contact import ConstantSlip
-from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
+from pinarm.mechanics.friction.contact import (
+    FrictionContact,
+    same_joint,
+    several,
+    sizes,
+    slip_rows,
+    slip_rows_at,
+    unit_vectors,
+)
 from pinarm.mechanics.laws import Constant
 from pinarm.records import replace
 
@@ -293,16 +299,16 @@ class StickSlip:
         ``slip`` is ``J T`` of its first member, shape (m,), with the possible motions T, shape (nv, m).
         """
         for contact in (self.contacts[i] for i in group.members):
-            if isinstance(contact, JointContact) and not contact.part:
-                return coordinate_at(self.closure.model, contact.v)
+            if isinstance(contact.of, int) and not contact.part and contact.standing:
+                return contact.standing
         sizes = np.linalg.norm(free, axis=1)
         cosines = np.abs(free @ slip) / np.maximum(sizes * np.linalg.norm(slip), np.finfo(float).tiny)
         best = int(np.where(cosines > 1.0 - ALIKE, sizes, 0.0).argmax())
         if cosines[best] >= 1.0 - ALIKE:
             return coordinate_at(self.closure.model, best)
         for contact in (self.contacts[i] for i in group.members):
-            if isinstance(contact, ConstantSlip):
-                return contact.coordinate
+            if contact.by_multiplier and contact.standing:
+                return contact.standing
         raise DynamicsError(
             f"no joint of the tree stands still where {self.contacts[group.first].name} sticks",
             expected="friction at joints of the tree, where the mechanism has several motions",

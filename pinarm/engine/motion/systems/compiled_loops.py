@@ -31,12 +31,11 @@ from pinarm.engine.motion.systems.loop_motion import LEAST, MET, LoopMotion, Reg
 from pinarm.errors import PinarmError
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.geometry.pairs import LowerPair, Tie
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.mechanics.loops.kinds import ORIGINS, Cross
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.lower_pairs import LowerPair, Tilt
-from pinarm.mechanics.loops.rod import Tie
-from pinarm.mechanics.loops.screw import Thread
-from pinarm.mechanics.loops.universal import ORIGINS, Cross
+from pinarm.mechanics.loops.lower_pairs import Thread, Tilt
 from pinarm.records import Record
 
 Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, RowDecompositions]]

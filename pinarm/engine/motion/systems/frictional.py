@@ -24,8 +24,7 @@ from pinarm.engine.friction.slip import Slip
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.errors import DynamicsError, IntegrationError
 from pinarm.mechanics.coordinates import LinearCoordinate, driven_along
-from pinarm.mechanics.friction.contact import slip_rows
-from pinarm.mechanics.friction.slip_vectors import sizes
+from pinarm.mechanics.friction.contact import sizes, slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 

@@ -13,8 +13,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.quantities.family import AXES, WATT, Asked, Family, Offered
 from pinarm.engine.series import Series
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement, power
-from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import Joint
+from pinarm.mechanics.joints import Joint, effort_unit
 
 
 def _measures_of(element: ForceElement, joints: Mapping[str, Joint]) -> Mapping[str, ElementQuantity]:

@@ -31,8 +31,7 @@ from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import ANGLES, Ball, BallAngle, BallCoordinate, roll_pitch_yaw
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
-from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import METRE, Joint
+from pinarm.mechanics.joints import METRE, Joint, effort_unit
 from pinarm.records import replace
 
 if TYPE_CHECKING:

@@ -138,5 +138,5 @@ class CouplingQuantities(WrenchFamily, frozen=True):
         doubt = self.doubt(asked, [] if part in GEOMETRY else added)
         values = coupling.part(part, self.run.q, lam)
         for contact, friction in reactions.friction_of(asked.of):
-            values = values + contact.part(part, friction)
+            values = values + contact.added(part, friction)
         return Series(asked.name, coupling.parts()[part], values, doubt)

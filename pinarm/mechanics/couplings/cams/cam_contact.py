@@ -18,8 +18,6 @@ Source: Norton, Cam Design and Manufacturing Handbook, chapter 7 (pressure angle
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from pinarm.arrays import Array, Complex, Flags
@@ -134,28 +132,6 @@ class Touch(Record, frozen=True):
         return np.angle(self.normal * np.conj(facing))
 
 
-class FollowerSurface(Protocol):
-    """The part of a follower that a cam touches."""
-
-    def touch(self, motion: FollowerMotion) -> Touch:
-        """Return how the cam touches it."""
-        ...
-
-    @property
-    def words(self) -> str:
-        """What it is, in words."""
-        ...
-
-    @property
-    def flat(self) -> bool:
-        """Whether the contact wanders along it."""
-        ...
-
-    def undercut(self, radius: Array) -> Flags:
-        """Return where no cam has these radii of curvature [m], shape (n,), as flags."""
-        ...
-
-
 class Roller(ValueRecord, frozen=True):
     """A roller about the follower's point, or a knife edge; its rotation has no inertia.
 
@@ -217,6 +193,10 @@ class Face(ValueRecord, frozen=True):
     def undercut(self, radius: Array) -> Flags:
         """Return where the cam would be hollow: the face bridges that."""
         return np.asarray(radius <= 0.0)
+
+
+FollowerSurface = Roller | Face
+"""The part of a follower that a cam touches; on a flat one the contact wanders."""
 
 
 def along(direction: Complex, vector: Complex) -> Array:

@@ -15,10 +15,10 @@ from pinarm.arrays import Array, Complex, Flags, Indices, continued
 from pinarm.errors import InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.couplings.cams.cam_contact import FollowerMotion, FollowerPoint, FollowerSurface, Touch
-from pinarm.mechanics.couplings.coupling import JointRelation, outwards
+from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.members import MemberPair
-from pinarm.mechanics.forces.breakpoints import Pieces
-from pinarm.mechanics.forces.force_element import Edge
+from pinarm.mechanics.couplings.transmissions import outwards
+from pinarm.mechanics.forces.force_element import Edge, Pieces
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
@@ -138,8 +138,7 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def second(self) -> int:
-        assert self.contact is not None
-        return self.contact.plane.pair.second.body
+        return self.known_contact.plane.pair.second.body
 
     def unit(self, row: int) -> Unit:
         return self.follower_joint.unit
@@ -174,31 +173,37 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
             )
         return np.asarray(-self.values(np.real(q), np.real(v))[2] * v[:, self.cam_joint.v] ** 2)
 
+    @property
+    def known_contact(self) -> CamContact:
+        """The contact, which must be known."""
+        assert self.contact is not None
+        return self.contact
+
+    def touch(self, q: Array, v: Array | None = None) -> Touch:
+        """Return how they touch at configurations, shape (n, nq); see ``values``."""
+        return self.known_contact.touch(self.values(q, v))
+
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return the opposite contact forces on cam and follower; nothing where the contact is not known."""
         if self.contact is None:
             return {}
-        pair = self.contact.plane.pair
-        point, force = self._acting(links.q, lam[:, 0])
-        wrench = outwards(links, pair.carrier, np.concatenate([force, crossed(point, force)], axis=1))
-        return {pair.second.body: wrench, pair.first.body: -wrench}
+        touch = self.touch(links.q)
+        return self.opposite(links, touch, self.contact.force(touch, lam[:, 0]) * touch.normal)
+
+    def opposite(self, links: LinkPlacements, touch: Touch, force: Complex) -> dict[int, Array]:
+        """Return forces at the contact [N], in the plane, on the follower and back on the cam."""
+        plane = self.known_contact.plane
+        point, pushes = plane.origin + plane.vectors(touch.point), plane.vectors(force)
+        wrench = outwards(links, plane.pair.carrier, np.concatenate([pushes, crossed(point, pushes)], axis=1))
+        return {plane.pair.second.body: wrench, plane.pair.first.body: -wrench}
 
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
         """Return the contact point, and the force on the follower there; see ``JointRelation``."""
-        assert self.contact is not None
-        carrier = self.contact.plane.pair.carrier
-        point, force = self._acting(links.q, lam[:, 0])
-        turn = links.turns[:, carrier]
-        return links.places[:, carrier] + np.matvec(turn, point), np.concatenate(
-            [np.matvec(turn, force), np.zeros_like(force)], axis=1
-        )
-
-    def _acting(self, q: Array, lam: Array) -> tuple[Array, Array]:
-        """Return contact points [m] and forces on the follower [N] in the carrier, each of shape (n, 3)."""
-        assert self.contact is not None
-        touch, plane = self.contact.touch(self.values(q)), self.contact.plane
-        force = self.contact.force(touch, lam)
-        return plane.origin + plane.vectors(touch.point), plane.vectors(force * touch.normal)
+        plane, touch = self.known_contact.plane, self.touch(links.q)
+        force = plane.vectors(self.known_contact.force(touch, lam[:, 0]) * touch.normal)
+        turn, place = links.turns[:, plane.pair.carrier], links.places[:, plane.pair.carrier]
+        point = place + np.matvec(turn, plane.origin + plane.vectors(touch.point))
+        return point, np.concatenate([np.matvec(turn, force), np.zeros_like(force)], axis=1)
 
     def parts(self) -> dict[str, Unit]:
         if self.contact is None:
@@ -207,21 +212,18 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return {**parts, **({"eccentricity": METRE} if self.contact.surface.flat else {})}
 
     def part(self, name: str, q: Array, lam: Array) -> Array:
-        assert self.contact is not None
-        touch = self.contact.touch(self.values(q))
         if name == "normal":
-            return self.contact.force(touch, lam)
-        return {"pressure_angle": touch.pressure_angle, "curvature_radius": touch.radius,
-                "eccentricity": touch.eccentricity}[name]  # fmt: skip
+            return self.push(q, lam)
+        touch = self.touch(q)
+        parts = {"pressure_angle": touch.pressure_angle, "curvature_radius": touch.radius}
+        return {**parts, "eccentricity": touch.eccentricity}[name]
 
     def push(self, q: Array, lam: Array) -> Array:
         """Return with what the cam pushes its follower, negative where it pulls, shape (n,).
 
         The contact force [N] where the contact is known, otherwise the effort at the follower's joint.
         """
-        if self.contact is None:
-            return lam
-        return self.contact.force(self.contact.touch(self.values(q)), lam)
+        return lam if self.contact is None else self.contact.force(self.touch(q), lam)
 
     def push_unit(self) -> Unit:
         """Return N, or the unit of the follower's effort where the contact is not known."""
@@ -246,26 +248,23 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
     @cached_property
     def outline(self) -> Touch:
         """How they touch all along the profile; the contact must be known."""
-        assert self.contact is not None
-        return self.contact.touch(self.profile(sample_range(self.profile)))
+        return self.known_contact.touch(self.profile(sample_range(self.profile)))
 
     @property
     def shape(self) -> Array:
         """The outline of the cam in its carrier where the cam's joint is at 0 [m], shape (n, 3); see ``outline``."""
-        assert self.contact is not None
-        plane, (turning, _) = self.contact.plane, self.contact.senses
+        plane, (turning, _) = self.known_contact.plane, self.known_contact.senses
         points = self.outline.point * np.exp(-1j * turning * sample_range(self.profile))
         return plane.origin + plane.vectors(points)
 
     def flawed(self, q: Array) -> Flags:
         if self.contact is None:
             return super().flawed(q)
-        return self.contact.surface.undercut(self.contact.touch(self.values(q)).radius)
+        return self.contact.surface.undercut(self.touch(q).radius)
 
     @property
     def flaw(self) -> str:
-        assert self.contact is not None
-        return f"is undercut: no cam has this profile with its {self.contact.surface.words}"
+        return f"is undercut: no cam has this profile with its {self.known_contact.surface.words}"
 
     @property
     def in_pieces(self) -> bool:

@@ -130,9 +130,8 @@ class SdfJoint:
         return frames, self._loop(between)
 
     def _loop(self, between: tuple[str, str]) -> Loop:
-        from pinarm.mechanics.loops.lower_pairs import Fixed, Prismatic, Revolute, Spherical
-        from pinarm.mechanics.loops.screw import Helical
-        from pinarm.mechanics.loops.universal import Universal
+        from pinarm.mechanics.loops.kinds import Universal
+        from pinarm.mechanics.loops.lower_pairs import Fixed, Helical, Prismatic, Revolute, Spherical
 
         axes = [tuple(step.axis.tolist()) for step in self.steps]
         if self.kind == "fixed":

@@ -110,7 +110,7 @@ class _Closed:
 
     def couple(self, element: Element) -> None:
         """Add the coupling of an element."""
-        from pinarm.mechanics.couplings.weighted_sum import WeightedSum
+        from pinarm.mechanics.couplings.kinds import WeightedSum
 
         where, name = _where(element), self._named(element)
         ways = [[*self._way(self._known(_link(_end(element, tags)), where))] for tags in ENDS]

@@ -178,7 +178,7 @@ def _of_friction(found: Reactions) -> Iterator[Action]:
     """Yield what dry friction in loop joints and threads does; that in joints of the tree is part of their wrench."""
     links = found.links
     for contact, f in zip(found.run.mechanism.frictions, found.run.friction.T, strict=True):
-        for body, wrench in contact.wrenches(links, f[:1]).items():
+        for body, wrench in contact.slip.wrenches(links, f[:1]).items():
             if body:
                 yield _at(body, f"friction {contact.name}", found.origins[0, body], wrench[0])
 
@@ -190,9 +190,9 @@ def _of_forces(found: Reactions) -> Iterator[Action]:
     links = found.links
     for name, force in dynamics.forces.items():
         points = {model.frames[frame].parentJoint: links.frame(frame)[1][0] for frame in force.points}
-        for body, wrench in force.wrenches(float(run.grid.t[0]), run.q[0], run.v[0]).items():
+        for body, wrench in force.wrenches(links, run.grid.t, run.v).items():
             if body:
-                yield _at(body, f"force {name}", points.get(body, found.origins[0, body]), wrench)
+                yield _at(body, f"force {name}", points.get(body, found.origins[0, body]), wrench[0])
 
 
 def _of_masses(run: Trajectory) -> Iterator[Action]:

@@ -14,6 +14,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.engine.series import ROUNDING
 from pinarm.errors import InputError, choices
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import frame_of
 from pinarm.records import ValueRecord
 from pinarm.use.show.bodies import BodyPoint, Node, placed, point_of
@@ -96,9 +97,9 @@ def arrows_of(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> l
 
 def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     """Yield the weights, and the forces of loads and springs at their points."""
+    from pinarm.mechanics.forces.along_coordinate import TautSpring
     from pinarm.mechanics.forces.bushing import LinearBushing
-    from pinarm.mechanics.forces.cable import TautSpring
-    from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
+    from pinarm.mechanics.forces.points import AppliedWrench, TwoPointSpring
 
     model = run.mechanism.model
     for centre, mass in _centres(model):
@@ -126,11 +127,11 @@ def _at_frame(run: Trajectory, name: str, frame: int) -> Iterator[Arrow]:
 
 def _wrench(run: Trajectory, name: str, joint: int) -> Array:
     """Return the wrench of a force element on a body, about the world's origin, shape (n, 6)."""
-    rows = np.zeros((len(run), 6))
+    rows, links = np.zeros((len(run), 6)), LinkPlacements.at(run.mechanism.model, run.q)
     for part, dynamics in run.intervals():
-        for i in range(part.start, part.stop):
-            acting = dynamics.forces[name].wrenches(float(run.grid.t[i]), run.q[i], run.v[i])
-            rows[i] = acting.get(joint, np.zeros(6))
+        here = links.some(np.arange(part.start, part.stop))
+        acting = dynamics.forces[name].wrenches(here, run.grid.t[part], run.v[part])
+        rows[part] = acting.get(joint, np.zeros(6))
     return rows
 
 

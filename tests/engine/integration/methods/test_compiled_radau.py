@@ -10,7 +10,7 @@ from pinarm.engine.integration.methods import stiff as stiff_methods
 from pinarm.engine.integration.methods.stiff import CompiledRadau, Radau, radau_of
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.kernel.library import absence
-from pinarm.mechanics.forces.joint_springs import SpringDamper
+from pinarm.mechanics.forces.joint_forces import SpringDamper
 
 from ..test_compiled_steps import both, intervals, regular
 from .known_motions import ATTITUDE, SPIN, body, slope, turned

@@ -1,0 +1,401 @@
+"""Forces between the two links of a joint: springs, dampers, friction, torque laws and motor curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices, continued
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import AnyQuantity, Extent, InputStruct, NotNegative, Positive, check_each, check_unit
+from pinarm.mechanics.forces.force_element import ForceElement, LawElement, Pieces
+from pinarm.mechanics.joints import Joint, effort_unit, joint_of
+from pinarm.mechanics.laws import Law
+from pinarm.mechanics.laws.motion_law import MotionLaw, PowerSeries, Values
+from pinarm.mechanics.laws.over_coordinate import Profile
+from pinarm.records import AbstractRecord
+
+CREEP = 1e-3
+"""Velocity below which regularised friction gives way [rad/s or m/s], where a file gives none."""
+
+
+class JointSpring(InputStruct, frozen=True, tag_field="kind", tag="joint_spring"):
+    """Spring and damper between a joint's two links.
+
+    Attributes:
+        joint: The joint, such as ``knee``.
+        stiffness: Effort per coordinate, such as ``20 N*m/rad``.
+        damping: Effort per velocity, such as ``0.1 N*m*s/rad``.
+        rest: Coordinate at which the spring is free, such as ``30 deg``.
+    """
+
+    joint: str
+    stiffness: NotNegative = 0.0
+    damping: NotNegative = 0.0
+    rest: AnyQuantity = 0.0
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        joint = _joint(joints, self.joint)
+        effort = effort_unit(joint)
+        _check(self, stiffness=effort / joint.unit, rest=joint.unit, damping=effort / joint.unit * unit("s"))
+        one = np.array([1.0])
+        return SpringDamper(np.array([joint.q]), np.array([joint.v]), self.stiffness * one, self.damping * one,
+                            self.rest * one)  # fmt: skip
+
+
+class SpringDamper(AbstractRecord, ForceElement, frozen=True):
+    """Linear springs and dampers at joints: ``load = -stiffness (q - rest) - damping v``.
+
+    Potential energy ``stiffness (q - rest)^2 / 2``, dissipated power ``damping v^2``, summed over the joints.
+
+    Attributes:
+        q: Indices in q, shape (k,).
+        v: Indices in v, shape (k,).
+        stiffness: [N*m/rad or N/m], shape (k,).
+        damping: [N*m*s/rad or N*s/m], shape (k,).
+        rest: Coordinate at which the spring is free [rad or m], shape (k,).
+    """
+
+    q: Indices
+    v: Indices
+    stiffness: Array
+    damping: Array
+    rest: Array
+
+    @classmethod
+    def sum(cls, elements: Sequence[SpringDamper]) -> SpringDamper:
+        """Return the element whose load is the sum of theirs; its energy differs by a constant."""
+        size = max((int(element.v.max(initial=-1)) for element in elements), default=-1) + 1
+        sums, places = np.zeros((3, size)), np.zeros(size, np.intp)
+        for element in elements:
+            sums[:, element.v] += [element.stiffness, element.damping, element.stiffness * element.rest]
+            places[element.v] = element.q
+        kept = np.flatnonzero(sums[:2].any(axis=0))
+        stiffness, damping, pull = sums[:, kept]
+        rest = np.divide(pull, stiffness, out=np.zeros(len(kept)), where=stiffness > 0.0)
+        return cls(places[kept], kept, stiffness, damping, rest)
+
+    @classmethod
+    def together(cls, elements: Sequence[SpringDamper]) -> SpringDamper:
+        """Return the element whose energy and power are the sums of theirs; a joint may stand in it several times."""
+        parts = zip(*((each.q, each.v, each.stiffness, each.damping, each.rest) for each in elements), strict=True)
+        return cls(*map(np.concatenate, parts))
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        places, rates = self._places
+        load = self.stiffness * (q[..., places] - self.rest)
+        if self._damped:
+            load += self.damping * v[..., rates]
+        tau[..., rates] -= load
+
+    def within(self, kept_q: Indices, kept_v: Indices) -> SpringDamper:
+        """Return the springs and dampers at the joints of a part; the energy of the others is left out."""
+        mine = np.isin(self.v, kept_v)
+        numbers = (numbers[mine] for numbers in (self.stiffness, self.damping, self.rest))
+        places = np.searchsorted(kept_q, self.q[mine]), np.searchsorted(kept_v, self.v[mine])
+        return SpringDamper(*places, *numbers)
+
+    @cached_property
+    def _damped(self) -> bool:
+        return bool(self.damping.any())
+
+    @cached_property
+    def _places(self) -> tuple[slice | Indices, slice | Indices]:
+        """The indices, as slices where they follow one another: these are read without a copy."""
+        return _following(self.q), _following(self.v)
+
+    def potential_energy(self, q: Array) -> Array:
+        moved = q[..., self._places[0]] - self.rest
+        return np.asarray(0.5 * np.vecdot(self.stiffness * moved, moved))
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        rates = v[..., self._places[1]]
+        return np.asarray(np.vecdot(self.damping * rates, rates))
+
+    @property
+    def conservative(self) -> bool:
+        return not self.damping.any()
+
+
+class BallSpring(AbstractRecord, ForceElement, frozen=True):
+    """Spring of a ball joint to its zero: ``load = -stiffness w``, with the rotation vector w, ``R = exp([w])``.
+
+    Potential energy ``stiffness |w|^2 / 2``. It jumps at half a turn, where the shortest way back changes sides.
+
+    Attributes:
+        q: Index in q of the joint's quaternion (x, y, z, w).
+        v: Index in v of its angular velocity, child's axes.
+        stiffness: [N*m/rad].
+    """
+
+    q: int
+    v: int
+    stiffness: float
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        tau[..., self.v : self.v + 3] -= self.stiffness * self._rotation(q)
+
+    def potential_energy(self, q: Array) -> Array:
+        return np.asarray(0.5 * self.stiffness * (self._rotation(q) ** 2).sum(axis=-1))
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        return np.zeros(v.shape[:-1])
+
+    @property
+    def conservative(self) -> bool:
+        """Whether it is: a spring alone."""
+        return True
+
+    def _rotation(self, q: Array) -> Array:
+        """Return the rotation vectors, shape (..., 3); ``w = 2 atan(n / c) u`` for the quaternion (n u, c)."""
+        vector, c = q[..., self.q : self.q + 3], q[..., self.q + 3 : self.q + 4]
+        n, sign = np.sqrt((vector * vector).sum(axis=-1, keepdims=True)), np.where(c < 0.0, -1.0, 1.0)
+        half = np.arctan2(n, sign * c) if np.isrealobj(q) else np.arctan(n / (sign * c))  # of a complex step
+        return np.asarray(vector * sign * 2.0 * half / np.where(n == 0.0, 1.0, n))
+
+
+class RegularisedFriction(InputStruct, frozen=True, tag_field="kind", tag="regularised_friction"):
+    """Dry friction between a joint's two links, regularised: ``-friction tanh(v / creep)``; see ``DryFriction``.
+
+    It never sticks. For friction that does, see ``friction`` in the mechanism file.
+
+    Attributes:
+        joint: Joint that it acts in.
+        friction: Largest load [N*m or N].
+        creep: Velocity below which it gives way [rad/s or m/s].
+    """
+
+    joint: str
+    friction: NotNegative
+    creep: Positive = CREEP
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        joint = _joint(joints, self.joint)
+        _check(self, friction=effort_unit(joint), creep=joint.unit / unit("s"))
+        return DryFriction(np.array([joint.v]), np.array([float(self.friction)]), np.array([float(self.creep)]))
+
+
+class DryFriction(AbstractRecord, ForceElement, frozen=True):
+    """Coulomb friction at joints, regularised: ``load = -friction tanh(v / creep)``.
+
+    Right within 1e-4 of its bound where ``|v| > 5 creep``. A joint that ought to stick creeps with
+    ``v = creep atanh(load / friction)`` instead. Small values of creep make forward problems stiff.
+
+    Attributes:
+        v: Indices in v, shape (k,).
+        friction: Largest load [N*m or N], shape (k,).
+        creep: [rad/s or m/s], shape (k,).
+    """
+
+    v: Indices
+    friction: Array
+    creep: Array
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        tau[..., self.v] -= self.friction * np.tanh(v[..., self.v] / self.creep)
+
+
+class JointEffort(InputStruct, frozen=True, tag_field="kind", tag="joint_effort"):
+    """Torque or force at a joint, over time or over the coordinate of a joint.
+
+    Attributes:
+        joint: Joint that it acts on.
+        effort: The law.
+        over: Joint whose coordinate stands for the time of the law: ``duration: 90 deg``; over time where none is
+            given.
+        period: After which a law over a coordinate repeats, such as ``720 deg``: what it says from 0 to there holds
+            for every turn.
+    """
+
+    joint: str
+    effort: Law
+    over: str | None = None
+    period: Extent | None = None
+
+    def check(self) -> None:
+        """Refuse a period of a law over time."""
+        if self.period is not None and self.over is None:
+            with within("period"):
+                raise InputError("a law over time has no period", expected="over: the joint whose turns are meant")
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        joint = _joint(joints, self.joint)
+        if self.over is None:
+            with within("effort"):
+                self.effort.check_units(effort_unit(joint))
+            return AppliedEffort(joint.v, self.effort)
+        with within("over"):
+            along = joint_of(joints, self.over)
+        with within("effort"):
+            self.effort.check_units(effort_unit(joint), along.unit)
+            self.effort.require_continuous(along.unit)
+        with within("period"):
+            check_unit(self.period or 0.0, along.unit)
+            profile = Profile.of(self.effort, self.period)
+            profile.check_repeated(kinks=True)
+        return ProfiledEffort(joint.v, along.q, along.v, profile)
+
+
+class AppliedEffort(AbstractRecord, LawElement, frozen=True):
+    """A torque or force at a joint that follows a law of time; all of its power is supplied.
+
+    Attributes:
+        v: Index in v.
+        law: The effort [N*m or N] over time.
+    """
+
+    v: int
+    law: MotionLaw
+    function: Callable[[Array], Values] | None = None
+
+    @property
+    def constant(self) -> float | None:
+        """The effort [N*m or N] on the present interval if it is constant."""
+        if not isinstance(self.function, PowerSeries) or len(self.function.coefficients) > 1:
+            return None
+        return self.function.coefficients[0]
+
+    @property
+    def steady(self) -> bool:
+        return self.constant is not None
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        constant = self.constant
+        tau[..., self.v] += self.law_at(t) if constant is None else constant
+
+
+class ProfiledEffort(AbstractRecord, ForceElement, frozen=True):
+    """A torque or force at a joint that depends on the coordinate of a joint, such as of gas on a crank.
+
+    All of its power is supplied, also where it could be called a spring. Forward problems step over the profile's
+    breakpoints, where their accuracy is that of a kink, but over no whole piece, nor over the way from one point of a
+    spline or table to the next.
+
+    Attributes:
+        v: Index in v of the joint that it acts on.
+        q: Index in q of the joint that it depends on.
+        along: Index in v of that joint.
+        profile: The effort [N*m or N] over that joint's coordinate.
+    """
+
+    v: int
+    q: int
+    along: int
+    profile: Profile
+    in_pieces: ClassVar[bool] = True
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        tau[..., self.v] += continued(lambda w: self.profile(w)[:2], q[..., self.q])
+
+    def passed(self, q: Array, v: Array) -> bool:
+        return self._pieces.passed(q[..., self.q])
+
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when the coordinate passes breakpoints and knots of the profile, where it follows a law."""
+        law = laws.get(self.along)
+        return [] if law is None else self.profile.marked(law, start, end)
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return Pieces(self.profile.marks, self.profile.period)
+
+
+class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"):
+    """A motor's curve at its joint.
+
+    Attributes:
+        joint: The joint that it drives.
+        curve: Pairs of velocity and effort, ascending, such as ``[[0 rpm, 8 N*m], [3000 rpm, 0 N*m]]``.
+    """
+
+    joint: str
+    curve: list[tuple[AnyQuantity, AnyQuantity]]
+
+    def check(self) -> None:
+        """Refuse a curve that is no function of the velocity."""
+        if len(self.curve) < 2 or any(b <= a for (a, _), (b, _) in pairwise(self.curve)):
+            raise InputError("the velocities of the curve do not ascend", expected="two points or more, ascending")
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        joint = _joint(joints, self.joint)
+        for row, point in enumerate(self.curve):
+            with within("curve", row):
+                check_each(point, joint.unit / unit("s"), effort_unit(joint))
+        points = np.array(self.curve, float)
+        return MotorCurve(joint.v, points[:, 0].copy(), points[:, 1].copy())
+
+
+class MotorCurve(AbstractRecord, ForceElement, frozen=True):
+    """A motor at full power: its effort is a function of its velocity, linear between points, constant beyond them.
+
+    Attributes:
+        v: Index in v.
+        speeds: Velocities of the points, ascending [rad/s or m/s], shape (k,).
+        efforts: Efforts there [N*m or N], shape (k,).
+    """
+
+    v: int
+    speeds: Array
+    efforts: Array
+    in_pieces: ClassVar[bool] = True
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        tau[..., self.v] += continued(self._curve, v[..., self.v])
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether the velocity passes the whole way between two points of the curve."""
+        return self._pieces.passed(v[..., self.v])
+
+    def _curve(self, rate: Array) -> tuple[Array, Array]:
+        """Return the efforts and their slopes at velocities."""
+        place = np.searchsorted(self.speeds, rate)
+        slopes = np.concatenate([[0.0], np.diff(self.efforts) / np.diff(self.speeds), [0.0]])
+        return np.interp(rate, self.speeds, self.efforts), slopes[place]
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return Pieces(self.speeds)
+
+
+def _joint(joints: Mapping[str, Joint], name: str) -> Joint:
+    with within("joint"):
+        return joint_of(joints, name)
+
+
+def _check(keys: InputStruct, **expected: Unit) -> None:
+    for name, measured in expected.items():
+        with within(name):
+            check_unit(getattr(keys, name), measured)
+
+
+def _following(indices: Indices) -> slice | Indices:
+    """Return the slice of indices that follow one another, otherwise these."""
+    if not len(indices):
+        return indices
+    first, last = int(indices[0]), int(indices[-1]) + 1
+    return slice(first, last) if np.array_equal(indices, np.arange(first, last)) else indices
+
+
+def summed(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
+    """Return elements with the same load in all, the springs and dampers at joints as one."""
+    springs, others = _springs(forces)
+    return (SpringDamper.sum(springs), *others) if springs else others
+
+
+def energetic(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
+    """Return elements with the same energy and power in all, the springs and dampers at joints as one."""
+    springs, others = _springs(forces)
+    return (SpringDamper.together(springs), *others) if springs else others
+
+
+def _springs(forces: Iterable[ForceElement]) -> tuple[list[SpringDamper], tuple[ForceElement, ...]]:
+    """Return the springs and dampers at joints, and the other elements."""
+    known = tuple(forces)
+    springs = [force for force in known if isinstance(force, SpringDamper)]
+    return springs, tuple(force for force in known if not isinstance(force, SpringDamper))

@@ -1,0 +1,253 @@
+"""Pairs of frames: what a joint holds, or a coordinate measures, between two frames, with its rows of G.
+
+With frame 1 on the first link and frame 2 on the second, ``p`` is the place of frame 2's origin and R its orientation,
+both seen from frame 1, and ``omega`` the angular velocity of 2 in 1. Every row ``e . p' + w . omega`` has a direction e
+of translation and a direction w of rotation, in the axes of frame 1. A row with an e measures a length, and w is a way
+per angle [m/rad]; a row without one measures an angle.
+
+The multiplier lam of a row is a force ``lam e`` at the origin of frame 2 and a moment ``lam w``, of the first link on
+the second: their power is ``lam`` times the row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, vecmat
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
+from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
+from pinarm.mechanics.geometry.vectors import (
+    MEETING,
+    Axes,
+    cross,
+    direction,
+    dot,
+    joined,
+    moved,
+    rotated,
+)
+from pinarm.records import Record
+
+LOCAL = pin.ReferenceFrame.LOCAL
+
+NOTHING, ALL = np.zeros((0, 3)), np.eye(3)
+"""No directions, and all three."""
+
+
+class Pair(Protocol):
+    """Gap and directions of m rows between two frames, in one configuration or in n of them.
+
+    All vectors are in the axes of frame 1; (..) stands for nothing or for n. ``axes`` are those of frame 2.
+    """
+
+    @property
+    def along(self) -> Sequence[bool]:
+        """Which of the m rows have a direction e of translation: these measure lengths, the others angles."""
+        ...
+
+    @property
+    def about(self) -> Sequence[bool]:
+        """Which of the m rows have a direction w of rotation."""
+        ...
+
+    @property
+    def constant(self) -> tuple[Array, Array] | None:
+        """The directions e and w where they are the same in all configurations, each of shape (m, 3)."""
+        ...
+
+    def gap(self, p: Array, axes: Axes) -> list[Array]:
+        """Return the gap, or the value, of every row [m or rad], shape (..) or (1,)."""
+        ...
+
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        """Return e and w of all rows, each of shape (m, 3, ..), 0 where a row has none.
+
+        Without their last axis where they are the same in all configurations.
+        """
+        ...
+
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
+        """Return the part of the drift from the change of directions, ``e' . p' + w' . omega``, shape (m, ..)."""
+        ...
+
+
+class RotationGap(Protocol):
+    """How far the rotation of frame 2 against frame 1 is from the one that a pair asks at p."""
+
+    def __call__(self, p: Array, axes: Axes) -> Array:
+        """Return a rotation vector [rad], shape (3, ..)."""
+        ...
+
+
+class LowerPair(Record, frozen=True):
+    """A pair whose rows have constant directions, those without a direction of rotation first.
+
+    The gap of these is ``e . p``, that of the others ``w . rotation``.
+
+    Attributes:
+        e: Directions of translation, shape (m, 3).
+        w: Directions of rotation, shape (m, 3).
+        axis: The common axis, shape (3,).
+        rotation: The open rotation; none where no row has a direction of rotation, or where no gap is asked for.
+    """
+
+    e: Array
+    w: Array
+    axis: Array
+    rotation: RotationGap | None = None
+
+    @classmethod
+    def row(cls, e: Array, w: Array, rotation: RotationGap | None = None) -> LowerPair:
+        """Return the pair of one row, given its directions, shape (3,) each."""
+        return cls(e[None], w[None], e if e.any() else w, rotation)
+
+    @cached_property
+    def along(self) -> list[bool]:
+        return [bool(row.any()) for row in self.e]
+
+    @cached_property
+    def about(self) -> list[bool]:
+        return [bool(row.any()) for row in self.w]
+
+    @property
+    def constant(self) -> tuple[Array, Array]:
+        return self.e, self.w
+
+    @cached_property
+    def _held(self) -> Array:
+        return self.e[np.logical_not(self.about)]
+
+    @cached_property
+    def _aligned(self) -> Array:
+        return self.w[self.about]
+
+    def gap(self, p: Array, axes: Axes) -> list[Array]:
+        if self.rotation is None:
+            return list(self._held @ p)
+        return [*(self._held @ p), *(self._aligned @ self.rotation(p, axes))]
+
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        return self.e, self.w
+
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
+        return np.zeros((len(self.e), 1)[: p.ndim])
+
+
+class Tie(Record, frozen=True):
+    """Distance of the origins less a length, with u the direction of p: ``u . p' = 0``.
+
+    Attributes:
+        length: [m].
+    """
+
+    length: float
+    along: tuple[bool, ...] = (True,)
+    about: tuple[bool, ...] = (False,)
+    constant: tuple[Array, Array] | None = None
+
+    def gap(self, p: Array, axes: Axes) -> list[Array]:
+        return [np.sqrt(dot(p, p)) - self.length]
+
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        return direction(p)[None], np.zeros((1, 3))
+
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
+        """Return the centripetal term ``(|p'|^2 - (u . p')^2) / |p|``."""
+        along = dot(direction(p), dp)
+        return np.asarray((dot(dp, dp) - along * along) / np.maximum(np.sqrt(dot(p, p)), MEETING))[None]
+
+
+class TiedFrames(Record, frozen=True):
+    """Two frames of a model with the pair between them.
+
+    Attributes:
+        first: Index of frame 1.
+        second: Index of frame 2.
+        pair: What is held, or measured, between them.
+    """
+
+    first: int
+    second: int
+    pair: Pair
+
+    @property
+    def size(self) -> int:
+        return len(self.pair.along)
+
+    def gap(self, state: Kinematics) -> Array:
+        p, axes = self._placed(state)
+        return np.array(self.pair.gap(p, axes))
+
+    def rows(self, state: Kinematics) -> Array:
+        """Return G, shape (m, nv).
+
+        What moves both links alike is exactly 0: the difference of their Jacobians leaves rounding there, which would
+        fill the rows of a deep tree.
+        """
+        model, (p, axes), moves = state.model, self._placed(state), LinkTree.of(state.model).supports
+        one, two = (
+            pin.getFrameJacobian(model, state.data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
+        )
+        apart = np.logical_xor(*(moves[model.frames[frame].parentJoint] for frame in (self.first, self.second)))
+        linear = (axes.T @ two[:3] - one[:3] + pin.skew(p) @ one[3:]) * apart
+        e, w = self.pair.directions(p, axes)
+        return np.asarray(e @ linear + w @ ((axes.T @ two[3:] - one[3:]) * apart))
+
+    def drift(self, state: Kinematics) -> Array:
+        """Return ``G' v``, shape (m,): ``e . p'' + w . omega'`` for a = 0, seen from frame 1, and the bend."""
+        model, data, (p, axes) = state.model, state.data, self._placed(state)
+        one, two = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (self.first, self.second))
+        own, other = (
+            pin.getFrameClassicalAcceleration(model, data, frame, LOCAL) for frame in (self.first, self.second)
+        )
+        carried = one.angular
+        omega = axes.T @ two.angular - carried
+        dp = axes.T @ two.linear - one.linear - cross(carried, p)
+        swung = cross(own.angular, p) + cross(carried, cross(carried, p) + 2.0 * dp)
+        ddp = axes.T @ other.linear - own.linear - swung
+        domega = axes.T @ other.angular - own.angular - cross(carried, omega)
+        e, w = self.pair.directions(p, axes)
+        return np.asarray(e @ ddp + w @ domega + self.pair.bend(p, axes, dp, omega))
+
+    def _placed(self, state: Kinematics) -> tuple[Array, Array]:
+        """Return p, shape (3,), and the axes of frame 2 in frame 1, shape (3, 3)."""
+        between = state.data.oMf[self.first].actInv(state.data.oMf[self.second])
+        return between.translation, np.asarray(between.rotation.T)
+
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        """Return what multipliers, shape (.., m), do to links: joint index -> [f; m] at the world's origin, (.., 6)."""
+        acting = moved(self.wrench(links, lam), links.frame(self.second)[1])
+        return opposed(links.model, self.first, self.second, acting)
+
+    def wrench(self, links: LinkPlacements, lam: Array) -> Array:
+        """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m].
+
+        Of multipliers of shape (n, m), or (n, k, m) of variants, as (n, 6) or (n, k, 6).
+        """
+        (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
+        if self.pair.constant is not None:
+            # numpy turns vectors whose components lie apart in memory in a third of the time
+            columns = lam.reshape(-1, lam.shape[-1]).T
+            inner = ((along.T @ columns).reshape(3, *lam.shape[:-1]) for along in self.pair.constant)
+            return joined(*(rotated(turn, states_first(part, 1)) for part in inner))
+        axes, p = turn.swapaxes(-1, -2) @ other, vecmat(place - origin, turn)
+        states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
+        axes, p, lam = (
+            np.broadcast_to(x, (*states, *x.shape[len(states) :])).reshape(-1, *x.shape[len(states) :])
+            for x in (axes, p, lam)
+        )
+        directions = self.pair.directions(p.T, axes.transpose(2, 1, 0))
+        inner = (np.einsum("nk,kcn->nc", lam, _spread(along, len(lam))) for along in directions)
+        return joined(*(rotated(turn, part.reshape(*states, 3)) for part in inner))
+
+
+def _spread(directions: Array, n: int) -> Array:
+    """Return directions, shape (k, 3) or (k, 3, n), at n configurations."""
+    spread = directions[:, :, None] if directions.ndim == 2 else directions
+    return np.broadcast_to(spread, (*directions.shape[:2], n))
