@@ -25,10 +25,25 @@ if TYPE_CHECKING:
     from control import StateSpace
 
     from pinarm.engine.labelled_array import LabelledArray
+    from pinarm.engine.quantities.names import Quantities
     from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 RIGID = 1e3
 """Size of an eigenvalue relative to its error by rounding up to which it is 0."""
+
+PARTS = {
+    "springs": ("Parts in the stiffness of each mode", "most stiffness from"),
+    "masses": ("Parts in the kinetic energy of each mode", "most mass in"),
+    "dampers": ("Parts in the dissipation of each mode", "most damping from"),
+}
+"""Tables of what takes part in a mode, their headings, and words for the largest part."""
+
+MOST_SAID = 6
+"""Modes of which the largest parts are said."""
+
+FINE = 1e-9
+"""Distance to which the frequency of a peak is sought, relative to it."""
 
 MEASURES = ("frequency", "damped_frequency", "damping", "time_constant", "growth")
 """Measures of a mode in the table."""
@@ -52,6 +67,11 @@ class Response(Record, frozen=True):
     values: Complex
 
     @property
+    def number(self) -> str:
+        """Beginning of the names of its numbers."""
+        return _number(self.output, self.input)
+
+    @property
     def amplitude(self) -> Series:
         """Amplitude of the output per amplitude of the input."""
         return Series(f"|{self.output} / {self.input}|", self.unit, np.abs(self.values))
@@ -61,6 +81,32 @@ class Response(Record, frozen=True):
         """Phase of the output relative to the input, without jumps of a turn."""
         turned = np.unwrap(np.angle(self.values))
         return Series("phase", unit("rad"), turned - 2.0 * np.pi * np.ceil(turned.max() / (2.0 * np.pi) - 0.51))
+
+
+class ResponseNumbers(Record, frozen=True):
+    """Names and units of the numbers of frequency responses, known before these are solved; see ``Numbered``.
+
+    Attributes:
+        scenario: The scenario of a linear analysis.
+        outputs: Its outputs.
+    """
+
+    scenario: Scenario
+    outputs: Sequence[str]
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return ``OUTPUT.INPUT.largest``, the largest amplitude, and its ``frequency``, with their units."""
+        scenario = self.scenario
+        inputs = scenario.problem.prepare(scenario.mechanism, scenario.content.accuracy, scenario.place).inputs
+        found = dict[str, Unit | None]()
+        for output, given in product(self.outputs, inputs):
+            name, own = _number(output, given.position or given.name), quantities[output].unit
+            found |= {f"{name}.largest": own and own / given.unit, f"{name}.frequency": HERTZ}
+        return found
+
+
+def _number(output: str, given: str) -> str:
+    return ".".join(re.sub(r"\W+", "_", name).strip("_") for name in (output, given))
 
 
 def linear_sections(result: Result) -> dict[str, Section]:
@@ -132,7 +178,7 @@ def mode_shapes(result: Result) -> Complex:
 
 
 def _modes(result: Result) -> Section:
-    """Return the table of the modes, and their eigenvalues in the complex plane."""
+    """Return the table of the modes, what takes part in them, and their eigenvalues in the complex plane."""
     eigenvalues = _eigenvalues(result)
     numbers = range(1, len(eigenvalues) + 1)
     errors = [float(result[f"mode.{k}.error"].values[0]) for k in numbers]
@@ -147,7 +193,29 @@ def _modes(result: Result) -> Section:
     headings = ("mode", *(name.replace("_", " ") for name in MEASURES), "")
     table = SectionTable("modes", "Modes, by ascending frequency", headings, (None, *units, None), rows)
     plane = Graph("eigenvalues", "Eigenvalues", list(_plane(eigenvalues, said)), marks=[(0.0, "")])
-    return Section("modes", "Modes", [table], graphs=[plane] if measured else [])
+    parts = [_parts(name, title, result.arrays[name]) for name, (title, _) in PARTS.items() if name in result.arrays]
+    remarks = list(_leading(result.arrays, said))
+    return Section("modes", "Modes", [table, *parts], remarks=remarks, graphs=[plane] if measured else [])
+
+
+def _parts(name: str, title: str, table: LabelledArray) -> SectionTable:
+    """Return the parts of bodies, springs or dampers in each mode [%]."""
+    rows = [(row, *("" if np.isnan(part) else float(f"{100.0 * part:.6g}") for part in np.real(parts).tolist()))
+            for row, parts in zip(table.rows, table.values, strict=True)]  # fmt: skip
+    return SectionTable(name, f"{title} [%]", ("", *table.columns), (None,) * (1 + len(table.columns)), rows)
+
+
+def _leading(arrays: Mapping[str, LabelledArray], said: Sequence[str]) -> Iterator[str]:
+    """Yield, of each mode that oscillates, the spring, the body and the damper with the largest parts."""
+    for k in [k for k, nature in enumerate(said) if nature in ("", "unstable")][:MOST_SAID]:
+        parts = []
+        for name in (name for name in PARTS if name in arrays):
+            shares = np.real(arrays[name].values[:, k])
+            if np.isfinite(shares).any():
+                top = int(np.nanargmax(shares))
+                parts.append(f"{PARTS[name][1]} {arrays[name].rows[top]} ({100.0 * shares[top]:.3g} %)")
+        if parts:
+            yield f"mode {k + 1}: {', '.join(parts)}"
 
 
 def _cleared(series: Series, eigenvalue: complex, error: float) -> Series:
@@ -189,8 +257,40 @@ def _frequency_response(result: Result) -> Section:
     bodes = [_bode(f"bode{name}", group, marks) for name, group in zip(names, groups, strict=True)]
     nyquists = [_nyquist(f"nyquist{name}", group) for name, group in zip(names, groups, strict=True)]
     remarks = ["dashed lines: damped frequencies of the modes, by their numbers"] if marks else []
-    return Section("frequency_response", "Frequency response", [_largest(known)], remarks=remarks,
-                   graphs=[*bodes, *nyquists])  # fmt: skip
+    peaks = [_peak(response, result) for response in known]
+    numbers = {f"{own.number}.{name}": Series(name, own.unit if name == "largest" else HERTZ, np.array([value]))
+               for own, peak in zip(known, peaks, strict=True)
+               for name, value in zip(("largest", "frequency"), peak, strict=True)}  # fmt: skip
+    return Section("frequency_response", "Frequency response", [_largest(known, peaks)], numbers, remarks,
+                   [*bodes, *nyquists])  # fmt: skip
+
+
+def _peak(response: Response, result: Result) -> tuple[float, float]:
+    """Return the largest amplitude between the lowest and the highest frequency, and its frequency [Hz].
+
+    It is sought between the samples beside the largest; infinite where a mode there has no damping.
+    """
+    from scipy.optimize import minimize_scalar
+
+    tables, top = result.arrays, int(np.argmax(np.abs(response.values)))
+    column = [name.removesuffix("''") for name in tables["B"].columns].index(response.input)
+    row, squared = list(tables["C"].rows).index(response.output), tables["B"].columns[column] != response.input
+    a, b, c = tables["A"].values, tables["B"].values[:, column], tables["C"].values[row]
+
+    def amplitude(frequency: float) -> float:
+        s = 2j * np.pi * frequency
+        value = c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + tables["D"].values[row, column]
+        return float(np.abs(value * (s**2 if squared else 1.0)))
+
+    near = response.frequencies[max(top - 1, 0) : top + 2]
+    for k, eigenvalue in enumerate(_eigenvalues(result), 1):
+        place = eigenvalue.imag / (2.0 * np.pi)
+        if near[0] <= place <= near[-1] and abs(eigenvalue.real) <= result[f"mode.{k}.error"].values[0]:
+            return np.inf, float(place)
+    found = minimize_scalar(lambda x: -amplitude(x), bounds=(near[0], near[-1]), method="bounded",
+                            options={"xatol": FINE * near[-1]})  # fmt: skip
+    sample = float(np.abs(response.values[top]))
+    return (-float(found.fun), float(found.x)) if -found.fun > sample else (sample, float(response.frequencies[top]))
 
 
 def _eigenvalues(result: Result) -> Complex:
@@ -208,15 +308,11 @@ def _names(groups: Sequence[Sequence[Response]]) -> list[str]:
     return names
 
 
-def _largest(known: Sequence[Response]) -> SectionTable:
-    """Return the largest amplitude of each response among its samples, and that at the lowest frequency."""
-    rows: list[Sequence[Cell]] = []
-    for response in known:
-        amplitude = response.amplitude.values
-        top = int(np.argmax(amplitude))
-        rows.append((response.output, response.input, str(response.unit or "?"), float(amplitude[0]),
-                     float(amplitude[top]), float(response.frequencies[top])))  # fmt: skip
-    headings = ("output", "input", "unit", "at the lowest frequency", "largest sample", "at")
+def _largest(known: Sequence[Response], peaks: Sequence[tuple[float, float]]) -> SectionTable:
+    """Return the largest amplitude of each response, and that at the lowest frequency."""
+    rows = [(own.output, own.input, str(own.unit or "?"), float(np.abs(own.values[0])), *peak)
+            for own, peak in zip(known, peaks, strict=True)]  # fmt: skip
+    headings = ("output", "input", "unit", "at the lowest frequency", "largest", "at")
     units = (None, None, None, None, None, HERTZ)
     return SectionTable("largest", "Largest amplitudes", headings, units, rows, row_unit=2)
 

@@ -595,7 +595,7 @@ class Scenario(Record, frozen=True):
         from pinarm.use.scenario.number_paths import check_paths
 
         with self.document.locating("find"):
-            search.check_names(quantities, self.content.assessments, self.unit_at)
+            search.check_names(quantities, self._concluded, self.unit_at)
         check_paths(self, search.tried, "find", "for")
 
     def check_answer_key(self) -> None:
@@ -646,7 +646,17 @@ class Scenario(Record, frozen=True):
     @property
     def numbered(self) -> Mapping[str, Numbered]:
         """What the sections of its result are of, by key; see ``section_number``."""
-        return {**({"find": self.content.find} if self.content.find else {}), **self.content.assessments}
+        return {**({"find": self.content.find} if self.content.find else {}), **self._concluded}
+
+    @property
+    def _concluded(self) -> Mapping[str, Numbered]:
+        """What is concluded from the run itself."""
+        outputs = getattr(self.problem, "outputs", ())
+        if not outputs or getattr(self.problem, "frequencies", None) is None:
+            return self.content.assessments
+        from pinarm.use.result.vibrations import ResponseNumbers
+
+        return {"frequency_response": ResponseNumbers(self, outputs), **self.content.assessments}
 
     def variant(self, name: str) -> Scenario:
         """Return the scenario with the values of one of its variants.

@@ -55,10 +55,22 @@ def test_a_bode_plot_has_amplitude_and_phase_and_marks_the_resonance(carriage: C
     assert axes[0].get_ylabel() == "|slide / slide| [m/N]"
 
 
-def test_the_peak_of_a_resonance_is_among_the_samples(carriage: Callable[..., Result]) -> None:
-    """``1/(2 zeta k)`` to first order, with a damping so small that 30 samples would miss it."""
-    largest = carriage(0.04).section("frequency_response").tables[0].rows[0][4]
-    assert largest == pytest.approx(1.0 / (2.0 * RATIO / 100.0 * STIFFNESS), rel=1e-5)
+def test_the_peak_of_a_resonance_is_a_number(carriage: Callable[..., Result]) -> None:
+    """``1/(2 zeta sqrt(1 - zeta^2) k)`` at ``w_n sqrt(1 - 2 zeta^2)``; without damping there is no end."""
+    result = carriage()
+    largest, _ = result.number("frequency_response.slide.slide.largest")
+    assert largest == pytest.approx(1.0 / (2.0 * RATIO * np.sqrt(1.0 - RATIO**2) * STIFFNESS), rel=1e-12)
+    frequency, _ = result.number("frequency_response.slide.slide.frequency")
+    assert frequency == pytest.approx(NATURAL * np.sqrt(1.0 - 2.0 * RATIO**2) / (2.0 * np.pi), rel=1e-7)
+    assert carriage(0.0).number("frequency_response.slide.slide.largest")[0] == np.inf
+
+
+def test_what_takes_part_in_a_mode_is_told(carriage: Callable[..., Result]) -> None:
+    section = carriage().section("modes")
+    assert [table.name for table in section.tables] == ["modes", "springs", "masses", "dampers"]
+    assert section.remarks == [
+        "mode 1: most stiffness from mount (100 %), most mass in slide (100 %), most damping from mount (100 %)"
+    ]
 
 
 def test_eigenvalues_and_the_circle_of_a_resonance_are_drawn(carriage: Callable[..., Result]) -> None:
