@@ -1,15 +1,13 @@
-"""The graph of links: bodies as boxes, the frame on top, joints as lines, loop joints as dashed lines."""
+"""The graph of links as SVG: bodies as boxes, the frame on top, joints as lines, loop joints as dashed lines."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import pinocchio as pin
 
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.use.report.mechanism_tables import body_name
-from pinarm.use.report.tables import shortened
+from pinarm.use.report.document import shortened, text
+from pinarm.use.report.given import body_name
 
 COLUMN, ROW, WIDE, HIGH, MARGIN = 150.0, 54.0, 104.0, 22.0, 6.0
 """Distances between boxes, their size, and the margin [px]."""
@@ -23,60 +21,39 @@ MOST_BODIES = 26
 MOST_LETTERS = 17
 """Letters of a name in a box."""
 
-
-@dataclass(frozen=True)
-class Label:
-    """A text at a place of the picture [px]."""
-
-    x: float
-    y: float
-    text: str
+Places = list[tuple[float, float]]
 
 
-@dataclass(frozen=True)
-class LinkGraph:
-    """A graph as it is drawn.
-
-    Attributes:
-        width: Of the picture [px].
-        height: Likewise.
-        boxes: Bodies, by the centres of their boxes.
-        joints: Joints, each with the two points that its line joins and the place of its name.
-        loops: Loop joints, each with the path of its line in SVG and the place of its name.
-    """
-
-    width: float
-    height: float
-    boxes: list[Label]
-    joints: list[tuple[float, float, float, float, Label]]
-    loops: list[tuple[str, Label]]
-
-
-def link_graph(mechanism: Mechanism) -> LinkGraph | None:
+def link_graph(mechanism: Mechanism) -> str:
     """Return the graph of a mechanism; nothing where it has too many bodies for a page."""
     model = mechanism.model
     if not 1 < model.njoints <= MOST_BODIES:
-        return None
+        return ""
     places = _places(model)
-    boxes = [Label(*places[k], shortened(body_name(model, k), MOST_LETTERS)) for k in range(model.njoints)]
-    joints = [_joint(model, places, index) for index in range(1, model.njoints)]
     closing = [joint for joint in mechanism.constraints if isinstance(joint, LoopJoint)]
     right = max(x for x, _ in places) + WIDE / 2
-    loops = [_loop(model, places, joint, right + BESIDE + FARTHER * k) for k, joint in enumerate(closing)]
+    drawn = [_loop(model, places, joint, right + BESIDE + FARTHER * k) for k, joint in enumerate(closing)]
+    drawn += [_joint(model, places, index) for index in range(1, model.njoints)]
+    drawn += [_box(body_name(model, index), *places[index], frame=not index) for index in range(model.njoints)]
     width = right + (BESIDE + FARTHER * len(closing) + 5.5 * MOST_LETTERS if closing else COLUMN - WIDE + MARGIN)
-    return LinkGraph(width, max(y for _, y in places) + HIGH / 2 + MARGIN, boxes, joints, loops)
+    height = max(y for _, y in places) + HIGH / 2 + MARGIN
+    size = f'width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
+    return f'<svg class="links" role="img" aria-label="Graph of links" {size}>{"".join(drawn)}</svg>'
 
 
-def _places(model: pin.Model) -> list[tuple[float, float]]:
+def _places(model: pin.Model) -> Places:
     """Return the centres of the boxes: by their distance from the frame, each above the middle of those it carries."""
     carried: list[list[int]] = [[] for _ in range(model.njoints)]
     depth = [0] * model.njoints
     for index in range(1, model.njoints):
         carried[model.parents[index]].append(index)
         depth[index] = depth[model.parents[index]] + 1
-    column = [0.0] * model.njoints
-    for order, leaf in enumerate(_leaves(carried)):
-        column[leaf] = float(order)
+    column, leaves, left = [0.0] * model.njoints, 0, [0]
+    while left:  # bodies that carry none, from left to right
+        index = left.pop()
+        if not carried[index]:
+            column[index], leaves = float(leaves), leaves + 1
+        left += reversed(carried[index])
     for index in reversed(range(model.njoints)):
         if carried[index]:
             column[index] = sum(column[k] for k in carried[index]) / len(carried[index])
@@ -84,27 +61,26 @@ def _places(model: pin.Model) -> list[tuple[float, float]]:
     return [(across + COLUMN * x, down + ROW * y) for x, y in zip(column, depth, strict=True)]
 
 
-def _leaves(carried: list[list[int]]) -> list[int]:
-    """Return the bodies that carry none, from left to right."""
-    leaves, left = [], [0]
-    while left:
-        index = left.pop()
-        if not carried[index]:
-            leaves.append(index)
-        left += reversed(carried[index])
-    return leaves
+def _text(kind: str, x: float, y: float, name: str) -> str:
+    middle = ' text-anchor="middle"' if kind == "box" else ""
+    return f'<text class="{kind}"{middle} x="{x}" y="{y}">{text(shortened(name, MOST_LETTERS))}</text>'
 
 
-def _joint(model: pin.Model, places: list[tuple[float, float]], index: int) -> tuple[float, float, float, float, Label]:
+def _box(name: str, x: float, y: float, *, frame: bool) -> str:
+    kind = ' class="frame"' if frame else ""
+    place = f'x="{x - WIDE / 2}" y="{y - HIGH / 2}" width="{WIDE}" height="{HIGH}"'
+    return f'<rect {place} rx="3"{kind}/>{_text("box", x, y + 3.5, name)}'
+
+
+def _joint(model: pin.Model, places: Places, index: int) -> str:
     (x, y), (u, w) = places[model.parents[index]], places[index]
-    name = Label(u + 5, w - HIGH / 2 - 7, shortened(model.names[index], MOST_LETTERS))
-    return x, y + HIGH / 2, u, w - HIGH / 2, name
+    line = f'<line x1="{x}" y1="{y + HIGH / 2}" x2="{u}" y2="{w - HIGH / 2}"/>'
+    return line + _text("joint", u + 5, w - HIGH / 2 - 7, model.names[index])
 
 
-def _loop(model: pin.Model, places: list[tuple[float, float]], closing: LoopJoint, right: float) -> tuple[str, Label]:
+def _loop(model: pin.Model, places: Places, closing: LoopJoint, right: float) -> str:
     """Return the line of a loop joint: from the side of one box around all others to that of the other."""
     (x, y), (u, w) = (places[model.frames[frame].parentJoint] for frame in (closing.first, closing.second))
     start, end = x + WIDE / 2, u + WIDE / 2
     path = f"M{start:.1f} {y + 5:.1f} C{right:.1f} {y + 5:.1f} {right:.1f} {w - 5:.1f} {end:.1f} {w - 5:.1f}"
-    label = Label((start + 6 * right + end) / 8 + 3, (y + w) / 2 + 3, shortened(closing.name, MOST_LETTERS))
-    return path, label
+    return f'<path d="{path}"/>' + _text("loop", (start + 6 * right + end) / 8 + 3, (y + w) / 2 + 3, closing.name)

@@ -6,29 +6,34 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from pinarm.errors import InputError, choices, printable
-from pinarm.records import replace
+from pinarm.records import Record, replace
 from pinarm.use.output.folder import write_file
-from pinarm.use.report.chapter import Chapter, Origin, chapter, host_kind
+from pinarm.use.report.chapter import Chapter, chapter_on
+from pinarm.use.report.document import tag, text
 from pinarm.use.result.result import Result
 from pinarm.use.show.notebook import frame
 from pinarm.use.store.restore import restore
 
-FILES = Path(__file__).parent
+STYLE = Path(__file__).parent / "report.css"
 HTML, PDF = ".html", ".pdf"
-REPLAY_HEIGHT = 420
-"""Of the moving picture [px]."""
 
 IN_MARGIN = 90
 """Characters of the title that the margin of a page has room for."""
 
+HEAD = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+"""
 
-@dataclass(frozen=True)
-class Report:
+READY = '<script>document.documentElement.dataset.ready = "yes";</script>'
+
+
+class Report(Record, frozen=True):
     """A report on results.
 
     Attributes:
@@ -36,8 +41,10 @@ class Report:
         html: The page, with the replays; printed it is the PDF.
     """
 
+    unshown = ("html",)
+
     title: str
-    html: str = field(repr=False)
+    html: str
 
     def save(self, path: str | Path) -> Path:
         """Write it as a page (``.html``) or for print (``.pdf``, by Chromium), and return the file.
@@ -66,17 +73,17 @@ def report(
         title: Its heading; that of the first scenario where it is left out.
 
     Raises:
-        InputError: A folder is no result, the ending of the file is unknown, or Jinja2 is not installed.
+        InputError: A folder is no result, or the ending of the file is unknown.
         PinarmError: The file is a PDF and there is no Chromium, or a saved motion cannot be solved again.
     """
     sources = [results] if isinstance(results, Result | str | Path) else list(results)
     moving = path is None or kind_of(Path(path)) == HTML
-    template = _template()
-    chapters = [_chapter(source, moving) for source in sources]
+    date = time.strftime("%Y-%m-%d %H:%M %z")
+    chapters = [_chapter(source, date, moving) for source in sources]
     if not chapters:
         raise InputError("there is no result to report on", expected="at least one")
     heading = title or chapters[0].title
-    document = Report(heading, _rendered(template, heading, _told_apart(chapters, sources)))
+    document = Report(heading, _page(heading, _told_apart(chapters, sources), date))
     if path is not None:
         document.save(path)
     return document
@@ -94,57 +101,37 @@ def kind_of(path: Path) -> str:
     return path.suffix
 
 
-def _chapter(source: Result | str | Path, moving: bool) -> Chapter:
+def _chapter(source: Result | str | Path, date: str, moving: bool) -> Chapter:
     if isinstance(source, Result):
-        return chapter(source, Origin.of(source, None), moving=moving)
-    result = restore(source)
-    return chapter(result, Origin.of(result, Path(source)), moving=moving)
+        return chapter_on(source, None, date, moving=moving)
+    return chapter_on(restore(source), Path(source), date, moving=moving)
 
 
 def _told_apart(chapters: Sequence[Chapter], sources: Sequence[Result | str | Path]) -> list[Chapter]:
     """Return the chapters; of those with one title, with the folder of each result after it, or the scenario's name."""
-    titles = Counter(chapter.title for chapter in chapters)
-    names = [source.name if isinstance(source, Result) else str(source) for source in sources]
-    return [
-        replace(chapter, title=f"{chapter.title} ({name})") if titles[chapter.title] > 1 else chapter
-        for chapter, name in zip(chapters, names, strict=True)
-    ]
+    titles, named = Counter(chapter.title for chapter in chapters), []
+    for chapter, source in zip(chapters, sources, strict=True):
+        name = source.name if isinstance(source, Result) else str(source)
+        named.append(replace(chapter, title=f"{chapter.title} ({name})") if titles[chapter.title] > 1 else chapter)
+    return named
 
 
-def _template() -> Any:
-    """Return the template; values are text, and never markup, unless they are marked as such.
-
-    Raises:
-        InputError: Jinja2 is not installed.
-    """
-    try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    except ImportError:
-        raise InputError("reports need Jinja2, which is not installed", hint="pip install 'pinarm[report]'") from None
-    environment = Environment(
-        loader=FileSystemLoader(FILES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, finalize=lambda value: printable(value) if type(value) is str else value,
-    )  # fmt: skip
-    return environment.get_template("report.html.jinja")
-
-
-def _rendered(template: Any, title: str, chapters: Sequence[Chapter]) -> str:
-    return str(template.render(
-        title=title, chapters=chapters, style=(FILES / "report.css").read_text(encoding="utf-8"),
-        margin=_css_text(title[:IN_MARGIN]),
-        frames=[frame(chapter.replay, height=REPLAY_HEIGHT) for chapter in chapters],
-        date=time.strftime("%Y-%m-%d %H:%M %z"), host=host_kind(), version=_version(),
-    ))  # fmt: skip
-
-
-def _version() -> str:
-    import pinarm
-
-    return pinarm.__version__
-
-
-def _css_text(text: str) -> str:
-    return "".join(f"\\{ord(character):06x}" for character in printable(text))
+def _page(title: str, chapters: Sequence[Chapter], date: str) -> str:
+    """Return the whole document; of several chapters it begins with their list."""
+    several, entries, articles = len(chapters) > 1, list[str](), list[str]()
+    for k, chapter in enumerate(chapters, 1):
+        link, subtitle = f'<a href="#chapter-{k}">{text(chapter.title)}</a>', text(chapter.subtitle)
+        entries.append(tag("li", f"{link} {tag('span', subtitle, 'subtitle')}"))
+        heading = tag("h2", text(chapter.title)) + tag("p", subtitle, "subtitle") if several else ""
+        articles.append(f'<article id="chapter-{k}">\n{heading}{chapter.body}\n</article>')
+    top = tag("nav", tag("ol", "\n".join(entries))) if several else tag("p", text(chapters[0].subtitle), "subtitle")
+    subject = "Report on simulations" if several else "Report on a simulation"
+    line = tag("div", tag("span", subject) + tag("span", date), "line")
+    margin = "".join(f"\\{ord(character):06x}" for character in printable(title[:IN_MARGIN]))
+    style = tag("style", STYLE.read_text(encoding="utf-8").replace("MARGIN", margin))
+    header = tag("header", f"{line}\n{tag('h1', text(title))}\n{top}")
+    body = "\n".join([header, *articles, READY])
+    return f"{HEAD}{tag('title', text(title))}\n{style}\n</head>\n<body>\n{body}\n</body>\n</html>\n"
 
 
 def _printed(html: str) -> bytes:

@@ -2,6 +2,7 @@
 
 import itertools
 from pathlib import Path
+from xml.etree import ElementTree
 
 from pinarm.use.mechanism import Mechanism
 from pinarm.use.report.link_graph import HIGH, WIDE, link_graph
@@ -11,16 +12,17 @@ MODELS = Path(__file__).parents[3] / "models"
 
 def test_boxes_stand_apart_and_joints_join_them() -> None:
     mechanism = Mechanism.load(MODELS / "manipulator" / "mechanism.yaml")
-    graph = link_graph(mechanism)
-    assert graph is not None
-    model = mechanism.model
-    assert len(graph.boxes) == model.njoints
-    for one, other in itertools.combinations(graph.boxes, 2):
-        assert abs(one.x - other.x) >= WIDE or abs(one.y - other.y) >= HIGH
-    for index, (x, y, u, w, label) in enumerate(graph.joints, start=1):
-        above, below = graph.boxes[model.parents[index]], graph.boxes[index]
-        assert (x, y, u, w) == (above.x, above.y + HIGH / 2, below.x, below.y - HIGH / 2)
-        assert label.text == model.names[index]
-    assert all(box.x - WIDE / 2 >= 0 and box.x + WIDE / 2 <= graph.width for box in graph.boxes)
-    assert all(box.y + HIGH / 2 <= graph.height for box in graph.boxes)
-    assert len(graph.loops) == sum(hasattr(one, "first") for one in mechanism.constraints) > 0
+    model, root = mechanism.model, ElementTree.fromstring(link_graph(mechanism))
+    places = [[float(box.get(key, "")) for key in ("x", "y")] for box in root.iter("rect")]
+    assert len(places) == model.njoints
+    for (x, y), (u, w) in itertools.combinations(places, 2):
+        assert abs(x - u) >= WIDE or abs(y - w) >= HIGH
+    names = [text.text for text in root.iter("text") if text.get("class") == "joint"]
+    assert names == list(model.names)[1:]
+    for index, line in enumerate(root.iter("line"), start=1):
+        (x, y), (u, w) = places[model.parents[index]], places[index]
+        ends = [float(line.get(key, "")) for key in ("x1", "y1", "x2", "y2")]
+        assert ends == [x + WIDE / 2, y + HIGH, u + WIDE / 2, w]
+    width, height = (float(root.get(key, "")) for key in ("width", "height"))
+    assert all(0 <= x <= width - WIDE and y + HIGH <= height for x, y in places)
+    assert len(list(root.iter("path"))) == sum(hasattr(tie, "first") for tie in mechanism.constraints) > 0
