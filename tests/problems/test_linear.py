@@ -228,3 +228,10 @@ def test_parts_of_springs_dampers_and_bodies_by_hand(tmp_path):
     assert result.arrays["masses"].values == pytest.approx(kinetic / kinetic.sum(axis=0), abs=1e-5)
     lost = np.array([0.02, 0.06])[:, None] * stretched**2
     assert result.arrays["dampers"].values == pytest.approx(lost / lost.sum(axis=0), abs=1e-5)
+
+
+@pytest.mark.parametrize("speed", ["165 rpm", "200 rpm", "260 rpm"])
+def test_the_choice_of_independent_joints_does_not_hang_on_rounding(speed):
+    """Both arms of a governor are as good: as it turns on, the same one has to be chosen."""
+    findings = pinarm.check("scenarios/porter_governor_modes.yaml", {"problem.about.steady.spindle": speed})
+    assert [finding.expectation.quantity for finding in findings if not finding.ok] == []

@@ -36,6 +36,10 @@ from pinarm.records import Record, replace
 DEPENDENT = 1e-9
 """Least pivot of scaled rows, relative to the largest, above which a row is independent."""
 
+TIE = 1e-4
+"""Preference of a joint to the next one: among joints that are as good, as in symmetric mechanisms, the choice must not
+depend on rounding."""
+
 ROUNDING = 1e-13
 """Size of a row, relative to the largest, up to which it is rounding of 0, as across a plane that has been turned."""
 
@@ -287,7 +291,8 @@ def independent_joints(rows: Array) -> tuple[Indices, Array]:
     nv = rows.shape[1]
     sizes = np.linalg.norm(rows, axis=1, keepdims=True)
     acting = sizes > ROUNDING * sizes.max(initial=0.0)
-    upper, order = qr(np.where(acting, rows / np.where(acting, sizes, 1.0), 0.0), mode="r", pivoting=True)
+    scaled = np.where(acting, rows / np.where(acting, sizes, 1.0), 0.0)
+    upper, order = qr(scaled * (1.0 - TIE * np.arange(nv)), mode="r", pivoting=True)
     pivots = np.abs(np.diag(upper))
     rank = int((pivots > DEPENDENT * pivots[:1]).sum()) if len(pivots) else 0
     if rank and pivots[rank - 1] < SINGULAR * pivots[0]:
@@ -295,7 +300,7 @@ def independent_joints(rows: Array) -> tuple[Indices, Array]:
     dependent, free = order[:rank], order[rank:]
     allowed = np.zeros((nv, nv - rank))
     allowed[free] = np.eye(nv - rank)
-    allowed[dependent] = -np.linalg.solve(upper[:rank, :rank], upper[:rank, rank:])
+    allowed[dependent] = -np.linalg.lstsq(scaled[:, dependent], scaled[:, free], rcond=None)[0]
     ascending = np.argsort(free)
     return free[ascending], allowed[:, ascending]
 

@@ -39,6 +39,9 @@ from pinarm.records import Record, replace
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
+LOOSE = 1e-12
+"""Velocity of a joint, relative to that of an independent one, up to which it is rounding of 0."""
+
 ITERATIONS, STRIDE = 100, 0.5
 """Newton steps at most; the largest change of a joint in one of them [rad or m]."""
 
@@ -149,7 +152,7 @@ class _Balance:
             raise InputError("loops, couplings and rates contradict each other", expected="fewer rates")
         v[np.abs(v) < 1e-12 * speed] = 0.0
         _, free = independent_joints(rows)
-        loose = np.flatnonzero((v != 0.0) & free.any(axis=1))
+        loose = np.flatnonzero((v != 0.0) & (np.abs(free) > LOOSE).any(axis=1))
         if len(loose):
             names = ", ".join(coordinate_name(self.mechanism.model, index) for index in loose.tolist())
             raise InputError(f"the rates do not determine how fast {names} move",

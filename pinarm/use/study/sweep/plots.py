@@ -24,6 +24,8 @@ FAMILY = 6
 ROOT_LOCUS = "root_locus"
 """Picture of all eigenvalues."""
 
+FAR = 3.0
+"""Frequency of the turns, relative to that of the modes, up to which its line is wholly in a picture of modes."""
 PICTURES = 24
 """Columns that are drawn of themselves."""
 
@@ -93,7 +95,8 @@ def _speed_lines(axis: Axes, x: Array, turns: Array) -> None:
     for times, style in ((1, "--"), (2, ":")):
         axis.plot(x[ends], times * np.abs(turns[ends]), color="0.4", linewidth=1.0, linestyle=style,
                   label=f"{times} × speed", zorder=0)  # fmt: skip
-    axis.set_ylim(min(low, 0.0), high)
+    once = 1.05 * float(np.abs(turns).max())
+    axis.set_ylim(min(low, 0.0), max(high, once) if once < FAR * high else high)
 
 
 def _root_locus(axis: Axes, sweep: Sweep, series: Series) -> None:
