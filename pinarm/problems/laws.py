@@ -222,9 +222,21 @@ def joint_motion(
     Raises:
         InputError: There are too few laws or too many, or the posture does not fit the mechanism.
     """
+    rolls = mechanism.closure.rolls
     if resolve is None:
         with place("motion"):
-            return DeterminedMotion(mechanism, determining(mechanism, motion))
+            prescribed = determining(mechanism, motion)
+        if not rolls:
+            return DeterminedMotion(mechanism, prescribed)
+        from pinarm.engine.kinematics.rolled_motion import RolledMotion
+
+        return RolledMotion(mechanism, prescribed)
+    if rolls:
+        with place("resolve"):
+            raise InputError(
+                "a mechanism that rolls has no nearest posture: its positions hang on its whole way",
+                expected="a law for every velocity that is left",
+            )
     from pinarm.engine.kinematics.redundancy import NearestMotion
 
     with place("resolve"):

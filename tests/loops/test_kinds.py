@@ -20,7 +20,8 @@ from pinarm.mechanics.geometry.vectors import lengths as sizes_of
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loops.kinds import LoopJointKind
 
-KINDS = [*sorted({str(kind.__struct_config__.tag) for kind in get_args(LoopJointKind)} - {"pin"}), "pin"]
+HOLONOMIC = {str(kind.__struct_config__.tag) for kind in get_args(LoopJointKind)} - {"rolling", "knife_edge"}
+KINDS = [*sorted(HOLONOMIC - {"pin"}), "pin"]
 """Names of all kinds; their places here seed the linkages, so that a later one goes to the end."""
 ENDS = {"A-B": ("A", "B"), "B-A": ("B", "A"), "ground-B": (GROUND, "B"), "B-ground": ("B", GROUND)}
 FIXED_TO_GROUND = ("revolute", "spherical", "screw")

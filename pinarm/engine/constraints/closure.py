@@ -31,6 +31,7 @@ from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, placements_of
 from pinarm.mechanics.geometry.vectors import lengths, moved
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.rolling import SomeRows
 from pinarm.records import Record, replace
 
 SMALL = 0.01
@@ -213,6 +214,16 @@ class Closure(Record, frozen=True):
         """Number m of rows."""
         return sum(constraint.size for constraint in self.constraints)
 
+    @property
+    def rolls(self) -> bool:
+        """Whether some rows bind velocities alone, so that positions hang on the whole way."""
+        return any(one.rolling for one in self.constraints if isinstance(one, LoopJoint))
+
+    @cached_property
+    def holonomic(self) -> Closure:
+        """The same without the rows that bind velocities alone: what positions have to meet."""
+        return Closure.of(self.model, [*filter(None, map(_holding, self.constraints))]) if self.rolls else self
+
     @cached_property
     def slices(self) -> Mapping[str, slice]:
         """The rows of every constraint, by its name."""
@@ -363,6 +374,14 @@ class Closure(Record, frozen=True):
         for k, (_, wrench) in enumerate(acting):
             every[..., k, :] = wrench
         return np.array([joint for joint, _ in acting], dtype=np.intp), every, idle
+
+
+def _holding(constraint: Constraint) -> Constraint | None:
+    """Return a constraint with those of its rows that hold positions; ``None`` where there are none."""
+    if not isinstance(constraint, LoopJoint) or not constraint.rolling:
+        return constraint
+    kept = tuple(row for row in range(constraint.size) if row not in constraint.rolling)
+    return replace(constraint, pair=SomeRows(constraint.pair, kept), rolling=()) if kept else None
 
 
 SLIDES = {"Planar": 2, "Translation": 3, "FreeFlyer": 3}

@@ -71,6 +71,8 @@ class VariantClosure(Closure, frozen=True):
         """
         if self.model.nv > WIDE:
             raise VariantsDiffer("loops or couplings of many joints")
+        if self.first.rolls:
+            raise VariantsDiffer("rolling, whose positions hang on the way of each")
         return ConstraintRows.of(self.model, self.constraints)
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> VariantClosure:

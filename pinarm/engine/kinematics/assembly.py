@@ -119,7 +119,7 @@ def first_position(
         AssemblyError: The values are out of reach.
         InputError: Several assemblies have these values, and none is reached from the drawing.
     """
-    whole = _Part(closure, prescribed, w, t)
+    whole = _Part(closure.holonomic, prescribed, w, t)
     if not whole.solver.names or (whole.has_values(drawn) and not whole.beyond(drawn, drawn)):
         return Assembly(drawn)
     notes, q = list[str](), drawn

@@ -106,7 +106,7 @@ class NewtonSolver:
     """Newton's method on the constraints and the prescribed coordinates of one mechanism, or of a part of it.
 
     Args:
-        closure: The constraints.
+        closure: The constraints; rows that bind velocities alone play no part.
         prescribed: The prescribed coordinates.
         moving: Indices in v of the joints of the part; the others rest.
     """
@@ -114,6 +114,7 @@ class NewtonSolver:
     def __init__(
         self, closure: Closure, prescribed: PrescribedCoordinates, moving: Indices | slice = slice(None)
     ) -> None:
+        closure = closure.holonomic
         self.closure, self.model, self.moving = closure, closure.model, moving
         self.coordinates = prescribed.coordinates
         owners = self.closure.owners()

@@ -20,6 +20,7 @@ from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
 from pinarm.mechanics.joints import METRE, Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
 from pinarm.mechanics.loops.lower_pairs import Helical, LowerKind
+from pinarm.mechanics.loops.rolling import KnifeEdge, Rolling
 from pinarm.records import Record
 
 ORIGINS = np.eye(4, 3)
@@ -166,7 +167,7 @@ class CableLoop(Record, frozen=True):
         return ""
 
 
-LoopJointKind = LowerKind | Helical | Universal | Rod
+LoopJointKind = LowerKind | Helical | Universal | Rod | Rolling | KnifeEdge
 """Any loop joint. A new one is a class here or in ``lower_pairs``, and one entry here."""
 
 Loop = LoopJointKind | Cable

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import pinocchio as pin
 
 from pinarm.errors import InputError
@@ -18,11 +20,13 @@ class LoopJoint(TiedFrames, frozen=True, kw_only=True):
         name: Its name.
         kind: Its kind, as files call it.
         side: 0: it holds both ways.
+        rolling: Rows that bind velocities alone: their gap is 0 in all positions.
     """
 
     name: str
     kind: str
     side: float = 0.0
+    rolling: tuple[int, ...] = ()
 
     def unit(self, row: int) -> Unit:
         """Return the unit of the gap in a row: m or rad."""
@@ -39,6 +43,8 @@ class LoopDefinition(InputStruct, frozen=True):
     Attributes:
         between: The two links whose frames the joint ties; a fixed link without mass serves as a named frame.
     """
+
+    rolling: ClassVar[tuple[int, ...]] = ()
 
     between: tuple[str, str]
 
@@ -57,4 +63,5 @@ class LoopDefinition(InputStruct, frozen=True):
                 f"{' and '.join(self.between)} belong to one rigid body: a joint between them closes no loop",
                 expected="links that move against each other",
             )
-        return LoopJoint(first, second, self.pair(), name=name, kind=str(self.__struct_config__.tag))
+        kind = str(self.__struct_config__.tag)
+        return LoopJoint(first, second, self.pair(), name=name, kind=kind, rolling=self.rolling)

@@ -43,6 +43,7 @@ MEASURES = {
     "relative regularity": "that singular value relative to its largest in the run: 1 where it does not fall",
     "e-folding": "time in which errors grow e-fold [s], where their growth is seen and exponential",
     "rounding": "what errors of steps add up to where rounding keeps them from being smaller, relative to the motion",
+    "rolled": "what errors of steps add up to in positions that follow from rolling [rad or m]",
     "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
 }
 """Figures that tell the accuracy of a run, and what they mean."""

@@ -146,6 +146,10 @@ class Explanation:
         found = self.mobility
         counted = f"{found.joints} joint coordinates, {found.rank} independent of {found.rows} constraint rows"
         lines = [f"mobility {found.mobility} {self.where}: {counted}"]
+        if (closure := self.mechanism.closure).rolls:
+            held = closure.holonomic
+            free = held.split(held.rows(held.state(self.q))).free.shape[1]
+            lines.append(f"{free} positions may be chosen: rolling binds velocities alone")
         if found.rows:
             lines.append(f"regularity {found.regularity:.2g} in this position: smallest singular value of the rows "
                          "over the largest. Runs tell how far it falls: 0 at a singular position")  # fmt: skip
