@@ -30,7 +30,7 @@ FLOOR_PLAN = {
     "problems": "time_grid accuracy joint_values weights laws loads drives control declaration events "
     "position_bands equilibria inverse kinematics linear states recorded forward simplify",
     "use": "progress mechanism result workers cases assessments scenario output show store views study report",
-    "cli": "options streams main",
+    "cli": "options streams commands main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""
 

@@ -11,7 +11,7 @@ import threading
 from contextlib import suppress
 from typing import NoReturn, TextIO
 
-from pinarm.errors import InputError
+from pinarm.errors import InputError, printable
 
 
 def open_streams() -> None:
@@ -87,3 +87,17 @@ def leave(code: int) -> NoReturn:
 def _started_alone() -> bool:
     """Tell whether Python was started with this program, as ``python -m pinarm`` or as its script."""
     return sys.orig_argv[1:3] == ["-m", "pinarm"] or sys.orig_argv[1:2] == sys.argv[:1] != ["-c"]
+
+
+def say(text: str) -> None:
+    """Print text on stderr, where there is room for it: the exit code says the rest."""
+    try:
+        print(printable(text), file=sys.stderr, flush=True)
+    except OSError:
+        give_up(sys.stderr)
+
+
+def progress(text: str) -> None:
+    """Show on a terminal how far a command is, in place of what was there."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{printable(text)}", end="", file=sys.stderr, flush=True)

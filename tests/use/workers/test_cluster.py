@@ -18,7 +18,8 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.cli.main import BAD_INPUT, NUMERICS_FAILED
+from pinarm.cli.commands import BAD_INPUT
+from pinarm.cli.main import NUMERICS_FAILED
 from pinarm.use.workers.cluster import cluster
 
 pytest.importorskip("distributed")

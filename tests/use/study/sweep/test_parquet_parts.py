@@ -8,7 +8,8 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.cli.main import BAD_INPUT, main
+from pinarm.cli.commands import BAD_INPUT
+from pinarm.cli.main import main
 from pinarm.errors import Interrupted
 from pinarm.use.study.sweep import sweep_files
 

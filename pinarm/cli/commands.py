@@ -1,0 +1,496 @@
+"""The commands: what each does, its options, and examples of it."""
+
+from __future__ import annotations
+
+import re
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pinarm.cli.options import (
+    DPI,
+    PATH,
+    PLOTS,
+    SCENARIO,
+    VALUES,
+    Option,
+    arg,
+    either,
+    flag,
+    keys,
+    names,
+    output,
+    sources,
+    workers,
+)
+from pinarm.cli.streams import progress, say
+from pinarm.errors import InputError, NumericsError, PinarmError, choices, printable
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from pinarm.use.output.destination import Destination
+    from pinarm.use.scenario.scenario import Scenario
+    from pinarm.use.study.answers.check import Findings
+
+OK, MISSED, BAD_INPUT = 0, 1, 2
+
+
+class Command(NamedTuple):
+    """A command: what runs it and returns its exit code, what it does, options, examples with semicolons between."""
+
+    call: Callable[[Namespace], int]
+    text: str
+    options: Sequence[Option]
+    examples: str
+
+
+COMMANDS: dict[str, Command] = {}
+"""Commands by name."""
+
+Call = Callable[[Namespace], int]
+
+
+def command(text: str, examples: str, *options: Option) -> Callable[[Call], Call]:
+    """Declare a function, named after the command, as a command."""
+
+    def declare(call: Call) -> Call:
+        COMMANDS[call.__name__.removeprefix("_")] = Command(call, text, options, examples)
+        return call
+
+    return declare
+
+
+def show(options: Namespace, data: Mapping[str, object], *texts: str) -> None:
+    """Print what a command found: as JSON for machines, or as text."""
+    if options.json:
+        from pinarm.use.store.files import json_text
+
+        print(json_text(data))
+    else:
+        print("\n".join(map(printable, texts)))
+
+
+@contextmanager
+def work(options: Namespace, kind: str) -> Iterator[tuple[Scenario, Destination, Executor | None]]:
+    """Yield the scenario, the folder for its results, and the executor of the cluster that is named."""
+    from pinarm.use.output.destination import destination
+    from pinarm.use.output.folder import check_replaceable
+    from pinarm.use.scenario.scenario import load
+    from pinarm.use.show.picture_files import picture_format
+
+    picture_format(options.plots or True, options.dpi)  # mistakes are told before the work
+    scenario = load(options.scenario, options.values)
+    with destination(options.output, options.scenario, scenario.name, kind) as target:
+        options.output = target.folder
+        if kind != "sweep":  # which goes on where it was
+            check_replaceable(target.folder, kind)
+        if options.cluster is None:
+            yield scenario, target, None
+            return
+        from pinarm.use.workers.cluster import cluster
+
+        with cluster(options.cluster) as executor:
+            yield scenario, target, executor
+
+
+NEW_TEXT = (
+    "four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro, MJCF or SDF file; the name of a robot; "
+    "or a mechanism file with a drawing, of which the URDF is written"
+)
+
+
+@command(
+    "write a first mechanism and scenario, from a template or a model",
+    "slider_crank -o press; models/arm.urdf; four_bar/mechanism.yaml -o four_bar_urdf",
+    arg("source", metavar="TEMPLATE|MODEL", help=NEW_TEXT, complete=sources),
+    output("folder (default: TEMPLATE, or that of MODEL); files that exist are kept"),
+)
+def _new(options: Namespace) -> int:
+    from pinarm.use.store.new import new
+
+    folder = new(options.source, options.output)
+    show(options, {"folder": str(folder)}, f"written to {folder}")
+    return OK
+
+
+@command(
+    "solve a scenario and write a result folder",
+    "scenario.yaml; "
+    "scenario.yaml --verify; "
+    "scenario.yaml --plots pdf; "
+    "scenario.yaml --set problem.time.end='3 s' -o results/longer",
+    SCENARIO,
+    output("result folder (default: results/SCENARIO)"),
+    PLOTS,
+    DPI,
+    flag("--verify", "bound the global error by a second solution, and check every row"),
+    workers("processes for the runs of find and sensitivity (default: none but this one)"),
+    VALUES,
+)
+def _run(options: Namespace) -> int:
+    import time
+
+    from pinarm.use.progress import shown_by
+    from pinarm.use.show.terminal import report
+    from pinarm.use.store.save import save
+
+    begin = time.perf_counter()
+    with work(options, "result") as (scenario, target, executor), shown_by(progress):
+        scenario = scenario.with_workers(options.workers, executor)
+        result = scenario.verified() if options.verify else scenario.run()
+        timing = {"solve [s]": time.perf_counter() - begin}
+        save(result, target.folder, plots=options.plots, dpi=options.dpi, timing=timing)
+    show(options, {**result.summary(), "folder": str(target.folder)}, report(result), str(target))
+    if result.missed:
+        return MISSED
+    return NumericsError.exit_code if result.no_bound else OK
+
+
+@command(
+    "compare scenarios with their answer keys",
+    "scenarios; scenario.yaml",
+    arg("paths", nargs="+", type=Path, metavar="PATH", help="scenario files, or folders of them"),
+    VALUES,
+)
+def _check(options: Namespace) -> int:
+    from pinarm.use.study.answers.check import check, misses, told_apart
+    from pinarm.use.study.answers.verdict_table import plain, verdicts
+    from pinarm.use.study.run import scenario_files
+
+    solved: dict[Path, Findings] = {}
+    failures: list[PinarmError] = []
+    for path in scenario_files(*options.paths):
+        progress(f"check {path}")
+        try:
+            solved[path] = check(path, options.values)
+        except PinarmError as error:
+            if options.traceback:
+                raise
+            failures.append(error)
+    progress("")
+    findings = told_apart(solved)
+    if options.json:
+        show(options, {"findings": [plain(finding) for finding in findings], "errors": list(map(str, failures))})
+    elif findings or not failures:
+        print(verdicts(findings, coloured=sys.stdout.isatty()))
+    for failure in failures:
+        say(f"error: {failure}")
+    if failures:
+        return max(failure.exit_code for failure in failures)
+    return MISSED if misses(findings) else OK
+
+
+@command("read and check input only", "scenarios", arg("paths", nargs="+", type=Path, metavar="PATH"), VALUES)
+def _validate(options: Namespace) -> int:
+    from pinarm.use.study.run import input_files
+
+    known = [input_files(path) for path in options.paths]
+    paths, others = [path for files, _ in known for path in files], sum(other for _, other in known)
+    if not paths:
+        names = ", ".join(map(str, options.paths))
+        expected = "files ending in .yaml, with a 'problem:', a 'robot:' or 'planar:'"
+        raise InputError(f"there are no scenarios and no mechanism files in {names}", expected=expected)
+    mistakes = []
+    for path in paths:
+        try:
+            verdict = _validated(path, options.values)
+        except PinarmError as error:
+            if options.traceback:
+                raise
+            mistakes.append((path, error))
+        else:
+            if not options.json:
+                print(f"{path}: {verdict}")
+    entries = [{"file": str(path), "error": str(error)} for path, error in mistakes]
+    counts = f"{len(paths)} scenarios and mechanism files, {len(mistakes)} with mistakes"
+    if options.json or any(path.is_dir() for path in options.paths):
+        data = {"mistakes": entries, "files": len(paths), "passed over": others}
+        show(options, data, f"{counts}; {others} other files passed over")
+    for _, mistake in mistakes:
+        say(f"error: {mistake}")
+    return BAD_INPUT if mistakes else OK
+
+
+def _validated(path: Path, values: Sequence[str]) -> str:
+    """Return what has been checked of a scenario, or a mechanism file, that is valid.
+
+    Raises:
+        PinarmError: It is not; the message says where.
+    """
+    from pinarm.use.study.run import is_mechanism_file
+
+    if not is_mechanism_file(path):
+        from pinarm.use.scenario.scenario import load
+
+        load(path, values).validate()
+        return "valid"
+    from pinarm.use.study.explain import explain
+    from pinarm.use.study.quantities import check_symbols
+
+    explained = explain(path, values)
+    check_symbols(explained.mechanism)
+    loops = "its loops close, " if explained.mechanism.closure.size else ""
+    mobility = f"mobility {explained.mobility.mobility} {explained.where}"
+    return f"valid mechanism file: keys, names, units and the model are right, {loops}{mobility}"
+
+
+DRAW_TEXT = "draw the mechanism with the names of its parts, joints and loops, as .svg, .png or .pdf"
+
+
+@command(
+    "coordinates, mobility, loops, redundancy, and a drawing",
+    "scenario.yaml; mechanism.yaml --draw mechanism.svg; arm.urdf; panda",
+    PATH,
+    arg("--draw", type=Path, metavar="FILE", help=DRAW_TEXT),
+    DPI,
+    VALUES,
+)
+def _explain(options: Namespace) -> int:
+    from pinarm.use.study.explain import explain
+
+    explained = explain(options.path, options.values)
+    show(options, explained.summary() if options.json else {}, str(explained))
+    if options.draw is not None:
+        explained.draw(options.draw, dpi=options.dpi)
+        print(f"written to {options.draw}", file=sys.stderr if options.json else sys.stdout)
+    return OK
+
+
+LIKE_TEXT = "part of a name or of a meaning, such as force"
+
+
+@command(
+    "names that can be asked, with units and meanings",
+    "scenario.yaml --like force; arm.urdf",
+    PATH,
+    arg("--like", default="", metavar="TEXT", help=LIKE_TEXT, complete=names),
+    VALUES,
+)
+def _quantities(options: Namespace) -> int:
+    import msgspec
+
+    from pinarm.use.study.quantities import quantities
+
+    known = quantities(options.path, options.values, like=options.like)
+    if not known:
+        texts = (f"{entry.name} {entry.meaning}" for entry in quantities(options.path, options.values))
+        words = {word for text in texts for word in re.findall(r"\w{3,}", text)}
+        alike = {word for word in words if word[0].casefold() == options.like[0].casefold()}
+        raise InputError(
+            f"nothing that can be asked has '{options.like}' in its name or meaning",
+            expected="part of a name or of a meaning, such as force",
+            hint=choices(options.like, alike)[1],
+        )
+    show(options, {"quantities": msgspec.to_builtins([entry._asdict() for entry in known])}, str(known))
+    return OK
+
+
+OVER_TEXT = "such as arguments.m_A='0.1:0.5:41 kg', '1, 2, 3 kg' or 'normal(0.25, 0.01) kg'; several are combined"
+TAKE_TEXT = (
+    "what to take from each case, such as C_B, 'C_B @ max', 't @ max(C_B)', 'C_B @ t=1.5 s' (default: least and "
+    "greatest row of every output)"
+)
+MANY: dict[str, Any] = {"action": "append", "default": []}
+
+
+@command(
+    "solve a scenario for many values",
+    "scenario.yaml --over arguments.m_A='0.1:0.5:9 kg' --result 'C_B @ max'; "
+    "scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000; "
+    "scenario.yaml --over arguments.m_A='0.1:0.5:100000 kg' --cluster tcp://10.0.0.1:8786",
+    SCENARIO,
+    arg("--over", metavar="PATH=VALUES", help=OVER_TEXT, complete=keys, **MANY),
+    arg("--cases", type=Path, metavar="CSV", help="a file whose lines are cases; paths in its heading"),
+    arg("--sample", type=int, metavar="N", help="how many values to draw from distributions"),
+    arg("--seed", type=int, default=0, help="of the drawing (default: 0)"),
+    flag("--lhs", "draw a Latin hypercube"),
+    arg("--result", metavar="QUANTITY[@PLACE]", dest="results", help=TAKE_TEXT, complete=names, **MANY),
+    workers("processes (default: all cores)"),
+    output("folder of the sweep (default: results/SCENARIO-sweep)"),
+    PLOTS,
+    DPI,
+    flag("--parquet", "write the table as Parquet too, in parts"),
+    VALUES,
+)
+def _sweep(options: Namespace) -> int:
+    from pinarm.use.study.sweep.sweep import sweep
+    from pinarm.use.study.sweep.sweep_text import progress_bar, report
+
+    with work(options, "sweep") as (scenario, target, executor), progress_bar(sys.stderr) as bar:
+        swept = sweep(
+            scenario,
+            _assignments(options.over),
+            values=options.values,
+            cases=options.cases,
+            samples=options.sample,
+            seed=options.seed,
+            sampling="latin" if options.lhs else "random",
+            results=options.results,
+            workers=options.workers,
+            executor=executor,
+            folder=target.folder,
+            parquet=options.parquet,
+            progress=bar,
+        )
+        swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
+    show(options, {**swept.summary(), "folder": str(target.folder)}, report(swept), str(target))
+    return NumericsError.exit_code if swept.errors else OK
+
+
+def _assignments(texts: Sequence[str]) -> dict[str, str]:
+    """Return what is left and right of the first equals sign of each text.
+
+    Raises:
+        InputError: There is none, or the same is left twice.
+    """
+    assigned: dict[str, str] = {}
+    for text in texts:
+        path, equals, values = (part.strip() for part in text.partition("="))
+        if not path or not equals or path in assigned:
+            problem = f"'{path}' is varied twice" if path in assigned else f"'--over {text}' says no values"
+            raise InputError(problem, expected="--over path.to.number='1, 2, 3 kg'")
+        assigned[path] = values
+    return assigned
+
+
+@command(
+    "error against cost of settings, of models",
+    "scenario.yaml",
+    SCENARIO,
+    output("folder (default: results/SCENARIO-tradeoff)"),
+    workers("processes for settings and variants, whose times they change (default: none but this one)"),
+    PLOTS,
+    DPI,
+    VALUES,
+)
+def _tradeoff(options: Namespace) -> int:
+    from pinarm.use.study.accuracy.tradeoff import tradeoff
+    from pinarm.use.study.accuracy.tradeoff_view import report
+
+    with work(options, "trade-off") as (scenario, target, executor):
+        trade = tradeoff(scenario, workers=options.workers, executor=executor)
+        trade.save(target.folder, plots=options.plots, dpi=options.dpi)
+    show(options, {**trade.summary(), "folder": str(target.folder)}, report(trade), str(target))
+    return OK
+
+
+LIST: dict[str, Any] = {"action": "extend", "nargs": "+", "default": []}
+PLOT_TEXT = "plot these beside it, or nothing (default: the outputs)"
+
+
+@command(
+    "show the motion of a result in a web page",
+    "results/four_bar --trace P --arrows reactions; results/four_bar --png t=0.5",
+    arg("result", type=Path, metavar="RESULT", help="result folder"),
+    output("file (default: replay.html or replay.png in the folder)"),
+    arg("--trace", metavar="POINT", help="draw the paths of these links' origins; com: of the centre of mass", **LIST),
+    arg("--arrows", metavar="KIND", help="draw forces, torques, reactions, or all", **LIST),
+    arg("--plot", action="extend", nargs="*", metavar="QUANTITY", help=PLOT_TEXT, complete=names),
+    flag("--names", "show names of parts, points and joints; the key N does too"),
+    either(
+        arg("--png", metavar="t=VALUE", help="write a picture of this instant, by Chromium"),
+        arg("--video", type=Path, metavar="FILE.mp4", help="write a video, by Chromium and ffmpeg"),
+    ),
+    arg("--fps", type=float, default=30.0, help="pictures a second of the video"),
+    arg("--speed", type=float, default=1.0, help="of the video, relative to real time"),
+)
+def _replay(options: Namespace) -> int:
+    from pinarm.use.show.replay import pictures
+    from pinarm.use.store.restore import restore
+
+    target = _replay_file(options)
+    result = restore(options.result)
+    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot, named=options.names)
+    if options.png:
+        pictures.picture(shown, pictures.place(shown.run, options.png), target)
+    elif options.video:
+        pictures.video(shown, target, fps=options.fps, speed=options.speed, progress=progress)
+    else:
+        shown.save(target)
+    data = {"file": str(target), "bytes": target.stat().st_size, "notes": shown.notes}
+    show(options, data, *(f"note: {note}" for note in shown.notes), f"written to {target}")
+    return OK
+
+
+def _replay_file(options: Namespace) -> Path:
+    """Return the file that ``replay`` writes.
+
+    Raises:
+        InputError: Two files are named, or one whose ending is that of another format.
+    """
+    if options.video and options.output:
+        raise InputError(
+            f"two files are named, {options.video} and {options.output}",
+            expected="the video's, after --video",
+            hint=f"leave -o out; replay {options.result} -o {options.output}, by itself, writes the other one",
+        )
+    what, ending = "a page", ".html"
+    if options.png or options.video:
+        what, ending = ("a picture", ".png") if options.png else ("a video", ".mp4")
+    file: Path = options.video or options.output or options.result / f"replay{ending}"
+    if file.suffix.lower() != ending:
+        expected = f"a file that ends in {ending}, such as {file.stem}{ending}"
+        hint = "--png t=VALUE for a picture, --video FILE.mp4 for a video" if ending == ".html" else ""
+        raise InputError(f"{what} is not written as '{file.name}'", expected=expected, hint=hint)
+    return file
+
+
+FORMS = (
+    "report.html with the replay, or report.pdf, by Chromium (default: report.html in the folder of a single result)"
+)
+
+
+@command(
+    "write one document on results, for a client",
+    "results/four_bar -o report.html; results/first results/second -o both.pdf",
+    arg("results", nargs="+", type=Path, metavar="RESULT", help="result folders, a chapter each"),
+    output(FORMS, metavar="FILE"),
+    arg("--title", default="", help="its heading (default: that of the first scenario)"),
+)
+def _report(options: Namespace) -> int:
+    from pinarm.use.report.report import report
+
+    folder = options.results[0] if len(options.results) == 1 else Path()
+    target: Path = options.output or folder / "report.html"
+    report(options.results, target, title=options.title)
+    show(options, {"file": str(target), "bytes": target.stat().st_size}, f"written to {target}")
+    return OK
+
+
+@command(
+    "print the JSON Schema for editors",
+    "mechanism > mechanism.schema.json",
+    arg("of", nargs="?", choices=["scenario", "mechanism"], default="scenario"),
+)
+def _schema(options: Namespace) -> int:
+    from pinarm.use.scenario.json_schema import schema
+    from pinarm.use.store.files import json_text
+
+    print(json_text(schema(options.of)))
+    return OK
+
+
+@command(
+    "copy the models, scenarios and examples of pinarm to a folder",
+    "-o pinarm-examples",
+    output("folder (default: pinarm-examples); files that exist are left as they are", default=Path("pinarm-examples")),
+)
+def _examples(options: Namespace) -> int:
+    from pinarm.use.store.examples import examples
+
+    folder = examples(options.output)
+    show(options, {"folder": str(folder)}, f"written to {folder}")
+    return OK
+
+
+@command("test this installation: versions, and every kind of problem", "")
+def _selftest(options: Namespace) -> int:
+    from pinarm.use.study.answers.selftest import selftest
+
+    outcome = selftest()
+    show(options, outcome.summary(), str(outcome))
+    return OK if outcome.passed else MISSED
