@@ -15,7 +15,6 @@ import pinocchio as pin
 from msgspec import field
 from msgspec.structs import replace as replace_fields
 
-from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import massive
@@ -154,11 +153,6 @@ class Mechanism(Record, frozen=True):
         """Return rough joint coordinates near which the loops close [rad or m], as far as the mechanism file says."""
         known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
         return {name: float(value) for name, value in self.description.start.items() if name in known}
-
-    @cached_property
-    def near_starts(self) -> dict[tuple[tuple[str, ...], bytes, bytes], Array]:
-        """Configurations found near starts, by names and values of what is given; see ``newton.near_given``."""
-        return {}
 
     def driven_joint(self, drive: str) -> Joint:
         """Return the joint that a drive moves: that of its rotor, where it has one, or its own, by name."""

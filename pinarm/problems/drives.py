@@ -109,8 +109,7 @@ def drives_of(
 
 def _sharing(mechanism: Mechanism, acting: Actuation, share: Share) -> Actuation:
     """Return drives that share their load."""
-    from pinarm.engine.statics.effort_distribution import SharedEfforts
-    from pinarm.engine.statics.selected_drives import SelectedDrives
+    from pinarm.engine.statics.effort_distribution import SelectedDrives, SharedEfforts
 
     assert isinstance(acting, SelectedDrives)  # as all drives that are named
     chosen = SHARES[share] if isinstance(share, str) else share

@@ -20,8 +20,9 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure, slides
 from pinarm.engine.constraints.constraint import GuidedCoordinate
-from pinarm.engine.kinematics.newton import SINGULAR, NewtonSolver, assembled, start_configuration
+from pinarm.engine.kinematics.newton import NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
+from pinarm.engine.kinematics.singular import SINGULAR
 from pinarm.errors import LISTED, AssemblyError, InputError, several
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -33,9 +34,6 @@ from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-
-KEPT = 16
-"""Configurations near a start that a mechanism keeps: the cases of a sweep, and runs again, mostly begin alike."""
 
 STARTS = 20
 """Number of other starts that are tried where the way from the drawing does not lead to the first position."""
@@ -90,15 +88,11 @@ def near_given(
         return q
     places = [mechanism.joints[name].q for name in own]
     names, w = (*prescribed.names, *own), np.append(prescribed.first(grid), q[places])
-    known, key = mechanism.near_starts, (names, q.tobytes(), w.tobytes())
-    if key not in known:
-        coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
-        solver = NewtonSolver(mechanism.closure, PrescribedCoordinates(names, coordinates, ()))
-        if len(known) == KEPT:
-            known.clear()
-        known[key] = solver.closest(q, w, solver.sliding * solver.untied)[0]
-        known[key][places] = q[places]
-    return known[key].copy()
+    coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
+    solver = NewtonSolver(mechanism.closure, PrescribedCoordinates(names, coordinates, ()))
+    found = solver.closest(q, w, solver.sliding * solver.untied)[0].copy()
+    found[places] = q[places]
+    return found
 
 
 def first_position(

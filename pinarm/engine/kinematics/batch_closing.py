@@ -15,8 +15,8 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import EvaluatedRows
 from pinarm.engine.constraints.nullspace import independent_rows
-from pinarm.engine.kinematics.branch_test import ENOUGH
 from pinarm.engine.kinematics.newton import CLOSED, CONTRACTION
+from pinarm.engine.kinematics.singular import ENOUGH
 from pinarm.records import Record
 
 REGULAR = 1e-4

@@ -18,9 +18,9 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.batch_closing import BatchClosing, Rates
-from pinarm.engine.kinematics.branch_test import on_branch
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.singular import on_branch
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -206,7 +206,10 @@ def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: A
 def branch_rates(
     mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, dw: Array, ddw: Array
 ) -> tuple[Array, Array]:
-    """Return velocities and accelerations at closed configurations; see ``joint_motion.joint_rates``."""
+    """Return velocities and accelerations of the joints, shape (n, nv), at closed configurations, shape (n, nq).
+
+    The velocities dw and accelerations ddw of the coordinates, shape (k,), are the same at every row.
+    """
     solver, sweep = NewtonSolver(mechanism.closure, prescribed), Ahead.of(mechanism.closure, prescribed)
     (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
     while row < len(q):

@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.newton import check_rank
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
+from pinarm.engine.kinematics.singular import check_rank
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
@@ -128,12 +128,14 @@ class DeterminedMotion(JointMotion, frozen=True):
             raise
 
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
-        """Return the motion: see ``JointMotion``."""
         return JointTrajectory(self, grid, *follow(self.mechanism, self.prescribed, grid, start))
 
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-        """Return velocities and accelerations: see ``JointMotion``."""
-        return joint_rates(self.mechanism, self.prescribed, q, dw, ddw)
+        if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
+            return np.zeros((len(q), self.mechanism.model.nv)), np.zeros((len(q), self.mechanism.model.nv))
+        from pinarm.engine.kinematics.continuation import branch_rates
+
+        return branch_rates(self.mechanism, self.prescribed, q, dw, ddw)
 
 
 def follow(
@@ -160,31 +162,6 @@ def follow(
     )
 
     return follow_branch(mechanism, prescribed, grid, prescribed_at_start(mechanism, prescribed, grid, start))
-
-
-def joint_rates(
-    mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, dw: Array, ddw: Array
-) -> tuple[Array, Array]:
-    """Return the joints' velocities and accelerations at given states of the prescribed coordinates.
-
-    Args:
-        mechanism: The mechanism.
-        prescribed: As many coordinates as it has degrees of freedom.
-        q: Configurations, shape (n, nq).
-        dw: Velocities of the coordinates, the same at every row, shape (k,).
-        ddw: Their accelerations, shape (k,).
-
-    Returns:
-        v and a, each of shape (n, nv).
-
-    Raises:
-        AssemblyError: A position is singular.
-    """
-    if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
-        return np.zeros((len(q), mechanism.model.nv)), np.zeros((len(q), mechanism.model.nv))
-    from pinarm.engine.kinematics.continuation import branch_rates
-
-    return branch_rates(mechanism, prescribed, q, dw, ddw)
 
 
 def prescribed_at_start(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array) -> Array:

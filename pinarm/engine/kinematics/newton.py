@@ -8,7 +8,7 @@ loops (``Closure.measure``), so that they are solved alike at any size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,9 +19,8 @@ from pinarm.engine.constraints.closure import SMALL, Closure
 from pinarm.engine.constraints.constraint import JointTie, joint_ties
 from pinarm.engine.constraints.nullspace import MANY, RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.abscissa import instant
-from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.kinematics.travel import travel
+from pinarm.engine.kinematics.singular import ENOUGH, check_rank, end_of_travel, on_branch, part_of_leap
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -41,10 +40,6 @@ CONTRACTION = 0.25
 REACH = 0.3
 """Largest correction of a predicted position: beyond it the step in time is halved."""
 
-SINGULAR = 1e-6
-"""Smallest ratio of singular values of J that still determines velocities. Near a stretched position Newton's method
-leaves an angle of the square root of ``CLOSED``, so a smaller ratio is not told from 0."""
-
 NEAR_SINGULAR = 1e-3
 """Ratio of singular values of J below which a branch that ends is taken to end at a singular position: near one it
 falls as the root of the distance, and steps end at ``SMALLEST`` of an interval, at about 3e-5."""
@@ -52,9 +47,6 @@ falls as the root of the distance, and steps end at ``SMALLEST`` of an interval,
 AGREED, SHORT = 1e-7, 1e-3
 """Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
 with which centripetal terms are compared that have vanished but for rounding."""
-
-PART = 0.1
-"""Part of a row in a combination of length 1 that all but vanishes, from which on it is named."""
 
 ITERATIONS, POLISHED = 60, 4
 """Most steps in which a gap may fail to halve: slower steps count as not converging. And most steps from a closed
@@ -330,7 +322,7 @@ class NewtonSolver:
                 moves that way for an instant only.
         """
         rows, still = self.rows(self.closure.state(q)), np.zeros(self.closure.size)
-        check_rank(rows, self.names, t, lambda: _and(travel(self, q)))
+        check_rank(rows, self.names, t, lambda: _and(end_of_travel(self, q)))
         x = self.agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
         v = self.spread(x)
         state = self.closure.state(q, v)
@@ -371,7 +363,7 @@ class NewtonSolver:
         """Return why a branch that has come to q at t does not go on: values w out of reach at ``to``, or what else."""
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
         if not self.closed(self.closure.state(closest), gap, w):
-            why = travel(self, q) if self._regularity(q) < NEAR_SINGULAR else ""
+            why = end_of_travel(self, q) if self._regularity(q) < NEAR_SINGULAR else ""
             return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}{why and f'; {why}'}")
         ratio = self._regularity(q)
         singular = f"singular position: the smallest singular value of the rows is {ratio:.1e} of the largest"
@@ -456,49 +448,5 @@ def _solve(rows: Array, right: Array) -> Array:
     return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
 
 
-def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
-    """Return what depends on each other: the names of the rows with a part in a combination that all but vanishes.
-
-    Args:
-        rows: Shape (m, nv).
-        rank: That of rows in a position of no special kind.
-        names: What they belong to.
-    """
-    size = np.linalg.norm(rows, axis=1)
-    units = np.where(size > RANK * size.max(), size, 1.0)  # a part does not hang on the unit of its row
-    weak = np.linalg.svd(rows / units[:, None])[0][:, rank - 1]
-    return ", ".join(dict.fromkeys(name for name, part in zip(names, weak, strict=True) if abs(part) > PART))
-
-
-def dependent(names: str) -> str:
-    """Return in words that coordinates, told by ``tied``, depend on each other."""
-    return f"{names} {'do' if ', ' in names else 'does'} not move independently"
-
-
 def _and(said: str) -> str:
     return f"{said}; " if said else ""
-
-
-def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], str] = str) -> None:
-    """Raise where rows do not determine the velocity of every joint.
-
-    Args:
-        rows: Those of constraints and coordinates, shape (m, nv).
-        names: What they belong to.
-        t: The instant, for the message.
-        why: Says what is singular, as far as that is known.
-
-    Raises:
-        AssemblyError: The position is singular.
-    """
-    nv = rows.shape[1]
-    singular = np.linalg.svd(rows, compute_uv=False)
-    if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
-        found = tied(rows, min(len(rows), nv), names)
-        raise AssemblyError(
-            f"the position is singular at {instant(t)}: {why()}{dependent(found)} there",
-            expected="prescribed coordinates that determine the velocity of every joint",
-            hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
-            "beside it, between which the motion passes it; or other coordinates",
-            t=t,
-        )

@@ -16,8 +16,9 @@ from pinarm.arrays import Array
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.free_pull import AT_LIMIT, FreePull, FreePullAt, NearestSolver, Posture
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory, prescribed_at_start
-from pinarm.engine.kinematics.newton import SINGULAR, NewtonSolver, Target, dependent, tied
+from pinarm.engine.kinematics.newton import NewtonSolver, Target
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
+from pinarm.engine.kinematics.singular import SINGULAR, dependent, tied
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant

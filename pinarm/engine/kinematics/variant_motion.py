@@ -22,10 +22,10 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.nullspace import RANK, VANISHED
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.kinematics.batch_closing import BatchClosing, Rates
-from pinarm.engine.kinematics.branch_test import on_branch
 from pinarm.engine.kinematics.continuation import NEAR
 from pinarm.engine.kinematics.newton import ITERATIONS, NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.singular import on_branch
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.records import Record
 

@@ -20,8 +20,7 @@ from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedT
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, DriveAtEveryJoint
-from pinarm.engine.statics.effort_distribution import UNIQUE
-from pinarm.engine.statics.selected_drives import WEAK, SelectedDrives
+from pinarm.engine.statics.effort_distribution import UNIQUE, WEAK, SelectedDrives
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid

@@ -138,7 +138,7 @@ def along(mechanism: Mechanism, names: Collection[str]) -> Actuation:
     """
     if len(set(names)) < len(names):
         raise InputError(f"a drive is named twice in {', '.join(names)}", expected="one drive along each coordinate")
-    from pinarm.engine.statics.selected_drives import SelectedDrives  # open chains do without
+    from pinarm.engine.statics.effort_distribution import SelectedDrives  # open chains do without
 
     named: dict[str, Coordinate] = {name: mechanism.coordinate(name) for name in names}
     linear = {name: along for name, along in named.items() if isinstance(along, LinearCoordinate)}

@@ -1,0 +1,141 @@
+"""Singular positions of prescribed motions: whether a step passes one, what depends on what, and ends of travel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.nullspace import RANK
+from pinarm.engine.kinematics.abscissa import instant
+from pinarm.errors import AssemblyError
+from pinarm.mechanics.joints import RADIAN
+
+if TYPE_CHECKING:
+    from pinarm.engine.kinematics.newton import NewtonSolver
+
+ENOUGH = 1e-9
+"""Correction that is the last: Newton's method doubles the digits, the next one would be below rounding."""
+
+CROSSED, AIMED, NEARER = 5e-6, 2e-6, 0.3
+"""Largest ratio of singular values of J on both sides of a singular position that a step goes through, the one that the
+step before it aims at, and how much smaller than the last one it becomes at once."""
+
+SINGULAR = 1e-6
+"""Smallest ratio of singular values of J that still determines velocities. Near a stretched position Newton's method
+leaves an angle of the square root of ``CLOSED``, so a smaller ratio is not told from 0."""
+
+PART = 0.1
+"""Part of a motion, or of a combination of rows, of length 1, from which on it is named; and the way u along x within
+which a coordinate has to turn back."""
+
+STRAIGHT = 1e-6
+"""A c, and other singular values relative to the largest, that are not told from 0: configurations are known to it."""
+
+
+def on_branch(turned: Array, correction: Array) -> Flags:
+    """Tell which solutions are on the branch of their predictions: one on another branch has another velocity.
+
+    With an error of the predicted position ``h^3 j / 6`` that of the velocity is three times as much, over h.
+
+    Args:
+        turned: Errors of the predicted velocities, times h, shape (.., nv).
+        correction: Largest errors of the predicted coordinates, shape (..).
+    """
+    return np.asarray(np.abs(turned).max(axis=-1) <= 10.0 * correction + ENOUGH)
+
+
+def part_of_leap(rows: Array, there: Array) -> float:
+    """Return how much of a step may be taken, from J before and after it: all, unless it leads past a singularity.
+
+    The least singular value is taken to change evenly, through 0: a shorter step aims at a position nearer to that, and
+    from very near one of twice the way goes through it. Where branches only all but meet, the shorter steps follow
+    their own.
+    """
+    nv = rows.shape[1]
+    if _sign(rows, there) > 0.0:
+        return 1.0
+    values = [np.linalg.svd(each, compute_uv=False) for each in (rows, there)]
+    before, after = (float(each[nv - 1] / each[0]) for each in values)
+    if max(before, after) <= CROSSED:
+        return 1.0
+    wanted = max(NEARER * before, AIMED) if before > CROSSED else -before
+    return (before - wanted) / (before + after)
+
+
+def _sign(rows: Array, there: Array) -> float:
+    """Return the sign of the determinant of ``rows^T there``, shapes (m, nv); 0 where that is singular."""
+    return float(np.linalg.slogdet(rows.T @ there)[0])
+
+
+def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
+    """Return what depends on each other: the names of the rows with a part in a combination that all but vanishes.
+
+    Args:
+        rows: Shape (m, nv).
+        rank: That of rows in a position of no special kind.
+        names: What they belong to.
+    """
+    size = np.linalg.norm(rows, axis=1)
+    units = np.where(size > RANK * size.max(), size, 1.0)  # a part does not hang on the unit of its row
+    weak = np.linalg.svd(rows / units[:, None])[0][:, rank - 1]
+    return ", ".join(dict.fromkeys(name for name, part in zip(names, weak, strict=True) if abs(part) > PART))
+
+
+def dependent(names: str) -> str:
+    """Return in words that coordinates, told by ``tied``, depend on each other."""
+    return f"{names} {'do' if ', ' in names else 'does'} not move independently"
+
+
+def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], str] = str) -> None:
+    """Raise where rows do not determine the velocity of every joint.
+
+    Args:
+        rows: Those of constraints and coordinates, shape (m, nv).
+        names: What they belong to.
+        t: The instant, for the message.
+        why: Says what is singular, as far as that is known.
+
+    Raises:
+        AssemblyError: The position is singular.
+    """
+    nv = rows.shape[1]
+    singular = np.linalg.svd(rows, compute_uv=False)
+    if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
+        found = tied(rows, min(len(rows), nv), names)
+        raise AssemblyError(
+            f"the position is singular at {instant(t)}: {why()}{dependent(found)} there",
+            expected="prescribed coordinates that determine the velocity of every joint",
+            hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
+            "beside it, between which the motion passes it; or other coordinates",
+            t=t,
+        )
+
+
+def end_of_travel(solver: NewtonSolver, q: Array) -> str:
+    """Return which coordinates are at the end of their travel at a singular position; empty where none is.
+
+    There a coordinate cannot move, and the mechanism moves while it rests: with J the rows of the constraints and
+    coordinates, ``y^T J = s x^T`` with a part of y on the row of the coordinate, and s all but 0. Along x the
+    coordinate turns back: it goes by ``s u + c u^2 / 2`` with ``c = y^T J' x``, and turns where ``u = -s / c``. Where c
+    vanishes as well, as of a folded arm whose tip is at its base, it may go on.
+    """
+    rows, own = solver.rows(solver.closure.state(q)), solver.closure.size
+    if len(rows) != rows.shape[1]:
+        return ""
+    u, values, vt = np.linalg.svd(rows)
+    state = solver.closure.state(q, solver.spread(vt[-1]))
+    drifts = np.append(solver.closure.drift(state), [one.drift(state) for one in solver.coordinates])
+    bend = abs(float(u[:, -1] @ (drifts / solver.measure)))
+    if bend < STRAIGHT or values[-1] > PART * bend or (values[:-1] < STRAIGHT * values[0]).any():
+        return ""
+    named = zip(solver.names[own:], solver.coordinates, u[own:, -1], strict=True)
+    stuck = [
+        f"{name} = {math.degrees(one.value(state)):.6g} deg" if one.unit == RADIAN
+        else f"{name} = {one.value(state):.6g} {one.unit}"
+        for name, one, part in named if abs(part) > PART
+    ]  # fmt: skip
+    return f"{', '.join(stuck)} {'is' if len(stuck) == 1 else 'are'} the end of travel" if stuck else ""
