@@ -56,6 +56,12 @@ ENTRIES = (
     Shown("magic_arms_cycle", "A fairground ride: three revolutes, and the acceleration of a passenger."),
     Shown("gyroscope_free", "Gyroscope on gimbals: the nutation of a rotor at 200 rad/s."),
     Shown("slider_crank_gas", "Slider-crank with the force of a gas on its piston."),
+    Shown(
+        "porter_governor_modes",
+        "Porter's governor at its steady speed: the replay moves its modes, with a slider for the amplitude. Two loops "
+        "that stay closed.",
+    ),
+    Shown("olive_vibrator_modes", "A vibrator on a tree: its resonance as a mode that moves."),
     Shown("panda_quintic", "A Panda from one pose to another along polynomials of degree 5."),
 )
 
