@@ -21,7 +21,7 @@ FLOOR_PLAN = {
     "records": "",
     "errors": "",
     "arrays": "",
-    "input": "numbers units roots xml_text xml_names formulas yaml csv_rows motion_tables xacro robots",
+    "input": "numbers units roots xml_text formulas yaml csv_tables xacro robots",
     "mechanics": "geometry joints laws limited_states motors drives coordinates control rotors ball_joints loops "
     "forces couplings loading friction payloads points perturbation planar description",
     "engine": "series dataframes labelled_array one_run kernel integration constraints dynamics mesh_inertias "

@@ -28,8 +28,7 @@ from pinarm.engine.mechanism_parts import (
 from pinarm.engine.model_source import RobotReader, numeric, read_robot, robot_of_model
 from pinarm.errors import InputError, Place, nowhere, within
 from pinarm.input.xacro.expansion import check_declared
-from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.values import Values, varied
+from pinarm.input.yaml.document import Document, Values, varied
 from pinarm.mechanics.coordinates import Coordinate, coordinate_of, sum_of
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words

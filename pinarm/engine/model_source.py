@@ -27,8 +27,7 @@ from pinarm.input.roots import (
     root_of,
 )
 from pinarm.input.xacro.expansion import check_declared, expand
-from pinarm.input.xml_names import UnknownName
-from pinarm.input.xml_text import MAX_BYTES, location, read, resolve_includes
+from pinarm.input.xml_text import MAX_BYTES, Element, UnknownName, location_of, read, resolve_includes, tree_of
 from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
 from pinarm.records import ValueRecord, replace
@@ -173,10 +172,9 @@ def _place(error: ModelError, path: Path) -> Location:
         return error.place(read(path, source, MAX_BYTES), source)
     if named:
         text = read(path, source, MAX_BYTES)
-        element = rf"<{named[1]}\s[^<>]*?\bname\s*=\s*([\"']){re.escape(named[2])}\1"
-        starts = [match.start() for match in re.finditer(element, text)]
-        if len(starts) == 1:
-            return location(source, text, text.count("\n", 0, starts[0]) + 1)
+        elements = [part for part in tree_of(text, source).iter(named[1]) if part.get("name") == named[2]]
+        if len(elements) == 1 and isinstance(elements[0], Element):
+            return location_of(elements[0], text)
     return Location(source)
 
 

@@ -9,8 +9,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, ModelError
-from pinarm.input.yaml.deferred import Deferred
-from pinarm.input.yaml.schema import Acceleration, InputStruct, Level, Positive
+from pinarm.input.yaml.schema import Acceleration, Deferred, InputStruct, Level, Positive
 from pinarm.mechanics.joints import AXES, Direction, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
 from pinarm.mechanics.loops.closing_frames import Closure

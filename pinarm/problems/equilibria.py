@@ -20,8 +20,7 @@ from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import along
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.deferred import Deferred
-from pinarm.input.yaml.schema import InputStruct, Level
+from pinarm.input.yaml.schema import Deferred, InputStruct, Level
 from pinarm.mechanics.coordinates import driven_along
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant

@@ -33,8 +33,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import along
 from pinarm.errors import DynamicsError, InputError, IntegrationError, Interrupted, Key, Place, nowhere
 from pinarm.input.units import unit
-from pinarm.input.yaml.deferred import Deferred
-from pinarm.input.yaml.schema import InputStruct, Level, Rate
+from pinarm.input.yaml.schema import Deferred, InputStruct, Level, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of
 from pinarm.mechanics.ball_joints import velocity as velocity_of
 from pinarm.mechanics.laws import Motion

@@ -17,8 +17,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import Place, locating_drives
 from pinarm.input.units import unit
-from pinarm.input.yaml.deferred import Deferred
-from pinarm.input.yaml.schema import InputStruct, Level
+from pinarm.input.yaml.schema import Deferred, InputStruct, Level
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy

@@ -28,8 +28,7 @@ from pinarm.engine.statics.actuation import along
 from pinarm.errors import InputError, Key, Place, within
 from pinarm.input.units import DIMENSIONLESS as ONE
 from pinarm.input.units import HERTZ, Unit, unit
-from pinarm.input.yaml.deferred import Deferred
-from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Rate, check_unit
+from pinarm.input.yaml.schema import AnyQuantity, Deferred, InputStruct, Level, Rate, check_unit
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Constant

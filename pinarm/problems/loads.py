@@ -10,7 +10,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, nowhere
 from pinarm.input.units import Unit
-from pinarm.input.yaml.deferred import Deferred
+from pinarm.input.yaml.schema import Deferred
 from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.laws import Constant
 from pinarm.records import replace

@@ -19,11 +19,10 @@ from pinarm.engine.motion.recorded_motion import RecordedRows, Recording
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, everywhere
 from pinarm.errors import InputError, Key, Place, UnitError, choices, nowhere, several, within
-from pinarm.input.csv_rows import split_heading
+from pinarm.input.csv_tables import split_heading
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
-from pinarm.input.yaml.deferred import Deferred
-from pinarm.input.yaml.schema import InputStruct, current_folder
+from pinarm.input.yaml.schema import Deferred, InputStruct, current_folder
 from pinarm.mechanics.joints import effort_unit
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
 from pinarm.problems.accuracy import Accuracy
@@ -170,14 +169,14 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     def _headings(self) -> Iterable[str]:
         if not self.file:
             return self.columns
-        from pinarm.input.motion_tables import read_headings
+        from pinarm.input.csv_tables import read_headings
 
         return read_headings(self.file)
 
     def _columns(self, mechanism: Mechanism, most: int | None) -> Mapping[str, Sequence[float] | str]:
         if not self.file:
             return self.columns if most is None else {heading: x[:most] for heading, x in _apart(self.columns)}
-        from pinarm.input.motion_tables import read_columns
+        from pinarm.input.csv_tables import read_columns
 
         state = Path(self.file).stat()
         return read_columns(self.file, names_read(mechanism), (state.st_mtime_ns, state.st_size), most)

@@ -21,8 +21,7 @@ from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import InputError, Key, Place, choices, locating_drives
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.deferred import Deferred
-from pinarm.input.yaml.schema import InputStruct, Level, Rate, SecondRate, check_unit
+from pinarm.input.yaml.schema import Deferred, InputStruct, Level, Rate, SecondRate, check_unit
 from pinarm.mechanics.ball_joints import positions_of
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed

@@ -12,7 +12,7 @@ from pinarm.arrays import Array
 from pinarm.engine import mechanism
 from pinarm.engine.mechanism_loading import load_mechanism, mechanism_of_model
 from pinarm.errors import require_map, require_path
-from pinarm.input.yaml.values import Values
+from pinarm.input.yaml.document import Values
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -10,9 +10,8 @@ from code_blocks import PAGES, ROOT, Session, blocks_of, is_printed
 
 import pinarm
 from pinarm.cli.main import COMMANDS, _parser
-from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import convert, reading_from
+from pinarm.input.yaml.schema import convert, reading_from, with_types
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import problem_class
 from pinarm.use.scenario.scenario_file import ScenarioFile

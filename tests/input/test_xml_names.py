@@ -3,8 +3,7 @@
 import pytest
 
 from pinarm.errors import ModelError
-from pinarm.input.xml_names import UnknownName, check_names, counted, format_names, meant_by
-from pinarm.input.xml_text import tree_of
+from pinarm.input.xml_text import UnknownName, check_names, counted, format_names, meant_by, tree_of
 
 KNOWN = format_names({
     "room": "> shelf* door",

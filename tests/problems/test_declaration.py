@@ -5,8 +5,7 @@ from typing import Any, get_args, get_type_hints
 import msgspec
 import pytest
 
-from pinarm.input.yaml.deferred import with_types
-from pinarm.input.yaml.schema import Level, Rate, SecondRate
+from pinarm.input.yaml.schema import Level, Rate, SecondRate, with_types
 from pinarm.mechanics.control.kinds import Control
 from pinarm.mechanics.control.pid import Pid
 from pinarm.mechanics.forces.kinds import Force

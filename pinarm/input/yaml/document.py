@@ -1,29 +1,52 @@
-"""YAML documents with the location of every value, and validation with located errors."""
+"""YAML documents with the location of every value, validation with located errors, and values that replace others.
+
+Paths of keys such as ``problem.time.end`` are steps joined by dots, indices of lists included (``expect.0.rtol``), in
+quotes where a key has a dot of its own: ``problem.motion."tcp.y".value`` leads below the key ``tcp.y``. Without quotes
+a dot belongs to a key where the data have that key, and none that ends at the dot.
+
+``{"problem.time.end": "3 s", "arguments.m_A": 0.2}`` and ``["problem.time.end=3 s", "arguments.m_A=0.2"]`` are the same
+values. A value is what the file would have there; a list or a map replaces the whole that stood there. A bare number is
+in SI. It is allowed where the file has an SI unit at that place (0.2 for a value in kg), or none. Where the file has
+another unit (mm, deg, rpm) it is refused, since 200 might be meant in either.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 
-from pinarm.errors import InputError, Key, Location, PinarmError, within
+from pinarm.errors import InputError, Key, Location, PinarmError, UnitError, within
 from pinarm.input.roots import similar_file
-from pinarm.input.yaml.deferred import with_types
-from pinarm.input.yaml.key_path import steps_of
+from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.parser import LEVELS, MAX_DEPTH, NESTED, Builder, Path_
-from pinarm.input.yaml.schema import InputStruct, convert, reading_from
+from pinarm.input.yaml.schema import InputStruct, Measured, convert, reading_from, with_types
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
 from pinarm.records import ValueRecord, replace
 
 MAX_BYTES = 1_000_000
 """Largest size of a file; a reader in Python needs about a minute for ten megabytes. Longer tables go in CSV files."""
 
+_STEP = re.compile(r"""(?P<quote>["'])(?P<quoted>.*?)(?P=quote)(?=\.|$)|(?P<plain>[^."'][^.]*)(?=\.|$)""", re.DOTALL)
+
+QUOTED = """keys that have dots in quotes, such as --set 'problem.motion."tcp.y".value=3 mm'"""
+"""Hint for paths that lead elsewhere."""
+
+SHOWN_KEYS, SHOWN_LETTERS = 5, 40
+"""Keys that a message lists, and characters that it shows of a path."""
+
+Values = Mapping[str, object] | Sequence[str]
+"""Path -> value, or texts such as ``problem.time.end=3 s``."""
+
+SHOWN = 120
+"""Characters of a value that a message repeats."""
 
 StructT = TypeVar("StructT", bound=InputStruct)
 T = TypeVar("T")
@@ -124,7 +147,7 @@ class Document(ValueRecord, frozen=True):
         """Return the document with the value at a path such as ``problem.time.end`` replaced.
 
         Args:
-            name: The path, see ``key_path``; missing keys are created.
+            name: The path, see ``steps_of``; missing keys are created.
             value: Plain data.
             option: Location of the value, for messages.
 
@@ -263,3 +286,164 @@ def step_into(data: Any, key: str, option: Location, *, create: bool) -> str | i
     if create:
         data.setdefault(key, {})
     return key
+
+
+def steps_of(path: str, data: Any, place: Location) -> list[str]:
+    """Return the keys and indices, as texts, by which a path leads through data.
+
+    Args:
+        path: The path.
+        data: What it leads into; a step that does not exist stays as it is written.
+        place: Of the path, for messages.
+
+    Raises:
+        InputError: A step is empty, there are too many, or the path ends in the middle of keys that have dots.
+    """
+    parts, steps = _parts(path, place), list[str]()
+    if len(parts) > MAX_DEPTH:
+        raise InputError(f"the path '{path[:SHOWN_LETTERS]}...' has {len(parts)} steps", expected=LEVELS).at(place)
+    while parts:
+        step, parts = _next(parts, data, steps, place)
+        steps.append(step)
+        data = _inner(data, step)
+    return steps
+
+
+def argument_of(path: str) -> str:
+    """Return the argument that a path such as ``arguments.m_A`` leads to; empty where it leads elsewhere."""
+    first, *rest = (text for text, _ in _parts(path, Location(path)))
+    return ".".join(rest) if first == "arguments" else ""
+
+
+def joined(steps: list[str]) -> str:
+    """Return the path of steps, in quotes where they have dots."""
+    return ".".join(f'"{step}"' if "." in step else step for step in steps)
+
+
+def _parts(path: str, place: Location) -> list[tuple[str, bool]]:
+    """Return the parts between the dots of a path, and whether each is in quotes."""
+    parts, end = list[tuple[str, bool]](), 0
+    while match := _STEP.match(path, end):
+        quoted = match["quote"] is not None
+        parts.append((match["quoted"] if quoted else match["plain"], quoted))
+        end = match.end() + 1
+    if end != len(path) + 1:
+        raise InputError(f"'{path[end:] or path}' is no path of keys", expected="path.to.key", hint=QUOTED).at(place)
+    return parts
+
+
+def _next(
+    parts: list[tuple[str, bool]], data: Any, before: list[str], place: Location
+) -> tuple[str, list[tuple[str, bool]]]:
+    """Return the first step of a path through data, and the parts behind it."""
+    (first, quoted), *rest = parts
+    if quoted or not isinstance(data, dict) or first in data:
+        return first, rest
+    for count in range(2, len(parts) + 1):
+        joint = ".".join(text for text, _ in parts[:count])
+        if joint in data and not any(quoted for _, quoted in parts[:count]):
+            return joint, parts[count:]
+    if rest and (dotted := [str(key) for key in data if str(key).startswith(f"{first}.")]):
+        raise InputError(
+            f"there is no key '{first}' here, but keys that begin with it and a dot",
+            expected=", ".join(joined([*before, key]) for key in dotted[:SHOWN_KEYS]),
+            hint=QUOTED,
+        ).at(place)
+    return first, rest
+
+
+def _inner(data: Any, step: str) -> Any:
+    """Return the value at a step; ``None`` where there is none."""
+    if isinstance(data, list):
+        return data[int(step)] if re.fullmatch(r"-?[0-9]{1,9}", step) and -len(data) <= int(step) < len(data) else None
+    return data.get(step) if isinstance(data, dict) else None
+
+
+def varied(document: Document, values: Values, declared: Callable[[str], str] = lambda path: "") -> Document:
+    """Return a file with other values; ``declared`` knows the unit at a path where the file itself has none.
+
+    Raises:
+        InputError: A path does not lead into the file, or a value is no plain data.
+        UnitError: A number has no unit, and the value that it replaces is not in SI.
+    """
+    for path, value, place in _assignments(values):
+        document = document.assigned(path, _with_unit(document, path, value, place, declared), place)
+    return document
+
+
+def require_apart(data: Any, values: Values, others: Iterable[str]) -> None:
+    """Refuse values that lead to, or below, what other paths replace, and two of these paths that are the same."""
+    replaced = [(other, steps_of(other, data, Location(other))) for other in others]
+    for (first, one), (second, two) in combinations(replaced, 2):
+        if one == two:
+            raise InputError(f"'{first}' and '{second}' are one path, and varied twice", expected="each path once")
+    for path, _, place in _assignments(values):
+        steps = steps_of(path, data, place)
+        for other, above in replaced:
+            if steps[: len(above)] == above:
+                raise InputError(f"'{other}' is varied, and what is set there would have no effect",
+                                 expected="a path that is set or varied, not both").at(place)  # fmt: skip
+
+
+def written_unit(data: Any, path: str) -> str:
+    """Return the unit of the value at a path of plain data; empty where there is none."""
+    value = value_at(data, path)
+    try:
+        measured = read_quantity(value)[1] if isinstance(value, str) else None
+    except InputError:  # no quantity
+        return ""
+    return measured.text if measured else ""
+
+
+def require_unit(value: Measured, known: str, path: str) -> None:
+    """Refuse a number without a unit where the number at the path that it is meant for has one."""
+    if value and value.unit is None and known not in ("", "1"):
+        raise UnitError(f"'{value:g}' has no unit, and the number at '{path}' is in {known}",
+                        expected="a number with its unit", hint=f"{value:g} {known}")  # fmt: skip
+
+
+def value_at(data: Any, path: str) -> Any:
+    """Return the value at a path of plain data; ``None`` where there is none."""
+    try:
+        for key in steps_of(path, data, Location(path)):
+            data = data[step_into(data, key, Location(path), create=False)]
+    except (InputError, KeyError):
+        return None
+    return data
+
+
+def _assignments(values: Values) -> Iterator[tuple[str, Any, Location]]:
+    """Yield path, value and the place of each, for messages."""
+    if isinstance(values, Mapping):
+        for path, value in values.items():
+            place = Location(f"{path}={value}"[:SHOWN])
+            if not isinstance(path, str) or not path.strip():
+                raise InputError(f"the key {path!r} is no path", expected="text such as 'problem.time.end'").at(place)
+            try:
+                yield path.strip(), plain_data(value), place
+            except InputError as error:
+                raise error.at(place) from None
+        return
+    if isinstance(values, str) or not isinstance(values, Sequence):
+        raise InputError(f"other values are given as {str(values)[:SHOWN]!r}",
+                         expected="{'problem.time.end': '3 s'}, or ['problem.time.end=3 s']")  # fmt: skip
+    for text in values:
+        name, equals, value = str(text).partition("=")
+        option = Location(f"--set {text}")
+        if not equals or not name.strip():
+            raise InputError("this is not an assignment", expected="path.to.key=value").at(option)
+        yield name.strip(), Document.parse(value, source=option.source).data, option
+
+
+def _with_unit(document: Document, path: str, value: Any, place: Location, declared: Callable[[str], str]) -> Any:
+    """Return a bare number with the SI unit in which the file has the value that it replaces; others as they are."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or value == 0:
+        return value
+    written = written_unit(document.data, path)
+    text = written or declared(path)
+    if not text or text == "1" != written:
+        return value
+    if unit(text).factor != 1.0:
+        raise UnitError(f"{value!r} has no unit, and the value that it replaces is in {text}",
+                        expected="a number with its unit", hint=f"'{value!r} {text}'").at(place)  # fmt: skip
+    return f"{value!r} {text}"

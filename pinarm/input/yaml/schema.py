@@ -3,13 +3,14 @@
 # Annotations are no text here (``from __future__ import annotations``): msgspec would compile each in every run.
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import UnionType
-from typing import Any, ClassVar, Self, Union, get_args, get_origin
+from typing import Any, ClassVar, Self, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -17,7 +18,11 @@ import numpy as np
 from pinarm.errors import InputError, PinarmError, UnitError, within
 from pinarm.input.numbers import DECIMAL
 from pinarm.input.units import DIMENSIONLESS, HERTZ, Unit, read_quantity, unit
-from pinarm.input.yaml.deferred import Deferred, with_types
+
+StructT = TypeVar("StructT", bound=msgspec.Struct)
+
+Deferred = Mapping[str, tuple[str, str]]
+"""Field -> module and name of the type in place of ``Any`` in its annotation, imported where a file has the field."""
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
@@ -257,7 +262,7 @@ class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An immutable part of an input file; unknown keys are errors.
 
     Attributes:
-        deferred: Keys whose types are imported when a file has them; see ``deferred.with_types``.
+        deferred: Keys whose types are imported when a file has them; see ``with_types``.
         unoffered: Values that files may have and messages do not suggest, such as removed methods.
     """
 
@@ -278,6 +283,48 @@ class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def check(self) -> None:
         """Check what annotations cannot express; raise an InputError."""
+
+
+def with_types(struct: type[StructT], keys: Iterable[str]) -> type[StructT]:
+    """Return a struct with the types of those of its ``deferred`` fields that are among the keys of a file."""
+    deferred: Deferred = getattr(struct, "deferred", {})
+    wanted = deferred.keys() & keys if deferred else ()
+    return _with_types(struct, frozenset(wanted)) if wanted else struct
+
+
+@cache
+def _with_types(struct: type[Any], wanted: frozenset[str]) -> type[Any]:
+    fields = []
+    for field in msgspec.structs.fields(struct):
+        if field.encode_name in wanted:
+            module, name = struct.deferred[field.encode_name]
+            kind = _filled(field.type, getattr(import_module(module), name))
+            default: Any = {"default": field.default, "default_factory": field.default_factory}
+            fields.append((field.name, kind, msgspec.field(name=field.encode_name, **default)))
+
+    def reduced(self: msgspec.Struct) -> tuple[Any, ...]:
+        return _made_again, (struct, wanted, {name: getattr(self, name) for name in self.__struct_fields__})
+
+    namespace = {"__doc__": struct.__doc__, "__reduce__": reduced}
+    return msgspec.defstruct(
+        struct.__name__, fields, bases=(struct,), module=struct.__module__, namespace=namespace, frozen=True,
+        kw_only=True,
+    )  # fmt: skip
+
+
+def _made_again(struct: type[StructT], wanted: frozenset[str], values: dict[str, Any]) -> StructT:
+    """Make a struct in another process, which cannot look up its class by name."""
+    return with_types(struct, wanted)(**values)
+
+
+def _filled(annotation: Any, kind: Any) -> Any:
+    """Return an annotation with a type in place of ``Any``."""
+    if annotation is Any:
+        return kind
+    origin, inside = get_origin(annotation), tuple(_filled(argument, kind) for argument in get_args(annotation))
+    if not inside:
+        return annotation
+    return Union[inside] if origin in (Union, UnionType) else origin[inside]  # noqa: UP007
 
 
 def validated(value: object, field: msgspec.structs.FieldInfo) -> object:

@@ -20,7 +20,7 @@ from pinarm.mechanics.laws.clamped_spline import ClampedSpline
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, polynomial
 
 if TYPE_CHECKING:
-    from pinarm.input.motion_tables import MotionTable
+    from pinarm.input.csv_tables import MotionTable
 
 
 HEADINGS = ("{}", "joint.{}.position", "coordinate.{}.position")
@@ -166,7 +166,7 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
 
 def cached_table(path: str, column: str | None = None) -> MotionTable:
     """Return two columns of a table; cached until the file changes."""
-    from pinarm.input.motion_tables import read_table
+    from pinarm.input.csv_tables import read_table
 
     return read_table(path, column, stamp_of(Path(path).stat()))
 

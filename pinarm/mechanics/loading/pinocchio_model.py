@@ -18,8 +18,7 @@ from msgspec import field
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, listed
-from pinarm.input.xml_names import is_foreign
-from pinarm.input.xml_text import tree_of
+from pinarm.input.xml_text import is_foreign, tree_of
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_forces import CREEP

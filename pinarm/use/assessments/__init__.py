@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol
 
-from pinarm.input.yaml.deferred import Deferred
+from pinarm.input.yaml.schema import Deferred
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, Location, PinarmError, within
-from pinarm.input.csv_rows import split_heading, table
+from pinarm.input.csv_tables import split_heading, table
 from pinarm.input.numbers import decimal
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import unit

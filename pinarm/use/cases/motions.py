@@ -17,7 +17,7 @@ from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVaria
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable
 from pinarm.engine.motion.prescribed_variants import PrescribedVariants, follows_alike
 from pinarm.engine.motion.systems.tree_system import TreeSystem
-from pinarm.input.yaml.values import varied
+from pinarm.input.yaml.document import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.problems.forward import Forward
 from pinarm.use.cases.case import Case, Value

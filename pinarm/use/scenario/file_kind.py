@@ -8,7 +8,7 @@ from typing import Any
 
 from pinarm.errors import InputError, Location, ModelError
 from pinarm.input.robots import ENDINGS
-from pinarm.input.yaml.values import Values
+from pinarm.input.yaml.document import Values
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.use.scenario.scenario_file import ScenarioFile
 

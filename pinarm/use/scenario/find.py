@@ -16,8 +16,8 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
+from pinarm.input.yaml.document import require_unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
-from pinarm.input.yaml.values import require_unit
 from pinarm.use.result.condition import Condition, read_conditions
 from pinarm.use.result.section_number import AnyNumber, Numbered, names_section, read_number
 

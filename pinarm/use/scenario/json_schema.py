@@ -12,8 +12,7 @@ from typing import Any, Literal, Union
 import msgspec
 
 from pinarm.errors import InputError
-from pinarm.input.yaml.deferred import with_types
-from pinarm.input.yaml.schema import InputStruct, json_schema
+from pinarm.input.yaml.schema import InputStruct, json_schema, with_types
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import KINDS, problem_class
 from pinarm.use.scenario.scenario_file import ScenarioFile

@@ -11,7 +11,7 @@ from pinarm.engine.mechanism_loading import mechanism_document
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import read_quantity
-from pinarm.input.yaml.key_path import joined
+from pinarm.input.yaml.document import joined
 
 if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario

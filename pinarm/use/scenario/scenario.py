@@ -29,10 +29,8 @@ from pinarm.errors import InputError, Key, MethodError, NumericsError, PinarmErr
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import unit
-from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.key_path import argument_of
+from pinarm.input.yaml.document import Document, Values, argument_of, value_at, varied, written_unit
 from pinarm.input.yaml.schema import Measured
-from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.mechanics.perturbation import perturbed_numbers
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.simplify.locking import requested_joints
@@ -164,7 +162,7 @@ class Scenario(Record, frozen=True):
 
         Args:
             values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``, or texts such as
-                ``["arguments.m_A=0.2 kg"]``; see ``input.yaml.values``.
+                ``["arguments.m_A=0.2 kg"]``; see ``input.yaml.document``.
 
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.

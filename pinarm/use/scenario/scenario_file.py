@@ -9,8 +9,7 @@ import msgspec
 from pinarm.errors import InputError, within
 from pinarm.input.numbers import argument_word
 from pinarm.input.units import read_quantity, unit
-from pinarm.input.yaml.deferred import Deferred
-from pinarm.input.yaml.schema import InputStruct, Measured
+from pinarm.input.yaml.schema import Deferred, InputStruct, Measured
 from pinarm.mechanics.description import Gravity
 from pinarm.problems.accuracy import Accuracy
 from pinarm.use.assessments import ASSESSMENTS

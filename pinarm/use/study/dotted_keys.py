@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pinarm.engine.mechanism_loading import mechanism_document
-from pinarm.input.yaml.deferred import with_types
-from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.key_path import joined
-from pinarm.input.yaml.schema import InputStruct
+from pinarm.input.yaml.document import Document, joined
+from pinarm.input.yaml.schema import InputStruct, with_types
 from pinarm.input.yaml.validation_messages import keys_at
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import problem_class

@@ -20,7 +20,7 @@ from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import MESH_MASSES
 from pinarm.errors import LISTED, InputError, several
-from pinarm.input.yaml.values import Values
+from pinarm.input.yaml.document import Values
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.loading.pinocchio_layout import FLOATING

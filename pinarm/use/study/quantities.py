@@ -12,8 +12,7 @@ from pinarm.engine.mechanism_loading import load_mechanism, mechanism_of_data
 from pinarm.engine.quantities.catalogue import QuantityCatalogue, catalogue, catalogue_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
-from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.values import Values
+from pinarm.input.yaml.document import Document, Values
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.scenario.file_kind import is_mechanism, refuse_ambiguous

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinarm.errors import InputError
-from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.values import Values
+from pinarm.input.yaml.document import Document, Values
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import is_mechanism
 from pinarm.use.scenario.scenario import Given, Scenario, load

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError, Key, Location, within
-from pinarm.input.yaml.document import MAX_BYTES, Document
+from pinarm.input.yaml.document import MAX_BYTES, Document, varied
 from pinarm.input.yaml.schema import InputStruct, Time
-from pinarm.input.yaml.values import varied
 
 
 def parse(text: str) -> Any:

@@ -6,7 +6,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError, Location
-from pinarm.input.yaml.key_path import steps_of
+from pinarm.input.yaml.document import steps_of
 
 DATA = {"motion": {"tcp.x": {"value": 1}, "tcp.y": [{"a.b.c": 2, "a.b": 3}], "plain": 4}, "a": {"b": 5}, "a.b": 6}
 PLACE = Location("--set")

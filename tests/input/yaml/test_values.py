@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from pinarm.errors import InputError, UnitError
-from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.values import require_apart, varied
+from pinarm.input.yaml.document import Document, require_apart, varied
 
 FILE = "title: arm\nproblem: {time: {end: 3 s}, speed: 3000 rpm}\nlist: [1 kg, 2 mm]\n"
 

@@ -9,9 +9,8 @@ import pytest
 from key_examples import ROOT, chosen, given
 
 import pinarm
-from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import InputStruct, convert, reading_from
+from pinarm.input.yaml.schema import InputStruct, convert, reading_from, with_types
 from pinarm.use.scenario.json_schema import EXAMPLES, has_example
 
 pytestmark = pytest.mark.house

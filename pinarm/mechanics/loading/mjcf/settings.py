@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
-from pinarm.input.xml_names import format_names
+from pinarm.input.xml_text import format_names
 from pinarm.input.yaml.schema import LARGEST
 from pinarm.mechanics.loading.model_tree import from_z
 from pinarm.mechanics.loading.values import numbers, rotation, word

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import ModelError, choices
-from pinarm.input.xml_names import format_names
+from pinarm.input.xml_text import format_names
 from pinarm.mechanics.loading.values import number, numbers, rotation
 
 SDF = format_names({

@@ -14,8 +14,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices, listed
-from pinarm.input.xml_names import check_names, counted
-from pinarm.input.xml_text import MAX_LINKS, bound
+from pinarm.input.xml_text import MAX_LINKS, bound, check_names, counted
 from pinarm.mechanics.loading.model_tree import Tree, body_inertia, checked_mimics, inertia_defect
 from pinarm.mechanics.loading.sdf.frames import SDF, WORLD, Frames, is_true, number_in, pose_of, text_of
 from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, SdfJoint, gear_of, joint_in, spanning_tree

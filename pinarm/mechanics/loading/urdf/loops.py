@@ -23,7 +23,7 @@ from xml.etree.ElementTree import Element
 import pinocchio as pin
 
 from pinarm.errors import ModelError, choices, listed
-from pinarm.input.xml_names import check_names, meant_by
+from pinarm.input.xml_text import check_names, meant_by
 from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, tied_frames
 from pinarm.mechanics.loading.sdf.frames import MODEL, SDF, Frames, pose_of, text_of
 from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, gear_of, joint_in

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinarm.errors import ModelError, choices, listed, several
 from pinarm.input.numbers import is_decimal
-from pinarm.input.xml_names import check_names, counted, format_names
+from pinarm.input.xml_text import check_names, counted, format_names
 from pinarm.mechanics.loading.model_tree import (
     Bounds,
     Kind,

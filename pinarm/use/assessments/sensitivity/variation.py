@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Protocol
 from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, choices, within
 from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.input.yaml.document import require_unit
 from pinarm.input.yaml.schema import PURE, Measured
-from pinarm.input.yaml.values import require_unit
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.cases.case import Case, Row, Task, Wanted
 from pinarm.use.cases.case_table import is_column

@@ -27,7 +27,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, Location, choices
-from pinarm.input.csv_rows import table
+from pinarm.input.csv_tables import table
 from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.units import unit
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pinarm.errors import InputError
-from pinarm.input.yaml.values import Values
+from pinarm.input.yaml.document import Values
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.scenario.scenario import Given, Scenario, load
 from pinarm.use.store.files import json_text, write

@@ -21,8 +21,8 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, half_last_digit
+from pinarm.input.yaml.document import Values
 from pinarm.input.yaml.schema import in_si
-from pinarm.input.yaml.values import Values
 from pinarm.records import replace
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import Expectation

@@ -19,8 +19,7 @@ from pinarm.engine.quantities.state_arrays import columns_of
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, require_map, require_name
 from pinarm.input.units import DIMENSIONLESS, unit
-from pinarm.input.yaml.key_path import joined
-from pinarm.input.yaml.values import Values
+from pinarm.input.yaml.document import Values, joined
 from pinarm.mechanics.laws.motion_law import ROUNDING
 from pinarm.problems.forward import Forward
 from pinarm.records import replace

@@ -15,7 +15,7 @@ from pinarm.engine.dynamics.parallel import cores
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, as_names, require_map, require_name
 from pinarm.input.roots import noting_files
-from pinarm.input.yaml.values import Values, require_apart
+from pinarm.input.yaml.document import Values, require_apart
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Taken, Task, Wanted
 from pinarm.use.result.run_number import RunNumber

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from pinarm.errors import InputError, Location
-from pinarm.input.csv_rows import split_heading, table
+from pinarm.input.csv_tables import split_heading, table
 from pinarm.input.numbers import DECIMAL, decimals, is_whole, leading_number
 from pinarm.input.units import MAX_QUANTITY, unit
 from pinarm.use.cases.case_table import Column

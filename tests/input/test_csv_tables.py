@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.input.csv_rows import rows, split_heading, table
+from pinarm.input.csv_tables import rows, split_heading, table
 
 
 def written(folder: Path, text: str) -> Path:
