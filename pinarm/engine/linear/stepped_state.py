@@ -225,8 +225,16 @@ class SteppedState(Record, frozen=True):
 
 
 def _slopes(steps: Trajectory, names: Sequence[str]) -> Array:
-    """Return the derivatives of quantities along imaginary steps, shape (p, c)."""
-    values = Quantities(steps)
-    with complex_kept():
-        slopes = [np.imag(values[name].values) / STEP for name in names]
-    return np.array(slopes).reshape(len(names), len(steps))
+    """Return the derivatives of quantities along imaginary steps, shape (p, c).
+
+    Raises:
+        InputError: A quantity does not exist, or takes no imaginary steps.
+    """
+    values, found = Quantities(steps), np.zeros((len(names), len(steps)))
+    for k, name in enumerate(names):
+        try:
+            with complex_kept():
+                found[k] = np.imag(values[name].values) / STEP
+        except (TypeError, np.exceptions.ComplexWarning):  # of Pinocchio, and of functions of real numbers
+            raise InputError(f"the linear analysis has no derivatives of '{name}'", expected="another output") from None
+    return found
