@@ -229,10 +229,7 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         begun = prepared or self.prepare(mechanism, accuracy, place)
         with place("about"):
             near = first_position(mechanism.closure, begun.driven.held, begun.driven.values, 0.0, begun.q)
-            state = steady_state(mechanism, begun.dynamics, begun.driven, near.q)
-            linear = self._linearised(mechanism, begun, state)
-            for later in advanced(mechanism, state.q, state.v):
-                require_same(linear, self._linearised(mechanism, begun, replace(state, q=later)))
+            linear = self._about(mechanism, begun, near.q)
         tables = linear.tables() | participations(linear) | self._response(place, begun, linear)
         row, drives = linear.at.state, along(mechanism, self._driven)
         measures = {**row.columns, **_columns(_measures(linear, _most(mechanism, row)))}
@@ -242,6 +239,20 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         )  # fmt: skip
         figures = {"unstable modes": float((linear.modes.eigenvalues.real > linear.modes.errors).sum())}
         return Outcome(rows, figures=figures, notes=(*near.notes, *_remarks(linear)), arrays=tables)
+
+    def linearisation(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Linearisation:
+        """Return the motion linearised about the state; see ``solve``."""
+        begun = self.prepare(mechanism, accuracy, place)
+        near = first_position(mechanism.closure, begun.driven.held, begun.driven.values, 0.0, begun.q)
+        return self._about(mechanism, begun, near.q)
+
+    def _about(self, mechanism: Mechanism, begun: Prepared, q: Array) -> Linearisation:
+        """Return the motion linearised about the state near a configuration, shape (nq,)."""
+        state = steady_state(mechanism, begun.dynamics, begun.driven, q)
+        linear = self._linearised(mechanism, begun, state)
+        for later in advanced(mechanism, state.q, state.v):
+            require_same(linear, self._linearised(mechanism, begun, replace(state, q=later)))
+        return linear
 
     def _linearised(self, mechanism: Mechanism, begun: Prepared, state: SteadyState) -> Linearisation:
         """Return the motion linearised about a state."""

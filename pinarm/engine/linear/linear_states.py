@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Complex, real
+from pinarm.engine.constraints.constraint import GuidedCoordinate
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
@@ -157,6 +158,31 @@ def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None
     states.forward(mechanism, q, v, tau, t)  # refuses open loops, and one-sided constraints that would pull
     dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
     return linearised(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
+
+
+def linearised_row(row: Trajectory, prescribed: Sequence[str]) -> Linearisation:
+    """Return the motion linearised about a row of a run; see ``Result.linearise``.
+
+    Raises:
+        InputError: The row has no efforts, a joint rests on an end stop, or a cable is slack.
+    """
+    if row.no_efforts:
+        raise InputError(f"the run has no efforts to linearise with: {row.no_efforts}")
+    stops = [name for name, column in row.columns.items() if name.endswith(".stop") and column.values.any()]
+    if stops or (row.opened is not None and row.opened.any()):
+        said = f"{stops[0].split('.')[1]} rests on its end stop" if stops else "a cable or cam is open"
+        raise InputError(f"{said} at this instant: the motion beside it is not linear", expected="another instant")
+    mechanism, own = row.mechanism, row.mechanism.closure.size
+    guides = {one.name: one.coordinate for one in row.closure.constraints if isinstance(one, GuidedCoordinate)}
+    named = {**guides, **{name: mechanism.coordinate(name) for name in prescribed}}
+    efforts = np.zeros(len(named))
+    efforts[: len(guides)] = np.asarray(row.lam)[0, own:]
+    drives = Drives(
+        (*named,), (*named.values(),), efforts, np.array([name in prescribed for name in named], dtype=bool)
+    )
+    t = float(row.grid.t[0]) if row.parameter == "t" else 0.0
+    state = state_row(mechanism, row.intervals()[0][1], t, row.q[0], row.v[0])
+    return linearised(replace(state, tau=row.tau, closure=row.closure), drives)
 
 
 def linearised(state: Trajectory, drives: Drives | None = None) -> Linearisation:

@@ -46,6 +46,9 @@ ROUNDING = 1e-13
 SINGULAR = 1e-6
 """Least pivot at which a position counts as regular: between this one and ``DEPENDENT`` it is refused."""
 
+ALIKE = 1e-6
+"""Relative difference of the sizes of eigenvalues that are ordered by their real parts, such as those of one fall."""
+
 DEFECTIVE = 1e-6
 """How far the cosine of the angle between two mode shapes may be from 1 where they are one shape."""
 
@@ -136,7 +139,10 @@ class Modes(Record, frozen=True):
         balanced, scales = matrix_balance(a, permute=False)
         eigenvalues, left, right = eig(balanced, left=True, right=True)
         kept = np.flatnonzero(eigenvalues.imag >= 0.0)
-        kept = kept[np.lexsort((eigenvalues.real[kept], np.abs(eigenvalues[kept])))]
+        kept = kept[np.argsort(np.abs(eigenvalues[kept]))]
+        sizes = np.abs(eigenvalues[kept])
+        alike = np.cumsum(np.diff(sizes, prepend=0.0) > ALIKE * sizes)
+        kept = kept[np.lexsort((eigenvalues.real[kept], alike))]
         conditions = 1.0 / np.maximum(np.abs((left[:, kept].conj() * right[:, kept]).sum(axis=0)), np.finfo(float).tiny)
         vectors = scales @ right[:, kept]
         error = float(np.finfo(float).eps * np.linalg.norm(balanced, 2))

@@ -22,6 +22,7 @@ from pinarm.engine.linear.derivatives import element_derivatives, tree_derivativ
 from pinarm.engine.linear.linear_states import Linearisation
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.mechanics.geometry.link_placements import speeding
+from pinarm.mechanics.joints import links_behind
 
 NONE = 1e-9
 """Sum of parts, relative to the sum of their sizes, that is rounding of none."""
@@ -76,9 +77,9 @@ def _masses(linear: Linearisation) -> dict[str, Array]:
     both = np.hstack([shapes.real, shapes.imag]).T
     links, twists = speeding(model, np.broadcast_to(state.q, (len(both), model.nq)), both)
     energies = links.energies(twists)[0].reshape(2, shapes.shape[1], -1).sum(axis=0)
-    for index in range(1, model.njoints):
+    for index, names in enumerate(links_behind(model)[1:], 1):
         if model.inertias[index].mass:
-            found[str(model.names[index])] = energies[:, index]
+            found[names[0] if names else str(model.names[index])] = energies[:, index]
     rotors = 0.5 * model.armature[:, None] * np.abs(shapes) ** 2
     return found | {f"rotor at {linear.joints[k]}": rotors[k] for k in np.flatnonzero(model.armature).tolist()}
 

@@ -29,11 +29,7 @@ from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.deflection import REACH, Deflection
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
 from pinarm.mechanics.geometry.pinocchio_data import new_data
-<<<<<<< HEAD
 from pinarm.mechanics.geometry.vectors import joined, moved
-=======
-from pinarm.mechanics.geometry.vectors import joined, moved, rotated, rotation_vector
->>>>>>> fbd4d295 (Every quantity of a linear analysis is held to real differences; forces between points and bushings take complex steps)
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
 from pinarm.records import AbstractRecord
 
@@ -86,7 +82,6 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         efforts = motion.efforts(force[:, None], moment[:, None])[:, 0].T
         tau[..., self.frame_pair.velocities[:, 0]] += efforts.reshape(*q.shape[:-1], -1)
 
-<<<<<<< HEAD
     def _apart(self, q: Array) -> tuple[RelativeMotion, Deflection[Array]]:
         """Return the motion of frame 2 in frame 1 and the deflections at n configurations."""
         motion = self.frame_pair.at_configurations(q)
@@ -104,35 +99,6 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
             pull = pull + self.damping @ self._rates(motion, apart, v)
         force, moment = apart.wrench(tuple(-pull[:3]), tuple(-pull[3:]))
         return np.array(force), np.array(moment)
-=======
-    def _add_many(self, q: Array, v: Array, tau: Array) -> None:
-        """Add the loads at n configurations."""
-        if len(q) < MANY and np.isrealobj(q):
-            for state, rate, load in zip(q, v, tau, strict=True):
-                self.add_load(0.0, state, rate, load)
-            return
-        motion, force, moment = self._pulls(q, v)
-        tau[:, self.frame_pair.velocities[:, 0]] += motion.efforts(force[:, None], moment[:, None])[:, 0].T
->>>>>>> fbd4d295 (Every quantity of a linear analysis is held to real differences; forces between points and bushings take complex steps)
-
-    def _pulls(self, q: Array, v: Array) -> tuple[RelativeMotion, Array, Array]:
-        """Return the relative motion at n states, force on frame 2 and moment at its origin, axes of frame 1."""
-        motion, apart = self._apart(q)
-        pull = self.stiffness @ np.array([*apart.d, *apart.phi])
-        if self._damped:
-            pull = pull + self.damping @ self._rates(motion, apart, v)
-        force, moment = (np.array(part) for part in apart.wrench(tuple(-pull[:3]), tuple(-pull[3:])))
-        return motion, force, moment
-
-    def _apart(self, q: Array) -> tuple[RelativeMotion, Deflection[Array]]:
-        motion = self.frame_pair.at_configurations(q)
-        return motion, Deflection.many(*motion.flat)
-
-    @staticmethod
-    def _rates(motion: RelativeMotion, apart: Deflection[Array], v: Array) -> Array:
-        """Return d' and phi' [m/s, rad/s], shape (6, n)."""
-        dp, w, _, _ = (part[:, 0] for part in motion.rates(v.T))
-        return np.concatenate(apart.rate(tuple(dp), tuple(w)))
 
     def potential_energy(self, q: Array) -> Array:
         _, apart = self._apart(_rows(q))
@@ -165,12 +131,6 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         inner = {"displacement": motion.p[:, 0], "rotation": np.array(apart.phi), "force": force, "moment": moment}
         turn = links.frame(self.frames[0])[0]
         return {name: np.matvec(turn, np.broadcast_to(part, (3, len(v))).T) for name, part in inner.items()}
-
-    def wrenches_at(self, links: LinkPlacements, t: Array, q: Array, v: Array) -> dict[int, Array]:
-        (turns, _), (_, places) = (links.frame(frame) for frame in self.frames)
-        _, force, moment = self._pulls(q, v)
-        wrench = joined(*(rotated(turns, part.T) for part in (force, moment)))
-        return opposed(self.model, *self.frames, moved(wrench, places))
 
     def refusal(self, q: Array) -> str:
         """Return why it has no load: the frames are turned too far; empty where it has one."""
@@ -248,18 +208,6 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         force, moment = apart.wrench((fx, fy, fz), (mx, my, mz))
         return np.array([*force, *moment])
 
-<<<<<<< HEAD
-=======
-    def _in_world(self, part: int, t: Array, q: Array, v: Array) -> Array:
-        """Return displacement, rotation, force or moment (0 to 3) at n states, world axes, shape (n, 3)."""
-        motion, force, moment = self._pulls(q, v)
-        p, axes = motion.flat
-        vectors = (p, rotation_vector(axes), force, moment)[part]
-        return rotated(
-            LinkPlacements.at(self.model, q).frame(self.frames[0])[0], np.broadcast_to(vectors, force.shape).T
-        )
-
->>>>>>> fbd4d295 (Every quantity of a linear analysis is held to real differences; forces between points and bushings take complex steps)
 
 def _rate(apart: Deflection[float], placement: pin.SE3, jacobian: Array, v: Array) -> Array:
     """Return d' and phi' [m/s, rad/s], shape (6,); the Jacobian is that of the twist in the axes of frame 2."""

@@ -44,6 +44,8 @@ MEASURES = {
     "e-folding": "time in which errors grow e-fold [s], where their growth is seen and exponential",
     "rounding": "what errors of steps add up to where rounding keeps them from being smaller, relative to the motion",
     "rolled": "what errors of steps add up to in positions that follow from rolling [rad or m]",
+    "small motion": "difference of a small motion of the integrator from exp(A t), extrapolated to the amplitude 0",
+    "linear up to": "amplitude at which that difference is 1 % of the motion [rad or m]",
     "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
 }
 """Figures that tell the accuracy of a run, and what they mean."""

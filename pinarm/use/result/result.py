@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pinarm.engine.labelled_array import LabelledArray
+    from pinarm.engine.linear.linear_states import Linearisation
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.input.units import Unit
     from pinarm.use.result.presentation import Presentation
@@ -270,6 +271,32 @@ class Result(Record, frozen=True):
             bounds = self.quantities.bounds(series.name) if self.quantities.open_rows(series.name).any() else ()
             table |= {each.name: each for each in (series, *bounds)}
         return list(table.values())
+
+    def linearise(self, t: float | None = None, *, prescribed: Sequence[str] | None = None) -> Linearisation:
+        """Return the motion linearised about the run at an instant: ``x' = A x + B u``; see ``Mechanism.linearise``.
+
+        Drives keep the efforts that they have there, those of controllers too.
+
+        Args:
+            t: Value of the run's parameter, such as the instant [s]; the first row where it is left out.
+            prescribed: Coordinates that move as they do in the run; in a forward run those that follow laws where it is
+                left out, else none.
+
+        Raises:
+            InputError: The run does not come there, or has no efforts there.
+            DynamicsError: The position is singular, or a joint begins to slip.
+        """
+        from pinarm.engine.linear.linear_states import linearised_row
+
+        place, lookup = float(self.trajectory.grid.t[0]) if t is None else float(t), self.lookup
+        within = [
+            k for k, (start, end, _) in enumerate(lookup.intervals) if min(start, end) <= place <= max(start, end)
+        ]
+        if not within:
+            raise InputError(f"{self.trajectory.parameter} = {place:g} is not reached in this run")
+        row = lookup.quantities_at(within[0], np.array([place])).trajectory
+        laws = (*getattr(self.scenario.problem, "motion", ()),) if self.kind == "forward" else ()
+        return linearised_row(row, laws if prescribed is None else prescribed)
 
     def to_dataframe(self) -> DataFrame:
         """Return the outputs as a pandas table, one row per instant, units in the headings; see ``units:``.

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.problems.control import ControlOfRun
+    from pinarm.problems.linear import Linear
     from pinarm.use.show.picture import Picture
 
 
@@ -52,6 +53,7 @@ class Explanation:
         where: Which configuration that is, in words.
         removals: Joints that the scenario is solved without.
         control: Controllers of the scenario's problem, beside those of the mechanism.
+        modes: Modes of a linear analysis, in words, and why some have the frequency 0.
     """
 
     mechanism: Mechanism
@@ -60,6 +62,7 @@ class Explanation:
     where: str
     removals: Sequence[Removal] = ()
     control: Sequence[ControlOfRun] = ()
+    modes: Sequence[str] = ()
 
     def __repr__(self) -> str:
         """Return of which mechanism it is, and its mobility."""
@@ -67,7 +70,7 @@ class Explanation:
 
     def __str__(self) -> str:
         """Return it as text, a heading a paragraph."""
-        parts = (self._joints(), self._ties(), self._mobility(), self._acting(), self._modelled())
+        parts = (self._joints(), self._ties(), self._mobility(), self._acting(), self.modes, self._modelled())
         return "\n".join([self.mechanism.title, *(line for part in parts for line in part)])
 
     def summary(self) -> dict[str, Any]:
@@ -262,7 +265,24 @@ def explain(path: Subject, values: Values | None = None) -> Explanation:
         return _structure(meant)
     removals = meant.simplification.removals
     found = _explained(meant.mechanism, _positions(meant), "where the motion begins", removals)
-    return replace(found, control=getattr(meant.problem, "control", ()))
+    modes = _modes(meant) if meant.problem.kind == "linear" else ()
+    return replace(found, control=getattr(meant.problem, "control", ()), modes=modes)
+
+
+def _modes(scenario: Scenario) -> list[str]:
+    """Return a line for each mode of a linear analysis, and why modes have the frequency 0."""
+    from pinarm.engine.linear.participation import rigid_modes
+
+    problem: Linear = scenario.problem  # type: ignore[assignment]
+    place = partial(scenario.document.locating, "problem")
+    linear = problem.linearisation(scenario.mechanism, scenario.content.accuracy, place)
+    modes, shapes = linear.modes, np.abs(linear.shapes())
+    lines = [f"modes of small motions of {', '.join(linear.joints[k] for k in linear.motion.independent.tolist())}:"]
+    for k, (frequency, damping) in enumerate(zip(modes.frequencies, modes.damping_ratios, strict=True)):
+        largest = linear.joints[int(shapes[:, k].argmax())]
+        lines.append(f"  {k + 1}: {frequency:.4g} Hz, damping {damping:.3g}, most at {largest}")
+    notes = [linear.at.friction.note] if linear.at.friction.note else []
+    return [*lines, *(f"  {line}" for line in (*notes, *rigid_modes(linear)))]
 
 
 def _positions(scenario: Scenario) -> list[Array]:

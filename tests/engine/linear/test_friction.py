@@ -27,10 +27,14 @@ def accelerations_slopes(mechanism, q, v, tau, differentiate):
 
 LAWS = {
     "constant": {"constant": "0.7 N*m"},
-    "stribeck": {"constant": "0.5 N*m", "static_constant": "0.9 N*m", "stribeck": "1.5 rad/s",
-                 "viscous": "0.2 N*m*s/rad"},
+    "stribeck": {
+        "constant": "0.5 N*m",
+        "static_constant": "0.9 N*m",
+        "stribeck": "1.5 rad/s",
+        "viscous": "0.2 N*m*s/rad",
+    },
     "journal": {"mu": 0.15, "radius": "20 mm", "thrust_radius": "15 mm", "span": "0.1 m"},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -48,8 +52,12 @@ def test_slip_of_a_spatial_arm_has_the_slopes_of_its_motion(law, mechanism, diff
 def test_slip_of_a_loop_has_the_slopes_of_its_motion(mechanism, differentiate):
     """A bar that hangs from two cranks of the same length: friction in a pin that closes the loop, and in a crank."""
     bar = link("a", "base", "0 1 0", **BODY) + link("b", "a_link", "0 1 0", at="0 0 -0.5", **BODY)
-    xml = robot(bar, link("c", "base", "0 1 0", at="0.4 0 0", **BODY), tip("b_end", "b_link", "0.3 0 0.1"),
-                tip("c_end", "c_link", "0 0 -0.45"))  # fmt: skip
+    xml = robot(
+        bar,
+        link("c", "base", "0 1 0", at="0.4 0 0", **BODY),
+        tip("b_end", "b_link", "0.3 0 0.1"),
+        tip("c_end", "c_link", "0 0 -0.45"),
+    )
     pin_friction = {"mu": 0.2, "radius": "30 mm"}
     made = mechanism(
         xml, loops={"pin": {"kind": "pin", "between": ["b_end", "c_end"], "axis": "y"}}, start={"a": "0.2 rad"},

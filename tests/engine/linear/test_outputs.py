@@ -10,35 +10,59 @@ from pinarm.errors import InputError
 BODY = {"mass": 2.0, "com": "0.1 0.05 -0.4", "inertia": (0.03, 0.04, 0.02)}
 TREE = {
     "forces": {
-        "bush": {"kind": "bushing", "between": ["base", "end"],
-                 "stiffness": {"translation": ["90 N/m", "70 N/m", "0 N/m"], "rotation": ["0 N*m/rad"] * 2 + ["3 N*m/rad"]},
-                 "damping": {"translation": ["2 N*s/m", "0 N*s/m", "0 N*s/m"]}},
-        "strut": {"kind": "point_spring", "between": ["base", "b_link"], "stiffness": "80 N/m", "damping": "3 N*s/m",
-                  "free_length": "0.2 m"},
+        "bush": {
+            "kind": "bushing",
+            "between": ["base", "end"],
+            "stiffness": {"translation": ["90 N/m", "70 N/m", "0 N/m"], "rotation": ["0 N*m/rad"] * 2 + ["3 N*m/rad"]},
+            "damping": {"translation": ["2 N*s/m", "0 N*s/m", "0 N*s/m"]},
+        },
+        "strut": {
+            "kind": "point_spring",
+            "between": ["base", "b_link"],
+            "stiffness": "80 N/m",
+            "damping": "3 N*s/m",
+            "free_length": "0.2 m",
+        },
         "push": {"kind": "wrench", "point": "end", "force": ["1 N", "2 N", "-3 N"], "axes": "end"},
-        "turn": {"kind": "coordinate_spring", "coordinate": "tilt", "stiffness": "5 N*m/rad", "damping": "0.3 N*m*s/rad"},
+        "turn": {
+            "kind": "coordinate_spring",
+            "coordinate": "tilt",
+            "stiffness": "5 N*m/rad",
+            "damping": "0.3 N*m*s/rad",
+        },
         "reach": {"kind": "coordinate_effort", "coordinate": "way", "effort": {"law": "constant", "value": "4 N"}},
     },
     "coordinates": {
-        "tilt": {"kind": "rotation", "body": "end", "about": "x"}, "way": {"kind": "distance", "between": ["base", "end"]},
+        "tilt": {"kind": "rotation", "body": "end", "about": "x"},
+        "way": {"kind": "distance", "between": ["base", "end"]},
         "both": {"kind": "sum", "of": {"a": 1, "b": 2}},
     },
     "drives": {"motor": {"joint": "a", "ratio": 20, "rotor_inertia": "1e-4 kg*m^2"}},
     "friction": {"b": {"mu": 0.1, "radius": "2 cm", "span": "0.1 m", "constant": "0.1 N*m"}},
-}  # fmt: skip
+}
 LOOP = {
     "loops": {"pin": {"kind": "pin", "between": ["b_end", "c_end"], "axis": "y"}},
     "couplings": {"mesh": {"kind": "gear", "joints": ["c", "wheel"], "ratio": -2.0, "pressure_angle": "20 deg"}},
-    "forces": {"pin_spring": {"kind": "coordinate_spring", "coordinate": "pin.angle", "stiffness": "5 N*m/rad",
-                              "damping": "0.2 N*m*s/rad"}},
+    "forces": {
+        "pin_spring": {
+            "kind": "coordinate_spring",
+            "coordinate": "pin.angle",
+            "stiffness": "5 N*m/rad",
+            "damping": "0.2 N*m*s/rad",
+        }
+    },
     "friction": {"pin": {"mu": 0.2, "radius": "30 mm"}},
-}  # fmt: skip
+}
 
 
 def tree(mechanism):
     ball = link("c", "b_link", "0 0 1", at="0.2 0 0.1", **BODY).replace('type="continuous"', 'type="spherical"')
-    xml = robot(link("a", "base", "0 1 0.2", **BODY), link("b", "a_link", "1 0.3 0", at="0.1 0.05 -0.5", **BODY), ball,
-                tip("end", "c_link", "0.1 0.2 -0.3"))  # fmt: skip
+    xml = robot(
+        link("a", "base", "0 1 0.2", **BODY),
+        link("b", "a_link", "1 0.3 0", at="0.1 0.05 -0.5", **BODY),
+        ball,
+        tip("end", "c_link", "0.1 0.2 -0.3"),
+    )
     made = mechanism(xml, **TREE)
     q = pin.integrate(made.model, pin.neutral(made.model), np.array([0.3, -0.7, 0.4, 0.2, -0.5]))
     return made, q, np.array([1.1, -0.6, 0.8, -0.3, 0.5])
@@ -46,8 +70,13 @@ def tree(mechanism):
 
 def loop(mechanism):
     bars = link("a", "base", "0 1 0", **BODY) + link("b", "a_link", "0 1 0", at="0 0 -0.5", **BODY)
-    xml = robot(bars, link("c", "base", "0 1 0", at="0.4 0 0", **BODY), tip("b_end", "b_link", "0.3 0 0.1"),
-                tip("c_end", "c_link", "0 0 -0.45"), link("wheel", "base", "0 1 0", at="0.5 0 0.2", **BODY))  # fmt: skip
+    xml = robot(
+        bars,
+        link("c", "base", "0 1 0", at="0.4 0 0", **BODY),
+        tip("b_end", "b_link", "0.3 0 0.1"),
+        tip("c_end", "c_link", "0 0 -0.45"),
+        link("wheel", "base", "0 1 0", at="0.5 0 0.2", **BODY),
+    )
     made = mechanism(xml, start={"a": "0.2 rad"}, **LOOP)
     q = closed(made, made.configurations({"a": 0.2, "b": 0.0, "c": 0.0, "wheel": 0.0}))
     return made, q, allowed(made, q, 0, 1.3)

@@ -74,6 +74,10 @@ def estimate_errors(scenario: Scenario, result: Result) -> Result:
         none; with the setting of both in words, and where errors grow exponentially, how fast.
     """
     accuracy = scenario.content.accuracy
+    if result.kind == "linear":
+        from pinarm.use.study.accuracy.small_motion import checked_by_motion
+
+        result = checked_by_motion(result)
     if "evaluations" not in result.figures:
         other = _other(scenario, accuracy.setting_keys, accuracy.max_steps)
         return with_errors(result, other, "against other last digits")

@@ -1,0 +1,152 @@
+"""States of linear analysis: steady motions, joints that friction holds, runs at an instant, small motions."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from urdf_links import link, robot
+
+import pinarm
+from pinarm.errors import DynamicsError, InputError
+
+ROOT = Path(pinarm.__file__).parents[1]
+G = 9.81
+
+
+@pytest.fixture
+def solve(tmp_path):
+    """Return a function that solves a linear analysis of a URDF."""
+
+    def run(xml, about, description=None, *, verify=False, explain=False, **more):
+        (tmp_path / "made.urdf").write_text(xml)
+        mechanism = {"pinarm": 1, "robot": str(tmp_path / "made.urdf"), **(description or {})}
+        data = {
+            "pinarm": 1,
+            "mechanism": mechanism,
+            "problem": {"kind": "linear", "about": about, **more},
+            "outputs": ["mode.1.frequency"],
+        }
+        with pinarm.file_root(tmp_path):
+            if explain:
+                return pinarm.explain(data)
+            return pinarm.load(data).verified() if verify else pinarm.run(data)
+
+    return run
+
+
+def rotor(transverse=(0.013, 0.013), springs=(60.0, 60.0)):
+    """A disk on a gimbal with springs, which spins about z."""
+    disk = {"mass": 1.0, "inertia": (*transverse, 0.02)}
+    xml = robot(link("x", "base", "1 0 0"), link("y", "x_link", "0 1 0"), link("z", "y_link", "0 0 1", **disk))
+    forces = {
+        name: {"kind": "joint_spring", "joint": name, "stiffness": f"{k} N*m/rad"}
+        for name, k in zip("xy", springs, strict=True)
+    }
+    return xml, {"gravity": "none", "forces": forces}
+
+
+def test_a_whirling_rotor_has_its_two_frequencies_and_a_rigid_spin(solve):
+    """``w = sqrt((I_p W / (2 I_t))^2 + k / I_t) +- I_p W / (2 I_t)``."""
+    result = solve(*(rotor()[0], {"steady": {"z": "100 rad/s"}}, rotor()[1]), verify=True)
+    half = 0.02 * 100.0 / (2.0 * 0.013)
+    root = math.sqrt(half**2 + 60.0 / 0.013)
+    whirling = np.sort(result.arrays["eigenvalues"].values[0].imag)[-2:]
+    assert whirling == pytest.approx([root - half, root + half], rel=1e-9)
+    assert "mode 1, 2: nothing drives z back: no force depends on where they are" in result.notes()
+    assert result.figures["small motion"] < 1e-5
+
+
+def test_an_unequal_rotor_on_unequal_springs_has_no_modes(solve):
+    """Its coefficients are periodic. One of the two alone would have constant ones, in frames that turn or do not."""
+    xml, description = rotor(transverse=(0.013, 0.017), springs=(60.0, 80.0))
+    with pytest.raises(DynamicsError, match="periodic coefficients"):
+        solve(xml, {"steady": {"z": "100 rad/s"}}, description)
+
+
+def test_a_pendulum_turned_about_a_level_axis_is_steady_for_an_instant_only(solve):
+    xml = robot(link("turn", "base", "1 0 0", mass=1.0), link("swing", "turn_link", "0 1 0", mass=1.0, com="0 0 -0.5"))
+    with pytest.raises(DynamicsError, match="steady for an instant only"):
+        solve(xml, {"steady": {"turn": "5 rad/s"}, "equilibrium": {"swing": "1 deg"}})
+
+
+def test_the_rate_of_a_sum_and_a_held_joint_determine_both(solve):
+    """A governor whose ball turns with the sum of two joints about one axis, the first of them held."""
+    xml = robot(
+        link("a", "base", "0 0 1", mass=1.0, inertia=(1.0, 1.0, 0.01)),
+        link("b", "a_link", "0 0 1"),
+        link("arm", "b_link", "0 1 0", mass=0.5, com="0 0 -0.3"),
+    )
+    sums = {"coordinates": {"sum": {"kind": "sum", "of": ["a", "b"]}}}
+    result = solve(xml, {"steady": {"sum": "12 rad/s"}, "hold": {"a": "0 deg"}, "equilibrium": {"arm": "70 deg"}}, sums)
+    assert result["joint.b.velocity"].values == pytest.approx([12.0])
+    assert result["joint.arm.position"].values == pytest.approx([math.acos(G / (144.0 * 0.3))], rel=1e-9)
+    with pytest.raises(InputError, match="rates do not determine how fast a, b move"):
+        solve(xml, {"steady": {"sum": "12 rad/s"}, "equilibrium": {"arm": "70 deg"}}, sums)
+
+
+def test_a_position_along_a_line_is_held_by_its_effort(solve):
+    """A pendulum held out by a level force at its tip: ``F = m g tan x``, and with F ``w^2 = g / (l cos x)``."""
+    length, angle = 0.8, 0.6
+    xml = robot(link("arm", "base", "0 1 0", mass=2.0, com=f"0 0 {-length}")).replace(
+        "</robot>", f'<link name="tip"/><joint name="t" type="fixed"><parent link="arm_link"/><child link="tip"/>'
+        f'<origin xyz="0 0 {-length}"/></joint></robot>')  # fmt: skip
+    reach = length * math.sin(angle)
+    result = solve(
+        xml, {"hold": {"way": f"{-reach} m"}, "equilibrium": {"arm": f"{angle} rad"}},
+        {"coordinates": {"way": {"kind": "point", "point": "tip", "along": "x"}}}, verify=True,
+        inputs=["way"], outputs=["arm"], frequencies={"from": "0.01 Hz", "to": "1 Hz", "samples": 3},
+    )  # fmt: skip
+    assert abs(result["coordinate.way.effort"].values[0]) == pytest.approx(2.0 * G * math.tan(angle), rel=1e-9)
+    expected = math.sqrt(G / (length * math.cos(angle)))
+    assert result["mode.1.frequency"].values * 2.0 * math.pi == pytest.approx([expected], rel=1e-9)
+    assert result.figures["small motion"] < 1e-6
+    response = result.arrays["response"]
+    w = 2.0 * math.pi * np.array([float(name.split()[0]) for name in response.rows])
+    moved = -length * math.cos(angle) / (2.0 * length**2 * (expected**2 - w**2))
+    assert response.values[:, 0] == pytest.approx(moved, rel=1e-6)
+
+
+def test_friction_holds_a_pendulum_where_it_is_put(solve):
+    """Of two pendulums in a row the upper one sticks at 1 deg; the lower one swings, ``w^2 = g / l``."""
+    xml = robot(
+        link("a", "base", "0 1 0", mass=1.0, com="0 0 -0.5"),
+        link("b", "a_link", "0 1 0", at="0 0 -1", mass=2.0, com="0 0 -0.3"),
+    )
+    friction = {"friction": {"a": {"constant": "5 N*m"}}}
+    result = solve(xml, {"equilibrium": {"a": "1 deg", "b": "0 deg"}}, friction, verify=True)
+    assert result["joint.a.position"].values == pytest.approx([math.radians(1.0)])
+    assert result["mode.1.frequency"].values * 2.0 * math.pi == pytest.approx([math.sqrt(G / 0.3)], rel=1e-9)
+    assert "held by dry friction in the small motion: joint.a" in result.notes()
+    assert result.figures["small motion"] < 1e-6
+    with pytest.raises(DynamicsError, match=r"joint\.a begins to slip here"):
+        solve(xml, {"equilibrium": {"a": "40 deg", "b": "-40 deg"}}, friction)
+
+
+def test_explain_tells_the_modes_and_why_one_is_rigid(solve):
+    xml = robot(
+        link("slide", "base", "1 0 0", mass=1.0, kind="prismatic"),
+        link("swing", "slide_link", "0 1 0", mass=1.0, com="0 0 -0.5"),
+    )
+    told = str(solve(xml, {}, explain=True))
+    assert "modes of small motions of slide, swing:" in told
+    assert "mode 1, 2: nothing drives slide back: no force depends on where they are" in told
+
+
+def test_a_run_is_linearised_at_an_instant():
+    """The state of a free run, and of one with laws, as that of the user's own."""
+    free = pinarm.run(ROOT / "scenarios/crank_rocker_free.yaml")
+    place = float(free.trajectory.grid.t[57])
+    row = free.trajectory
+    own = row.mechanism.linearise(row.q[57], row.v[57], row.tau[57], t=place)
+    assert pytest.approx(own.A, rel=1e-6, abs=1e-6) == free.linearise(place).A  # of dense output
+    moved = pinarm.run(ROOT / "scenarios/gen411_arm_dynamic_true.yaml")
+    row = moved.trajectory
+    own = row.mechanism.linearise(row.q[3], row.v[3], row.tau[3])
+    found = moved.linearise(float(row.grid.t[3]))
+    assert pytest.approx(own.A, rel=1e-9, abs=1e-9) == found.A
+    held = moved.linearise(float(row.grid.t[3]), prescribed=["O"])
+    assert held.states == ["B", "O", "B'", "O'"]
+    assert held.A[2, 0] == pytest.approx(found.A[3, 1] - found.B[3, 0] / found.B[2, 0] * found.A[2, 1], rel=1e-9)
+    with pytest.raises(InputError, match="is not reached in this run"):
+        free.linearise(1e9)
