@@ -23,6 +23,7 @@ from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.parallel import transmitted
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.coordinates import PairCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.geometry.joint_axes import screw_of
@@ -33,7 +34,6 @@ from pinarm.mechanics.loops.kinds import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.coordinates import PairCoordinate
     from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
     from pinarm.mechanics.friction.contact import FrictionContact
 
@@ -205,7 +205,6 @@ class Reactions:
 
     def _own_efforts(self, name: str) -> Iterator[tuple[PairCoordinate, Array]]:
         """Yield the coordinates of a loop joint with efforts along them, of drives and force elements, shape (n,)."""
-        from pinarm.mechanics.coordinates import PairCoordinate
         from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 
         run, guides = self.run, self.closure.constraints[len(self.run.mechanism.constraints) :]
