@@ -34,9 +34,6 @@ from pinarm.use.output.manifest import (
     write_manifest,
 )
 
-LINKLESS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
-"""What file systems without hard links answer, such as those of memory cards."""
-
 PATIENCE = 60.0
 """Seconds to wait for another process that replaces the files of a folder, which takes it milliseconds."""
 
@@ -125,25 +122,18 @@ def write_file(path: Path, parts: Iterable[bytes], *, home: Path | None = None) 
 
 
 def write_new_file(path: Path, content: bytes) -> bool:
-    """Write a file that appears whole where nothing stands, not even a link; return whether nothing stood there.
+    """Write a file that appears whole where nothing is, not even a link; return whether nothing was there.
 
     Raises:
         OSError: It cannot be written; nothing is left then.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
+    if os.path.lexists(path):
+        return False
     draft = path.with_name(f"{DRAFT}{os.urandom(4).hex()}.part")
     try:
         draft.write_bytes(content)
-        try:
-            os.link(draft, path, follow_symlinks=False)
-        except OSError as error:
-            if error.errno not in LINKLESS:
-                raise
-            if os.path.lexists(path):
-                return False
-            draft.rename(path)
-    except FileExistsError:
-        return False
+        draft.rename(path)
     finally:
         draft.unlink(missing_ok=True)
     return True

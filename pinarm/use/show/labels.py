@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit, printed
@@ -24,18 +24,8 @@ _DOLLAR = re.compile(r"(?<!\\)\$")
 _SCRIPT = re.compile(r"([_^])(?:\{([^{}]*)\}|(\\?[A-Za-z0-9]+))")
 
 
-class TextRun(NamedTuple):
-    """Letters in one style.
-
-    Attributes:
-        text: The letters.
-        at: On the line, below it or above it.
-        symbol: Whether they belong to a formula, whose letters are slanted.
-    """
-
-    text: str
-    at: Literal["", "sub", "sup"] = ""
-    symbol: bool = False
+TextRun = tuple[str, Literal["", "sub", "sup"], bool]
+"""Letters in one style; whether they are on the line, below or above it; whether they are of a formula, slanted."""
 
 
 def shown(series: Series, how: Presentation = PLAIN) -> tuple[float, Unit | None]:
@@ -96,7 +86,7 @@ def runs(label: str) -> list[TextRun]:
         if k % 2:
             parts += _formula(part)
         elif part:
-            parts.append(TextRun(part.replace(r"\$", "$").replace("\\\\", "\\") if r"\$" in part else part))
+            parts.append((part.replace(r"\$", "$").replace("\\\\", "\\") if r"\$" in part else part, "", False))
     return parts
 
 
@@ -106,9 +96,10 @@ def unicode_label(label: str) -> str:
 
 
 def _unicode(run: TextRun) -> str:
-    if run.at == "sub" and run.text.isdigit():
-        return run.text.translate(SUBSCRIPTS)
-    return {"": "", "sub": "_", "sup": "^"}[run.at] + run.text
+    letters, at, _ = run
+    if at == "sub" and letters.isdigit():
+        return letters.translate(SUBSCRIPTS)
+    return {"": "", "sub": "_", "sup": "^"}[at] + letters
 
 
 def _formula(tex: str) -> Iterator[TextRun]:
@@ -116,8 +107,8 @@ def _formula(tex: str) -> Iterator[TextRun]:
     end = 0
     for script in _SCRIPT.finditer(tex):
         if script.start() > end:
-            yield TextRun(unicode_letters(tex[end : script.start()]), "", symbol=True)
-        yield TextRun(unicode_letters(script[2] or script[3] or ""), "sub" if script[1] == "_" else "sup")
+            yield unicode_letters(tex[end : script.start()]), "", True
+        yield unicode_letters(script[2] or script[3] or ""), "sub" if script[1] == "_" else "sup", False
         end = script.end()
     if tex[end:]:
-        yield TextRun(unicode_letters(tex[end:]), "", symbol=True)
+        yield unicode_letters(tex[end:]), "", True

@@ -41,6 +41,9 @@ MOST = 8
 ALONG = np.linspace(0.0, 1.0, 26)[:, None]
 """Sample points of a line to a name: of the longest line, one each 2 points of length."""
 
+LED = 5
+"""Times that sample points of a line to a name count: a name covers it only at its end."""
+
 POINTS = 72.0
 """Points per inch."""
 
@@ -48,7 +51,7 @@ POINTS = 72.0
 def write_beside(
     axis: Axes, notes: Sequence[Note], hidden: Sequence[Array], per: float, taken: Sequence[Array]
 ) -> None:
-    """Write names beside their points, on the page, none over another or over the line to another.
+    """Write names beside their points, on the page, none over another.
 
     Those that come first choose first. A name that has no room, several in a row, is shortened to the first of them;
     where that has none either, it is left out.
@@ -61,76 +64,50 @@ def write_beside(
         taken: Boxes where no name may be (left, bottom, right, top), in units of the axes, shape (4,) each.
     """
     page = per * np.array([*axis.get_xlim(), *axis.get_ylim()])[[0, 2, 1, 3]]
-    space = _Space(page, _dense([per * corners for corners in hidden]), per * np.array(taken).reshape(-1, 4))
+    lines, boxes = _dense([per * corners for corners in hidden]), per * np.array(taken).reshape(-1, 4)
     for note in notes:
         for short in dict.fromkeys([note.text, _shorter(note.text)]):
             text = write(axis, Note(short, note.at, note.colour))
             box = text.get_window_extent()
-            point, size = per * note.at, np.array([box.width, box.height]) * POINTS / text.figure.dpi
-            offset = space.taken_by(point, size)
+            size = np.array([box.width, box.height]) * POINTS / text.figure.dpi
+            offset = _best(per * note.at, size, page, lines, boxes)
             if offset is None:
                 text.remove()
                 continue
             text.xyann = (float(offset[0]), float(offset[1]))
-            nearest = _nearest(offset, size)
+            middle, nearest = per * note.at + offset, _nearest(offset, size)
+            boxes = np.vstack([boxes, [*(middle - size / 2.0), *(middle + size / 2.0)]])
             if np.linalg.norm(nearest) > BESIDE:
                 ends = np.array([note.at, note.at + nearest / per])
                 axis.plot(*ends.T, color=LEADER, linewidth=0.5)
+                lines = np.concatenate([lines, *[_dense([per * ends])] * LED])
             break
 
 
-class _Space:
-    """Room for names on a page [points].
+def _best(point: Array, size: Array, page: Array, lines: Array, boxes: Array) -> Array | None:
+    """Return the offset of a name where it covers the fewest points of lines; ``None`` where it covers too much.
 
-    Attributes:
-        page: Left, bottom, right, top, shape (4,).
-        lines: Sample points of lines that names should not cover, shape (n, 2).
-        boxes: Boxes of names, shape (m, 4).
-        leaders: Sample points of the lines to names, shape (k, 2).
+    It stays on the page, and neither it nor the line to it covers another name.
+
+    Args:
+        point: The point that is named [points], shape (2,).
+        size: Width and height of the name.
+        page: Left, bottom, right, top.
+        lines: Sample points of lines, shape (n, 2).
+        boxes: Boxes of other names, shape (m, 4).
     """
-
-    def __init__(self, page: Array, lines: Array, boxes: Array) -> None:
-        self.page, self.lines, self.boxes = page, lines, boxes
-        self.leaders = np.zeros((0, 2))
-
-    def taken_by(self, point: Array, size: Array) -> Array | None:
-        """Take the place of a name where it covers the fewest points of lines; return its offset from its point.
-
-        ``None`` where it has no room, or covers too much, everywhere.
-        """
-        offsets = (TOWARDS * DISTANCES[:, None, None] + np.sign(TOWARDS) * size / 2.0).reshape(-1, 2)
-        names = np.hstack([point + offsets - size / 2.0, point + offsets + size / 2.0])
-        ways = point + ALONG * _nearest(offsets, size)[:, None]
-        led = np.linalg.norm(ways[:, -1] - point, axis=1) > BESIDE
-        free = np.flatnonzero(self._free(point, names, ways, led))
-        hidden = _inside(self.lines, names[free]).sum(axis=1)
-        costs = hidden + AWAY * np.repeat(DISTANCES, len(TURNS))[free] + 0.02 * free
-        costs[hidden > MOST] = np.inf
-        if not np.isfinite(costs).any():
-            return None
-        best = free[costs.argmin()]
-        self.boxes = np.vstack([self.boxes, names[best]])
-        if led[best]:
-            self.leaders = np.concatenate([self.leaders, ways[best]])
-        return np.asarray(offsets[best])
-
-    def _free(self, point: Array, names: Array, ways: Array, led: Flags) -> Flags:
-        """Return which names have room: on the page, and neither they nor the lines to them over others.
-
-        Args:
-            point: The point that is named, shape (2,).
-            names: Boxes of the name at its possible places, shape (n, 4).
-            ways: Sample points of the lines to these, shape (n, 26, 2).
-            led: Which of these lines are drawn, shape (n,).
-        """
-        low, high = names[:, None, :2], names[:, None, 2:]
-        on_page = ((low >= self.page[:2]) & (high <= self.page[2:])).all(axis=(1, 2))
-        over = np.any(((self.boxes[:, :2] < high + CLEAR) & (self.boxes[:, 2:] > low - CLEAR)).all(axis=2), axis=1)
-        through = np.any(_inside(ways.reshape(-1, 2), self.boxes).any(axis=0).reshape(ways.shape[:2]), axis=1)
-        others = self.leaders[np.linalg.norm(self.leaders - point, axis=1) > 2.0 * DENSE]
-        apart = np.linalg.norm(ways[:, :, None] - others, axis=3).min(axis=(1, 2), initial=np.inf)
-        covering = _inside(self.leaders, names).any(axis=1)
-        return np.asarray(on_page & ~over & ~covering & ~(led & (through | (apart < DENSE))))
+    offsets = (TOWARDS * DISTANCES[:, None, None] + np.sign(TOWARDS) * size / 2.0).reshape(-1, 2)
+    names = np.hstack([point + offsets - size / 2.0, point + offsets + size / 2.0])
+    low, high = names[:, None, :2], names[:, None, 2:]
+    on_page = ((low >= page[:2]) & (high <= page[2:])).all(axis=(1, 2))
+    over = np.any(((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=2), axis=1)
+    ways = point + ALONG * _nearest(offsets, size)[:, None]
+    through = np.any(_inside(ways.reshape(-1, 2), boxes).any(axis=0).reshape(ways.shape[:2]), axis=1)
+    led = np.linalg.norm(ways[:, -1] - point, axis=1) > BESIDE
+    covered = np.count_nonzero(_inside(lines, names), axis=1)
+    costs = covered + AWAY * np.repeat(DISTANCES, len(TURNS)) + 0.02 * np.arange(len(names))
+    costs[~on_page | over | (led & through) | (covered > MOST)] = np.inf
+    return np.asarray(offsets[costs.argmin()]) if np.isfinite(costs).any() else None
 
 
 def _shorter(text: str) -> str:
