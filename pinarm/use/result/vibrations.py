@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Complex
+from pinarm.arrays import Array, Complex, Flags
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import HERTZ, Unit, unit
@@ -38,6 +38,9 @@ PARTS = {
     "dampers": ("Parts in the dissipation of each mode", "most damping from"),
 }
 """Tables of what takes part in a mode, their headings, and words for the largest part."""
+
+ALIKE = 1e-6
+"""Difference of parts that is rounding."""
 
 MOST_SAID = 6
 """Modes of which the largest parts are said."""
@@ -193,29 +196,39 @@ def _modes(result: Result) -> Section:
     headings = ("mode", *(name.replace("_", " ") for name in MEASURES), "")
     table = SectionTable("modes", "Modes, by ascending frequency", headings, (None, *units, None), rows)
     plane = Graph("eigenvalues", "Eigenvalues", list(_plane(eigenvalues, said)), marks=[(0.0, "")])
-    parts = [_parts(name, title, result.arrays[name]) for name, (title, _) in PARTS.items() if name in result.arrays]
-    remarks = list(_leading(result.arrays, said))
-    return Section("modes", "Modes", [table, *parts], remarks=remarks, graphs=[plane] if measured else [])
+    parts = dict(_parts(result.arrays, np.abs(eigenvalues.real) <= errors))
+    tables = [_part_table(name, parts[name]) for name in parts]
+    remarks = list(_leading(parts, said))
+    return Section("modes", "Modes", [table, *tables], remarks=remarks, graphs=[plane] if measured else [])
 
 
-def _parts(name: str, title: str, table: LabelledArray) -> SectionTable:
+def _parts(arrays: Mapping[str, LabelledArray], undamped: Flags) -> Iterator[tuple[str, LabelledArray]]:
+    """Yield the tables of what takes part in the modes; of undamped modes, parts of dampers are rounding."""
+    for name in (name for name in PARTS if name in arrays):
+        lost = undamped if name == "dampers" else np.zeros_like(undamped)
+        yield name, replace(arrays[name], values=np.where(lost, np.nan, np.real(arrays[name].values)))
+
+
+def _part_table(name: str, table: LabelledArray) -> SectionTable:
     """Return the parts of bodies, springs or dampers in each mode [%]."""
-    rows = [(row, *("" if np.isnan(part) else float(f"{100.0 * part:.6g}") for part in np.real(parts).tolist()))
-            for row, parts in zip(table.rows, table.values, strict=True)]  # fmt: skip
-    return SectionTable(name, f"{title} [%]", ("", *table.columns), (None,) * (1 + len(table.columns)), rows)
+    rows = [(row, *("" if np.isnan(part) else float(f"{100.0 * part:.6g}") for part in parts))
+            for row, parts in zip(table.rows, table.values.tolist(), strict=True)]  # fmt: skip
+    headings = ("", *table.columns)
+    return SectionTable(name, f"{PARTS[name][0]} [%]", headings, (None,) * len(headings), rows)
 
 
-def _leading(arrays: Mapping[str, LabelledArray], said: Sequence[str]) -> Iterator[str]:
-    """Yield, of each mode that oscillates, the spring, the body and the damper with the largest parts."""
+def _leading(parts: Mapping[str, LabelledArray], said: Sequence[str]) -> Iterator[str]:
+    """Yield, of each mode that oscillates, the spring, the body and the damper with the largest parts.
+
+    Of several with the same part it is the first.
+    """
     for k in [k for k, nature in enumerate(said) if nature in ("", "unstable")][:MOST_SAID]:
-        parts = []
-        for name in (name for name in PARTS if name in arrays):
-            shares = np.real(arrays[name].values[:, k])
-            if np.isfinite(shares).any():
-                top = int(np.nanargmax(shares))
-                parts.append(f"{PARTS[name][1]} {arrays[name].rows[top]} ({100.0 * shares[top]:.3g} %)")
-        if parts:
-            yield f"mode {k + 1}: {', '.join(parts)}"
+        known = {name: np.nan_to_num(table.values[:, k], nan=-np.inf) for name, table in parts.items()}
+        tops = {name: int(np.argmax(shares > shares.max() - ALIKE)) for name, shares in known.items()}
+        words = [f"{PARTS[name][1]} {parts[name].rows[top]} ({100.0 * known[name][top]:.3g} %)"
+                 for name, top in tops.items() if np.isfinite(known[name][top])]  # fmt: skip
+        if words:
+            yield f"mode {k + 1}: {', '.join(words)}"
 
 
 def _cleared(series: Series, eigenvalue: complex, error: float) -> Series:
