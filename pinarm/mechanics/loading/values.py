@@ -87,9 +87,14 @@ def axis_of(axis: Element | None, where: str) -> Array:
 
 
 def placement_of(origin: Element | None, where: str) -> pin.SE3:
-    """Return the placement that ``xyz`` and ``rpy`` of an element say, as in URDF; the identity where there is none."""
+    """Return the placement that an element of URDF says by ``xyz`` and ``rpy``, or ``quat_xyzw`` of its version 1.2."""
     xyz, rpy = (numbers(text_in(origin, key), 3, f"{where}: {key}", (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
-    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+    if (text := text_in(origin, "quat_xyzw")) is None:
+        return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+    x, y, z, w = numbers(text, 4, f"{where}: quat_xyzw")
+    if rpy.any() or not any((x, y, z, w)):
+        raise ModelError(f"{where}: quat_xyzw='{text[:60]}' is 0, or there is an rpy too", expected="one of them")
+    return pin.SE3(rotation(w, x, y, z), xyz)
 
 
 def text_in(element: Element | None, key: str) -> str | None:

@@ -19,6 +19,7 @@ from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
 from pinarm.input.yaml.schema import FARTHEST
+from pinarm.mechanics.loading.values import placement_of
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
@@ -179,7 +180,11 @@ def _visual(
     geometry = visual.find("geometry")
     if geometry is None or len(geometry) == 0:
         raise ModelError("a visual has no geometry")
-    element, node, placement = geometry[0], int(frame.parentJoint), frame.placement * _origin(visual.find("origin"))
+    element, node, placement = (
+        geometry[0],
+        int(frame.parentJoint),
+        frame.placement * placement_of(visual.find("origin"), "a visual"),
+    )
     material = visual.find("material")
     painted = _colour(material) or (palette.get(material.get("name", "")) if material is not None else None)
     if element.tag == "mesh":
@@ -208,13 +213,6 @@ def _meshes(name: str, source: Source, known: dict[Path, list[Mesh]]) -> list[Me
     if file not in known:
         known[file] = read_mesh(file)
     return known[file]
-
-
-def _origin(element: ElementTree.Element | None) -> pin.SE3:
-    if element is None:
-        return pin.SE3.Identity()
-    turn = pin.rpy.rpyToMatrix(_numbers(element.get("rpy", "0 0 0"), 3))
-    return pin.SE3(turn, _numbers(element.get("xyz", "0 0 0"), 3))
 
 
 def _numbers(text: str, count: int) -> Array:

@@ -45,7 +45,7 @@ URDF = format_names({
     "inertial": "> origin mass inertia",
     "mass": "value",
     "inertia": "ixx ixy ixz iyy iyz izz iyx izx izy",
-    "origin": "xyz rpy",
+    "origin": "xyz rpy quat_xyzw",
     "visual": "name > origin* geometry* material*",
     "geometry": "name > box* cylinder* sphere* capsule* mesh*",
     "box": "size",
@@ -67,7 +67,7 @@ URDF = format_names({
     "end": "link name > origin",
     "ratio": "value",
     "loop_joint": "name type > link1=linked* link2=linked* axis",
-    "linked": "link xyz rpy",
+    "linked": "link xyz rpy quat_xyzw",
 })  # fmt: skip
 """Names of URDF; exporters also write ``sucessor``."""
 

@@ -237,6 +237,8 @@ class _Reader:
         return Body(*(np.broadcast_to(x, (self._count, *x.shape[1:])) for x in body))
 
     def _place(self, origin: Element) -> VariantPlacement:
+        if "quat_xyzw" in origin.attrib:
+            raise VariantsDiffer("an origin with a quaternion")
         shift, angles = (self._numbers(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
         return VariantPlacement(_turns(angles), shift)
 

@@ -99,6 +99,18 @@ def test_limits_of_nothing_are_unknown_and_noted(chain):
         assert f"{kind} limits of 0 or less, or none, are taken for unknown: joint unknown" in robot.notes
 
 
+def test_a_quaternion_says_an_orientation(chain):
+    """Half of the angle 0.6 about the unit vector (2, 3, 6)/7, as URDF 1.2 has it: x, y, z, w."""
+    axis, half = np.array([2.0, 3.0, 6.0]) / 7, 0.3
+    quat = " ".join(map(repr, [*(np.sin(half) * axis).tolist(), float(np.cos(half))]))
+    xml = chain(ARM).replace('<origin xyz="0 0 0"/>', f'<origin xyz="1 2 3" quat_xyzw="{quat}"/>')
+    place = build_model(xml).model.jointPlacements[1]
+    assert place.rotation == pytest.approx(pin.exp3(0.6 * axis), abs=1e-15)
+    assert place.translation.tolist() == [1.0, 2.0, 3.0]
+    for broken in (xml.replace("quat_xyzw", 'rpy="0 0 1" quat_xyzw'), xml.replace(quat, "0 0 0 0")):
+        assert "is 0, or there is an rpy too" in refusal(broken).message
+
+
 def coupled(chain, *mimics):
     """Three joints a, b, c; each mimic is text in the joint of its name."""
     xml = chain(*({**ARM, "name": name} for name in "abc"))
