@@ -198,13 +198,15 @@ def test_where_rounding_decides_whether_a_change_point_is_passed_the_motion_is_r
                 start=OPEN, initial={"position": {"theta2": 1.0}, "velocity": {"theta2": 12.0}})  # fmt: skip
 
 
+@pytest.mark.parametrize("ulps", [(0, 0, 0), (0, 1, 0), (0, 0, -1), (-1, 1, 2), (2, -2, 1)])
 @pytest.mark.parametrize("turn", [0.0, 2.0 * np.pi])
-def test_from_the_change_point_velocities_tell_the_motion(solve, turn):
+def test_from_the_change_point_velocities_tell_the_motion(solve, turn, ulps):
     _, _, d3, d4 = CHANGE_POINT.slopes(np.array(np.pi + turn))
     velocity = {"theta2": 12.0, "A": 12.0 * (d3 - 1.0), "theta4": 12.0 * d4}
+    near, rocker, crank = (float(x + k * np.spacing(np.pi)) for x, k in zip((-np.pi, np.pi, np.pi), ulps, strict=True))
     found = solve(
-        "change_point_four_bar", "forward", end=0.2, samples=5, tolerance=1e-10, start={"A": -np.pi, "theta4": np.pi},
-        initial={"position": {"theta2": np.pi}, "velocity": {name: float(rate) for name, rate in velocity.items()}},
+        "change_point_four_bar", "forward", end=0.2, samples=5, tolerance=1e-10, start={"A": near, "theta4": rocker},
+        initial={"position": {"theta2": crank}, "velocity": {name: float(rate) for name, rate in velocity.items()}},
     )  # fmt: skip
     _, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values + turn)
     assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-7)

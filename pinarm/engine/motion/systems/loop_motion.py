@@ -224,13 +224,13 @@ class LoopMotion:
         if self.near or self.rank < self.measure.rank:
             w, dw, _ = self.targets(t)
             place = Place.at(self.rows, q)
-            if self.looked and v.any() and self.blind(self._regularity(place)):
+            if not self.looked:
+                self.begin(t, self.closed(place, w), v)
+            if v.any() and self.blind(self._regularity(place)):
                 a = self.across(t, q, v)
                 if not self.turns:
                     return a
             place = self.closed(place, w)
-            if not self.looked:
-                self.begin(t, place, v)
             q, v = place.q, self.tangent(place, v, dw)
         a, rows, right = self.solved(t, q, v)
         if t == self.unchecked:  # stages of steps that end there are not closed
@@ -277,16 +277,19 @@ class LoopMotion:
 
     def across(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration at a singular position that is passed, from both sides of it; see if it is one."""
-        closure, aside = self.rows, (ASIDE / float(np.abs(v / self.scale).max())) * v
-        accelerations, changes, (_, dw, _) = [], [], self.targets(t)
-        for k in (-4, -3, -2, -1, 1, 2, 3, 4):
-            beside = Place.at(closure, pin.integrate(closure.model, q, k * aside))
-            closed = self.closed(beside, beside.gap[closure.size - len(dw) :])
-            accelerations.append(self.solved(t, closed.q, self.tangent(closed, v, dw))[0])
-            changes.append(pin.difference(closure.model, beside.q, closed.q))
+        closure, dw = self.rows, self.targets(t)[1]
+        pairs = [self._beside(t, q, v, k) for k in (-4, -3, -2, -1, 1, 2, 3, 4)]
+        accelerations = [self.solved(t, closed.q, self.tangent(closed, v, dw))[0] for _, closed in pairs]
+        changes = [pin.difference(closure.model, moved.q, closed.q) for moved, closed in pairs]
         between = Place.at(closure, pin.integrate(closure.model, q, ACROSS @ np.array(changes)))
         self.open = self._size(between.gap[: closure.size - len(dw)])
         return np.asarray(ACROSS @ np.array(accelerations))
+
+    def _beside(self, t: float, q: Array, v: Array, k: int) -> tuple[Place, Place]:
+        """Return the position k times ``ASIDE`` along a velocity, and the closed one nearest to it."""
+        closure, aside = self.rows, (k * ASIDE / float(np.abs(v / self.scale).max())) * v
+        moved = Place.at(closure, pin.integrate(closure.model, q, aside))
+        return moved, self.closed(moved, moved.gap[closure.size - len(self.targets(t)[1]) :])
 
     def _size(self, gap: Array) -> float:
         """Return the length of the first gaps, shape (k,), in the units of their rows."""
@@ -349,20 +352,29 @@ class LoopMotion:
         return acceleration
 
     def begin(self, t: float, place: Place, v: Array) -> None:
-        """Choose how to go on from the start; next to a singular position a regular step is the time to get away."""
-        self.look(place)
+        """Choose how to go on from a closed start; if it is singular, a regular step is the time to get away.
+
+        The rank along the motion is then that of positions beside the start.
+        """
+        speed, rank = float(np.abs(v / self.scale).max()), self._rank(place)
+        if speed and rank < self.measure.rank:
+            rank = max(self._rank(self._beside(t, place.q, v, k)[1]) for k in (-4, 4))
+        self.look(place, rank)
         self.ranks[t] = self.rank
         if not self.near:
             self.t = self.unchecked = t
-        speed = float(np.abs(v / self.scale).max())
         if self.singular and speed:
             self.step = NEAR / speed
             self.least = FLOOR * self.step
 
-    def look(self, place: Place) -> None:
-        """Choose how to go on, by how regular a closed position is."""
+    def _rank(self, place: Place) -> int:
+        values = self.measure.values(place.rows)
+        return int((values > RANK * values[:1]).sum())
+
+    def look(self, place: Place, rank: int = 0) -> None:
+        """Choose how to go on, by how regular a closed position is on a motion of at least a rank."""
         values, before = self.measure.values(place.rows), self.regular
-        self.rank = max(self.rank, int((values > RANK * values[:1]).sum()))
+        self.rank = max(self.rank, rank, int((values > RANK * values[:1]).sum()))
         self.regular, self.q, self.looked = self.measure.at(values, self.rank), place.q, True
         self.singular, fall = self.regular < NEAR, before - self.regular
         self.open = self.open if self.singular else 0.0
