@@ -19,15 +19,20 @@ from pinarm.engine.kinematics.assembly import near_given
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.bifurcation import undetermined_rest
+from pinarm.engine.motion.guards import acting_on_angles, between, require_turns, undetermined_rest
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, driven_by, event_columns, push_columns
-from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns
-from pinarm.engine.motion.segmented.end_stops import Bound, Separation, opening_remarks, separations_of
+from pinarm.engine.motion.segmented.end_stops import (
+    Bound,
+    Separation,
+    frictionless_remarks,
+    impact_remarks,
+    opening_remarks,
+    separations_of,
+)
+from pinarm.engine.motion.segmented.hybrid_motion import integrate_to_size
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
-from pinarm.engine.motion.segmented.impact_remarks import frictionless_remarks, impact_remarks
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.motion.segmented.stop_shares import shares_remarks
-from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import along

@@ -22,8 +22,8 @@ from pinarm.engine.integration.integrator import Acceleration, Interval
 from pinarm.engine.kernel.tree import AGREEMENT, TreeFlow
 from pinarm.engine.kernel.tree_variants import variant_flows
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
+from pinarm.engine.motion.segmented.hybrid_motion import MOST, MOST_ROUNDING
 from pinarm.engine.motion.segmented.segments import OFFSET, REST, SMALL
-from pinarm.engine.motion.small_motions import MOST, MOST_ROUNDING
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid

@@ -139,7 +139,7 @@ class Prescription(Record, frozen=True):
         """Return notes on joints that friction holds, and on rows at which joints stand still."""
         if not self.directed:
             return []
-        from pinarm.engine.motion.standstill_notes import standstill_notes
+        from pinarm.engine.motion.standstill import standstill_notes
 
         notes = standstill_notes(rows, pace)
         if not self.mechanism.frictions:

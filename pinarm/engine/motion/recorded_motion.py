@@ -164,7 +164,7 @@ class Recording:
         frictions = self.mechanism.frictions
         if beside is None or run.no_efforts or not (frictions or lossy(self.mechanism)):
             return ()
-        from pinarm.engine.motion.standstill_notes import standstill_notes
+        from pinarm.engine.motion.standstill import standstill_notes
 
         notes = standstill_notes(run, beside.pace)
         if frictions and run.drives:

@@ -17,7 +17,7 @@ from msgspec.structs import asdict
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.limits import Excess, excesses, highest_row
-from pinarm.engine.motion.decision import open_notes
+from pinarm.engine.motion.outcome import open_notes
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series

@@ -21,7 +21,7 @@ from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.methods import REMOVED
 from pinarm.engine.mechanism import Mechanism as MechanismParts
 from pinarm.engine.mechanism_loading import acted_along, mechanism_document, mechanism_of_data, read_mechanism
-from pinarm.engine.motion.lost_turns import acting_on_angles, between, require_turns, turned_between
+from pinarm.engine.motion.guards import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.names import Quantities

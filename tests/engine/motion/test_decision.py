@@ -2,7 +2,7 @@
 
 import pytest
 
-from pinarm.engine.motion.decision import Decision, open_notes
+from pinarm.engine.motion.outcome import Decision, open_notes
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.integration.methods import METHODS
-from pinarm.engine.motion import small_motions
+from pinarm.engine.motion.segmented import hybrid_motion
 from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
@@ -63,7 +63,7 @@ def test_an_oscillation_about_a_place_far_from_0_is_right_to_the_rounding_of_its
 
 
 def test_a_small_motion_whose_steps_do_not_see_it_says_that_they_err_as_much_as_it_moves(mechanism, chain, monkeypatch):
-    monkeypatch.setattr(small_motions, "MOST", 2)
+    monkeypatch.setattr(hybrid_motion, "MOST", 2)
     slide = mechanism(chain({"name": "x", "kind": "prismatic"}), gravity="none")
     spring = {"spring": JointSpring(joint="x", stiffness=100.0, rest=1.4)}
     initial = {"position": {"x": 1.4}, "velocity": {"x": 1e-9}}

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,7 @@ from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.trajectory import EventRecord
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 REST = 1e-12
 """Velocity of what touches a stop that is rest, over the largest one in SI: rounding of a velocity that vanishes."""
@@ -45,6 +47,9 @@ SLACK = 1e-13
 TOUCHING = 1e-11
 """Gap of a one-sided constraint that counts as contact, relative to the extent and the unit that suits it, or to 2 rad:
 closed by Newton's method, it is right to 1e-14."""
+
+WORKLESS = 1e-9
+"""Work of drives in impacts, relative to the energy that these take, that rounding leaves."""
 
 OPENED = " opens"
 """End of the name of an event at which a constraint opens."""
@@ -335,3 +340,60 @@ class Contacts(Record, frozen=True):
         target = [np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.array([*back.values()])]
         after = solve(split, mass, mass @ v, np.concatenate(target))
         return after, dict(zip(back, split.multipliers(mass @ (after - v))[len(own) :].tolist(), strict=True))
+
+
+def impact_remarks(contacts: Contacts, events: Iterable[EventRecord]) -> list[str]:
+    """Return for each stop how often it was hit, when first, and the energy that its impacts took.
+
+    Of stops that are hit at one instant it is what they take together. Impacts are impulses, without a duration: no
+    force of theirs is among the reactions. Drives that keep a coordinate on its law do work in them where it moves.
+    """
+    losses, titles = dict[tuple[str, ...], Array](), {stop.name: stop.title for stop in contacts.bounds}
+    hits = (event for event in events if event.before is not None)
+    for _, at_once in groupby(hits, key=lambda hit: (hit.t, hit.v.tobytes())):
+        first, *others = at_once
+        stops = tuple(titles[hit.name] for hit in (first, *others))
+        loss = np.array([1.0, first.t, *_energy_and_work(contacts, first)])
+        known = losses.get(stops)
+        losses[stops] = loss if known is None else known + loss * [1.0, 0.0, 1.0, 1.0]
+    return [_impact_remark(stops, int(count), t, energy, work) for stops, (count, t, energy, work) in losses.items()]
+
+
+def _energy_and_work(contacts: Contacts, hit: EventRecord) -> tuple[float, float]:
+    """Return the energy that stops take in an impact, and the work of drives that keep laws, ``p . w'`` [J].
+
+    Their impulses p are among those of the rows, which change the momentum: ``G^T p + N^T L = M (v+ - v-)``.
+    """
+    q, rows = hit.q, contacts.guided
+    assert hit.before is not None
+    own, stops = rows.rows(rows.state(q)), [stop for stop in contacts.bounds if stop.name == hit.name]
+    stops += [contacts.bounds[k] for k in contacts.near(q) if contacts.bounds[k].name != hit.name]
+    split = split_rows(np.vstack([own, *(stop.row(q) for stop in stops)]),
+                       np.append(rows.reach, [stop.reach for stop in stops]))  # fmt: skip
+    change = mass_matrix(rows.model, q) @ (hit.v - hit.before)
+    law = contacts.prescribed.on(hit.t, hit.t)(hit.t)[1]
+    work = float(split.multipliers(change)[contacts.closure.size : len(own)] @ law)
+    return work - 0.5 * float((hit.before + hit.v) @ change), work
+
+
+def _impact_remark(stops: Sequence[str], count: int, t: float, energy: float, work: float) -> str:
+    several, done = count > 1, abs(work) > WORKLESS * abs(energy)
+    drives = f"; the drives of coordinates that follow laws do {work:.3g} J of work in them" if done else ""
+    together = ", together" if len(stops) > 1 else ""
+    return (
+        f"{' and '.join(stops)}: {count} impact{'s' if several else ''}, the first at t = {t:.6g} s, "
+        f"take{'' if several else 's'} {max(energy, 0.0):.3g} J{together}{drives}; they are impulses, whose forces are "
+        "in no reaction"
+    )
+
+
+def frictionless_remarks(frictions: Sequence[FrictionContact], events: Iterable[EventRecord]) -> list[str]:
+    """Return that impacts have no impulse of friction, where there are any and friction depends on loads.
+
+    In an impact mu times the impulses of reactions would be of its size. Where a slip reverses meanwhile it depends on
+    the course of the impact, of which a restitution tells nothing.
+    """
+    names = dict.fromkeys(friction.name for friction in frictions if friction.law.loaded)
+    if not names or all(event.before is None for event in events):
+        return []
+    return [f"impacts are without the impulses of friction that their reactions would cause in {', '.join(names)}"]

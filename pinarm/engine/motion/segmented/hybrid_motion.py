@@ -33,7 +33,7 @@ from pinarm.engine.motion.segmented.segment_ends import (
     steps_over,
     watched,
 )
-from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
+from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL, MotionSegment, SegmentedMotion
 from pinarm.engine.motion.segmented.transitions import Transitions
 from pinarm.engine.motion.systems import System
 from pinarm.engine.motion.trajectory import EventRecord
@@ -44,6 +44,12 @@ from pinarm.records import Record, replace
 
 CUT = 1e-14
 """Distance of an event from a jump of a load, or from the end of the run, over the instant, that is rounding."""
+
+MOST = 20_000
+"""Steps that a second integration may take: where rounding is as large as the motion, no step is short enough."""
+
+MOST_ROUNDING = 1e-15
+"""Largest error of a step in SI that is explained by rounding; what looks like more is a load with corners."""
 
 
 def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
@@ -65,6 +71,40 @@ def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
         if error.partial is not None:
             error.partial = recorded(hybrid.controls, error.partial)
         raise
+
+
+def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
+    """Return the motion from an initial state, its errors relative to its own size where that is much below 1 in SI.
+
+    The error of a step is relative to ``size + |y|``: of an oscillation of 1e-12 m it would be as large as the motion
+    at a tolerance of 1e-9. A small motion about a coordinate of 1 has a finer tolerance, as far as the rounding of the
+    coordinate allows. Where no step is short enough, since rounding of accelerations is as large, the coarser motion is
+    kept; ``SegmentedMotion.rounding`` tells how wrong it is. See ``integrate`` for arguments and errors.
+    """
+    motion = integrate(hybrid, q, v)
+    most = min(hybrid.max_steps, MOST)
+    try:
+        while is_small(hybrid, motion.size) and motion.size > REST:
+            hybrid = hybrid.of_size(motion.size, most)
+            motion = integrate(hybrid, q, v)
+        moved, scale = motion.displacement, hybrid.size + motion.size
+        tolerance = max(hybrid.method.tolerance * moved / scale, FINEST)
+        if is_offset(hybrid, moved, scale) and tolerance < hybrid.method.tolerance:
+            method = replace(hybrid.method, tolerance=tolerance)
+            motion = integrate(replace(hybrid, method=method, max_steps=most), q, v)
+    except IntegrationError:
+        pass
+    return motion
+
+
+def is_offset(hybrid: HybridSystem, moved: float, scale: float) -> bool:
+    """Tell whether a displacement is small, but more than rounding, beside what errors of steps are relative to."""
+    return hybrid.method.tolerance > 0.0 and REST * scale < moved < OFFSET * scale
+
+
+def is_small(hybrid: HybridSystem, size: float) -> bool:
+    """Tell whether a motion is small beside what the errors of its steps have been relative to."""
+    return hybrid.method.tolerance > 0.0 and 0.0 < size < SMALL * hybrid.size
 
 
 class _Integration(Record, frozen=True):

@@ -12,7 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import StepsOver
-from pinarm.engine.motion.decision import Decision
+from pinarm.engine.motion.outcome import Decision
 from pinarm.engine.motion.segmented.end_stops import Bound, Held, Stop
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.systems import System

@@ -12,7 +12,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.methods.explicit import LIMITED, STIFF
 from pinarm.engine.integration.turns import step_error
-from pinarm.engine.motion.decision import Decision
+from pinarm.engine.motion.outcome import Decision
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError

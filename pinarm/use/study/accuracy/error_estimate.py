@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.engine.integration.methods.explicit import PASSED_LOADS
-from pinarm.engine.motion.decision import Decision, open_notes
+from pinarm.engine.motion.outcome import Decision, open_notes
 from pinarm.engine.motion.segmented.segments import UNSEEN
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.records import replace
