@@ -1,15 +1,16 @@
-"""Forward motion through impacts and contacts: segments of smooth motion, and events between them.
+"""Forward motion through impacts and contacts: segments of smooth motion, and the transitions at events between them.
 
 A segment is integrated until an event ends it: a joint reaches an end stop, a stop that a joint rests on pushes it no
-longer, friction holds or lets go, or an event of the user stops the run. After the ``Transitions`` at the event the
-next segment begins.
+longer, friction holds or lets go, or an event of the user stops the run. At an impact an impulse changes the
+velocities; at a contact that closes or opens a constraint is added or removed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise, takewhile
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,12 +21,14 @@ from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT, Watch
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.integration.turns import Turn
-from pinarm.engine.motion.segmented.end_stops import OPENED
+from pinarm.engine.kinematics.newton import assembled
+from pinarm.engine.motion.guards import acting_on_angles
+from pinarm.engine.motion.segmented.end_stops import OPENED, TIED, Bound, Held, pressed
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
-from pinarm.engine.motion.segmented.segment_ends import (
-    CAUSES,
-    Key,
-    SegmentEnd,
+from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL, MotionSegment, SegmentedMotion
+from pinarm.engine.motion.segmented.watched_values import (
+    STOP,
+    Cause,
     deciding,
     decision,
     of_mechanism,
@@ -33,14 +36,15 @@ from pinarm.engine.motion.segmented.segment_ends import (
     steps_over,
     watched,
 )
-from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL, MotionSegment, SegmentedMotion
-from pinarm.engine.motion.segmented.transitions import Transitions
 from pinarm.engine.motion.systems import System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError, Interrupted, NumericsError
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.records import Record, replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.ensemble import Ensemble
 
 CUT = 1e-14
 """Distance of an event from a jump of a load, or from the end of the run, over the instant, that is rounding."""
@@ -51,26 +55,12 @@ MOST = 20_000
 MOST_ROUNDING = 1e-15
 """Largest error of a step in SI that is explained by rounding; what looks like more is a load with corners."""
 
+DEAD = 10.0
+"""Free part of the row of a stop in loops, over the root of the tolerance, up to which it is at a dead point: from
+there a motion turns within the tolerance of the size of its links."""
 
-def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
-    """Return the motion from an initial state, assembled, shapes (nq,) and (nv,).
-
-    Raises:
-        IntegrationError: It could not be followed to its end; ``partial`` is the motion until then.
-        Interrupted: The user interrupted it; likewise.
-    """
-    integration = _Integration(hybrid, Transitions(hybrid), SegmentedMotion(hybrid.dynamics))
-    if hybrid.controls is None:
-        return integration.follow(q, v)
-    from pinarm.engine.motion.segmented.recorded_control import recorded
-
-    hybrid.controls.begin(hybrid.cuts[0], hybrid.cuts[-1])
-    try:
-        return recorded(hybrid.controls, integration.follow(q, v))
-    except (IntegrationError, Interrupted) as error:
-        if error.partial is not None:
-            error.partial = recorded(hybrid.controls, error.partial)
-        raise
+SLIGHT = 1e-9
+"""Acceleration of a joint that breaks loose, over that without friction, that may be rounding."""
 
 
 def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
@@ -107,40 +97,91 @@ def is_small(hybrid: HybridSystem, size: float) -> bool:
     return hybrid.method.tolerance > 0.0 and 0.0 < size < SMALL * hybrid.size
 
 
+def is_batchable(hybrid: HybridSystem) -> bool:
+    """Tell whether motions from several initial states can be integrated together: none has events or decisions."""
+    if hybrid.frictions or hybrid.controls or hybrid.bounds or hybrid.watches:
+        return False
+    if acting_on_angles(hybrid.closure.constraints, hybrid.dynamics.forces):
+        return False  # where angles leap is looked for motion by motion
+    system = hybrid.system()
+    free = system.manifold.nv > 0 and not watched(hybrid, Mode(), system, frozenset())
+    return free and hybrid.method.pair is not None and all(interval.batch for interval in hybrid.free_intervals)
+
+
+def integrate_together(hybrid: HybridSystem, q: Array, v: Array) -> Ensemble | None:
+    """Return motions from b assembled initial states, shapes (b, nq) and (b, nv); ``None`` where they are alone."""
+    from pinarm.engine.integration.ensemble import integrate_batch
+
+    system, pair = hybrid.system(), hybrid.method.pair
+    if pair is None or not is_batchable(hybrid):
+        return None
+    passed = steps_over(hybrid, system)
+    return integrate_batch(
+        hybrid.free_intervals, system.manifold, q, v, pair, max_steps=hybrid.max_steps, steps_over=passed
+    )
+
+
+def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
+    """Return the motion from an initial state, assembled, shapes (nq,) and (nv,).
+
+    Raises:
+        IntegrationError: It could not be followed to its end; ``partial`` is the motion until then.
+        Interrupted: The user interrupted it; likewise.
+    """
+    integration = _Integration(hybrid, SegmentedMotion(hybrid.dynamics))
+    if hybrid.controls is None:
+        return integration.follow(q, v)
+    from pinarm.engine.motion.segmented.recorded_control import recorded
+
+    hybrid.controls.begin(hybrid.cuts[0], hybrid.cuts[-1])
+    try:
+        return recorded(hybrid.controls, integration.follow(q, v))
+    except (IntegrationError, Interrupted) as error:
+        if error.partial is not None:
+            error.partial = recorded(hybrid.controls, error.partial)
+        raise
+
+
+class SegmentEnd(NamedTuple):
+    """The end of a segment: instant [s], configuration, velocity, and what ended it."""
+
+    t: float
+    q: Array
+    v: Array
+    cause: Cause = ("", -1)
+
+
 class _Integration(Record, frozen=True):
     """One motion while it is integrated; segments and events are added to ``motion``."""
 
     hybrid: HybridSystem
-    transitions: Transitions
     motion: SegmentedMotion
 
     def follow(self, q: Array, v: Array) -> SegmentedMotion:
         """Return the motion from an initial state to its end; see ``integrate``."""
-        hybrid, motion, transitions = self.hybrid, self.motion, self.transitions
+        hybrid, motion = self.hybrid, self.motion
         t, separations = hybrid.cuts[0], hybrid.separations
         self._enter(t, q, v)
         if hybrid.frictions:
             hybrid.friction(separations).sliding(Slip(), hybrid.span(t)).equation.require_determined(q)
-        v = transitions.begun(motion, t, q, v)
-        v, mode = transitions.settled(motion, t, q, v, transitions.mode(t, q, v), frozenset())
+        v = self._begun(t, q, v)
+        v, mode = self._settled(t, q, v, self._mode(t, q, v), frozenset())
         while (end := self._segment(mode, t, q, v)) is not None:
             motion.require_progress(hybrid.cuts[-1], hybrid.max_events)
             t, q, v = self._on_cut(end.t), end.q, end.v
-            if end.stops:
+            if end.cause == STOP:
                 break
-            if met := transitions.met(mode.held, end):
-                q, v = transitions.after_impact(motion, mode.held, end, met)
+            if met := self._met(mode.held, end):
+                q, v = self._after_impact(mode.held, end, met)
                 motion.events.extend(EventRecord(hybrid.bounds[k].name, t, q, v, end.v) for k in met)
-                end = replace(end, q=q)
             if t >= hybrid.cuts[-1]:
                 break
-            if end.control is not None and hybrid.controls:
-                hybrid.controls.switch(end.control)
+            if end.cause[0] == "control" and hybrid.controls:
+                hybrid.controls.switch(end.cause[1])
             self._enter(t, q, v)
-            before = mode.held
-            following = transitions.following(mode, replace(end, t=t, v=v))
-            v, mode = transitions.settled(motion, t, q, *following, frozenset() if met else before)
-            self._note_reversal(end, mode, t, q, v)
+            before, following = mode.held, self._following(mode, SegmentEnd(t, q, v, end.cause))
+            v, mode = self._settled(t, q, *following, frozenset() if met else before)
+            self._note_reversal(end.cause, mode, t, q, v)
             opened = sorted((before & separations) - mode.held)
             motion.events.extend(EventRecord(hybrid.bounds[k].name + OPENED, t, q, v) for k in opened)
         return motion
@@ -159,7 +200,7 @@ class _Integration(Record, frozen=True):
         Where something is held a segment ends with its interval: a load that jumps may set it in motion.
         """
         hybrid, controls = self.hybrid, self.hybrid.controls
-        touched, spans = self.transitions.at_rest(t, q, v), self._spans(mode, t)
+        touched, spans = self._at_rest(t, q, v), self._spans(mode, t)
         tied = hybrid.tied(mode.held, touched, q)
         stops = hybrid.rested(mode.held | tied)
         shares = stops if stops and stops.are_open(q) else None
@@ -189,12 +230,12 @@ class _Integration(Record, frozen=True):
             key, watch = ends[index]
             self.motion.consider(decision(watch, turn, "" if watch.stops else str(key)))
         end = self._note_events(solution, system, [key for key, _ in ends])
+        last = solution.states(np.array([solution.end]))
         if end is None and solution.end < hybrid.cuts[-1]:
-            q, v = (x[0] for x in system.whole(np.array([solution.end]), *solution.states(np.array([solution.end]))))
-            end = SegmentEnd(solution.end, q, v)
+            end = SegmentEnd(solution.end, *(x[0] for x in system.whole(np.array([solution.end]), *last)))
         integrals = getattr(system, "integrals", None)
         if controls and integrals:  # after all states in between have been asked for
-            controls.memory.integral = integrals(solution.states(np.array([solution.end]))[1])[0]
+            controls.memory.integral = integrals(last[1])[0]
         return end
 
     def _from_there(self, name: str, watch: Watch, t: float, q: Array, v: Array) -> Watch:
@@ -225,17 +266,12 @@ class _Integration(Record, frozen=True):
         hybrid, work = self.hybrid, self.motion.work
         with_integrals = getattr(system, "with_integrals", None)
         q, v = with_integrals(q, v) if with_integrals else (q, v)
+        method = hybrid.method if system.manifold.nv else FixedStep(hybrid.time[1] - hybrid.time[0])
         return integrate_smooth(
-            hybrid.intervals(system, spans),
-            system.manifold,
-            q,
-            v,
-            hybrid.method if system.manifold.nv else FixedStep(hybrid.time[1] - hybrid.time[0]),
-            max_steps=hybrid.max_steps - work.steps - work.rejected,
-            watches=watches,
-            steps_over=steps_over(hybrid, system),
+            hybrid.intervals(system, spans), system.manifold, q, v, method, watches=watches,
+            max_steps=hybrid.max_steps - work.steps - work.rejected, steps_over=steps_over(hybrid, system),
             begun_with=work.state_error,
-        )
+        )  # fmt: skip
 
     def _spans(self, mode: Mode, t: float) -> list[tuple[float, float]]:
         """Return the intervals of a segment from t [s] on: one where a load that jumps may set held joints free."""
@@ -243,7 +279,7 @@ class _Integration(Record, frozen=True):
         alone = self.hybrid.frictions or mode.held or (self.hybrid.controls and self.hybrid.controls.continuous)
         return spans[:1] if alone else spans
 
-    def _note_events(self, solution: Solution, system: System, keys: list[Key]) -> SegmentEnd | None:
+    def _note_events(self, solution: Solution, system: System, keys: list[str | Cause]) -> SegmentEnd | None:
         """Add the events of the last segment to the motion; return the one that ended it."""
         end = None
         for crossing in solution.crossings:
@@ -251,25 +287,24 @@ class _Integration(Record, frozen=True):
             q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
             if isinstance(key, str):
                 self.motion.events.append(EventRecord(key, t, q, v))
-                end = SegmentEnd(t, q, v, stops=True) if self.hybrid.watches[key].stops else None
+                end = SegmentEnd(t, q, v, STOP) if self.hybrid.watches[key].stops else None
             else:
-                hit, released, slip, control = (key[1] if key[0] == cause else None for cause in CAUSES)
-                end = SegmentEnd(t, q, v, hit, released, slip, control)
+                end = SegmentEnd(t, q, v, key)
         return end
 
-    def _note_reversal(self, end: SegmentEnd, mode: Mode, t: float, q: Array, v: Array) -> None:
+    def _note_reversal(self, cause: Cause, mode: Mode, t: float, q: Array, v: Array) -> None:
         """Note by how much friction fails to hold a joint that turns back in a state; nothing where none does."""
-        if end.slip is None or not 0 <= end.slip < len(mode.slip.direction):
+        kind, joint = cause
+        if kind != "slip" or not 0 <= joint < len(mode.slip.direction):
             return
-        watch = self.hybrid.friction(mode.held).could_hold(mode.slip, self.hybrid.span(t), end.slip)
+        watch = self.hybrid.friction(mode.held).could_hold(mode.slip, self.hybrid.span(t), joint)
         if watch is None:
             return
         state, wrong = (np.array([t]), q[None], v[None]), self.motion.work.state_error
         margin = float(watch.value(*state)[0])
-        if np.isnan(margin):
-            return
-        error = wrong * sensitivity(self.hybrid, watch.value, *state)
-        self.motion.consider(decision(watch, Turn(0, t, 0.0, 1.0, margin, error, wrong, 0.0)))
+        if not np.isnan(margin):
+            error = wrong * sensitivity(self.hybrid, watch.value, *state)
+            self.motion.consider(decision(watch, Turn(0, t, 0.0, 1.0, margin, error, wrong, 0.0)))
 
     def _locate(self, error: NumericsError, system: System) -> None:
         """Say in an error where the integration ended, joint by joint."""
@@ -278,3 +313,184 @@ class _Integration(Record, frozen=True):
             error.data["q"], error.data["v"] = (x[0] for x in system.whole(*state))
             error.message += f", with {format_configuration(self.hybrid.dynamics.model, error.data['q'])}"
             error.message += refusals(self.hybrid.dynamics.forces, error.data["q"])
+
+    def _begun(self, t: float, q: Array, v: Array) -> Array:
+        """Return the velocity with which a motion begins that may move towards stops that it touches, shape (nv,)."""
+        contacts, bounds = self.hybrid.contacts, self.hybrid.bounds
+        approached = [k for k in contacts.near(q) if self._approaches(k, q, v)]
+        after = contacts.impact(t, q, v, self._slow(approached, t, q, v)) if approached else v
+        self.motion.events.extend(EventRecord(bounds[k].name, t, q, after, v) for k in approached)
+        return after
+
+    def _met(self, held: Held, end: SegmentEnd) -> list[int]:
+        """Return the stops that are hit at the end of a segment, whatever ended it.
+
+        Of several that are met at one instant a segment ends at one; the others are as near, or passed by rounding.
+        """
+        bounds, hit = self.hybrid.bounds, {end.cause[1]} if end.cause[0] == "hit" else set[int]()
+        others = {*range(len(bounds))} - held - hit
+        passed = (k for k in others if bounds[k].gap(end.q) <= bounds[k].slack)
+        return sorted(hit.union(k for k in passed if self._approaches(k, end.q, end.v)))
+
+    def _after_impact(self, held: Held, end: SegmentEnd, met: Sequence[int]) -> tuple[Array, Array]:
+        """Return the state after stops were met: exactly on them, with the velocity after the impact.
+
+        Raises:
+            IntegrationError: One is met where the motion turns, as at a dead point of a linkage: whether there is an
+                impact, which turns the motion back, is below the accuracy of the integration.
+        """
+        hybrid, t, q = self.hybrid, end.t, end.q.copy()
+        for bound in (hybrid.bounds[k] for k in met):
+            if isinstance(bound, Bound):
+                q[bound.place] = bound.limit
+        closing = hybrid.separations.intersection(met)
+        if closing:
+            stops = hybrid.with_stops(held)
+            q = assembled(hybrid.closure_of(held | closing), stops, q, stops.on(t, t)(t)[0], t)
+        for k in met:
+            self._require_clear(k, held, end)
+        return q, hybrid.contacts.impact(t, q, end.v, self._slow(met, t, q, end.v), held & hybrid.separations)
+
+    def _require_clear(self, k: int, held: Held, end: SegmentEnd) -> None:
+        """Raise where a motion at a dead point would turn before it is past a stop by more than the errors of steps."""
+        hybrid, bound, error = self.hybrid, self.hybrid.bounds[k], self.hybrid.method.tolerance
+        if not isinstance(bound, Bound) or hybrid.contacts.freedom(k, end.q) > DEAD * error**0.5:
+            return
+        speed, away = self._speed(k, end.q, end.v), min(self._accelerations_away(k, held, end.t, end.q, end.v))
+        reach, unit = error * (hybrid.size + abs(bound.limit)), bound.coordinate.unit
+        if away > 0.0 and speed**2 <= 2.0 * away * reach:
+            raise IntegrationError(
+                f"at t = {end.t:.9g} s the motion turns at the {bound.title}, to {speed**2 / (2.0 * away):.1g} {unit}: "
+                "whether it meets it is below the accuracy of the integration",
+                expected=f"a stop farther than {reach:.1g} {unit} from where the motion turns, as at a dead point",
+                hint="move the stop, or leave it out",
+                partial=self.motion, t=end.t,
+            )  # fmt: skip
+
+    def _settled(self, t: float, q: Array, v: Array, mode: Mode, before: Held) -> tuple[Array, Mode]:
+        """Return the velocity and the mode with joints at rest on stops that they begin to rest on.
+
+        A joint that is slow enough to rest there has hit the stop a last time.
+        """
+        hybrid, contacts = self.hybrid, self.hybrid.contacts
+        begun = [k for k in sorted(mode.held - before) if abs(contacts.rate(k, q, v)) > hybrid.still(k, v)]
+        if not begun:
+            return v, mode
+        after = contacts.rest(t, q, v, mode.held)
+        self.motion.events.extend(EventRecord(hybrid.bounds[k].name, t, q, after, v) for k in begun)
+        return self._settled(t, q, after, self._mode(t, q, after, mode.held), before.union(begun))
+
+    def _approaches(self, k: int, q: Array, v: Array) -> bool:
+        return self._speed(k, q, v) < -self.hybrid.still(k, v)
+
+    def _speed(self, k: int, q: Array, v: Array) -> float:
+        """Return the velocity of a state away from a stop."""
+        return self.hybrid.bounds[k].side * self.hybrid.contacts.rate(k, q, v)
+
+    def _slow(self, stops: Iterable[int], t: float, q: Array, v: Array) -> dict[int, float]:
+        """Return the velocities up to which a joint that touches stops rests on them [rad/s or m/s].
+
+        With them it would rise by no gap under the accelerations along the stop that there are, ``u^2 / (2 a)``: which
+        of them presses it back depends on what else is held.
+        """
+        slow = {k: self.hybrid.still(k, v) for k in stops}
+        for k in (k for k, still in slow.items() if abs(self._speed(k, q, v)) > still):
+            most = max(map(abs, self._accelerations_away(k, frozenset(slow) - {k}, t, q, v)))
+            slow[k] = max(slow[k], (2.0 * most * self.hybrid.bounds[k].slack) ** 0.5)
+        return slow
+
+    def _accelerations_away(self, k: int, others: Held, t: float, q: Array, v: Array) -> list[float]:
+        """Return the accelerations of a state away from a stop: without stops, and on others; with friction too."""
+        hybrid, bound = self.hybrid, self.hybrid.bounds[k]
+        accelerations = [hybrid.acceleration_without_friction(held, t, q, v) for held in {frozenset(), others}]
+        if hybrid.frictions:
+            slipping = hybrid.stretch(Mode(frozenset(), hybrid.slip(frozenset(), t, q, v)), t, q, v)
+            accelerations.append(hybrid.completed(slipping, np.array([t]), q[None], v[None]).a[0])
+        return [bound.side * bound.acceleration(q, v, a) for a in accelerations]
+
+    def _following(self, mode: Mode, end: SegmentEnd) -> tuple[Array, Mode]:
+        """Return the velocity and the mode after the end of a segment that does not end the run."""
+        hybrid, (t, q, v, (kind, index)) = self.hybrid, end
+        if kind == "released":
+            tied = hybrid.tied(mode.held, self._at_rest(t, q, v), q)  # any of them may take over what it held
+            return v, self._pressing((mode.held | tied) - {index}, t, q, v)
+        if kind != "slip":
+            return v, self._mode(t, q, v, mode.held & hybrid.separations)
+        friction, span = hybrid.friction(mode.held), hybrid.span(t)
+        switch = friction.switch(span, q, v, mode.slip, index)
+        v, touched = switch.v, self._at_rest(t, q, switch.v) - mode.held
+        after = Mode(mode.held, friction.after(span, q, switch))
+        if touched and index >= 0:  # a rebound so small that it ends where the stop is, but for rounding
+            return v, self._mode(t, q, v, mode.held & hybrid.separations)
+
+        def slips(held: Held) -> Slip:
+            if (hybrid.rubs(held) != hybrid.rubs(mode.held)).any():
+                return hybrid.slip(held, t, q, v)
+            return hybrid.friction(held).after(span, q, switch)
+
+        if entered := self._entered(mode.slip, after, touched, t, q, v):
+            held = mode.held
+            for k in sorted(entered):
+                held |= hybrid.tied(held, frozenset({k}), q) ^ {k}
+            return v, Mode(held, slips(held))
+        system, state = hybrid.stretch(after, t, q, v), (np.array([t]), q[None], v[None])
+        pulls = any(push[0] <= 0.0 for push in hybrid.pushes(mode.held, system, *state).values())
+        return v, self._pressing(mode.held | touched, t, q, v, slips) if pulls else after
+
+    def _entered(self, before: Slip, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
+        """Return the stops among those that are touched into which a joint that breaks loose would go.
+
+        Its acceleration may begin at 0; then that counts which grows with the load beyond its friction.
+        """
+        if not touched:
+            return touched
+        leaving = self._leaving(self.hybrid.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])
+        begun = self.hybrid.friction(mode.held).begun(before, mode.slip, self.hybrid.span(t), q)
+        slight = self._slight(mode.held, t, q, v)
+        for k in (k for k, away in leaving.items() if abs(away) <= slight):
+            bound = self.hybrid.bounds[k]
+            away = bound.side * float(bound.row(q) @ begun)
+            leaving[k] = away if abs(away) > TIED * float(np.abs(bound.row(q)) @ np.abs(begun)) else 0.0
+        return frozenset(k for k, away in leaving.items() if away < 0.0)
+
+    def _slight(self, held: Held, t: float, q: Array, v: Array) -> float:
+        """Return the acceleration that may be rounding."""
+        return SLIGHT * float(np.abs(self.hybrid.acceleration_without_friction(held, t, q, v)).max(initial=0.0))
+
+    def _at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:
+        """Return the stops that a state touches without moving against or away from them.
+
+        ``held`` are stops that are touched, however well integrated states show it.
+        """
+        slow = self._slow({*self.hybrid.contacts.near(q), *held}, t, q, v)
+        return frozenset(k for k, least in slow.items() if abs(self._speed(k, q, v)) <= least)
+
+    def _mode(self, t: float, q: Array, v: Array, kept: Held = frozenset()) -> Mode:
+        """Return the stops that a state at rest on them presses against, and the slip of joints with friction."""
+        return self._pressing(self._at_rest(t, q, v, kept), t, q, v)
+
+    def _pressing(
+        self, touched: Held, t: float, q: Array, v: Array, slips: Callable[[Held], Slip] | None = None
+    ) -> Mode:
+        """Return the mode in which those of the stops that are touched hold that a state at rest presses against.
+
+        ``slips`` returns the slip of joints while some stops hold; where it is left out, that of the state.
+        """
+        hybrid, modes = self.hybrid, dict[Held, Mode]()
+
+        def away(held: Held) -> dict[int, float]:
+            mode = modes[held] = Mode(held, slips(held) if slips else hybrid.slip(held, t, q, v))
+            system, state = hybrid.stretch(mode, t, q, v), (np.array([t]), q[None], v[None])
+            pushes = {k: float(push[0]) for k, push in hybrid.pushes(held, system, *state).items()}
+            return pushes | self._leaving(system, touched - held, *state)
+
+        slight = partial(self._slight, frozenset(), t, q, v)
+        held = pressed(touched, away, partial(hybrid.contacts.ties, q), slight) if touched else touched
+        return modes[held] if held in modes else Mode(held, hybrid.slip(held, t, q, v))
+
+    def _leaving(self, system: System, stops: Held, t: Array, q: Array, v: Array) -> dict[int, float]:
+        """Return the accelerations away from stops in one state [rad/s^2 or m/s^2]."""
+        if not stops:
+            return {}
+        a, bounds = self.hybrid.completed(system, t, q, v).a[0], self.hybrid.bounds
+        return {k: bounds[k].side * bounds[k].acceleration(q[0], v[0], a) for k in sorted(stops)}

@@ -15,9 +15,11 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import coupled_joints
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.mass_matrix import require_masses
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix, require_masses
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Interval
@@ -39,6 +41,10 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.segmented.stick_slip import StickSlip
     from pinarm.engine.motion.systems.system import CompletedStates
     from pinarm.mechanics.friction.contact import FrictionContact
+
+
+UNMET = 1e-9
+"""Part of a given rate that may be missed: rounding leaves 1e-14."""
 
 
 class Mode(ValueRecord, frozen=True):
@@ -227,9 +233,7 @@ class HybridSystem(Record, frozen=True):
         system, start = self.system(held), np.array(self.cuts[:1])
         whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(initial, *self.cuts[:2])))
         if initial.rates:
-            from pinarm.engine.motion.initial_velocity import velocity_with_rates
-
-            v = velocity_with_rates(initial, self.closure_of(held), self.prescribed, whole_q[0], self.cuts[:2])
+            v = self._velocity_with_rates(initial, held, whole_q[0])
             known = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
             whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(known, *self.cuts[:2])))
         for follower in initial.followers:
@@ -240,6 +244,34 @@ class HybridSystem(Record, frozen=True):
             if bound.gap(whole_q[0]) < -bound.slack:
                 raise InputError(bound.passed_at_start(whole_q[0]))
         return whole_q[0], whole_v[0]
+
+    def _velocity_with_rates(self, initial: Initial, held: Held, q: Array) -> Array:
+        """Return the velocity nearest to the given one, by the masses, that has all given rates, shape (nv,).
+
+        Joints that are not coupled to any that moves are at rest.
+
+        Raises:
+            InputError: Laws, loops and given velocities do not allow a rate.
+        """
+        closure, (start, end) = self.closure_of(held), self.cuts[:2]
+        rows = closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+        state, mass = rows.state(q), mass_matrix(closure.model, q)
+        rates = np.array([rate for _, rate in initial.rates])
+        along = np.array([coordinate.row(state) for coordinate, _ in initial.rates])
+        laws = self.prescribed.on(start, end)(start)[1]
+        asked, right = np.vstack([rows.rows(state), along]), np.concatenate([np.zeros(closure.size), laws, rates])
+        resting = np.flatnonzero(~coupled_joints(asked, right, initial.v)).tolist()
+        known = sorted({*initial.velocities, *resting})
+        split = split_rows(np.vstack([asked, np.eye(closure.model.nv)[known]]))
+        v = solve(split, mass, mass @ initial.v, np.concatenate([right, initial.v[known]]))
+        left = np.abs(along @ v - rates)
+        if left.max() > UNMET * np.abs(rates).max():
+            raise InputError(
+                f"the velocities that are given cannot be had at once: {left.max():.3g} of {rates[left.argmax()]:.6g} "
+                "is left over",
+                expected="velocities that loops, laws and each other allow",
+            )
+        return v
 
     @cached_property
     def assembly(self) -> Assembly:

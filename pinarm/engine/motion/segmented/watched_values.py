@@ -1,4 +1,4 @@
-"""Ends of a segment of smooth motion: watched values, and decisions where they turn, with margin and error."""
+"""Values that are watched in a segment of smooth motion, and decisions where they turn, with margin and error."""
 
 from __future__ import annotations
 
@@ -13,19 +13,23 @@ from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import StepsOver
 from pinarm.engine.motion.outcome import Decision
-from pinarm.engine.motion.segmented.end_stops import Bound, Held, Stop
+from pinarm.engine.motion.segmented.end_stops import Bound, Held
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.systems import System
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.joints import RADIAN
-from pinarm.records import Record, replace
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.turns import Turn
 
-Key = str | tuple[str, int]
-"""Name of an event of the user, or cause of an end: one of ``CAUSES``, or an ``edge``, and its number."""
+Cause = tuple[str, int]
+"""What ends a segment, and its number: ``hit`` and ``released`` stops, ``slip`` of a joint that comes to rest, or the
+complement of a group of stuck joints that breaks loose, ``control`` of a controller, ``edge`` of a load."""
+
+STOP: Cause = ("stop", -1)
+"""An event of the user that ends the run."""
 
 Margin = Callable[[Array, Array, Array], Array]
 """``(t, q, v) -> margins`` of n states of a mechanism, shape (n,)."""
@@ -37,38 +41,11 @@ PART = 1e-6
 """Change of a state, over the size that errors are relative to, by which a sensitivity is measured: larger than the
 rounding of loads, and so small that their curvature does not matter."""
 
-CAUSES = ("hit", "released", "slip", "control")
-"""Fields of ``SegmentEnd`` that tell why a segment ended."""
-
-
-class SegmentEnd(Record, frozen=True):
-    """The end of a segment.
-
-    Attributes:
-        t: When [s].
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,).
-        hit: Stop that is hit.
-        released: Stop that lets go.
-        slip: Joint that comes to rest, or the complement of a group of stuck joints that breaks loose.
-        control: Controller that changes its way; see ``Controls.watches``.
-        stops: Whether the run ends.
-    """
-
-    t: float
-    q: Array
-    v: Array
-    hit: int | None = None
-    released: int | None = None
-    slip: int | None = None
-    control: int | None = None
-    stops: bool = False
-
 
 def watched(
     hybrid: HybridSystem, mode: Mode, system: System, resting: Held, tied: Held = frozenset()
-) -> list[tuple[Key, Watch]]:
-    """Return the events and ends of a segment: stops that are hit or let go, edges of loads, joints that stick.
+) -> list[tuple[str | Cause, Watch]]:
+    """Return the events of the user, by name, and the ends of a segment, by their causes.
 
     Args:
         hybrid: The mechanism.
@@ -78,19 +55,19 @@ def watched(
             first: it is given some slack.
         tied: Those of them that move only with stops that hold, within the errors of steps.
     """
-    watches: list[tuple[Key, Watch]] = list(hybrid.watches.items())
+    watches: list[tuple[str | Cause, Watch]] = list(hybrid.watches.items())
     for k, bound in enumerate(hybrid.bounds):
-        slack = 2.0 * bound.slack if k in resting else 0.0
-        if k in tied and isinstance(bound, Bound):
-            slack = APART * hybrid.method.tolerance * (hybrid.size + abs(bound.limit))
         if k in mode.held:
             push, unit = partial(hybrid.push, mode.held, system, k), "N" if bound.unit != RADIAN else "N*m"
             holds = f"the {bound.title} holds"
-            watches.append((("released", k), Watch(push, -1, stops=True, loaded=True, what=holds, unit=str(unit))))
-        else:
-            begins = "" if k in resting else f"contact with the {bound.title} begins"
-            gap = partial(_gap, bound, slack)
-            watches.append((("hit", k), Watch(gap, -1, stops=True, what=begins, unit=str(bound.unit))))
+            watches.append((("released", k), Watch(push, -1, stops=True, loaded=True, what=holds, unit=unit)))
+            continue
+        slack = 2.0 * bound.slack if k in resting else 0.0
+        if k in tied and isinstance(bound, Bound):
+            slack = APART * hybrid.method.tolerance * (hybrid.size + abs(bound.limit))
+        begins = "" if k in resting else f"contact with the {bound.title} begins"
+        gap = partial(_sum, bound.gap, slack)
+        watches.append((("hit", k), Watch(gap, -1, stops=True, what=begins, unit=str(bound.unit))))
     edges = [edge for force in hybrid.dynamics.forces.values() for edge in force.edges()]
     edges += [edge for relation in hybrid.profiled for edge in relation.edges()]
     watches += [(("edge", k), Watch(edge.value, 0, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)]
@@ -100,8 +77,8 @@ def watched(
     return watches
 
 
-def _gap(bound: Stop, slack: float, t: Array, q: Array, v: Array) -> Array:
-    return bound.gap(q) + slack
+def _sum(gap: Callable[[Array], Array], slack: float, t: Array, q: Array, v: Array) -> Array:
+    return gap(q) + slack
 
 
 def steps_over(hybrid: HybridSystem, system: System) -> StepsOver | None:
@@ -118,13 +95,12 @@ def steps_over(hybrid: HybridSystem, system: System) -> StepsOver | None:
 
 def of_mechanism(watch: Watch, system: System) -> Watch:
     """Return the watch of integrated states."""
-    counts, margin, sensitivity = watch.counts, watch.margin, watch.sensitivity
-    return replace(
-        watch, value=lambda t, q, v: watch.value(t, *system.whole(t, q, v)),
-        counts=counts and (lambda t, q, v: counts(t, *system.whole(t, q, v))),
-        margin=margin and (lambda t, q, v: margin(t, *system.whole(t, q, v))),
-        sensitivity=sensitivity and (lambda t, q, v: sensitivity(t, *system.whole(t, q, v))),
-    )  # fmt: skip
+    functions = {name: getattr(watch, name) for name in ("value", "counts", "margin", "sensitivity")}
+    return replace(watch, **{name: partial(_whole, system, of) if of else None for name, of in functions.items()})
+
+
+def _whole(system: System, function: Callable[[Array, Array, Array], object], t: Array, q: Array, v: Array) -> object:
+    return function(t, *system.whole(t, q, v))
 
 
 def deciding(hybrid: HybridSystem, watch: Watch) -> Watch:
@@ -135,16 +111,9 @@ def deciding(hybrid: HybridSystem, watch: Watch) -> Watch:
 
 
 def sensitivity(hybrid: HybridSystem, margin: Margin, t: Array, q: Array, v: Array) -> float:
-    """Return the change of a margin by errors of 1 in all coordinates and velocities of one state.
+    """Return the change of a margin by errors of 1 in all coordinates and velocities of one state, added up.
 
-    The errors are relative to ``size + |y|``, as those of steps are. Their effects are added up.
-
-    Args:
-        hybrid: The mechanism.
-        margin: The margin.
-        t: The instant [s], shape (1,).
-        q: Configuration, shape (1, nq).
-        v: Velocity, shape (1, nv).
+    The errors are relative to ``size + |y|``, as those of steps are. Shapes (1,), (1, nq) and (1, nv).
     """
     model, n = hybrid.closure.model, hybrid.closure.model.nv
     moves = PART * np.diag(hybrid.size + (np.abs(q[0]) if model.nq == n else np.ones(n)))
