@@ -150,7 +150,7 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
         (q,), (v,) = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q, v))
     if stop is not None:
-        solution.steps.end_at(index, stop)
+        solution.steps.until[index] = stop
     return stop is not None
 
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from msgspec import Struct, field
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Count, Interval, Manifold
-from pinarm.records import Record, ValueRecord
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.methods import Method
@@ -23,37 +23,14 @@ LEAST = 16
 Column = np.ndarray[tuple[Any, ...], np.dtype[Any]]
 """An array whose rows are numbers of any kind."""
 
-
-class _Columns(Struct, eq=False):
-    """Columns that grow by rows; full storage is doubled, so that the cost of a row does not grow."""
-
-    count: int = 0
-    _storage: list[Column] = []
-
-    def add(self, *rows: Column) -> None:
-        """Add rows to every column, the same number to each."""
-        end = self.count + len(rows[0])
-        if not self._storage:
-            self._storage, self.count = [x.copy() for x in rows], end
-            return
-        if end > len(self._storage[0]):
-            self._storage = [self._larger(k, end, x) for k, x in enumerate(rows)]
-        for stored, x in zip(self._storage, rows, strict=True):
-            stored[self.count : end] = x
-        self.count = end
-
-    def _larger(self, k: int, end: int, rows: Column) -> Column:
-        larger = np.empty((max(2 * self.count, end, LEAST), *rows.shape[1:]), rows.dtype)
-        larger[: self.count] = self._storage[k][: self.count]
-        return larger
-
-    def column(self, k: int) -> Column:
-        """Return the rows of a column, in place; none before any have been added."""
-        return self._storage[k][: self.count] if self._storage else np.empty((0, 0))
+DenseOutput = tuple[Array, dict[int, tuple[Array, Array]]]
+"""Terms r of a polynomial over each of n steps, ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))`` with x from 0
+to 1 over the step, shape (n, d, nq + nv); and of steps that are divided, by their number, the states at the starts of
+equal parts, shape (p, nq + nv), and the terms over these, shape (p, d, nq + nv)."""
 
 
 class Step(NamedTuple):
-    """An accepted step, with the data of its dense output.
+    """An accepted step.
 
     Attributes:
         t: Start [s].
@@ -73,168 +50,86 @@ class Step(NamedTuple):
 
 
 class StepTable(Struct, eq=False):
-    """The accepted steps of a motion, in order of time.
+    """The accepted steps of a motion, in order of time; see ``Step`` for its columns.
 
-    Every column is an array in place, valid until further steps are added.
+    Every column is an array in place, valid until further steps are added. Full storage is doubled.
     """
 
-    _columns: _Columns = field(default_factory=_Columns)
+    _count: int = 0
+    _storage: list[Column] = []
 
     def __len__(self) -> int:
-        return self._columns.count
+        return self._count
 
     def __getitem__(self, index: int) -> Step:
         t, h, until = self.times[index].tolist()
         return Step(t, h, until, self.y[index], self.slopes[index], int(self.interval[index]))
 
-    def __iter__(self) -> Iterator[Step]:
-        return (self[k] for k in range(len(self)))
+    def _column(self, k: int) -> Column:
+        return self._storage[k][: self._count] if self._storage else np.empty((0, 3))
 
     @property
     def times(self) -> Array:
-        """Starts, lengths and ends [s], see ``Step``, shape (n, 3)."""
-        times = self._columns.column(0)
-        return times if len(times) else np.empty((0, 3))
+        """Starts, lengths and ends [s], shape (n, 3)."""
+        return self._column(0)
 
     @property
     def t(self) -> Array:
-        """Starts [s], shape (n,)."""
         return self.times[:, 0]
 
     @property
     def h(self) -> Array:
-        """Lengths [s], shape (n,)."""
         return self.times[:, 1]
 
     @property
     def until(self) -> Array:
-        """Ends [s], shape (n,)."""
         return self.times[:, 2]
 
     @property
     def y(self) -> Array:
-        """States [q, v] at the starts, shape (n, nq + nv)."""
-        return self._columns.column(1)
+        return self._column(1)
 
     @property
     def slopes(self) -> Array:
-        """Slopes [q', v'] at the method's stages, shape (n, s, nq + nv)."""
-        return self._columns.column(2)
+        return self._column(2)
 
     @property
     def interval(self) -> Indices:
-        """Indices of their intervals, shape (n,)."""
-        return self._columns.column(3).astype(np.intp, copy=False)
+        return self._column(3).astype(np.intp, copy=False)
 
     @property
     def work(self) -> Indices:
         """Evaluations, rejected and floored steps up to the end of each step, shape (n, 3)."""
-        return self._columns.column(4)
+        return self._column(4)
 
     def extend(self, times: Array, y: Array, slopes: Array, interval: int | Indices, work: Indices) -> None:
         """Add n steps; the arguments are rows of the columns, the interval may be that of all."""
-        numbers = (np.asarray(x, np.float64) for x in (times, y, slopes))
         intervals = np.broadcast_to(np.asarray(interval, np.intp), len(times))
-        self._columns.add(*numbers, intervals, np.asarray(work, np.intp))
+        rows = [*(np.asarray(x, np.float64) for x in (times, y, slopes)), intervals, np.asarray(work, np.intp)]
+        end = self._count + len(times)
+        if not self._storage:
+            self._storage, self._count = [x.copy() for x in rows], end
+            return
+        if end > len(self._storage[0]):
+            room = max(2 * self._count, end, LEAST)
+            self._storage = [np.resize(self._column(k), (room, *x.shape[1:])) for k, x in enumerate(rows)]
+        for stored, x in zip(self._storage, rows, strict=True):
+            stored[self._count : end] = x
+        self._count = end
 
     def some(self, index: Indices) -> StepTable:
         """Return some of the steps, to be read only: in place where they follow one another."""
         first, last = int(index[0]), int(index[-1])
         rows = slice(first, last + 1) if last - first + 1 == len(index) else index
-        return StepTable(_Columns(len(index), [self._columns.column(k)[rows] for k in range(5)]))
-
-    def end_at(self, index: int, until: float) -> None:
-        """Let a step end at an instant [s]."""
-        self.until[index] = until
+        return StepTable(len(index), [self._column(k)[rows] for k in range(5)])
 
     def truncate(self, count: int) -> None:
         """Keep the first steps only."""
-        self._columns.count = min(count, len(self))
-
-
-class DenseOutput(Record, frozen=True):
-    """The dense output of n steps: a polynomial over each, or one over each of the equal parts that a step has.
-
-    With x from 0 to 1 over a part it is ``base + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``.
-
-    Attributes:
-        base: States [q, v] at the starts of all parts, shape (p, nq + nv).
-        terms: Terms r of their polynomials, shape (p, d, nq + nv).
-        counts: Number of parts of each step, shape (n,).
-    """
-
-    base: Array
-    terms: Array
-    counts: Indices
-
-    @classmethod
-    def whole(cls, base: Array, terms: Array) -> DenseOutput:
-        """Return that of n steps which have one polynomial each."""
-        return cls(base, terms, np.ones(len(base), dtype=np.intp))
-
-
-class InterpolatedSteps(Struct, eq=False):
-    """The dense output of those steps of a motion that have been asked for."""
-
-    _firsts: Indices = field(default_factory=lambda: np.empty(0, np.intp))
-    """First part of every step; -1 where its output is not known."""
-    _counts: Indices = field(default_factory=lambda: np.empty(0, np.intp))
-    """Number of its parts."""
-    _parts: _Columns = field(default_factory=_Columns)
-    """States at the starts of the parts, and terms; see ``DenseOutput``."""
-
-    def missing(self, index: Indices, count: int) -> Indices:
-        """Return which of the steps of given indices have no known output, ascending, of ``count`` steps in all."""
-        if len(self._firsts) < count:
-            more = (0, max(count, 2 * len(self._firsts)) - len(self._firsts))
-            self._firsts, self._counts = np.pad(self._firsts, more, constant_values=-1), np.pad(self._counts, more)
-        unknown = index[self._firsts[index] < 0]
-        return np.bincount(unknown).nonzero()[0] if len(unknown) else unknown
-
-    def add(self, index: Indices, output: DenseOutput) -> None:
-        """Add the output of the steps of given indices."""
-        self._firsts[index] = self._parts.count + output.counts.cumsum() - output.counts
-        self._counts[index] = output.counts
-        self._parts.add(output.base, output.terms)
-
-    @property
-    def indices(self) -> list[int]:
-        """Indices of the steps whose output is known, ascending."""
-        indices: list[int] = (self._firsts >= 0).nonzero()[0].tolist()
-        return indices
-
-    def states(self, index: Indices, x: Array) -> Array:
-        """Return states before their projection onto the manifold, shape (m, nq + nv), in steps with known output.
-
-        Args:
-            index: Step of each, shape (m,).
-            x: ``(t - start) / h`` of each in its step, shape (m,).
-        """
-        count = self._counts[index]
-        part = np.clip((x * count).astype(np.intp), 0, count - 1)
-        place, x = self._firsts[index] + part, x * count - part
-        base, terms = self._parts.column(0)[place], self._parts.column(1)[place]
-        factors = np.empty(terms.shape[:2])  # x, x (1 - x), x (1 - x) x, ...
-        factors[:, ::2], factors[:, 1::2] = x[:, None], 1.0 - x[:, None]
-        y = np.vecmat(np.multiply.accumulate(factors, axis=1), terms)
-        return np.asarray(
-            np.where(x[:, None] == 0.0, base, base + y)
-        )  # the terms of a step that failed may be infinite
-
-    def truncate(self, count: int) -> None:
-        """Forget the output of all but the first steps."""
-        self._firsts[count:] = -1
+        self._count = min(count, len(self))
 
 
 class Crossing(ValueRecord, frozen=True):
-    """A zero crossing of a watched value.
-
-    Attributes:
-        watch: Index of the watch.
-        t: Instant [s].
-        q: Configuration at t, shape (nq,).
-        v: Velocity at t, shape (nv,).
-    """
+    """A zero crossing: index of the watch, instant [s], configuration, shape (nq,), and velocity, shape (nv,)."""
 
     watch: int
     t: float
@@ -269,7 +164,10 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     unresolved: list[tuple[float, float]] = []
     begun_with: float = 0.0
     nearest: dict[int, Turn] = {}
-    _interpolated: InterpolatedSteps = field(default_factory=InterpolatedSteps)
+    _known: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    """Which steps have a dense output, and more rows than there are steps."""
+    _terms: Array = field(default_factory=lambda: np.empty(0))
+    _divided: dict[int, tuple[Array, Array]] = {}
 
     @property
     def end(self) -> float:
@@ -306,8 +204,13 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         inside = (t != start).nonzero()[0]  # at the start of a step its state is known
         if len(inside):
             within = index[inside]
+            x = (t - start)[inside] / self.steps.h[within]
             self._interpolate(within)
-            y[inside] = self._interpolated.states(within, (t - start)[inside] / self.steps.h[within])
+            y[inside] = interpolated(y[inside], self._terms[within], x)
+            for number in self._divided.keys() & set(within.tolist()) if self._divided else ():
+                (base, terms), here = self._divided[number], within == number
+                part = np.clip((x[here] * len(base)).astype(np.intp), 0, len(base) - 1)
+                y[inside[here]] = interpolated(base[part], terms[part], x[here] * len(base) - part)
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
 
     def outlook(self, index: int) -> tuple[bool, int]:
@@ -318,24 +221,45 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     def truncate(self, count: int) -> None:
         """Keep the first steps, and their cost; without any, the cost of those that go is kept."""
         self.steps.truncate(count)
-        self._interpolated.truncate(count)
+        self._known[count:] = False
+        self._divided = {number: parts for number, parts in self._divided.items() if number < count}
         if count:
             self.count.evaluations, self.count.rejected, self.count.floored = self.steps.work[-1].tolist()
 
     @property
     def interpolated_steps(self) -> list[int]:
         """Indices of the steps whose dense output has been computed, ascending."""
-        return self._interpolated.indices
+        return [*map(int, self._known.nonzero()[0])]
 
     def _interpolate(self, index: Indices) -> None:
         """Compute the dense output of those steps that have none yet, interval by interval."""
-        missing = self._interpolated.missing(index, len(self.steps))
+        if len(self._known) < len(self.steps):
+            self._known = np.append(self._known, np.zeros(2 * len(self.steps) - len(self._known), bool))
+        missing = index[~self._known[index]]
         if not len(missing):
             return
-        intervals = self.steps.interval[missing]
-        order = intervals.argsort(kind="stable")
-        ends = np.diff(intervals[order]).nonzero()[0] + 1
-        for start, end in pairwise([0, *ends.tolist(), len(missing)]):
-            some = missing[order[start:end]]
+        missing = np.bincount(missing).nonzero()[0]
+        for some in _alike(missing, self.steps.interval[missing]):
             interval = self.intervals[self.steps.interval[some[0]]]
-            self._interpolated.add(some, self.method.dense_output(interval, self.manifold, self.steps.some(some)))
+            terms, divided = self.method.dense_output(interval, self.manifold, self.steps.some(some))
+            if len(self._terms) < len(self._known):
+                known, self._terms = self._terms, np.empty((len(self._known), *terms.shape[1:]))
+                self._terms[: len(known)] = known.reshape(-1, *terms.shape[1:])
+            self._terms[some], self._known[some] = terms, True
+            self._divided |= {int(some[number]): parts for number, parts in divided.items()}
+
+
+def _alike(index: Indices, intervals: Indices) -> Iterator[Indices]:
+    """Yield the steps of each interval."""
+    order = intervals.argsort(kind="stable")
+    ends = np.diff(intervals[order]).nonzero()[0] + 1
+    for start, end in pairwise([0, *ends.tolist(), len(index)]):
+        yield index[order[start:end]]
+
+
+def interpolated(base: Array, terms: Array, x: Array) -> Array:
+    """Return states of m polynomials, see ``DenseOutput``, at x of shape (m,), before they are projected."""
+    factors = np.empty(terms.shape[:2])  # x, x (1 - x), x (1 - x) x, ...
+    factors[:, ::2], factors[:, 1::2] = x[:, None], 1.0 - x[:, None]
+    y = np.vecmat(np.multiply.accumulate(factors, axis=1), terms)
+    return np.asarray(np.where(x[:, None] == 0.0, base, base + y))  # terms of a step that failed may be infinite

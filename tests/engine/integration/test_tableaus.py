@@ -4,7 +4,7 @@ from scipy.integrate import RK45
 from scipy.integrate._ivp import dop853_coefficients as scipy_coefficients
 
 from pinarm.engine.integration.runge_kutta import dense_terms
-from pinarm.engine.integration.solution import DenseOutput, InterpolatedSteps
+from pinarm.engine.integration.solution import interpolated
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4
 
 
@@ -47,10 +47,8 @@ def test_the_last_term_is_the_defect_of_the_dense_output_in_the_middle_of_a_step
         slopes.append((y[0] + h * sum(w * k for w, k in zip(row, slopes, strict=False))) @ matrix.T)
     here = np.zeros(1), np.array([h]), y, np.array([slopes])
     terms = dense_terms(tableau.examined, lambda t, y: y @ matrix.T, *here)
-    output, apart, known = DenseOutput.whole(y, terms[:, :-1]), 1e-5, InterpolatedSteps()
-    known.missing(np.zeros(1, np.intp), 1)
-    known.add(np.zeros(1, np.intp), output)
-    before, middle, after = known.states(np.zeros(3, np.intp), 0.5 + apart * np.array([-1.0, 0.0, 1.0]))
+    apart, places = 1e-5, np.zeros(3, np.intp)
+    before, middle, after = interpolated(y[places], terms[places, :-1], 0.5 + apart * np.array([-1.0, 0.0, 1.0]))
     defect = h * middle @ matrix.T - (after - before) / (2.0 * apart)
     assert np.abs(defect).max() > 1e-4
     assert terms[0, -1] == pytest.approx(defect, abs=1e-8)  # of differences

@@ -110,18 +110,12 @@ class Adaptive(ValueRecord, frozen=True):
         y, terms, defects = steps.y, terms[:, :-1], np.abs(terms[:, -1]).max(axis=1)
         poor = (defects > DEFECT * self.tolerance * (interval.size + np.abs(y).max(axis=1))).nonzero()[0]
         if not len(poor):
-            return DenseOutput.whole(y, terms)
+            return terms, {}
         base, parts, ends = self._parts(interval, manifold, steps.some(poor))
         expected = y[poor] + terms[poor, 0]
         expected[:, : manifold.nq] = manifold.project(expected[:, : manifold.nq])
         better = np.abs(ends - expected).max(axis=1) < defects[poor]
-        counts = np.ones(len(y), dtype=np.intp)
-        counts[poor[better]] = PARTS
-        divided = np.repeat(counts, counts) > 1
-        bases, all_terms = np.repeat(y, counts, axis=0), np.repeat(terms, counts, axis=0)
-        bases[divided] = base[better].reshape(-1, base.shape[-1])
-        all_terms[divided] = parts[better].reshape(-1, *parts.shape[2:])
-        return DenseOutput(bases, all_terms, counts)
+        return terms, {int(poor[k]): (base[k], parts[k]) for k in better.nonzero()[0]}
 
     def _terms(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Interval]:
         """Return the terms of ``Tableau.examined``, and the interval in the code that could compute them."""
@@ -223,7 +217,7 @@ class FixedStep(ValueRecord, frozen=True):
     def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the dense output."""
         rates = partial(interval.slopes, manifold, steps.t)
-        return DenseOutput.whole(steps.y, dense_terms(self.tableau, rates, steps.t, steps.h, steps.y, steps.slopes))
+        return dense_terms(self.tableau, rates, steps.t, steps.h, steps.y, steps.slopes), {}
 
     def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return notes where a step and its two halves differ, or where steps may have stepped over a load."""

@@ -13,7 +13,6 @@ import numpy as np
 from pinarm.arrays import Array, Complex, Indices
 from pinarm.engine.integration.compiled_steps import CompiledSteps, kernel
 from pinarm.engine.integration.runge_kutta import HUGE, SHORTEST, TINY, first_step
-from pinarm.engine.integration.solution import DenseOutput
 from pinarm.engine.kernel.library import contiguous, pointer
 from pinarm.engine.kernel.structures import ControlStructure, NewtonStructure, RadauStructure
 from pinarm.records import ValueRecord
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold
-    from pinarm.engine.integration.solution import Solution, StepTable
+    from pinarm.engine.integration.solution import DenseOutput, Solution, StepTable
     from pinarm.engine.kernel.library import Flow
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
@@ -182,8 +181,7 @@ class Radau(ValueRecord, frozen=True):
 
     def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
         """Return the terms of the collocation polynomial: ``terms @ Z``."""
-        terms = radau(self.stages).terms @ steps.slopes
-        return DenseOutput.whole(steps.y, terms)
+        return radau(self.stages).terms @ steps.slopes, {}
 
     def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return nothing: its steps are neither limited by stability nor unchecked."""
