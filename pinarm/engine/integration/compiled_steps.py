@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import compress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,21 +24,16 @@ from pinarm.engine.integration.runge_kutta import (
 )
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.integration.tableaus import Tableau
-from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
+from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
 from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, PairStructure
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
 
 FEWEST, MOST = 16, 512
 """Most steps of the first call, and of later ones: each may take twice as many as one that was full. An event that ends
 the motion makes the steps after it useless, and memory is taken for all of them."""
-
-COURSE, CONTROL = np.dtype(CourseStructure), np.dtype(ControlStructure)
-"""A motion on an interval, and the numbers of its step control, as elements of arrays."""
 
 
 def kernel() -> ctypes.PyDLL:
@@ -58,46 +52,6 @@ def pair_of(tableau: Tableau) -> tuple[PairStructure, list[Array]]:
     return PairStructure(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays
 
 
-def controls_of(tolerance: float, size: Array) -> NDArray[np.void]:
-    """Return the numbers of the step control of motions that differ in ``Interval.size``, shape (m,)."""
-    numbers = tolerance, 1.0, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
-    controls = np.repeat(np.array([numbers], CONTROL), len(size))
-    controls["size"] = size
-    return controls
-
-
-class StepRoom:
-    """Where the library writes steps of m motions.
-
-    Attributes:
-        y: Present states, shape (m, n).
-        times: Starts, lengths and ends of the steps [s], shape (3, m, room).
-        rejections: Steps rejected before each, shape (m, room).
-        floored: Whether each was accepted as rounding, shape (m, room).
-        clear: Whether each is known to be clear of singular positions, shape (m, room).
-        states: y at their starts, shape (m, room, n).
-        slopes: Slopes at their stages, and those of the step that is tried last, shape (m, room + 1, rows, n).
-        courses: The motions for the library, shape (m,).
-    """
-
-    def __init__(self, y: Array, room: int, rows: int, scratch: int) -> None:
-        (m, n), self.y = y.shape, y
-        self.times, self.states = np.empty((3, m, room)), np.empty((m, room, n))
-        self.slopes, self._scratch = np.zeros((m, room + 1, rows, n)), np.empty((m, scratch, n))
-        self.rejections = np.empty((m, room), np.intp)
-        self.floored, self.clear = np.empty((2, m, room), np.intc)
-        self.courses = np.zeros(m, COURSE)
-        self.courses["room"] = room
-        starts, lengths, ends = self.times
-        places: dict[str, NDArray[Any]] = {
-            "y": y, "scratch": self._scratch, "starts": starts, "lengths": lengths, "ends": ends,
-            "rejections": self.rejections, "floored": self.floored, "clear": self.clear, "states": self.states,
-            "slopes": self.slopes,
-        }  # fmt: skip
-        for name, array in places.items():
-            self.courses[name] = pointer(array) + array.strides[0] * np.arange(m)
-
-
 class CompiledSteps:
     """The steps that a stepper takes, many in one call; with ``AdaptiveStepper``, those of its pair.
 
@@ -112,9 +66,18 @@ class CompiledSteps:
         self.prepare(FEWEST, stepper.tableau.stages + 1, 2)
 
     def prepare(self, room: int, rows: int, scratch: int) -> None:
-        """Make room for steps of some rows of slopes each."""
-        self.room, self.places = room, StepRoom(self.stepper.y[None], room, rows, scratch)
-        self.course = CourseStructure.from_buffer(self.places.courses.data)
+        """Make room for steps of some rows of slopes each.
+
+        Starts, lengths and ends of the steps [s], shape (3, room); how many were rejected before each, whether each was
+        accepted as rounding, and is known to be clear of singular positions, shape (room,); states at their starts,
+        shape (room, n); slopes at their stages, and those of the step that is tried last, shape (room + 1, rows, n).
+        """
+        n, self.room = len(self.stepper.y), room
+        self.times, self.states, self._scratch = np.empty((3, room)), np.empty((room, n)), np.empty((scratch, n))
+        self.slopes, self.rejections = np.zeros((room + 1, rows, n)), np.empty(room, np.intp)
+        self.floored, self.clear = np.empty((2, room), np.intc)
+        places = self.stepper.y, self._scratch, *self.times, self.rejections, self.floored, self.clear
+        self.course = CourseStructure(*5 * [0.0], 0, room, 0, 0, 0, *map(pointer, (*places, self.states, self.slopes)))
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
         """Take as many steps in an interval as there is room for; see ``SingleSteps.take``."""
@@ -132,24 +95,24 @@ class CompiledSteps:
 
     def call(self, flow: Flow, span: Interval) -> tuple[Indices, int]:
         """Let the library take the steps; return the evaluations up to the end of each, and those of the call."""
-        stepper, places, course, each = self.stepper, self.places, self.course, self.stepper.tableau.stages
-        places.slopes[0, 0, 0] = stepper.slopes[0]
+        stepper, course, each = self.stepper, self.course, self.stepper.tableau.stages
+        self.slopes[0, 0] = stepper.slopes[0]
         control = ControlStructure(
             stepper.tolerance, span.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
         )
         kernel().pair_steps(*map(ctypes.byref, (pair_of(stepper.tableau)[0], flow.structure, control, course)))
-        stepper.slopes[:] = places.slopes[0, course.written]
+        stepper.slopes[:] = self.slopes[course.written]
         steps = np.arange(1, course.written + 1)
-        evaluations = each * (steps + places.rejections[0, : course.written]) + flow.settles * steps
+        evaluations = each * (steps + self.rejections[: course.written]) + flow.settles * steps
         return evaluations, each * (course.written + course.rejected) + flow.settles * course.written
 
     def _add(self, index: int, evaluations: Indices, all_evaluations: int) -> None:
         """Add the steps that the library has written to the solution, and their cost."""
-        count, places, written = self.solution.count, self.places, self.course.written
-        floored = places.floored[0, :written].cumsum()
-        work = np.stack([evaluations, places.rejections[0, :written], floored], axis=1)
+        count, written = self.solution.count, self.course.written
+        floored = self.floored[:written].cumsum()
+        work = np.stack([evaluations, self.rejections[:written], floored], axis=1)
         work += [count.evaluations, count.rejected, count.floored]
-        times, states, slopes = places.times[:, 0, :written].T, places.states[0, :written], places.slopes[0, :written]
+        times, states, slopes = self.times[:, :written].T, self.states[:written], self.slopes[:written]
         self.solution.steps.extend(times, states, slopes, index, work)
         count.evaluations += all_evaluations
         count.rejected += self.course.rejected
@@ -157,14 +120,14 @@ class CompiledSteps:
 
     def follow(self, flow: Flow, interval: Interval) -> None:
         """Let the motion know which states have been settled, let it settle the last one, and make more room."""
-        places, course = self.places, self.course
+        course = self.course
         settled = course.written - course.handed
         if flow.settles and settled:
-            starts, _, ends = places.times[:, 0, :settled].tolist()
-            flow.advanced(ends, compress(starts, places.clear[0, :settled].tolist()))
+            starts, _, ends = self.times[:, :settled].tolist()
+            flow.advanced(ends, compress(starts, self.clear[:settled].tolist()))
         if course.handed:
             self.stepper.settle(course.t)
-            if places.floored[0, course.written - 1]:
+            if self.floored[course.written - 1]:
                 course.h = max(course.h, interval.floor())
         if course.written == self.room < MOST:
             self.prepare(min(2 * self.room, MOST), self.stepper.tableau.stages + 1, 2)
@@ -191,17 +154,3 @@ def _terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: A
     parts = map(ctypes.byref, (pair_of(tableau)[0], flow.structure, held))
     kernel().pair_terms(*parts, ctypes.c_ssize_t(len(y)), *addresses)
     return found
-
-
-def take_many(tableau: Tableau, motions: Iterable[tuple[Flow | None, int, int]]) -> None:
-    """Take the steps of many motions: of each its flow, and the addresses of control and course."""
-    steps = ctypes.PYFUNCTYPE(None, *4 * [ctypes.c_void_p])(address(kernel().pair_steps) or 0)
-    pair = ctypes.addressof(pair_of(tableau)[0])
-    for flow, control, course in motions:
-        assert flow is not None
-        steps(pair, ctypes.addressof(flow.structure), control, course)
-
-
-def elements(array: NDArray[np.void]) -> Iterator[int]:
-    """Return the addresses of the elements of an array."""
-    return iter(range(pointer(array), pointer(array) + array.nbytes, array.itemsize))

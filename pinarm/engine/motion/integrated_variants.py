@@ -17,14 +17,17 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.parallel import aba
-from pinarm.engine.integration.ensemble import Ensemble, integrate_variants
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.ensemble import Ensemble
 from pinarm.engine.integration.integrator import Acceleration, Interval
+from pinarm.engine.integration.solution import Solution
 from pinarm.engine.kernel.tree import AGREEMENT, TreeFlow
 from pinarm.engine.kernel.tree_variants import variant_flows
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.segmented.hybrid_motion import MOST, MOST_ROUNDING
 from pinarm.engine.motion.segmented.segments import OFFSET, REST, SMALL
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import IntegrationError
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
@@ -156,32 +159,40 @@ def compiled(hybrid: HybridSystem) -> TreeFlow | None:
 def _integrated(
     hybrid: HybridSystem, flows: Sequence[Flow], finite: Flags, motions: Sequence[FreeMotion]
 ) -> Ensemble:  # fmt: skip
-    """Return motions whose errors are relative to their own sizes where these are below 1; see ``small_motions``.
+    """Return motions whose errors are relative to their own sizes where these are small; see ``integrate_to_size``.
 
     Those so small that rounding of their accelerations may matter have not arrived: they are to be solved alone.
     """
-    pair, manifold = hybrid.method.pair, hybrid.closed_system.manifold
-    assert pair is not None
-    y, size = np.array([np.concatenate([each.q, each.v]) for each in motions]), np.full(len(motions), hybrid.size)
+    solutions, failures = list[Solution](), dict[int, str]()
+    for number, (flow, motion) in enumerate(zip(flows, motions, strict=True)):
+        try:
+            solutions.append(_alone(hybrid, flow, motion))
+        except IntegrationError as error:
+            solutions.append(error.partial)
+            failures[number] = error.message
+    failures |= dict.fromkeys(np.flatnonzero(~finite).tolist(), "a number is not finite")
+    return Ensemble.joined(solutions, failures, [solution.intervals[0] for solution in solutions])
 
-    def solved(numbers: Indices, most: int) -> Ensemble:
-        given = [(*motions[k].time, flows[k], float(size[k])) for k in numbers]
-        intervals = [
-            Interval(start, end, _acceleration(flow), size=own, compiled=flow) for start, end, flow, own in given
-        ]
-        return integrate_variants(intervals, manifold, y[numbers], pair, most)
 
-    ensemble = solved(np.arange(len(y)), hybrid.max_steps)
-    ensemble.arrived[~finite] = False
-    while len(small := np.flatnonzero(ensemble.arrived & (ensemble.sizes > 0.0) & (ensemble.sizes < SMALL * size))):
-        size[small] = ensemble.sizes[small]
-        finer = solved(small, min(hybrid.max_steps, MOST))
-        finer.arrived[size[small] * pair.tolerance < MOST_ROUNDING] = False
-        ensemble = ensemble.with_others(small, finer)
-        ensemble.arrived[small[~finer.arrived]] = False
-    scale, moved = size + ensemble.sizes, ensemble.displacements
-    ensemble.arrived[(moved > REST * scale) & (moved < OFFSET * scale)] = False  # with a finer tolerance of its own
-    return ensemble
+def _alone(hybrid: HybridSystem, flow: Flow, motion: FreeMotion) -> Solution:
+    """Return one motion.
+
+    Raises:
+        IntegrationError: It could not be followed to its end, or not to its own size.
+    """
+    size, most, manifold, method = hybrid.size, hybrid.max_steps, hybrid.closed_system.manifold, hybrid.method
+    while True:
+        interval = Interval(*motion.time, _acceleration(flow), size=size, compiled=flow)
+        solution = integrate([interval], manifold, motion.q, motion.v, method, max_steps=most)
+        if not 0.0 < solution.size < SMALL * size:
+            break
+        size, most = solution.size, min(most, MOST)
+        if size * method.tolerance < MOST_ROUNDING:
+            raise IntegrationError("the motion is as small as the rounding of accelerations", partial=solution)
+    scale, moved = size + solution.size, solution.displacement
+    if REST * scale < moved < OFFSET * scale:
+        raise IntegrationError("the motion is small beside its coordinates", partial=solution)
+    return solution
 
 
 def _acceleration(flow: Flow) -> Acceleration:

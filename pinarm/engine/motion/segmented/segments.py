@@ -73,14 +73,25 @@ class MotionSegment(Record, frozen=True):
 
     def complete(self, dynamics: Dynamics, grid: Grid) -> CompletedStates:
         """Return the motion at the rows of a grid within the segment."""
-        states = self.system.complete(dynamics, grid, *_states(self, grid.t))
+        states = self.system.complete(dynamics, grid, *self._settled(grid.t))
         states = self.shares.shared(states) if self.shares else states
         states = self.stops.told(states) if self.stops else states
         return states if self.holding.all() else _opened(states, self.holding, self.rubbing)
 
+    def _settled(self, t: Array) -> tuple[Array, Array]:
+        """Return the integrated states at instants, closed in compiled code where it knows the motion."""
+        solution = self.solution
+        y, nq = np.hstack(solution.states(t)), solution.manifold.nq
+        owners = np.searchsorted([interval.start for interval in solution.intervals[1:]], t, side="right")
+        for number, interval in enumerate(solution.intervals):
+            own = owners == number
+            if interval.compiled and interval.compiled.settles and own.any():
+                y[own] = interval.compiled.settled(t[own], y[own])
+        return y[:, :nq], y[:, nq:]
+
 
 class Work(Struct):
-    """Cost of all segments together: numbers of steps, evaluations, rejected steps and steps at the noise floor.
+    """Cost of all segments together.
 
     ``state_error`` is the error of the state at the end, relative to ``size + |y|``: errors of steps add up.
     """
@@ -90,15 +101,6 @@ class Work(Struct):
     rejected: int = 0
     floored: int = 0
     state_error: float = 0.0
-
-    def add(self, solution: Solution) -> None:
-        """Add the cost of a segment."""
-        steps, count = len(solution.steps), solution.count
-        self.steps += steps
-        self.evaluations += count.evaluations
-        self.rejected += count.rejected
-        self.floored += count.floored
-        self.state_error += steps * step_error(solution, steps - 1) if steps else 0.0
 
 
 class SegmentedMotion(Record, frozen=True):
@@ -120,38 +122,37 @@ class SegmentedMotion(Record, frozen=True):
 
     @property
     def end(self) -> float:
-        """Return the last instant reached [s]."""
+        """Last instant reached [s]."""
         return self.segments[-1].solution.end
 
     @property
     def seams(self) -> list[float]:
-        """Return the instants at which one segment meets the next [s]."""
+        """Instants at which one segment meets the next [s]."""
         return [segment.solution.end for segment in self.segments[:-1]]
 
     @property
     def size(self) -> float:
-        """Return the largest coordinate or velocity that was integrated, in SI."""
+        """Largest coordinate or velocity that was integrated, in SI."""
         return max(segment.solution.size for segment in self.segments)
 
     @property
+    def displacement(self) -> float:
+        """Largest change of a coordinate in a segment, or velocity, that was integrated, in SI."""
+        return max(segment.solution.displacement for segment in self.segments)
+
+    @property
     def rounding(self) -> dict[str, float]:
-        """Return the sum of errors of steps as a figure, where rounding keeps them larger than the tolerance says.
+        """The sum of errors of steps over the displacement, where rounding keeps it above what the tolerance says.
 
         A finer tolerance then makes no error smaller. Empty elsewhere, and at rest.
         """
-        size, moved = self.size, self.displacement
-        solutions = [segment.solution for segment in self.segments]
-        errors = [
-            solution.method.tolerance * (solution.intervals[0].size + size) * len(solution.steps)
-            for solution in solutions
-            if size < SMALL * solution.intervals[0].size or _at_offset(solution, size, moved)
-        ]
-        return {"rounding": sum(errors) / moved} if moved > REST and any(errors) else {}
-
-    @property
-    def displacement(self) -> float:
-        """Return the largest change of a coordinate in a segment, or velocity, that was integrated, in SI."""
-        return max(segment.solution.displacement for segment in self.segments)
+        size, moved, total = self.size, self.displacement, 0.0
+        for solution in (segment.solution for segment in self.segments):
+            scale, tolerance = solution.intervals[0].size, solution.method.tolerance
+            fine = tolerance <= FINEST or tolerance * (scale + size) > BLIND * moved
+            if size < SMALL * scale or (moved < OFFSET * (scale + size) and fine):
+                total += tolerance * (scale + size) * len(solution.steps)
+        return {"rounding": total / moved} if moved > REST and total else {}
 
     def require_progress(self, until: float = 0.0, most: int = 1_000_000) -> None:
         """Raise where there are more than ``most`` segments, or the last ones are so short that the run has no end.
@@ -180,7 +181,13 @@ class SegmentedMotion(Record, frozen=True):
     def add(self, segment: MotionSegment) -> None:
         """Add a segment at the end."""
         self.segments.append(segment)
-        self.work.add(segment.solution)
+        work, solution, count = self.work, segment.solution, segment.solution.count
+        steps = len(solution.steps)
+        work.steps += steps
+        work.evaluations += count.evaluations
+        work.rejected += count.rejected
+        work.floored += count.floored
+        work.state_error += steps * step_error(solution, steps - 1) if steps else 0.0
 
     def consider(self, decision: Decision) -> None:
         """Keep a decision if it is less certain than the one that is known."""
@@ -245,21 +252,6 @@ class SegmentedMotion(Record, frozen=True):
         return [doubt.text for doubt in worst.values() if not (seldom and doubt.kind == LIMITED)]
 
 
-def _states(segment: MotionSegment, t: Array) -> tuple[Array, Array]:
-    """Return the integrated states at instants, closed in compiled code where it knows the motion."""
-    solution = segment.solution
-    q, v = solution.states(t)
-    flows = {k: flow for k, interval in enumerate(solution.intervals) if (flow := interval.compiled) and flow.settles}
-    if not flows:
-        return q, v
-    y = np.concatenate([q, v], axis=1)
-    owners = np.searchsorted([interval.start for interval in solution.intervals[1:]], t, side="right")
-    for number, flow in flows.items():
-        own = owners == number
-        y[own] = flow.settled(t[own], y[own])
-    return y[:, : q.shape[1]], y[:, q.shape[1] :]
-
-
 def _opened(motion: CompletedStates, holding: Flags, rubbing: Flags) -> CompletedStates:
     """Return states in which some rows of the constraints, and their frictions, do not hold: these are 0."""
     lam = motion.lam.spread(np.flatnonzero(holding), len(holding))
@@ -269,9 +261,3 @@ def _opened(motion: CompletedStates, holding: Flags, rubbing: Flags) -> Complete
     others = tuple(_opened(other, holding, rubbing) for other in motion.others)
     opened = np.ones(len(motion.q), dtype=bool)
     return replace(motion, lam=lam, friction=friction, opened=opened, others=others)
-
-
-def _at_offset(solution: Solution, size: float, moved: float) -> bool:
-    """Tell whether a displacement is small beside coordinates, and the tolerance is that of rounding or too coarse."""
-    tolerance, scale = solution.method.tolerance, solution.intervals[0].size + size
-    return moved < OFFSET * scale and (tolerance <= FINEST or tolerance * scale > BLIND * moved)
