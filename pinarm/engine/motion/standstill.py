@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.friction.columns import BANDS, own_effort
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 
@@ -121,6 +119,8 @@ def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
             slow = np.abs(run.v[:, joint]) <= STANDSTILL * rates[:, joint]
             turning[f"drive.{name}.torque"] = slow & (run.direction(joint) != 0.0)
     if contacts := mechanism.frictions:
+        from pinarm.mechanics.friction.contact import slip_rows
+
         rows, names = slip_rows(mechanism.model, contacts, run.q), np.array([contact.name for contact in contacts])
         at_rest = np.abs(np.matvec(rows, run.v)) <= STANDSTILL * np.matvec(np.abs(rows), rates)
         for name in dict.fromkeys(names.tolist()):
@@ -143,6 +143,8 @@ def _held_by_gear(run: Trajectory, name: str, drive: Drive, rest: Flags) -> list
     """
     low = high = run.drive_effort(drive.joint)
     if drive.joint in run.drives and run.mechanism.frictions:
+        from pinarm.engine.friction.columns import BANDS, own_effort
+
         coordinates = {along: run.mechanism.coordinate(along) for along in run.drives}
         own = own_effort(run.mechanism.joints, coordinates, drive.joint)
         low, high = (run.columns[f"{own}.{part}"].values for part in BANDS)
