@@ -115,7 +115,7 @@ class Controls:
             return acceleration
 
         sampling = _SampledStates(memory, system) if memory.sampled else None
-        return replace(interval, acceleration_of_step=of_step, batch=None, sampling=sampling)
+        return replace(interval, acceleration_of_step=of_step, sampling=sampling)
 
     def watches(self, span: Span) -> list[tuple[int, Watch]]:
         """Return where continuous controllers change their way in a span without jumps, each with its number."""
@@ -246,7 +246,7 @@ class ControlledSystem:
         of_step = (lambda t: self._acceleration(inner.of_step(t), efforts)) if inner.acceleration_of_step else None
         return replace(
             inner, acceleration=self._acceleration(inner.acceleration, efforts), acceleration_of_step=of_step,
-            settle=settled if settle else None, batch=None, compiled=None,
+            settle=settled if settle else None, compiled=None,
         )  # fmt: skip
 
     def _acceleration(self, inner: Acceleration, efforts: PresentEfforts) -> Acceleration:

@@ -24,7 +24,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Acceleration, Accelerations, Manifold
+    from pinarm.engine.integration.integrator import Acceleration, Manifold
 
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
@@ -167,10 +167,6 @@ class Dynamics(Record, frozen=True):
             return aba(model, data, q, v, load(t, q, v))  # type: ignore[no-any-return]
 
         return free
-
-    def accelerations(self) -> Accelerations:
-        """Return the free motion's ``(t, q, v) -> a`` for many states at a time."""
-        return lambda t, q, v: parallel.aba(self.model, q, v, self.loads(t, q, v))
 
     def load(self) -> Acceleration:
         """Return ``(t, q, v) -> tau``, the load in one state, to be read only; steady loads are summed once."""

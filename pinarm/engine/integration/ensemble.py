@@ -32,8 +32,9 @@ class Ensemble(Record, frozen=True):
         intervals = [one.intervals[0] for one in solutions]
         whole, stepped = Solution(solutions[0].method, solutions[0].manifold, intervals), [x.steps for x in solutions]
         if len(motion):
-            parts = [[getattr(x, of) for x in stepped if len(x)] for of in ("times", "y", "slopes")]
-            whole.steps.extend(*map(np.concatenate, parts), motion, np.zeros((len(motion), 3), np.intp))
+            columns = (np.concatenate([getattr(x, of) for x in stepped if len(x)]) for of in ("times", "y", "slopes"))
+            times, y, slopes = columns
+            whole.steps.extend(times, y, slopes, motion, np.zeros((len(motion), 3), np.intp))
         return cls(whole, motion, arrived)
 
     @cached_property

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
-from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -24,11 +23,6 @@ Acceleration = Callable[[float, Array, Array], Array]
 
 Accelerations = Callable[[Array, Array, Array], Array]
 """``(t, q, v) -> a`` of many states at once, shapes (n,), (n, nq), (n, nv) and (n, nv)."""
-
-BATCH_ROUNDING = 1e-11
-"""Largest relative difference accepted between accelerations of many states at once and those of one state. The
-recursion for many states works in world axes: far from the origin, or where link lengths differ much, it loses digits
-that Pinocchio's recursion in link axes keeps."""
 
 Projection = Callable[[float, Array, Array], tuple[Array, Array]]
 """``(t, q, v) -> q, v``: projection of a state onto the constraints."""
@@ -100,7 +94,6 @@ class Interval(ValueRecord, frozen=True):
             steps are no better. Such a step is accepted with an error above the tolerance, up to ``runge_kutta.NOISE``.
         acceleration_of_step: Start of an accepted step [s] -> the acceleration that this step used; ``None`` where it
             does not depend on the step (it does where the step began close to a singular position).
-        batch: Acceleration of many states at once; ``None`` where only that of one state is known.
         size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
         compiled: The same motion in compiled code; ``None`` where there is none.
         knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps, ascending.
@@ -116,7 +109,6 @@ class Interval(ValueRecord, frozen=True):
     settle: Projection | None = None
     floor: Callable[[], float] = float
     acceleration_of_step: Callable[[float], Acceleration] | None = None
-    batch: Accelerations | None = None
     size: float = 1.0
     compiled: Flow | None = None
     knots: tuple[float, ...] = ()
@@ -133,23 +125,9 @@ class Interval(ValueRecord, frozen=True):
             return self
         return replace(self, start=t, end=end)
 
-    def parts(self) -> list[Interval]:
-        """Return the parts between its knots."""
-        ends = pairwise([self.start, *self.knots, self.end])
-        return [replace(self, start=start, end=end, knots=()) for start, end in ends]
-
     def of_step(self, start: float) -> Acceleration:
         """Return the acceleration that an accepted step used, by its start [s]."""
         return self.acceleration_of_step(start) if self.acceleration_of_step else self.acceleration
-
-    def accelerations(self, start: Array, t: Array, q: Array, v: Array) -> Array:
-        """Return the accelerations, shape (n, nv), of states at times t in steps from ``start``, both of shape (n,)."""
-        if self.batch is not None:
-            return self.batch(t, q, v)
-        a = np.empty_like(v)
-        for k, (begin, instant) in enumerate(zip(start.tolist(), t.tolist(), strict=True)):
-            a[k] = self.of_step(begin)(instant, q[k], v[k])
-        return a
 
     def slope(self, manifold: Manifold, t: float, y: Array) -> Array:
         """Return the slope [q', v'] of one state, whose q is projected onto the manifold in place."""
@@ -171,8 +149,11 @@ class Interval(ValueRecord, frozen=True):
         y[:, :nq] = manifold.project(y[:, :nq])
         if self.compiled is not None:
             return self.compiled.slopes(start, t, y)
-        q, v = y[:, :nq], y[:, nq:]
-        return np.concatenate([manifold.velocity(q, v), self.accelerations(start, t, q, v)], axis=1)
+        slopes = np.empty_like(y)
+        for k, (begin, instant, state) in enumerate(zip(start.tolist(), t.tolist(), y, strict=True)):
+            q, v = state[:nq], state[nq:]
+            slopes[k] = [*manifold.velocity(q, v), *self.of_step(begin)(instant, q, v)]
+        return slopes
 
 
 class Count(Struct):

@@ -1,11 +1,11 @@
-"""Steps of explicit Runge-Kutta methods, of one state or of many: stages, error, step control, dense output.
+"""Steps of explicit Runge-Kutta methods: stages, error, step control, dense output.
 
-Arrays have leading axes for the motions, ``(..., nq + nv)``. Source: Hairer, Norsett, Wanner, Solving Ordinary
-Differential Equations I, 2nd edition.
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd edition.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -65,87 +65,77 @@ def stages(rows: Sequence[tuple[Array, float]], rates: Rates, t: Any, h: Any, y:
     return state
 
 
-def error_of(tableau: Tableau, h: Any, y: Array, new: Array, slopes: Array, scale: tuple[float, float]) -> Array:
-    """Return the errors of steps, shape (...); Hairer, Norsett, Wanner, section II.10, eq. (10.17).
+def error_of(tableau: Tableau, h: float, y: Array, new: Array, slopes: Array, scale: tuple[float, float]) -> float:
+    """Return the error of a step; Hairer, Norsett, Wanner, section II.10, eq. (10.17).
 
     ``e = |h| rms(error @ k / scale)``; with a second estimate e3 of lower order it is
     ``e5^2 / sqrt(e5^2 + 0.01 e3^2)``, which has the order of the step.
 
     Args:
         tableau: The coefficients.
-        h: Lengths of the steps [s], shape (...).
-        y: States at their starts, shape (..., n).
-        new: States at their ends, shape (..., n).
-        slopes: Slopes at the stages, shape (..., s + 1, n).
+        h: Length of the step [s].
+        y: State at its start, shape (n,).
+        new: State at its end, shape (n,).
+        slopes: Slopes at the stages, shape (s + 1, n).
         scale: Tolerance and size: an error of 1 is ``tolerance (size + max(|y|, |new|))``.
     """
     tolerance, size = scale
-    errors = (tableau.error @ slopes) / (size + np.maximum(np.abs(y), np.abs(new)))[..., None, :]
-    squares = np.vecdot(errors, errors)
-    first, lower = squares[..., 0], squares[..., 1:].sum(axis=-1)
-    usual = first / np.maximum(np.sqrt(first + 0.01 * lower), TINY)
-    length = np.where(first == 0.0, np.sqrt(squares[..., -1]), usual)
-    return np.asarray(np.abs(h) / (tolerance * y.shape[-1] ** 0.5) * length)
+    errors = (tableau.error @ slopes) / (size + np.maximum(np.abs(y), np.abs(new)))
+    first, *lower = map(float, np.vecdot(errors, errors))
+    usual = first / max(math.sqrt(first + 0.01 * sum(lower)), TINY)
+    return abs(h) / (tolerance * math.sqrt(len(y))) * (usual if first else math.sqrt(sum(lower)))
 
 
-def growth(error: Any, order: int, ceiling: Any) -> Array:
+def growth(error: float, order: int, ceiling: float) -> float:
     """Return the factor of the next step after an accepted one: ``min(ceiling, 0.8 error^(-0.8 / order))``.
 
     A damped integral controller: Soderlind, Digital filters in adaptive time-stepping, ACM TOMS 29 (2003), section 2.
     """
-    return np.asarray(np.minimum(ceiling, SAFETY * np.maximum(error, TINY) ** (-GAIN / order)))
+    return float(min(ceiling, SAFETY * max(error, TINY) ** (-GAIN / order)))
 
 
-def shrinkage(error: Any, order: int) -> Array:
+def shrinkage(error: float, order: int) -> float:
     """Return the factor of the next try after a rejected step: ``max(1/3, 0.8 error^(-1 / order))``.
 
     After errors above ``HUGE`` or NaN it is ``LOST``.
     """
-    return np.where(error < HUGE, np.maximum(SLOWEST, SAFETY * np.maximum(error, TINY) ** (-1.0 / order)), LOST)
+    return float(max(SLOWEST, SAFETY * max(error, TINY) ** (-1.0 / order))) if error < HUGE else LOST
 
 
 def first_step(
-    time: tuple[Any, Any], y: Array, slope: Array, rates: Rates, tolerance: float, order: int, size: Any = 1.0
-) -> Array:
-    """Return the first steps of motions [s], shape (...), each from the slopes at two states.
+    time: tuple[float, float], y: Array, slope: Array, rates: Rates, tolerance: float, order: int, size: float = 1.0
+) -> float:
+    """Return the first step of a motion [s], from the slopes at two states.
 
     With the norm ``|x| = rms(x / (tol (size + |y|)))``: ``h0 = 0.01 |y| / |f|``,
     ``d2 = |f(t + h0, y + h0 f) - f| / h0``, ``h1 = (0.01 / max(|f|, d2))^(1 / (order + 1))``, ``h = min(100 h0, h1)``.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4.
 
     Args:
-        time: First and last instant [s], of all or of each motion.
-        y: Initial states, shape (..., n).
-        slope: Their slopes, shape (..., n).
+        time: First and last instant [s].
+        y: Initial state, shape (n,).
+        slope: Its slope, shape (n,).
         rates: f.
         tolerance: Error of a step, relative to ``size + |y|``.
         order: The error behaves like ``h^(order + 1)``.
-        size: See ``Interval.size``; or of each motion, shape (..., 1).
+        size: See ``Interval.size``.
     """
-    (start, end), scale = time, tolerance * y.shape[-1] ** 0.5 * (size + np.abs(y))
-
-    def norm(x: Array) -> Array:
-        return np.asarray(np.sqrt(np.vecdot(x / scale, x / scale)))
-
-    d0, d1 = norm(y), norm(slope)
-    small = np.minimum(d0, d1) < 1e-5
-    h0 = np.where(small, 1e-6, 0.01 * d0 / np.where(small, 1.0, d1))
-    h0 = np.minimum(np.maximum(h0, NOISELESS * (end - start)), end - start)
-    steepest = np.maximum(d1, norm(rates(start + h0, y + h0[..., None] * slope) - slope) / h0)
-    at_rest = steepest <= 1e-15
-    moving = (0.01 / np.where(at_rest, 1.0, steepest)) ** (1.0 / (order + 1))
-    h1 = np.where(at_rest, np.maximum(1e-6, 1e-3 * h0), moving)
-    return np.asarray(np.minimum(100.0 * h0, h1))
+    (start, end), scale = time, tolerance * len(y) ** 0.5 * (size + np.abs(y))
+    d0, d1 = (float(np.linalg.norm(x / scale)) for x in (y, slope))
+    h0 = 1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1
+    h0 = min(max(h0, NOISELESS * (end - start)), end - start)
+    steepest = max(d1, float(np.linalg.norm((rates(start + h0, y + h0 * slope) - slope) / scale)) / h0)
+    h1 = max(1e-6, 1e-3 * h0) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / (order + 1))
+    return float(min(100.0 * h0, h1))
 
 
-def along(t: Any, h: Any, y: Array, new: Array, slopes: Array) -> tuple[Array, Array]:
-    """Return instants and states of steps: their ends, and the middle of the cubic Hermite interpolant.
+def along(t: float, h: float, y: Array, new: Array, slopes: Array) -> tuple[Array, Array]:
+    """Return instants and states of a step, shapes (3,) and (3, n): its ends, and its middle.
 
-    Shapes (..., 3) and (..., 3, n). The middle is ``(y + y_new) / 2 + h (k_0 - k_s) / 8``.
+    This is that of the cubic Hermite interpolant, ``(y + y_new) / 2 + h (k_0 - k_s) / 8``.
     """
-    lengths = np.asarray(h)[..., None]
-    middle = 0.5 * (y + new) + 0.125 * lengths * (slopes[..., 0, :] - slopes[..., -1, :])
-    return np.asarray(t)[..., None] + lengths * HALVES, np.stack([y, middle, new], axis=-2)
+    middle = 0.5 * (y + new) + 0.125 * h * (slopes[0] - slopes[-1])
+    return t + h * HALVES, np.stack([y, middle, new])
 
 
 def dense_terms(tableau: Tableau, rates: Rates, t: Array, h: Array, y: Array, slopes: Array) -> Array:

@@ -163,15 +163,14 @@ def _integrated(
 
     Those so small that rounding of their accelerations may matter have not arrived: they are to be solved alone.
     """
-    solutions, failures = list[Solution](), dict[int, str]()
+    solutions, arrived = list[Solution](), finite.copy()
     for number, (flow, motion) in enumerate(zip(flows, motions, strict=True)):
         try:
             solutions.append(_alone(hybrid, flow, motion))
         except IntegrationError as error:
             solutions.append(error.partial)
-            failures[number] = error.message
-    failures |= dict.fromkeys(np.flatnonzero(~finite).tolist(), "a number is not finite")
-    return Ensemble.joined(solutions, failures, [solution.intervals[0] for solution in solutions])
+            arrived[number] = False
+    return Ensemble.joined(solutions, arrived)
 
 
 def _alone(hybrid: HybridSystem, flow: Flow, motion: FreeMotion) -> Solution:

@@ -225,7 +225,7 @@ def test_what_leaves_a_stop_does_not_meet_it_at_once(method, speed):
         return -4.0 * q
 
     gap = Watch(lambda t, q, v: 1.0 - q[:, 0] + 2e-13, -1, stops=True)
-    interval = Interval(0.0, 1.5, swing, batch=swing)
+    interval = Interval(0.0, 1.5, swing)
     solution = integrate([interval], Flat(1, 1), np.ones(1), np.array([-speed]), method, watches=[gap])
     assert not solution.crossings
     t = np.linspace(0.0, 1.5, 31)

@@ -20,7 +20,7 @@ LOOSE = {"tolerance": 1e-9, "step": 4e-3}
 
 def oscillator(end, watches, method=TIGHT):
     """The unit oscillator from (0, 1): q = sin t."""
-    interval = Interval(0.0, end, lambda t, q, v: -q, batch=lambda t, q, v: -q)
+    interval = Interval(0.0, end, lambda t, q, v: -q)
     return integrate([interval], LINE, np.zeros(1), np.ones(1), method, watches=watches)
 
 

@@ -1,4 +1,4 @@
-"""Step control and first step of explicit methods: where steps settle, within which bounds, alike for many motions."""
+"""Step control and first step of explicit methods: where steps settle, within which bounds."""
 
 import numpy as np
 import pytest
@@ -18,8 +18,8 @@ def test_steps_settle_where_the_error_is_a_share_of_the_tolerance():
 
 
 def test_steps_change_within_bounds():
-    assert growth(np.zeros(2), ORDER, np.array([FASTEST, 1.0])).tolist() == [FASTEST, 1.0]
-    assert shrinkage(np.array([1e200, 2.0 * HUGE, np.nan]), ORDER).tolist() == [SLOWEST, LOST, LOST]
+    assert [growth(0.0, ORDER, ceiling) for ceiling in (FASTEST, 1.0)] == [FASTEST, 1.0]
+    assert [shrinkage(error, ORDER) for error in (1e200, 2.0 * HUGE, np.nan)] == [SLOWEST, LOST, LOST]
 
 
 def test_the_first_step_of_a_decay_by_hand():

@@ -14,7 +14,7 @@ ALL = [(name, value) for name in ("dop853", "dopri5", "rk4", "stiff") for value 
 
 def cosine(watch, method, end=20.0):
     """The unit oscillator from (1, 0): q = cos t."""
-    interval = Interval(0.0, end, lambda t, q, v: -q, batch=lambda t, q, v: -q)
+    interval = Interval(0.0, end, lambda t, q, v: -q)
     return integrate([interval], Flat(1, 1), np.ones(1), np.zeros(1), method, watches=[watch])
 
 

@@ -329,13 +329,13 @@ class AdaptiveStepper(ExplicitStepper):
             return h
         self.count.evaluations += 1
         time, order, size = (self.interval.start, self.interval.end), self.order - 1, self.interval.size
-        return float(first_step(time, self.y, self.slopes[0], self._trial, self.tolerance, order, size))
+        return first_step(time, self.y, self.slopes[0], self._trial, self.tolerance, order, size)
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error over the tolerance."""
         self.advance(t, h)
         scale = self.tolerance, self.interval.size
-        error = float(error_of(self.tableau, h, self.y, self.new, self.slopes, scale))
+        error = error_of(self.tableau, h, self.y, self.new, self.slopes, scale)
         self.floored = 1.0 < error < NOISE / self.tolerance and h <= 1.001 * self.interval.floor()
         self.count.floored += self.floored
         return 1.0 if self.floored else error
@@ -344,12 +344,12 @@ class AdaptiveStepper(ExplicitStepper):
         """Return a shorter step; NaN is treated as a large error."""
         self.ceiling = 1.0
         floor = self.interval.floor() if error < NOISE / self.tolerance else 0.0
-        return max(h * float(shrinkage(error, self.order)), floor)
+        return max(h * shrinkage(error, self.order), floor)
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
         """Move to the end of the step; return its slopes and the next step [s]."""
         slopes = self.move(t)
-        grown = h * float(growth(error, self.order, self.ceiling))
+        grown = h * growth(error, self.order, self.ceiling)
         if self.floored:
             grown = max(grown, self.interval.floor())
         self.ceiling = FASTEST

@@ -245,7 +245,7 @@ class RadauStepper:
         """Return the step proposed in the previous interval, or one from two slopes."""
         start, end, order = self.interval.start, self.interval.end, len(self.tableau.c)
         size = self.interval.size
-        return h or float(first_step((start, end), self.y, self.slope, self.rates, self.tolerance, order, size))
+        return h or first_step((start, end), self.y, self.slope, self.rates, self.tolerance, order, size)
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error over the tolerance, NaN without convergence."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise, takewhile
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.integration.turns import Turn
 from pinarm.engine.kinematics.newton import assembled
-from pinarm.engine.motion.guards import acting_on_angles
 from pinarm.engine.motion.segmented.end_stops import OPENED, TIED, Bound, Held, pressed
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL, MotionSegment, SegmentedMotion
@@ -42,9 +41,6 @@ from pinarm.errors import IntegrationError, Interrupted, NumericsError
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.records import Record, replace
-
-if TYPE_CHECKING:
-    from pinarm.engine.integration.ensemble import Ensemble
 
 CUT = 1e-14
 """Distance of an event from a jump of a load, or from the end of the run, over the instant, that is rounding."""
@@ -74,51 +70,17 @@ def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMoti
     motion = integrate(hybrid, q, v)
     most = min(hybrid.max_steps, MOST)
     try:
-        while is_small(hybrid, motion.size) and motion.size > REST:
+        while hybrid.method.tolerance > 0.0 and REST < motion.size < SMALL * hybrid.size:
             hybrid = hybrid.of_size(motion.size, most)
             motion = integrate(hybrid, q, v)
         moved, scale = motion.displacement, hybrid.size + motion.size
         tolerance = max(hybrid.method.tolerance * moved / scale, FINEST)
-        if is_offset(hybrid, moved, scale) and tolerance < hybrid.method.tolerance:
+        if REST * scale < moved < OFFSET * scale and tolerance < hybrid.method.tolerance:
             method = replace(hybrid.method, tolerance=tolerance)
             motion = integrate(replace(hybrid, method=method, max_steps=most), q, v)
     except IntegrationError:
         pass
     return motion
-
-
-def is_offset(hybrid: HybridSystem, moved: float, scale: float) -> bool:
-    """Tell whether a displacement is small, but more than rounding, beside what errors of steps are relative to."""
-    return hybrid.method.tolerance > 0.0 and REST * scale < moved < OFFSET * scale
-
-
-def is_small(hybrid: HybridSystem, size: float) -> bool:
-    """Tell whether a motion is small beside what the errors of its steps have been relative to."""
-    return hybrid.method.tolerance > 0.0 and 0.0 < size < SMALL * hybrid.size
-
-
-def is_batchable(hybrid: HybridSystem) -> bool:
-    """Tell whether motions from several initial states can be integrated together: none has events or decisions."""
-    if hybrid.frictions or hybrid.controls or hybrid.bounds or hybrid.watches:
-        return False
-    if acting_on_angles(hybrid.closure.constraints, hybrid.dynamics.forces):
-        return False  # where angles leap is looked for motion by motion
-    system = hybrid.system()
-    free = system.manifold.nv > 0 and not watched(hybrid, Mode(), system, frozenset())
-    return free and hybrid.method.pair is not None and all(interval.batch for interval in hybrid.free_intervals)
-
-
-def integrate_together(hybrid: HybridSystem, q: Array, v: Array) -> Ensemble | None:
-    """Return motions from b assembled initial states, shapes (b, nq) and (b, nv); ``None`` where they are alone."""
-    from pinarm.engine.integration.ensemble import integrate_batch
-
-    system, pair = hybrid.system(), hybrid.method.pair
-    if pair is None or not is_batchable(hybrid):
-        return None
-    passed = steps_over(hybrid, system)
-    return integrate_batch(
-        hybrid.free_intervals, system.manifold, q, v, pair, max_steps=hybrid.max_steps, steps_over=passed
-    )
 
 
 def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:

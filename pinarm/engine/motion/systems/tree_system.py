@@ -28,7 +28,7 @@ from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
-    from pinarm.engine.integration.integrator import Acceleration, Accelerations
+    from pinarm.engine.integration.integrator import Acceleration
     from pinarm.engine.kernel.library import Flow
     from pinarm.engine.kernel.tree import CompiledTree
     from pinarm.mechanics.couplings.coupling import Coupling
@@ -101,9 +101,9 @@ class TreeSystem(Record, frozen=True):
     @cached_property
     def _interval(self) -> Callable[[Dynamics, float, float], Interval]:
         def interval(dynamics: Dynamics, start: float, end: float) -> Interval:
-            acceleration, batch = self._acceleration(dynamics, start, end), self._accelerations(dynamics, start, end)
+            acceleration = self._acceleration(dynamics, start, end)
             flow, remark = self._compiled(dynamics.on(start, end), acceleration, start, end)
-            return Interval(start, end, acceleration, batch=batch, compiled=flow, remark=remark)
+            return Interval(start, end, acceleration, compiled=flow, remark=remark)
 
         return lru_cache(maxsize=KEPT)(interval)
 
@@ -112,12 +112,6 @@ class TreeSystem(Record, frozen=True):
         if self.reduction is None:
             return here.acceleration()
         return self.reduction.acceleration(here, self.sums.on(start, end))
-
-    def _accelerations(self, dynamics: Dynamics, start: float, end: float) -> Accelerations:
-        here = dynamics.on(start, end)
-        if self.reduction is None:
-            return here.accelerations()
-        return self.reduction.accelerations(here, self.sums.along(start, end))
 
     def _compiled(
         self, dynamics: Dynamics, acceleration: Acceleration, start: float, end: float
@@ -196,7 +190,8 @@ class TreeSystem(Record, frozen=True):
         q, v = reduction.completed(q, v, w, dw)
         a, demand = np.empty_like(v), np.empty_like(v)
         for (start, end, rows), (_, local) in zip(grid.intervals(), parts(dynamics, grid), strict=True):
-            a[rows] = self._accelerations(dynamics, start, end)(grid.t[rows], q[rows], v[rows])
+            accelerations = reduction.accelerations(local, self.sums.along(start, end))
+            a[rows] = accelerations(grid.t[rows], q[rows], v[rows])
             demand[rows] = local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
         efforts, m = demand @ reduction.particular, self.closure.size  # W^T efforts = demand, and W P = 1
         lam = Multipliers.known(efforts[:, :m], m)

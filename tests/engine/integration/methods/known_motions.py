@@ -22,10 +22,6 @@ def attraction(t, q, v):
     return -q / np.linalg.norm(q) ** 3
 
 
-def attractions(t, q, v):
-    return -q / np.linalg.norm(q, axis=1, keepdims=True) ** 3
-
-
 def orbit(t):
     """Position and velocity on the orbit of unit attraction and semi-axis, from its pericentre."""
     mean = anomaly = np.asarray(t, float)

@@ -22,7 +22,6 @@ from .known_motions import (
     PLANE,
     SPIN,
     attraction,
-    attractions,
     body,
     equal_steps,
     measurable,
@@ -83,7 +82,7 @@ def dense_order(solution, method):
 
 def test_in_the_plane(method):
     t = np.linspace(0.0, 6.0, 997)
-    interval = Interval(0.0, 6.0, attraction, batch=attractions)
+    interval = Interval(0.0, 6.0, attraction)
 
     def errors(n):
         solution, last = equal_steps(method, interval, PLANE, *orbit(0.0), n)
@@ -99,7 +98,7 @@ def test_in_the_plane(method):
 
 def test_on_rotations(method):
     dynamics, t = body(), np.linspace(0.0, 4.0, 997)
-    interval = Interval(0.0, 4.0, dynamics.acceleration(), batch=dynamics.forward)
+    interval = Interval(0.0, 4.0, dynamics.acceleration())
 
     def errors(n):
         solution, last = equal_steps(method, interval, dynamics.manifold, ATTITUDE, SPIN, n)
