@@ -18,9 +18,9 @@ from pinarm.mechanics.geometry.vectors import crossed, joined, lengths, moved
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.ensemble import Ensemble
     from pinarm.engine.integration.solution import Solution
     from pinarm.engine.motion.segmented.segments import SegmentedMotion
+    from pinarm.engine.motion.variants import Ensemble
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""

@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.kernel.checks import loops_are_sound
 from pinarm.engine.kernel.library import contiguous, pointer
 from pinarm.engine.kernel.structures import (
     FORCE,
@@ -20,6 +19,7 @@ from pinarm.engine.kernel.structures import (
     MOST_ROWS,
     ConstraintsStructure,
     SkylineStructure,
+    loops_are_sound,
 )
 from pinarm.engine.kernel.tree import CompiledTree, LoadedTree
 from pinarm.records import Record

@@ -1,6 +1,6 @@
-"""Trees whose free motion the compiled library computes, under springs, dampers and efforts: steady, or by laws.
+"""Trees in the compiled library under springs, dampers and efforts, which are steady or follow laws; and variants.
 
-Pinocchio judges it: before the first step the accelerations of the two are compared, which share no code.
+Pinocchio judges them: before the first step the accelerations of the two are compared, which share no code.
 """
 
 from __future__ import annotations
@@ -8,27 +8,32 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
-from pinarm.engine.kernel.checks import links_are_sound, loads_are_sound
-from pinarm.engine.kernel.laws import EFFORT, Followed, laws_of
+from pinarm.arrays import Array, Flags
 from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
-from pinarm.engine.kernel.links import links_of
+from pinarm.engine.kernel.links import links_of, links_of_variants
 from pinarm.engine.kernel.structures import (
     DEGREE,
     DEGREE_STATE,
+    LAW,
+    LAW_TERMS,
     LINK_STATE,
     POINT_SPRING,
     ROTATION_SPRING,
     FlowStructure,
     HeldStructure,
     TreeStructure,
+    links_are_sound,
+    loads_are_sound,
 )
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
+from pinarm.mechanics.geometry.model_variants import ModelVariants
+from pinarm.mechanics.laws.clamped_spline import ClampedSpline
+from pinarm.mechanics.laws.motion_law import PowerSeries, Stretched, Values, Wave
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -37,6 +42,89 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration
     from pinarm.mechanics.forces.joint_forces import SpringDamper
     from pinarm.mechanics.forces.points import TwoPointSpring
+
+
+EFFORT = -1
+"""Place in q of what is no coordinate."""
+
+MOST_CUBICS = 10_000
+"""Most cubics of a spline: the library looks through all of them, at 1 to 2 ns each, for that of an instant."""
+
+
+class Followed(NamedTuple):
+    """What follows a law.
+
+    Attributes:
+        v: Index in v.
+        q: Index in q of the coordinate, whose joint's armature outweighs the tree; ``EFFORT`` where an effort does.
+        function: The smooth piece of the law on the present interval.
+    """
+
+    v: int
+    q: int
+    function: Callable[[Array], Values] | None
+
+
+def laws_of(followed: Sequence[Followed], steady: Array) -> NDArray[np.void] | None:
+    """Return laws for the library, shape (k,), of ``structures.LAW``: of a spline one for each of its cubics.
+
+    Args:
+        followed: What follows them.
+        steady: The sum of the steady loads [N*m or N], shape (nv,), which act beside.
+
+    Returns:
+        ``None`` where a law is another one on the interval, or where two have one velocity.
+    """
+    parts: list[NDArray[np.void]] = [np.zeros(0, LAW)]
+    for one in followed:
+        known = _parts(one.function)
+        if known is None:
+            return None
+        known["v"], known["q"], known["steady"] = one.v, one.q, steady[one.v]
+        parts.append(known)
+    return np.concatenate(parts) if len({one.v for one in followed}) == len(followed) else None
+
+
+def is_known(function: Callable[[Array], Values] | None) -> bool:
+    """Return whether the library knows a piece of a law."""
+    return _parts(function) is not None
+
+
+def _parts(function: Callable[[Array], Values] | None) -> NDArray[np.void] | None:
+    """Return what a function is on its intervals, shape (k,), of ``LAW``; ``None`` where it is another one."""
+    if isinstance(function, ClampedSpline):
+        return _cubics(function)
+    if isinstance(function, Wave):
+        wave = function.start, function.size, function.begin, 1.0 / function.rate, 1.0, function.phase
+        return _one(wave, (0.0, function.slope)) if function.rate > 0.0 else None
+    if isinstance(function, PowerSeries):
+        return _one((0.0, 1.0, function.origin, 1.0, 0.0, 0.0), function.coefficients)
+    if isinstance(function, Stretched) and function.shape.origin == 0.0:
+        ends = function.start, function.size, function.begin, function.duration
+        return _one((*ends, 0.0, 0.0), function.shape.coefficients)
+    return None
+
+
+def _one(numbers: tuple[float, ...], coefficients: tuple[float, ...]) -> NDArray[np.void] | None:
+    """Return a law that holds at all times, given start, size, origin, unit, amplitude and phase."""
+    if len(coefficients) > LAW_TERMS:
+        return None
+    filled = (*coefficients, *(LAW_TERMS - len(coefficients)) * (0.0,))
+    return np.array([(EFFORT, EFFORT, -np.inf, np.inf, 0.0, *numbers, filled)], LAW)
+
+
+def _cubics(spline: ClampedSpline) -> NDArray[np.void] | None:
+    """Return the cubics of a spline, the first and the last without end; ``None`` of more than are looked through."""
+    n = spline.coefficients.shape[1]
+    if n > MOST_CUBICS:
+        return None
+    cubics = np.zeros(n, LAW)
+    cubics["from"][0], cubics["from"][1:] = -np.inf, spline.knots[1:-1]
+    cubics["until"][-1], cubics["until"][:-1] = np.inf, spline.knots[1:-1]
+    cubics["origin"], cubics["size"], cubics["unit"] = spline.knots[:-1], 1.0, 1.0
+    cubics["coefficients"][:, :4] = spline.coefficients.T
+    return cubics
+
 
 AGREEMENT = 1e-12
 """Largest difference to Pinocchio's accelerations, relative to these and to the squares of velocities: a thousand
@@ -255,3 +343,29 @@ def disagreement(
         apart = flow.slope(t, np.concatenate([q, v]))[model.nq :] - expected
         differences.append(float(np.linalg.norm(apart) / (np.linalg.norm(expected) + v @ v)))
     return float(np.max(differences))
+
+
+def variant_flows(flow: TreeFlow, variants: ModelVariants) -> tuple[list[Flow], Flags]:
+    """Return the motions of variants under the same loads, and of which all numbers are finite, shape (k,).
+
+    They share their buffers: they serve one thread.
+
+    Args:
+        flow: The motion of the first.
+        variants: The variants.
+
+    Raises:
+        ValueError: The library does not know a joint.
+    """
+    first, flows = links_of(variants.first), list[Flow]()
+    if first is None:
+        raise ValueError("the library has lost the joints of the tree")
+    links = links_of_variants(first, variants)
+    for k in range(len(variants)):
+        tree, structure = (type(x).from_buffer_copy(x) for x in (flow.system.structure, flow.structure))
+        assert isinstance(tree, TreeStructure)
+        assert isinstance(structure, FlowStructure)
+        tree.link, structure.system = pointer(links) + k * links.strides[0], ctypes.addressof(tree)
+        flows.append(Flow(structure, (tree, links, flow.system)))
+    numbers = [links[name].reshape(len(flows), -1) for name in ("rotation", "translation", "mass", "moment", "inertia")]
+    return flows, np.isfinite(np.concatenate(numbers, axis=1)).all(axis=1)

@@ -94,13 +94,6 @@ def leading(v: Array, a: Array, pace: Array, side: Array, inside: Array, size: C
     return np.where(size(now) > 0.0, now, np.where(size(beside) > 0.0, beside, later))
 
 
-def law_directions(law: MotionLaw, grid: Grid) -> Array:
-    """Return the direction of a joint that follows a law, shape (n,)."""
-    (_, v, a), (_, inside, _) = grid.evaluate(law), grid.moved_inside().evaluate(law)
-    size = law_size(law, grid)[:, None]
-    return directions(v[:, None], a[:, None], size, grid.sides(), inside[:, None])[:, 0]
-
-
 def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
     """Return notes on gears with losses that hold a load at rest, and on what jumps where a joint turns back.
 

@@ -13,10 +13,9 @@ from pinarm.arrays import Array
 from pinarm.engine.checks.balance import variant_energies
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
-from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVariants, compiled
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable
-from pinarm.engine.motion.prescribed_variants import PrescribedVariants, follows_alike
 from pinarm.engine.motion.systems.tree_system import TreeSystem
+from pinarm.engine.motion.variants import FreeMotion, IntegratedVariants, PrescribedVariants, compiled, follows_alike
 from pinarm.input.yaml.document import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.problems.forward import Forward

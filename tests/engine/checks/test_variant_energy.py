@@ -10,7 +10,7 @@ from pinarm.engine.checks.balance import variant_energies
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.mechanism_variants import alike_variants
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
-from pinarm.engine.motion.integrated_variants import FreeMotion, IntegratedVariants
+from pinarm.engine.motion.variants import FreeMotion, IntegratedVariants
 from pinarm.records import replace
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")

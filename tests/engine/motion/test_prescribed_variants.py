@@ -9,7 +9,7 @@ import pinarm
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.mechanism_variants import alike_variants, mechanism_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
-from pinarm.engine.motion.prescribed_variants import DrivesOfVariants, PrescribedVariants
+from pinarm.engine.motion.variants import DrivesOfVariants, PrescribedVariants
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.use.mechanism import Mechanism
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -332,11 +331,6 @@ class HybridSystem(Record, frozen=True):
             interval = replace(system.interval(self.dynamics, low, high), size=self.size, knots=knots)
             intervals.append(self.controls.interval(interval, system) if self.controls else interval)
         return intervals
-
-    @cached_property
-    def free_intervals(self) -> list[Interval]:
-        """The intervals from the first instant to the last one while nothing is held."""
-        return self.intervals(self.system(), pairwise(self.cuts))
 
     def still(self, k: int, v: Array) -> float:
         """Return the velocity along stop k that is none: rounding, or one that moves it by no gap in the whole run."""

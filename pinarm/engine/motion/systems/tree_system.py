@@ -132,7 +132,7 @@ class TreeSystem(Record, frozen=True):
 
     def _flow(self, dynamics: Dynamics, start: float, end: float) -> Flow | None:
         """Return the motion in compiled code; ``None`` where it does not know the joints, the loads or the laws."""
-        from pinarm.engine.kernel.laws import Followed
+        from pinarm.engine.kernel.tree import Followed
 
         if self.closure.size:
             if self._followed or dynamics.model.nq > dynamics.model.nv:
