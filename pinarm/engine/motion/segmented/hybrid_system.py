@@ -14,8 +14,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import coupled_joints
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import coupled_joints, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix, require_masses
