@@ -252,7 +252,8 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         """Return the motion linearised about a state: ``x' = A x + B u``, natural frequencies, modes.
 
         x are deviations of independent coordinates and their velocities, named in ``states``; u are efforts at the
-        joints. Loops and couplings hold. ``acceleration`` is 0 where the state is an equilibrium, or a steady motion.
+        joints. Loops and couplings hold, and joints that dry friction holds. ``acceleration`` is 0 where the state is
+        an equilibrium, or a steady motion.
 
         Args:
             q: Configuration, shape (nq,), at which loops are closed.
@@ -261,8 +262,8 @@ class Mechanism(mechanism.Mechanism, frozen=True):
             t: Instant at which forces that follow laws are taken [s].
 
         Raises:
-            InputError: The shapes do not fit, a loop is open, there is dry friction, or a load has a kink here.
-            DynamicsError: The position is singular, or something without mass is free.
+            InputError: The shapes do not fit, a loop is open, or a load has a kink here.
+            DynamicsError: The position is singular, something without mass is free, or a joint begins to slip.
         """
         from pinarm.engine.linear import linear_states
 

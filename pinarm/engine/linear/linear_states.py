@@ -100,7 +100,7 @@ class Linearisation(Record, frozen=True):
         return found
 
     def response(self, frequencies: Array, outputs: Array, inputs: Array | None = None) -> Complex:
-        """Return the frequency response ``C (2 pi i f - A)^-1 B``.
+        """Return the frequency response ``C (2 pi i f - A)^-1 B``, with A brought to a triangle first.
 
         Args:
             frequencies: f [Hz], shape (n,).
@@ -110,9 +110,16 @@ class Linearisation(Record, frozen=True):
         Returns:
             Shape (n, p, k): per unit of each input.
         """
-        s = 2j * np.pi * np.asarray(frequencies, float)[:, None, None]
-        right = np.asarray(self.B if inputs is None else inputs, dtype=complex)
-        return np.asarray(np.asarray(outputs) @ np.linalg.solve(s * np.eye(len(self.states)) - self.A, right))
+        from scipy.linalg import schur
+
+        s = 2j * np.pi * np.asarray(frequencies, float)
+        triangle, turn = schur(self.A, output="complex")
+        right = turn.conj().T @ (self.B if inputs is None else inputs)
+        states = np.zeros((len(s), *right.shape), complex)
+        for row in range(len(right) - 1, -1, -1):
+            carried = right[row] + np.einsum("j,njk->nk", triangle[row, row + 1 :], states[:, row + 1 :])
+            states[:, row] = carried / (s - triangle[row, row])[:, None]
+        return np.asarray((outputs @ turn) @ states)
 
     def __repr__(self) -> str:
         """Return the states and the frequencies."""
@@ -155,7 +162,8 @@ def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array |
 def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None, t: float) -> Linearisation:
     """Return the linearised motion; see ``Mechanism.linearise``."""
     q, v, _, tau = _one_state(mechanism, q, v=v, a=None, tau=tau)
-    states.forward(mechanism, q, v, tau, t)  # refuses open loops, and one-sided constraints that would pull
+    if mechanism.constraints:
+        states.forward(mechanism, q, v, tau, t)  # refuses open loops, and one-sided constraints that would pull
     dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
     return linearised(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
 
