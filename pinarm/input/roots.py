@@ -120,9 +120,12 @@ def packages_around(path: Path, root: Path) -> Packages:
     for folder in path.parents:
         if not folder.is_relative_to(root):
             break
-        with suppress(OSError), open(folder / "package.xml", encoding="utf-8", errors="ignore") as stream:
-            if named := re.search(r"<name>\s*([\w-]+)\s*</name>", stream.read(10_000)):
-                packages.setdefault(named[1], folder)
+        file = folder / "package.xml"
+        with suppress(OSError):
+            if file.is_file():  # a pipe would keep the reader waiting
+                with open(file, "rb") as stream:
+                    named = re.search(rb"<name>\s*([\w-]+)\s*</name>", stream.read(10_000))
+                packages = {named[1].decode(): folder, **packages} if named else packages
     return packages
 
 

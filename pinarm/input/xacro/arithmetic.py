@@ -115,6 +115,8 @@ def _compared(symbol: str, left: Any, right: Any) -> bool:
     if symbol in ("in", "not in"):
         if not isinstance(right, list | dict | str) or isinstance(left, list | dict):
             raise ExpressionError(f"'{symbol}' needs a list, a map or a text", expected="name in {'a': 1}")
+        if isinstance(right, list) and len(right) > MAX_ITEMS:
+            raise ExpressionError("the list is too long to look for a value", expected=f"at most {MAX_ITEMS} values")
         return (left in right) == (symbol == "in")
     if isinstance(left, list | dict) or isinstance(right, list | dict):
         raise ExpressionError("lists and maps are not compared", expected="numbers or texts")

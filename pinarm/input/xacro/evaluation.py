@@ -32,8 +32,9 @@ _TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\
 UNITS = {"radians": 1.0, "degrees": math.pi / 180, "meters": 1.0, "millimeters": 1e-3, "foot": 0.3048, "inches": 0.0254}
 """Tags of numbers in YAML files -> factor."""
 
-BEYOND = "the model as xacro expands it: xacro FILE NAME:=VALUE > model.urdf"
-"""Hint where a file needs more of xacro than is read here."""
+
+OF_XACRO = ("this is not arithmetic", "there is no function", "a dot belongs")
+"""Beginnings of messages on expressions that the program xacro may know."""
 
 
 class Scope:
@@ -130,6 +131,11 @@ class Evaluator:
             hint = "a macro, an include or a property that does not use itself"
             raise self.error(f"the model is nested more than {MAX_DEPTH} levels deep", hint=hint)
 
+    @property
+    def beyond(self) -> str:
+        """Hint where a file needs more of xacro than is read here."""
+        return f"the model as xacro expands it: xacro {self.files[0].name} > model.urdf"
+
     def warn(self, *texts: Any) -> str:
         if len(self.warnings) < MANY:
             self.warnings.append(" ".join(map(str, texts))[:200])
@@ -138,7 +144,7 @@ class Evaluator:
     def file(self, name: str, *, needed: bool = True) -> Path | None:
         """Return the path of a file from the current one; ``None`` where it need not exist and does not."""
         if any(character in name for character in "*?["):
-            raise self.error(f"'{name[:60]}' has wildcards", expected="the name of one file", hint=BEYOND)
+            raise self.error(f"'{name[:60]}' has wildcards", expected="the name of one file", hint=self.beyond)
         wanted = name if "://" in name else self.files[-1].parent / name
         try:
             return contained_file(wanted, self.root)
@@ -196,6 +202,8 @@ class Evaluator:
             parts = list(self._evaluated(text, scope))
         except PinarmError as error:
             self.snippet = self.snippet or text.strip().splitlines()[0]
+            if error.message.startswith(OF_XACRO):
+                error.hint = error.hint or self.beyond
             raise error.at(self.here()) from None  # at once: what uses this text is not where the mistake is
         self.depth -= 2
         result = parts[0] if len(parts) == 1 else "".join(map(str, parts))
@@ -231,8 +239,8 @@ class Evaluator:
         if command == "find" and name:
             return f"package://{name}"
         if command != "arg":
-            hint = "" if command == "eval" or not command else BEYOND
-            raise ModelError(f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)", hint=hint)
+            raise ModelError(f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)",
+                             hint=self.beyond)  # fmt: skip
         return self._argument(name)
 
     def _argument(self, name: Any) -> str:
@@ -256,7 +264,7 @@ class Evaluator:
         assert path is not None
         text = read(path, str(path), MAX_BYTES - self.size)
         self.size += len(text)
-        self.spend(1 + len(text) // 100)
+        self.spend(50 + len(text) // 20)
         table = Builder(text, str(path), self._tagged).build()
         if not isinstance(table, list | dict):
             raise ModelError(f"the file '{name}' has no list or map", expected="a table of YAML")

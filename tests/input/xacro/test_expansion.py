@@ -270,6 +270,7 @@ def test_a_package_is_its_uri_and_no_file_of_it_is_read(tmp_path: Path) -> None:
         ('<xacro:include filename="part.xacro"/>', r"part.xacro:3:7: unknown name 'inner'"),
         ('<xacro:include filename="broken.xacro"/>', r"broken.xacro:4:3: this is not XML: mismatched tag"),
         ("<a>\n<b>\n</a>", r"model.urdf.xacro:5:3: this is not XML: mismatched tag"),
+        ("<x v='${[a for a in x]}'/>", r"try: the model as xacro expands it: xacro model.urdf.xacro > model.urdf"),
         ("<x v='${1 +}'/>", r":3:7: this is not a formula"),
         ("<x v='$(arg none)'/>", r":3:7: unknown argument 'none'"),
         ("<xacro:insert_block name='b'/>", r':3:1: Undefined block "b"'),
