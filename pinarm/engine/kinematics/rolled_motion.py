@@ -20,8 +20,9 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
-from pinarm.engine.kinematics.newton import assembled, check_rank
+from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly
+from pinarm.engine.kinematics.singular import check_rank
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
