@@ -211,7 +211,7 @@ def _parts(arrays: Mapping[str, LabelledArray], undamped: Flags) -> Iterator[tup
 
 def _part_table(name: str, table: LabelledArray) -> SectionTable:
     """Return the parts of bodies, springs or dampers in each mode [%]."""
-    rows = [(row, *("" if np.isnan(part) else float(f"{100.0 * part:.6g}") for part in parts))
+    rows = [(row, *("" if np.isnan(part) else round(100.0 * part, 4) + 0.0 for part in parts))
             for row, parts in zip(table.rows, table.values.tolist(), strict=True)]  # fmt: skip
     headings = ("", *table.columns)
     return SectionTable(name, f"{PARTS[name][0]} [%]", headings, (None,) * len(headings), rows)

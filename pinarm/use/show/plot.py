@@ -110,7 +110,7 @@ def graph(drawn: Graph, how: Presentation = PLAIN, *, titled: bool = True) -> Pi
             if drawn.equal:
                 axis.set_aspect("equal", adjustable="datalim")
             elif drawn.logarithmic:
-                _logarithmic(axis, "y" in drawn.logarithmic and curves is drawn.curves)
+                _logarithmic(axis, "y" in drawn.logarithmic and curves is drawn.curves, curves[0].across.values)
             else:
                 fit(axis, 0.05)
             if not many:
@@ -133,11 +133,17 @@ def _curves(axis: Axes, curves: Sequence[Curve], how: Presentation) -> None:
         draw(axis, x, y, plain(curve.label), color=colour, **(POINTS if curve.points else {"linestyle": style}))
 
 
-def _logarithmic(axis: Axes, amplitudes: bool) -> None:
+SOME_DECADES = 2000.0
+"""Ratio of frequencies up to which 2 and 5 have ticks beside 1."""
+
+
+def _logarithmic(axis: Axes, amplitudes: bool, frequencies: Array) -> None:
     """Set scales: frequencies get plain numbers, phases below them ticks at parts of a turn."""
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator
 
     axis.set_xscale("log")
+    if frequencies.max() < SOME_DECADES * frequencies.min():
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.xaxis.set_major_formatter("{x:g}")
     if amplitudes:
         axis.set_yscale("log")
