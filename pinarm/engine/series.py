@@ -108,7 +108,6 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
 
     @property
     def size(self) -> int:
-        """Number of the values."""
         return self.values.size
 
     @property
@@ -260,7 +259,6 @@ def _quotient(measures: Sequence[Measure]) -> Measure:
 
 
 def _to_the(exponent: Fraction | int) -> Rule:
-    """Return the rule of a function that takes its argument to a power."""
     return lambda measures: power(measures[0], Measure(DIMENSIONLESS, Fraction(exponent)))
 
 

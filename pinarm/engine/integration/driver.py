@@ -133,7 +133,6 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
     stopped: bool = False
 
     def run(self, y: Array) -> None:
-        """Integrate all intervals from the state y."""
         for index, interval in enumerate(self.solution.intervals):
             t = interval.start
             while t < interval.end and not self.stopped:

@@ -319,7 +319,6 @@ def _refined(within: WithinStep, watch: Watch, bracket: tuple[float, float], *, 
 
 
 def _counts(within: WithinStep, watch: Watch, instant: float) -> bool:
-    """Tell whether a crossing of a watched value in a step counts."""
     return watch.counts is None or bool(within.evaluate(watch.counts, [instant])[0])
 
 

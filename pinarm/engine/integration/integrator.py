@@ -74,11 +74,9 @@ class Flat(ValueRecord, frozen=True):
     nv: int
 
     def velocity(self, q: Array, v: Array) -> Array:
-        """Return v."""
         return v
 
     def project(self, q: Array) -> Array:
-        """Return q."""
         return q
 
 

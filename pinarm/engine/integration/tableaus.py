@@ -93,7 +93,6 @@ class Tableau(Record, frozen=True):
 
 
 def _matrix(rows: tuple[tuple[float, ...], ...], width: int) -> Array:
-    """Return rows of different length as one matrix, padded with zeros."""
     return np.array([[*row, *(0.0,) * (width - len(row))] for row in rows])
 
 

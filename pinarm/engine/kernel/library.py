@@ -87,7 +87,6 @@ class Flow(Record, frozen=True):
         return found
 
     def rates(self, t: float, y: Array) -> Array:
-        """Return the slope of a state as the system is at present."""
         rates, state, slope, places = self._evaluation
         state[:] = y
         rates(self.structure.system, t, *places)
@@ -111,7 +110,6 @@ class Flow(Record, frozen=True):
         """Let rates be those of such stages."""
 
     def within(self, t: float) -> None:
-        """Let rates be those within the step that began at t [s]."""
         self.take(self.way(t))
 
     def advanced(self, ends: Sequence[float], clear: Iterable[float]) -> None:

@@ -144,7 +144,6 @@ def end_of(model: pin.Model, joints: Iterable[int]) -> int:
 
 
 def _moved_by(model: pin.Model, joints: Iterable[int]) -> set[int]:
-    """Return the links that move the link of one of some joints."""
     return {link - 1 for joint in joints for link in model.supports[joint].tolist()} - {-1}
 
 
@@ -229,7 +228,6 @@ class CompiledLoops(Record, frozen=True):
 
     @cached_property
     def _places(self) -> Indices:
-        """Where each row is in this order, shape (m,)."""
         sizes = [len(one.along) for one in self.tied]
         rows = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
         return np.argsort(np.concatenate([rows[k] for k in self._order]))

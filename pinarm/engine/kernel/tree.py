@@ -220,7 +220,6 @@ class HeldFlow(Flow, frozen=True):
         np.add(self.steady, self.loads.present, out=self._efforts)
 
     def held(self, starts: Sequence[float]) -> HeldStructure:
-        """Return the efforts of the velocities in each of some steps."""
         changes = np.array([self.loads.piece(t) for t in starts], dtype=np.intp)
         values, efforts = contiguous(self.steady + self.loads.load_of(changes)), self._efforts
         structure = HeldStructure(efforts.ctypes.data, efforts.strides[0] // 8, len(efforts), pointer(values))
@@ -228,7 +227,6 @@ class HeldFlow(Flow, frozen=True):
         return structure
 
     def within(self, t: float) -> None:
-        """Bring in the loads that were in force in the step that began at t [s]."""
         self._efforts[:] = self.steady + self.loads.load_of(np.array([self.loads.piece(t)]))[0]
 
 

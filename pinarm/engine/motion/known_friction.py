@@ -67,7 +67,6 @@ class KnownFriction:
 
     @cached_property
     def rows(self) -> Array:
-        """J of the k slips, shape (n, k, nv)."""
         return slip_rows(self.run.mechanism.model, self.run.mechanism.frictions, self.run.q)
 
     @cached_property

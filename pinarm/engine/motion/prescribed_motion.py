@@ -360,6 +360,5 @@ class _Way(MotionLaw, frozen=True):
     joint: Any
 
     def pieces(self) -> list[Piece]:
-        """Return a piece for each interval."""
         ways = [way for way in pairwise(self.motion.cuts) if way[0] != way[1]]
         return [Piece(min(way), max(way), partial(self.motion.moved, self.joint, way)) for way in ways]

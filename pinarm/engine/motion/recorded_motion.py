@@ -142,7 +142,6 @@ class Recording:
         )
 
     def schema_row(self, row: RecordedRows) -> Trajectory:
-        """Return a row at rest that tells which quantities there are."""
         grid = Grid(row.t, (0.0, 0.0), (0, 1))
         return self.table(row, grid, self._beside(row, grid))
 
@@ -284,7 +283,6 @@ class QuinticSpline:
         return np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nv) for joint in joints])
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Return q, shape (n, nq), v and a, shape (n, nv), at instants of shape (n,)."""
         s, rate, second = (self._spline(t, order) for order in range(3))
         q, v, a = s.copy(), rate[:, self._places], second[:, self._places]
         for ball in self.mechanism.balls.values():
@@ -356,7 +354,6 @@ class SplinedMotion(SolvedMotion):
     cuts: Sequence[float]
 
     def at(self, grid: Grid) -> Trajectory:
-        """Return the states at other instants."""
         return self.recording.table(RecordedRows(grid.t, *self.spline.at(grid.t)), grid, self.spline.beside(grid))
 
     def positions(self, t: Array) -> Array:

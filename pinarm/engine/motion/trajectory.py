@@ -134,7 +134,6 @@ class Trajectory(Record, frozen=True):
         return moving(self.mechanism.model, self.q, self.v, self.a)
 
     def __repr__(self) -> str:
-        """Return its rows and its mechanism."""
         return f"<Trajectory of {self.mechanism.title or 'a mechanism'}: {len(self)} rows along {self.parameter}>"
 
     def __len__(self) -> int:

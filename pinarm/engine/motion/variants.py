@@ -101,7 +101,6 @@ class IntegratedVariants:
         return replace(self, mechanism=mechanism, chosen=self.chosen[variants], grids=grids)
 
     def rows(self) -> tuple[Trajectory, Flags]:
-        """Return the states, and which of them are sound, shape (k,)."""
         dynamics, (q, v) = self.dynamics, self.ensemble.states_in(self._steps, self._instants)
         a = _accelerations(dynamics, q, v)
         lam, still = Multipliers.known(np.zeros((*q.shape[:2], 0)), 0), np.zeros_like(v)
@@ -110,7 +109,6 @@ class IntegratedVariants:
         return rows, self.ensemble.arrived[self.chosen] & self._agree
 
     def at(self, near: Array) -> tuple[Trajectory, Flags]:
-        """Return the states; they are found without states that are near."""
         return self.rows()
 
     @property
@@ -289,7 +287,6 @@ class PrescribedVariants:
 
     @property
     def grids(self) -> list[Grid]:
-        """The rows of each variant."""
         return [table.grid for table in self.tables]
 
     def some(self, mechanism: Mechanism, variants: Indices, grids: Sequence[Grid]) -> PrescribedVariants:
@@ -428,12 +425,10 @@ class DrivesOfVariants(Record, frozen=True):
     closure: VariantClosure
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        """Return what drives act along, by name."""
         return self.joints
 
     @property
     def driven(self) -> Flags:
-        """Joints that drives act on, alone or with others, shape (nv,)."""
         return driven_along(self.joints.values(), self.closure.model.nv)
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:

@@ -86,7 +86,6 @@ class Adaptive(ValueRecord, frozen=True):
 
     @property
     def name(self) -> str:
-        """Name of the tableau."""
         return self.tableau.name
 
     @property
@@ -202,7 +201,6 @@ class FixedStep(ValueRecord, frozen=True):
 
     @property
     def name(self) -> str:
-        """Name of the tableau."""
         return self.tableau.name
 
     @property
@@ -268,7 +266,6 @@ class ExplicitStepper:
         return bool(np.isfinite(self.slopes).all())
 
     def begin(self, interval: Interval, y: Array) -> None:
-        """Set the state at the start of an interval."""
         self.interval, self._rates = interval, partial(interval.slope, self.manifold)
         self.y[:] = y
         compiled = interval.compiled
@@ -289,7 +286,6 @@ class ExplicitStepper:
         self.count.evaluations += self.tableau.stages
 
     def along(self, t: float, h: float) -> tuple[Array, Array]:
-        """Return the ends and the middle of the step."""
         return along(t, h, self.y, self.new, self.slopes)
 
     def move(self, t: float) -> Array:

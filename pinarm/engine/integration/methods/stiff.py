@@ -167,7 +167,6 @@ class Radau(ValueRecord, frozen=True):
 
     @property
     def name(self) -> str:
-        """Name with the order."""
         return f"Radau IIA {self.order}"
 
     @property
@@ -220,14 +219,12 @@ class RadauStepper:
         return bool(np.isfinite(self.slope).all())
 
     def begin(self, interval: Interval, y: Array) -> None:
-        """Set the state at the start of an interval."""
         self.interval, self.t, self.jacobian = interval, interval.start, None
         self.last_z, self.last_h = np.zeros_like(self.z), 0.0
         self.y[:] = y
         self.slope = self.rates(self.t, self.y)
 
     def rates(self, t: float, y: Array) -> Array:
-        """Return f(t, y)."""
         return np.asarray(self.all_rates(np.array([t]), y[None])[0])
 
     def all_rates(self, t: Array, y: Array) -> Array:
@@ -311,7 +308,6 @@ class RadauStepper:
         return max(size, 1e-10)
 
     def along(self, t: float, h: float) -> tuple[Array, Array]:
-        """Return the start and the stages of the step, the last of which is its end."""
         return t + h * np.array([0.0, *self.tableau.c]), np.vstack([self.y, self.y + self.z])
 
     def retry(self, h: float, error: float) -> float:
@@ -345,7 +341,6 @@ class RadauStepper:
 
 
 def _size(x: Array) -> float:
-    """Return the root of the mean of squares."""
     return math.sqrt(float(np.vdot(x, x)) / x.size)
 
 

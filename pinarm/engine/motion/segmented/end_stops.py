@@ -87,7 +87,6 @@ class Bound(ValueRecord, frozen=True):
         return f"end stop '{self.name}'"
 
     def row(self, q: Array) -> Array:
-        """Return the unit vector of the joint, shape (nv,)."""
         return self.coordinate.weights
 
     def acceleration(self, q: Array, v: Array, a: Array) -> float:
@@ -96,7 +95,6 @@ class Bound(ValueRecord, frozen=True):
 
     @property
     def unit(self) -> Unit:
-        """Unit of the gap."""
         return self.coordinate.unit
 
     @property
@@ -105,7 +103,6 @@ class Bound(ValueRecord, frozen=True):
         return int(self.coordinate.places[self.joint])
 
     def gap(self, q: Array) -> Array:
-        """Return the distance to the stop, negative beyond it, shape (...,)."""
         return np.asarray(self.side * (q[..., self.place] - self.limit))
 
     def passed_at_start(self, q: Array) -> str:
@@ -133,7 +130,6 @@ class Separation(Record, frozen=True):
 
     @property
     def name(self) -> str:
-        """Its name."""
         return self.constraint.name
 
     @property
@@ -143,7 +139,6 @@ class Separation(Record, frozen=True):
 
     @property
     def side(self) -> float:
-        """Sense in which it acts, and sign of its gap where it is open."""
         return self.constraint.side
 
     @cached_property
@@ -153,7 +148,6 @@ class Separation(Record, frozen=True):
 
     @property
     def unit(self) -> Unit:
-        """Unit of the gap."""
         return self.constraint.unit(0)
 
     @property
@@ -171,7 +165,6 @@ class Separation(Record, frozen=True):
         return f"at the start the {self.title} is passed by {-float(self.gap(q)):.6g} {self.unit}"
 
     def row(self, q: Array) -> Array:
-        """Return its row of G, shape (nv,)."""
         return np.asarray(self.closure.rows(self.closure.state(q))[0])
 
     def acceleration(self, q: Array, v: Array, a: Array) -> float:

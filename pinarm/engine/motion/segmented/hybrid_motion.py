@@ -346,7 +346,6 @@ class _Integration(Record, frozen=True):
         return self._speed(k, q, v) < -self.hybrid.still(k, v)
 
     def _speed(self, k: int, q: Array, v: Array) -> float:
-        """Return the velocity of a state away from a stop."""
         return self.hybrid.bounds[k].side * self.hybrid.contacts.rate(k, q, v)
 
     def _slow(self, stops: Iterable[int], t: float, q: Array, v: Array) -> dict[int, float]:
@@ -416,7 +415,6 @@ class _Integration(Record, frozen=True):
         return frozenset(k for k, away in leaving.items() if away < 0.0)
 
     def _slight(self, held: Held, t: float, q: Array, v: Array) -> float:
-        """Return the acceleration that may be rounding."""
         return SLIGHT * float(np.abs(self.hybrid.acceleration_without_friction(held, t, q, v)).max(initial=0.0))
 
     def _at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:
@@ -428,7 +426,6 @@ class _Integration(Record, frozen=True):
         return frozenset(k for k, least in slow.items() if abs(self._speed(k, q, v)) <= least)
 
     def _mode(self, t: float, q: Array, v: Array, kept: Held = frozenset()) -> Mode:
-        """Return the stops that a state at rest on them presses against, and the slip of joints with friction."""
         return self._pressing(self._at_rest(t, q, v, kept), t, q, v)
 
     def _pressing(

@@ -149,7 +149,6 @@ class HybridSystem(Record, frozen=True):
         )
 
     def _stops(self, held: Held) -> list[Bound]:
-        """Return the stops of joints among what is held."""
         return [bound for k in sorted(held) if isinstance(bound := self.bounds[k], Bound)]
 
     def friction(self, held: Held) -> StickSlip:
@@ -211,7 +210,6 @@ class HybridSystem(Record, frozen=True):
 
     @property
     def _laws(self) -> list[MotionLaw]:
-        """The laws of coordinates and loads."""
         return [*self.prescribed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
 
     @cached_property

@@ -72,7 +72,6 @@ class MotionSegment(Record, frozen=True):
     shares: StopShares | None = None
 
     def complete(self, dynamics: Dynamics, grid: Grid) -> CompletedStates:
-        """Return the motion at the rows of a grid within the segment."""
         states = self.system.complete(dynamics, grid, *self._settled(grid.t))
         states = self.shares.shared(states) if self.shares else states
         states = self.stops.told(states) if self.stops else states
@@ -132,7 +131,6 @@ class SegmentedMotion(Record, frozen=True):
 
     @property
     def size(self) -> float:
-        """Largest coordinate or velocity that was integrated, in SI."""
         return max(segment.solution.size for segment in self.segments)
 
     @property

@@ -111,7 +111,6 @@ class StickSlip:
 
     @cached_property
     def rows(self) -> Closure:
-        """The constraints, then the coordinates that follow laws."""
         return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     def sliding(self, slip: Slip, span: tuple[float, float]) -> SlidingFriction:

@@ -58,17 +58,14 @@ class StopShares(Record, frozen=True):
 
     @cached_property
     def rows(self) -> Closure:
-        """The constraints, then the prescribed coordinates."""
         return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     @property
     def _several(self) -> bool:
-        """Whether there are stops, and more than one thing that pushes only."""
         return bool(self.stops) and len(self.stops) + len(self.separations) > 1
 
     @cached_property
     def _places(self) -> Indices:
-        """Rows of the stops, then of the separations."""
         last = self.rows.size - len(self.stops)
         own = [self.rows.slices[stop.name].start for stop in self.separations]
         return np.array([*range(last, self.rows.size), *own], dtype=np.intp)

@@ -196,7 +196,6 @@ class LoopFlow(Flow, frozen=True):
         self.choose(*way)
 
     def choose(self, near: bool, rank: int) -> None:
-        """Choose whether stages are closed, and the rank."""
         structure = self.system.structure
         structure.near, structure.tolerant = near, self.judged.tolerant(self.motion.q, rank)
 
@@ -228,7 +227,6 @@ class LoadedMotion:
         self.closes = SETTLE(flow.structure.settle)
 
     def interval(self, start: float, end: float) -> Interval:
-        """Return the motion on an interval without jumps."""
         structure = self.flow.system.structure
         return Interval(start, end, self.acceleration, self.settle, lambda: float(structure.floor), self.since,
                         outlook=self.motion.outlook)  # fmt: skip
@@ -434,7 +432,6 @@ def _response(model: pin.Model, data: pin.Data, q: Array, force: Array) -> Array
 
 
 def _larger(worst: float, left: Array, *sizes: float) -> float:
-    """Return the larger one of a ratio and that of what is left of a sum to its terms; NaN where that is none."""
     return float(np.maximum(worst, np.abs(left).max() / max(float(sum(sizes)), np.finfo(float).tiny)))
 
 

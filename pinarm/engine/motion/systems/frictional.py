@@ -80,7 +80,6 @@ class FrictionalSystem:
 
     @property
     def manifold(self) -> Manifold:
-        """Space of the integrated configurations."""
         return self.inner.manifold
 
     @property
@@ -108,11 +107,9 @@ class FrictionalSystem:
         return replace(self, friction=replace(self.friction, dynamics=dynamics))
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion of the integrated state on an interval without jumps."""
         return self.inner.interval(self.slowed(dynamics), start, end)
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the mechanism's states."""
         return self.inner.whole(t, q, v)
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
@@ -191,7 +188,6 @@ class FrictionalSystem:
     def _extremes(
         self, t: Array, q: Array, v: Array, sliding: SlidingFriction, solutions: Sequence[FrictionSolution]
     ) -> list[Extremes]:
-        """Return other frictions that hold as well, row by row; none where nothing is open."""
         return sliding.extremes(t, q, v, solutions, self.unknown) if self._open else []
 
     def knowing(self, unknown: frozenset[int]) -> FrictionalSystem:

@@ -122,7 +122,6 @@ class Regularity(Record, frozen=True):
         return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(own @ own.T)[::-1], 0.0)))
 
     def at(self, values: Array, rank: int) -> float:
-        """Return the regularity, given singular values and the rank along the motion."""
         return float(values[rank - 1] / values[0]) / self.usual if rank and values[0] else 1.0
 
 
@@ -181,7 +180,6 @@ class Place(NamedTuple):
 
     @classmethod
     def at(cls, closure: Closure, q: Array) -> Place:
-        """Return a configuration of a mechanism."""
         state = closure.state(q)
         rows = closure.rows(state)
         return cls(q, rows, closure.split(rows), mass_matrix(closure.model, q), closure.gap(state))

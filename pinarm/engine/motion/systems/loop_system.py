@@ -165,7 +165,6 @@ class LoopSystem(Record, frozen=True):
         return np.concatenate([nothing, targets], axis=-1)
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion on an interval without jumps."""
         motion = self._motion(dynamics, start, end)
         flow, remark = self._compiled(dynamics, start, end, motion)
         if flow and not flow.judged.alone:
@@ -256,7 +255,6 @@ class LoopSystem(Record, frozen=True):
         )  # fmt: skip
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the states themselves."""
         return q, v
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:

@@ -95,7 +95,6 @@ class TreeSystem(Record, frozen=True):
         return q, v
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion on an interval without jumps, kept for the next run."""
         return self._interval(dynamics, start, end)
 
     @cached_property
@@ -148,7 +147,6 @@ class TreeSystem(Record, frozen=True):
 
     @property
     def _followed(self) -> bool:
-        """Whether some coordinate follows a law."""
         return len(self.sums.names) > len(self.closure.constraints)
 
     @cached_property
