@@ -20,6 +20,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.parallel import aba
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Acceleration, Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.kernel.tree import AGREEMENT, TreeFlow, variant_flows
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
@@ -156,8 +157,9 @@ def compiled(hybrid: HybridSystem) -> TreeFlow | None:
     """
     flow = hybrid.closed_system.interval(hybrid.dynamics, *hybrid.time).compiled
     flat = hybrid.closed_system.manifold.nq == hybrid.closed_system.manifold.nv
-    lasting = isinstance(flow, TreeFlow) and not flow.system.structure.laws
-    return flow if isinstance(flow, TreeFlow) and lasting and flat and hybrid.method.pair is not None else None
+    if not isinstance(flow, TreeFlow) or flow.system.structure.laws:
+        return None
+    return flow if flat and isinstance(hybrid.method, Adaptive) else None
 
 
 def _integrated(

@@ -30,7 +30,6 @@ Attributes:
         number.
     tangent: Whether the dense output leaves the start of a step with the slopes of the state there.
     remedy: What to try where the method fails, for error messages.
-    pair: The method itself where it is an embedded pair, with which many motions can be integrated at once.
 """
 
 Stepper: TypeAlias = "AdaptiveStepper | FixedStepper | RadauStepper"

@@ -80,11 +80,6 @@ class Adaptive(ValueRecord, frozen=True):
     remedy = "a wider tolerance"
 
     @property
-    def pair(self) -> Adaptive:
-        """This method."""
-        return self
-
-    @property
     def name(self) -> str:
         return self.tableau.name
 
@@ -197,7 +192,6 @@ class FixedStep(ValueRecord, frozen=True):
     tangent = True
     tolerance = 0.0
     remedy = "a shorter accuracy.step, or an adaptive method"
-    pair = None
 
     @property
     def name(self) -> str:

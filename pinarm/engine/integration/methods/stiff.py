@@ -163,7 +163,6 @@ class Radau(ValueRecord, frozen=True):
     subdivisions = 4
     tangent = False
     remedy = "a wider tolerance"
-    pair = None
 
     @property
     def name(self) -> str:
