@@ -32,7 +32,7 @@ from pinarm.errors import InputError, NumericsError, PinarmError, choices, print
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from pinarm.use.output.destination import Destination
+    from pinarm.use.output.folder import Destination
     from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.study.answers.check import Findings
 
@@ -77,8 +77,7 @@ def show(options: Namespace, data: Mapping[str, object], *texts: str) -> None:
 @contextmanager
 def work(options: Namespace, kind: str) -> Iterator[tuple[Scenario, Destination, Executor | None]]:
     """Yield the scenario, the folder for its results, and the executor of the cluster that is named."""
-    from pinarm.use.output.destination import destination
-    from pinarm.use.output.folder import check_replaceable
+    from pinarm.use.output.folder import check_replaceable, destination
     from pinarm.use.scenario.scenario import load
     from pinarm.use.show.picture_files import picture_format
 
@@ -399,16 +398,16 @@ PLOT_TEXT = "plot these beside it, or nothing (default: the outputs)"
     arg("--speed", type=float, default=1.0, help="of the video, relative to real time"),
 )
 def _replay(options: Namespace) -> int:
-    from pinarm.use.show.replay import pictures
+    from pinarm.use.show.replay import chromium
     from pinarm.use.store.restore import restore
 
     target = _replay_file(options)
     result = restore(options.result)
     shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot, named=options.names)
     if options.png:
-        pictures.picture(shown, pictures.place(shown.run, options.png), target)
+        chromium.picture(shown, chromium.place(shown.run, options.png), target)
     elif options.video:
-        pictures.video(shown, target, fps=options.fps, speed=options.speed, progress=progress)
+        chromium.video(shown, target, fps=options.fps, speed=options.speed, progress=progress)
     else:
         shown.save(target)
     data = {"file": str(target), "bytes": target.stat().st_size, "notes": shown.notes}

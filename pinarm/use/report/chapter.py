@@ -15,8 +15,7 @@ from pinarm.errors import PinarmError
 from pinarm.problems import KINDS
 from pinarm.records import ValueRecord
 from pinarm.use.report.document import ReportTable, number, part, sentences, tag, text, unit_text, with_unit
-from pinarm.use.report.given import mechanism_tables, mobility_words, question
-from pinarm.use.report.link_graph import link_graph
+from pinarm.use.report.given import link_graph, mechanism_tables, mobility_words, question
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.presentation import Presentation

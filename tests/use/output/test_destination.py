@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.output.destination import Destination, destination
-from pinarm.use.output.folder import complete_folder, whole_folder
+from pinarm.use.output.folder import Destination, complete_folder, destination, whole_folder
 
 
 @pytest.fixture(autouse=True)

@@ -11,9 +11,8 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.result.result import Result
-from pinarm.use.show.replay.chromium import Page
+from pinarm.use.show.replay.chromium import Page, place
 from pinarm.use.show.replay.modes import LEVELS, PHASES, mode_pictures
-from pinarm.use.show.replay.pictures import place
 
 
 @pytest.fixture(scope="module")

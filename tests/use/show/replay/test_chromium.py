@@ -10,7 +10,7 @@ from matplotlib.image import imread
 
 from pinarm.cli.main import main
 from pinarm.errors import InputError, PinarmError
-from pinarm.use.show.replay import chromium, pictures
+from pinarm.use.show.replay import chromium
 from pinarm.use.show.replay.chromium import Page
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -43,7 +43,7 @@ def test_a_picture_is_the_same_each_time(saved: Path, _browser: Page, capsys: py
 def test_a_video_lasts_as_long_as_the_motion(saved: Path, _browser: Page) -> None:
     target = saved / "motion.mp4"
     assert main(["replay", str(saved), "--video", str(target), "--fps", "6", "--speed", "2"]) == 0
-    told = subprocess.run([pictures.ffmpeg(), "-i", str(target)], capture_output=True, text=True, check=False).stderr
+    told = subprocess.run([chromium.ffmpeg(), "-i", str(target)], capture_output=True, text=True, check=False).stderr
     assert "Duration: 00:00:01.17" in told  # 2 s at twice the speed, 6 a second, both ends: 7 pictures
     assert "h264" in told
 
@@ -64,14 +64,14 @@ def test_a_file_of_another_format_is_refused(
 @pytest.mark.parametrize("text", ["1.5", "phi=1", "t=3", "t=nan"])
 def test_a_place_outside_of_the_run_is_refused(scenario: Callable[..., Any], text: str) -> None:
     with pytest.raises(InputError):
-        pictures.place(scenario("inverse").run().trajectory, text)
+        chromium.place(scenario("inverse").run().trajectory, text)
 
 
 def test_an_angle_needs_its_unit(scenario: Callable[..., Any]) -> None:
     run = scenario("statics").run().trajectory
-    assert pictures.place(run, "pivot=90 deg") == pytest.approx(1.5707963, abs=1e-7)
+    assert chromium.place(run, "pivot=90 deg") == pytest.approx(1.5707963, abs=1e-7)
     with pytest.raises(InputError, match="no unit"):
-        pictures.place(run, "pivot=1")
+        chromium.place(run, "pivot=1")
 
 
 def test_without_a_browser_it_says_what_to_install(
@@ -87,7 +87,7 @@ def test_without_ffmpeg_it_says_what_to_install(saved: Path, monkeypatch: pytest
     monkeypatch.setenv("PATH", str(saved))
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with pytest.raises(PinarmError, match="videos need ffmpeg") as caught:
-        pictures.ffmpeg()
+        chromium.ffmpeg()
     assert "pip install" in caught.value.hint
 
 
