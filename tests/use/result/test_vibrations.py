@@ -69,7 +69,7 @@ def test_what_takes_part_in_a_mode_is_told(carriage: Callable[..., Result]) -> N
     section = carriage().section("modes")
     assert [table.name for table in section.tables] == ["modes", "springs", "masses", "dampers"]
     assert section.remarks == [
-        "mode 1: most stiffness from mount (100 %), most mass in slide (100 %), most damping from mount (100 %)"
+        "mode 1: most stiffness from mount (100 %), most mass in body (100 %), most damping from mount (100 %)"
     ]
 
 
