@@ -150,3 +150,40 @@ def test_a_run_is_linearised_at_an_instant():
     assert held.A[2, 0] == pytest.approx(found.A[3, 1] - found.B[3, 0] / found.B[2, 0] * found.A[2, 1], rel=1e-9)
     with pytest.raises(InputError, match="is not reached in this run"):
         free.linearise(1e9)
+
+
+def test_inputs_by_motor_and_by_effort_along_a_line(solve):
+    """A motor of ratio 20 gives 20 times its torque; of a gear with losses it is refused."""
+    xml = robot(link("arm", "base", "0 1 0", mass=2.0, com="0 0 -0.5"))
+    drives = {"drives": {"motor": {"joint": "arm", "ratio": 20}}}
+    more = {"inputs": ["drive.motor.torque", "joint.arm.effort"], "outputs": ["arm", "drive.motor.speed"]}
+    b = solve(xml, {}, drives, **more).arrays["B"].values
+    assert b[:, 0] == pytest.approx([0.0, 20.0 / 0.5])
+    assert b[:, 1] == pytest.approx([0.0, 1.0 / 0.5])
+    with pytest.raises(InputError, match="losses of the gear of 'motor'"):
+        solve(xml, {}, {"drives": {"motor": {"joint": "arm", "ratio": 20, "efficiency": 0.9}}}, **more)
+    with pytest.raises(InputError, match="is prescribed, and about does not say where"):
+        solve(xml, {}, drives, inputs=["joint.arm.position"])
+    with pytest.raises(InputError, match=r"there is no input 'drive\.motr\.torque'"):
+        solve(xml, {}, drives, inputs=["drive.motr.torque"])
+
+
+def test_a_critically_damped_pair_is_noted_as_defective(solve):
+    """``c = 2 sqrt(k m)``: both eigenvalues are ``-sqrt(k / m)``, known to the root of rounding."""
+    xml = robot(link("slide", "base", "1 0 0", mass=4.0, kind="prismatic"))
+    damper = {"kind": "joint_spring", "joint": "slide", "stiffness": "100 N/m", "damping": "40 N*s/m"}
+    result = solve(xml, {}, {"gravity": "none", "forces": {"mount": damper}})
+    assert "mode 1, 2: a defective pair, one mode but for rounding" in result.notes()
+    error = float(result["mode.1.error"].values[0])
+    assert abs(result.arrays["eigenvalues"].values[0] + 5.0).max() <= error < 1e-5
+
+
+def test_a_mount_of_bushings_about_its_free_position(solve):
+    """A block on a bushing, free at 0: three frequencies ``sqrt(k / m)``, and the force of the floor under it."""
+    xml = robot(link("z", "base", "0 0 1", mass=5.0, kind="prismatic"))
+    bush = {"kind": "bushing", "between": ["base", "z_link"], "damping": {"translation": ["1 N*s/m"] * 3},
+            "stiffness": {"translation": ["70 N/m", "80 N/m", "90 N/m"]}}  # fmt: skip
+    result = solve(xml, {}, {"gravity": "none", "forces": {"bush": bush}}, inputs=["z"],
+                   outputs=["force.bush.force.z", "energy.potential"])  # fmt: skip
+    assert result["mode.1.frequency"].values == pytest.approx([math.sqrt(90.0 / 5.0) / (2.0 * math.pi)], rel=1e-12)
+    assert result.arrays["C"].values == pytest.approx(np.array([[-90.0, -1.0], [0.0, 0.0]]), abs=1e-12)
