@@ -187,3 +187,12 @@ def test_a_mount_of_bushings_about_its_free_position(solve):
                    outputs=["force.bush.force.z", "energy.potential"])  # fmt: skip
     assert result["mode.1.frequency"].values == pytest.approx([math.sqrt(90.0 / 5.0) / (2.0 * math.pi)], rel=1e-12)
     assert result.arrays["C"].values == pytest.approx(np.array([[-90.0, -1.0], [0.0, 0.0]]), abs=1e-12)
+
+
+def test_a_rotor_has_its_part_in_the_kinetic_energy(solve):
+    """``N^2 J`` beside ``m l^2``."""
+    xml = robot(link("arm", "base", "0 1 0", mass=2.0, com="0 0 -0.5"))
+    drives = {"drives": {"motor": {"joint": "arm", "ratio": 20, "rotor_inertia": "5e-4 kg*m^2"}}}
+    table = solve(xml, {}, drives).arrays["masses"]
+    assert list(table.rows) == ["arm_link", "rotor at arm"]
+    assert table.values[:, 0] == pytest.approx([0.5 / 0.7, 0.2 / 0.7])
