@@ -14,6 +14,7 @@ import pytest
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.roots import contained_file, example_robot_data, file_root, packages_around
 from pinarm.input.xacro.expansion import Expansion, expand
+from pinarm.input.xml_text import tree_of
 
 HEAD = '<?xml version="1.0"?>\n<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
 
@@ -38,9 +39,10 @@ def content(xml: str) -> object:
 
     def of(element: ElementTree.Element) -> object:
         texts = [(text or "").strip() for text in (element.text, *(child.tail for child in element))]
-        return element.tag, sorted(element.attrib.items()), "".join(texts), [of(child) for child in element]
+        attributes = sorted(item for item in element.attrib.items() if not item[0].startswith("xmlns"))
+        return element.tag, attributes, "".join(texts), [of(child) for child in element]
 
-    return of(ElementTree.fromstring(xml))
+    return of(tree_of(xml))
 
 
 def plainly(path: Path, **arguments: str) -> str:
