@@ -85,6 +85,10 @@ def test_packages_and_words_reach_the_model(apart: Path, monkeypatch: pytest.Mon
         result = pinarm.run({**scenario, "mechanism": "rod.xacro"})
     (apart / "mechanism.yaml").write_text("pinarm: 1\nrobot: models/rod.xacro\npackages: {p: .}\n")
     monkeypatch.chdir(apart)
+    for folder in ("/etc", "..", "models/../.."):
+        (apart / "out.yaml").write_text(f"pinarm: 1\nrobot: models/rod.xacro\npackages: {{p: {folder}}}\n")
+        with pytest.raises(InputError, match="leads out of the root folder"):
+            pinarm.run({**scenario, "mechanism": "out.yaml"})
     (again := pinarm.run({**scenario, "mechanism": "mechanism.yaml"})).save(apart / "out", plots=False)
     assert again["joint.right_pivot.effort"].values.tolist() == result["joint.right_pivot.effort"].values.tolist()
     assert "side: right_" in (apart / "out" / "scenario.yaml").read_text()
