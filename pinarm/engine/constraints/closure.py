@@ -214,10 +214,17 @@ class Closure(Record, frozen=True):
         """Number m of rows."""
         return sum(constraint.size for constraint in self.constraints)
 
+    @cached_property
+    def rolling(self) -> Indices:
+        """Rows that bind velocities alone, shape (r,)."""
+        loops = [one for one in self.constraints if isinstance(one, LoopJoint)]
+        places = [self.slices[one.name].start + row for one in loops for row in one.rolling]
+        return np.array(places, dtype=np.intp)
+
     @property
     def rolls(self) -> bool:
         """Whether some rows bind velocities alone, so that positions hang on the whole way."""
-        return any(one.rolling for one in self.constraints if isinstance(one, LoopJoint))
+        return bool(len(self.rolling))
 
     @cached_property
     def holonomic(self) -> Closure:

@@ -124,7 +124,8 @@ class Linearisation(Record, frozen=True):
     def __repr__(self) -> str:
         """Return the states and the frequencies."""
         found = ", ".join(f"{frequency:.4g}" for frequency in self.modes.frequencies)
-        return f"<Linearisation of {', '.join(self.states[: len(self.states) // 2])}; frequencies [Hz]: {found}>"
+        positions = ", ".join(name for name in self.states if not name.endswith("'"))
+        return f"<Linearisation of {positions}; frequencies [Hz]: {found}>"
 
     def tables(self) -> dict[str, LabelledArray]:
         """Return eigenvalues, mode shapes and the matrices A and B as tables with names and units."""
@@ -209,17 +210,17 @@ def linearised(state: Trajectory, drives: Drives | None = None) -> Linearisation
     names = [coordinate_name(model, index) for index in range(model.nv)]
     sliding = {joint.v for joint in mechanism.joints.values() if joint.unit == METRE}
     every = [unit("m") if index in sliding else unit("rad") for index in range(model.nv)]
-    free = motion.independent.tolist()
     moved = [(drives.names[k], drives.coordinates[k].unit) for k in np.flatnonzero(drives.prescribed).tolist()]
-    positions = [*((names[index], every[index]) for index in free), *moved]
+    positions, rates = ([*((names[index], every[index]) for index in free.tolist()), *moved]
+                        for free in (motion.placed, motion.independent))  # fmt: skip
     efforts = [(name, unit("N") if index in sliding else unit("N*m")) for index, name in enumerate(names)]
     inputs = [*efforts, *((f"{name}''", own / unit("s^2")) for name, own in moved)]
     second = unit("s")
     return Linearisation(
         motion,
-        [*(name for name, _ in positions), *(f"{name}'" for name, _ in positions)],
+        [*(name for name, _ in positions), *(f"{name}'" for name, _ in rates)],
         [name for name, _ in inputs],
-        [*(own for _, own in positions), *(own / second for _, own in positions)],
+        [*(own for _, own in positions), *(own / second for _, own in rates)],
         [own for _, own in inputs],
         names,
         every,

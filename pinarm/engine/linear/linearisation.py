@@ -13,8 +13,9 @@ W having zeros in their rows. The acceleration of a deviation follows from the d
     M da - G^T dlam = S du + H^T df - F_q delta - F_v dv,    G da = E r'' - (G a + G' v)_q delta - (G a + G' v)_v dv
 
 and of the independent joints ``z' = w``, less ``omega x z`` where three of them are a ball joint, and ``w' = da``. The
-curvature of the rows and the geometric stiffness of the constraint forces are in F_q and ``(G a + G' v)_q``. Friction
-f of joints that slip, with the rows H of the slips, depends on the motion and on the forces of constraints,
+curvature of the rows and the geometric stiffness of the constraint forces are in F_q and ``(G a + G' v)_q``. Rows of
+rolling bind velocities alone: N and P of positions are then those of the other rows, and there are more z than w.
+Friction f of joints that slip, with the rows H of the slips, depends on the motion and on the forces of constraints,
 ``df = f_x x + f_u u + f_f df``: it is eliminated last. States are ``x = [z; r; w; r']``, inputs ``[u; r'']``.
 
 Source: Schiehlen and Eberhard, Applied Dynamics (2014), section 5.4 (linear equations of motion).
@@ -60,17 +61,19 @@ class Rows(Record, frozen=True):
         holding: Rows that hold, shape (m,).
         prescribed: Which of these have prescribed values, places in ``holding``, shape (p,).
         slipping: Rows H of slips with friction, shape (k,).
+        rolling: Which of those that hold bind velocities alone, places in ``holding``, shape (r,).
     """
 
     holding: Indices
     prescribed: Indices
     slipping: Indices
+    rolling: Indices
 
     @classmethod
     def all_holding(cls, count: int) -> Rows:
         """Return rows that all hold."""
         none = np.zeros(0, dtype=np.intp)
-        return cls(np.arange(count), none, none)
+        return cls(np.arange(count), none, none, none)
 
 
 class LinearMotion(Record, frozen=True):
@@ -78,6 +81,7 @@ class LinearMotion(Record, frozen=True):
 
     Attributes:
         independent: Velocities of the independent joints, by their indices in v, shape (d,).
+        placed: The same of independent positions, shape (e,): more than d where something rolls.
         position: Deviations of all joints per state, shape (nv, n).
         velocity: Deviations of all velocities per state, shape (nv, n).
         a: State matrix, shape (n, n).
@@ -88,6 +92,7 @@ class LinearMotion(Record, frozen=True):
     """
 
     independent: Indices
+    placed: Indices
     position: Array
     velocity: Array
     a: Array
@@ -98,9 +103,10 @@ class LinearMotion(Record, frozen=True):
 
     @cached_property
     def free(self) -> Indices:
-        """The states that are free: those of the independent joints, shape (2 d,)."""
-        d, half = len(self.independent), len(self.a) // 2
-        return np.concatenate([np.arange(d), half + np.arange(d)])
+        """The states that are free: those of the independent joints, shape (e + d,)."""
+        d, e = len(self.independent), len(self.placed)
+        half = e + (len(self.a) - e - d) // 2
+        return np.concatenate([np.arange(e), half + np.arange(d)])
 
     @cached_property
     def modes(self) -> Modes:
@@ -213,11 +219,28 @@ def linear_motion(
     )  # fmt: skip
     independent, allowed = independent_joints(at.rows)
     _require_regular(at, allowed)
+    placed, spread, held = independent, allowed, np.setdiff1d(np.arange(len(at.rows)), rows.rolling)
     moved = np.hstack([allowed, _prescribed(at.rows, rows.prescribed, independent, allowed)])
-    carried = -np.linalg.lstsq(at.rows, np.einsum("kmj,j,kd->md", at.rows_q, v, moved), rcond=DEPENDENT)[0]
+    reached = moved
+    if len(rows.rolling):
+        placed, spread = independent_joints(at.rows[held])
+        own = np.searchsorted(held, rows.prescribed)
+        reached = np.hstack([spread, _prescribed(at.rows[held], own, placed, spread)])
+    carried = -np.linalg.lstsq(at.rows, np.einsum("kmj,j,kd->md", at.rows_q, v, reached), rcond=DEPENDENT)[0]
     carried -= allowed @ carried[independent]
-    motion = _moved(model, at, v, independent, moved, carried, pushes)
+    ways = _Ways(independent, placed, moved, reached, carried)
+    motion = _moved(model, at, v, ways, pushes)
     return motion if slopes is None else _eliminated(motion, slopes(motion), len(pushes))
+
+
+class _Ways(Record, frozen=True):
+    """Deviations of all joints and velocities: ``delta = reached [z; r]``, ``dv = moved [w; r'] + carried [z; r]``."""
+
+    independent: Indices
+    placed: Indices
+    moved: Array
+    reached: Array
+    carried: Array
 
 
 def _prescribed(rows: Array, prescribed: Indices, independent: Indices, allowed: Array) -> Array:
@@ -235,14 +258,12 @@ def _prescribed(rows: Array, prescribed: Indices, independent: Indices, allowed:
     return np.asarray(moved - allowed @ moved[independent])
 
 
-def _moved(
-    model: pin.Model, at: EquationDerivatives, v: Array, independent: Indices, moved: Array, carried: Array,
-    pushes: Array,
-) -> LinearMotion:  # fmt: skip
-    """Return the motion, frictions being its last inputs; ``moved`` is [N, P], ``carried`` W."""
-    nv, size, d = model.nv, 2 * moved.shape[1], len(independent)
-    allowed, driven = moved[:, :d], moved[:, d:]
-    position, velocity = np.hstack([moved, np.zeros_like(moved)]), np.hstack([carried, moved])
+def _moved(model: pin.Model, at: EquationDerivatives, v: Array, ways: _Ways, pushes: Array) -> LinearMotion:
+    """Return the motion, frictions being its last inputs."""
+    nv, d = model.nv, len(ways.independent)
+    allowed, driven = ways.moved[:, :d], ways.moved[:, d:]
+    position = np.hstack([ways.reached, np.zeros_like(ways.moved)])
+    velocity = np.hstack([ways.carried, ways.moved])
     force = at.force_q @ position + at.force_v @ velocity
     bend = at.acceleration_q @ position + at.acceleration_v @ velocity
     accelerated = np.linalg.lstsq(at.rows, -bend, rcond=DEPENDENT)[0]
@@ -250,21 +271,23 @@ def _moved(
     left = np.hstack([force, -np.eye(nv), np.zeros_like(driven), -pushes.T]) + at.mass @ given
     whole = given - allowed @ _solved(allowed.T @ at.mass @ allowed, allowed.T @ left)
     multipliers = np.linalg.lstsq(at.rows.T, left + at.mass @ (whole - given), rcond=DEPENDENT)[0]
-    turning = (velocity - _transport(model, v) @ position)[independent]
+    turning = (velocity - _transport(model, v) @ position)[ways.placed]
     none = np.zeros((len(pushes), whole.shape[1]))
     none[:, whole.shape[1] - len(pushes) :] = np.eye(len(pushes))
-    a, b = _state_space(whole, independent, size, d, turning)
-    return LinearMotion(independent, position, velocity, a, b, whole, multipliers, none)
+    a, b = _state_space(whole, ways.independent, turning)
+    return LinearMotion(ways.independent, ways.placed, position, velocity, a, b, whole, multipliers, none)
 
 
-def _state_space(whole: Array, independent: Indices, size: int, d: int, turning: Array) -> tuple[Array, Array]:
-    """Return A and B of accelerations per state and input, and of the rates ``turning`` of the independent joints."""
-    half, inputs = size // 2, whole.shape[1] - size
+def _state_space(whole: Array, independent: Indices, turning: Array) -> tuple[Array, Array]:
+    """Return A and B of accelerations per state and input, and of the rates ``turning`` of independent positions."""
+    (e, size), d = turning.shape, len(independent)
+    prescribed, inputs = (size - e - d) // 2, whole.shape[1] - size
+    half = e + prescribed
     a, b = np.zeros((size, size)), np.zeros((size, inputs))
-    a[:d] = turning
-    a[d:half, half + d :] = np.eye(half - d)
+    a[:e] = turning
+    a[e:half, half + d :] = np.eye(prescribed)
     a[half : half + d], b[half : half + d] = whole[independent, :size], whole[independent, size:]
-    b[half + d :, len(whole) : len(whole) + half - d] = np.eye(half - d)
+    b[half + d :, len(whole) : len(whole) + prescribed] = np.eye(prescribed)
     return a, b
 
 
@@ -281,8 +304,7 @@ def _eliminated(motion: LinearMotion, slopes: Array, count: int) -> LinearMotion
                             expected="a smaller mu")  # fmt: skip
     friction = np.linalg.solve(matrix, slopes[:, :known])
     whole_a, whole_lam = (x[:, :known] + x[:, known:] @ friction for x in (motion.whole_a, motion.whole_lam))
-    size, d = len(motion.a), len(motion.independent)
-    a, b = _state_space(whole_a, motion.independent, size, d, motion.a[:d])
+    a, b = _state_space(whole_a, motion.independent, motion.a[: len(motion.placed)])
     return replace(motion, a=a, b=b, whole_a=whole_a, whole_lam=whole_lam, friction=friction)
 
 

@@ -94,7 +94,10 @@ class SteppedState(Record, frozen=True):
         drives, slips = self._own + np.arange(len(self.drives.names)), self._own + len(self.drives.names)
         prescribed, stuck = drives[self.drives.prescribed], self.friction.stuck
         holding = np.concatenate([np.arange(self._own), prescribed, slips + np.flatnonzero(stuck)])
-        return Rows(holding, self._own + np.arange(len(prescribed)), slips + np.flatnonzero(~stuck))
+        return Rows(
+            holding, self._own + np.arange(len(prescribed)), slips + np.flatnonzero(~stuck),
+            self.state.mechanism.closure.rolling,
+        )  # fmt: skip
 
     @cached_property
     def _measured(self) -> list[Measured]:
