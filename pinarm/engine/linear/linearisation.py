@@ -50,6 +50,10 @@ SINGULAR = 1e-6
 ALIKE = 1e-6
 """Relative difference of the sizes of eigenvalues that are ordered by their real parts, such as those of one fall."""
 
+STILL = 6e-8
+"""Size of an eigenvalue, relative to the matrix, up to which it is 0: rounding of 1e-16 parts a position and its
+velocity, both without a force, by the root of that."""
+
 DEFECTIVE = 1e-6
 """How far the cosine of the angle between two mode shapes may be from 1 where they are one shape."""
 
@@ -123,6 +127,8 @@ class LinearMotion(Record, frozen=True):
 class Modes(Record, frozen=True):
     """Eigenvalues and eigenvectors of a state matrix, by ascending frequency; of conjugate pairs, the upper one.
 
+    Those that are 0 but for rounding are 0, each for itself: the numbers of the others do not hang on rounding.
+
     Attributes:
         eigenvalues: lambda [1/s], shape (k,).
         vectors: Right eigenvectors of length 1, shape (2 d, k).
@@ -144,6 +150,8 @@ class Modes(Record, frozen=True):
             return cls(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0), 0.0)
         balanced, scales = matrix_balance(a, permute=False)
         eigenvalues, left, right = eig(balanced, left=True, right=True)
+        size = float(np.linalg.norm(balanced, 2))
+        eigenvalues = np.where(np.abs(eigenvalues) <= STILL * size, 0.0, eigenvalues)
         kept = np.flatnonzero(eigenvalues.imag >= 0.0)
         kept = kept[np.argsort(np.abs(eigenvalues[kept]))]
         sizes = np.abs(eigenvalues[kept])
@@ -151,7 +159,7 @@ class Modes(Record, frozen=True):
         kept = kept[np.lexsort((eigenvalues.real[kept], alike))]
         conditions = 1.0 / np.maximum(np.abs((left[:, kept].conj() * right[:, kept]).sum(axis=0)), np.finfo(float).tiny)
         vectors = scales @ right[:, kept]
-        error = float(np.finfo(float).eps * np.linalg.norm(balanced, 2))
+        error = float(np.finfo(float).eps * size)
         return cls(eigenvalues[kept], vectors / np.linalg.norm(vectors, axis=0), conditions, error)
 
     @property
