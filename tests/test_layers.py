@@ -23,7 +23,7 @@ FLOOR_PLAN = {
     "arrays": "",
     "input": "numbers units roots xml_text formulas yaml csv_tables xacro robots",
     "mechanics": "geometry joints laws limited_states motors drives coordinates control rotors ball_joints loops "
-    "forces couplings loading friction payloads points perturbation planar description",
+    "forces couplings loading friction points perturbation planar description",
     "engine": "series dataframes labelled_array one_run kernel integration constraints dynamics mesh_inertias "
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_parts "
     "mechanism_loading mechanism_variants",

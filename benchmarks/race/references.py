@@ -179,7 +179,7 @@ def rods_by_pinocchio(problem: Motion) -> Array:
     import pinocchio as pin
 
     from benchmarks.race.engines.pinocchio import integration, model_of
-    from pinarm.mechanics.geometry.pinocchio_data import new_data
+    from pinarm.mechanics.geometry.kinematics import new_data
 
     model = model_of(problem.linkage)
     data, still = new_data(model), np.zeros(model.nv)

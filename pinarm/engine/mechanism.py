@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.drives import Drive
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
-    from pinarm.mechanics.payloads import Payload
+    from pinarm.mechanics.points import Payload
 
 
 class Mechanism(Record, frozen=True):

@@ -39,7 +39,7 @@ from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
-    from pinarm.mechanics.payloads import Payload
+    from pinarm.mechanics.points import Payload
 
 
 def mechanism_document(file: Path) -> Document:

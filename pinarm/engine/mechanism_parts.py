@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loops.kinds import CableLoop, Loop
-    from pinarm.mechanics.payloads import Payload
-    from pinarm.mechanics.points import PointDefinition
+    from pinarm.mechanics.points import Payload, PointDefinition
 
 
 def frictions_of(
@@ -221,7 +220,7 @@ def loaded(
     carried: dict[str, Payload] = {}
     if not own and not given:
         return model, carried
-    from pinarm.mechanics.payloads import with_payloads
+    from pinarm.mechanics.points import with_payloads
 
     for place, payloads in ((here, own), (caller, given)):
         for name, payload in payloads.items():

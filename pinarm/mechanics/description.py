@@ -22,9 +22,8 @@ if TYPE_CHECKING:
     from pinarm.mechanics.forces.kinds import Force
     from pinarm.mechanics.friction.definition import Friction
     from pinarm.mechanics.loops.kinds import Loop
-    from pinarm.mechanics.payloads import Payload
     from pinarm.mechanics.planar.drawing import PlanarDrawing
-    from pinarm.mechanics.points import PointDefinition
+    from pinarm.mechanics.points import Payload, PointDefinition
 else:  # imported where a file has the key, see MechanismDescription.deferred
     Control = CoordinateDefinition = CouplingDefinition = Drive = Force = Friction = Loop = Any
     Payload = PlanarDrawing = PointDefinition = Any
@@ -128,7 +127,7 @@ class MechanismDescription(InputStruct, frozen=True):
         "drives": ("pinarm.mechanics.drives", "Drive"),
         "forces": ("pinarm.mechanics.forces.kinds", "Force"),
         "friction": ("pinarm.mechanics.friction.definition", "Friction"),
-        "payloads": ("pinarm.mechanics.payloads", "Payload"),
+        "payloads": ("pinarm.mechanics.points", "Payload"),
     }
 
     pinarm: Literal[1]

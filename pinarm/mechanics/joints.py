@@ -11,7 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.geometry.model_cache import cached_by_model
+from pinarm.mechanics.geometry.kinematics import cached_by_model
 from pinarm.records import ValueRecord
 
 METRE, RADIAN = unit("m"), unit("rad")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from pinarm.input.yaml.schema import (
     TorqueConstant,
 )
 from pinarm.mechanics.limited_states import FREE, StateLimits, Switch
+from pinarm.records import Record
 
 
 class MotorInput(NamedTuple):
@@ -47,55 +48,38 @@ class CommandOfEffort(NamedTuple):
     per_velocity: float
 
 
-class Actuator(Protocol):
-    """A motor behind its gear."""
+class Actuator(Record, frozen=True):
+    """A motor behind its gear, without states of its own.
 
-    @property
-    def states(self) -> int:
-        """Number s of its own states."""
-        ...
+    Attributes:
+        states: Number s of its own states.
+    """
+
+    states: ClassVar[int] = 0
 
     def effort(self, given: MotorInput) -> Array:
         """Return the effort at the joint [N*m or N], shape (...)."""
-        ...
-
-    def rates(self, given: MotorInput) -> Array:
-        """Return the rates of the states, shape (..., s)."""
-        ...
+        raise NotImplementedError
 
     def parts(self, given: MotorInput) -> dict[str, Array]:
         """Return the effort and what else is known of the motor, by name, shape (...) each."""
-        ...
+        raise NotImplementedError
 
     def excess(self, given: MotorInput) -> Array:
         """Return the part of the command that a limit of the motor keeps from its effect, shape (...); else 0."""
-        ...
-
-    def mode(self, given: MotorInput) -> int:
-        """Return the mode in one state, by the one until then in ``given``."""
-        ...
+        raise NotImplementedError
 
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
         """Return where the effort stops being smooth."""
-        ...
+        raise NotImplementedError
 
+    def rates(self, given: MotorInput) -> Array:
+        """Return the rates of the states, shape (..., s)."""
+        return np.zeros((*np.shape(given.command), 0))
 
-class MotorDefinition(Protocol):
-    """A motor as a file describes it."""
-
-    supply: ClassVar[str]
-    """Name of what is commanded: ``voltage`` or ``torque``."""
-
-    command: ClassVar[Unit]
-    """Its unit."""
-
-    def behind(self, ratio: float) -> Actuator:
-        """Return the motor with a gear, by N, its turns per turn of the joint, or radians per metre."""
-        ...
-
-    def inverse(self, ratio: float) -> CommandOfEffort | None:
-        """Return what command gives an effort behind the gear; ``None`` where commands do not determine efforts."""
-        ...
+    def mode(self, given: MotorInput) -> int:
+        """Return the mode in one state, by the one until then in ``given``."""
+        return FREE
 
 
 class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
@@ -126,6 +110,7 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
                 raise InputError("a motor of constant 0 has no torque", expected="k in N*m/A")
 
     def behind(self, ratio: float) -> Actuator:
+        """Return the motor with a gear, by N, its turns per turn of the joint, or radians per metre."""
         return (InductiveWinding if self.inductance else Winding)(self, ratio)
 
     def inverse(self, ratio: float) -> CommandOfEffort | None:
@@ -167,19 +152,18 @@ class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
                                  hint="a last point at the speed beyond which the motor gives none")  # fmt: skip
 
     def behind(self, ratio: float) -> Actuator:
-        return TorqueSource(ratio, *(None if x is None else TorqueCurve.of(x) for x in (self.peak, self.continuous)))
+        return TorqueSource(ratio, TorqueCurve.of(self.peak), TorqueCurve.of(self.continuous))
 
     def inverse(self, ratio: float) -> CommandOfEffort | None:
         return CommandOfEffort(1.0 / ratio, 0.0)
 
 
 AnyMotor = DcMotor | IdealMotor
-"""Any motor. A new one is a struct beside these with ``MotorDefinition``'s members, and one entry here."""
+"""Any motor. A new one is a struct beside these with their members, and one entry here."""
 
 
-@dataclass(frozen=True)
-class Winding:
-    """A DC motor without inductance behind its gear; see ``Actuator``.
+class Winding(Actuator, frozen=True):
+    """A DC motor without inductance behind its gear: voltage and velocity determine the current.
 
     Attributes:
         motor: The motor.
@@ -188,7 +172,6 @@ class Winding:
 
     motor: DcMotor
     ratio: float
-    states: ClassVar[int] = 0
 
     @property
     def limit(self) -> float:
@@ -208,10 +191,6 @@ class Winding:
         """Return the commanded voltage less the one that drives the current, which differs at the limit [V]."""
         return self.voltage_left(given, self.current(given)) if np.isfinite(self.limit) else np.zeros(np.shape(given.v))
 
-    def rates(self, given: MotorInput) -> Array:
-        """Return nothing: it has no states."""
-        return np.zeros((*np.shape(given.command), 0))
-
     def effort(self, given: MotorInput) -> Array:
         """Return the effort at the joint, ``N k i`` [N*m or N]."""
         return np.asarray(self.ratio * self.motor.constant * self.current(given))
@@ -223,25 +202,13 @@ class Winding:
         known = {"effort": self.effort(given), "voltage": voltage, "current": current}
         return known if np.isinf(self.limit) else {**known, "current_margin": self.limit - np.abs(current)}
 
-    def mode(self, given: MotorInput) -> int:
-        """Return the only mode: voltage and velocity determine the current."""
-        return FREE
-
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        if np.isinf(self.limit):
-            return []
-        return [
-            Switch(lambda given, at=at: self.voltage_left(given, at))  # type: ignore[misc]
-            for at in (self.limit, -self.limit)
-        ]
+        ends = () if np.isinf(self.limit) else (self.limit, -self.limit)
+        return [Switch(partial(self.voltage_left, current=at)) for at in ends]
 
 
-@dataclass(frozen=True)
-class InductiveWinding(Winding):
-    """A DC motor whose current is a state; see ``Actuator``.
-
-    At its limit the current is held; see ``mechanics.limited_states`` for its modes.
-    """
+class InductiveWinding(Winding, frozen=True):
+    """A DC motor whose current is a state; at its limit it is held, see ``mechanics.limited_states`` for its modes."""
 
     states: ClassVar[int] = 1
 
@@ -252,29 +219,32 @@ class InductiveWinding(Winding):
     def excess(self, given: MotorInput) -> Array:
         return np.where(np.equal(given.mode, FREE), 0.0, self.excess_if_held(given))
 
+    def excess_if_held(self, given: MotorInput) -> Array:
+        """Return the voltage that would be left if the present current were held [V]."""
+        return self.voltage_left(given, self.current(given))
+
     def rates(self, given: MotorInput) -> Array:
         """Return the rate of the current, ``(V - R i - k N v) / L``, 0 where it is held [A/s], shape (..., 1)."""
         left = self.voltage_left(given, given.state[..., 0])
         return np.asarray(np.where(np.equal(given.mode, FREE), left, 0.0) / self.motor.inductance)[..., None]
 
     def mode(self, given: MotorInput) -> int:
-        left, limits = float(self.excess_if_held(given)), StateLimits(-self.limit, self.limit)
         assert isinstance(given.mode, int)
         scale = self.motor.resistance * abs(float(self.current(given)))
-        return limits.mode(float(given.state[..., 0]), left, scale, given.mode)
-
-    def excess_if_held(self, given: MotorInput) -> Array:
-        """Return the voltage that would be left if the present current were held [V]."""
-        return self.voltage_left(given, self.current(given))
+        return self._limits.mode(
+            float(given.state[..., 0]), float(self.excess_if_held(given)), scale, given.mode
+        )  # fmt: skip
 
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
         """Return where the current reaches its limits, or where the voltage takes it back."""
-        limits = StateLimits(-self.limit, self.limit)
-        return limits.switches(mode, lambda given: given.state[..., 0], self.excess_if_held)
+        return self._limits.switches(mode, lambda given: given.state[..., 0], self.excess_if_held)
+
+    @property
+    def _limits(self) -> StateLimits:
+        return StateLimits(-self.limit, self.limit)
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueCurve:
+class TorqueCurve(Record, frozen=True):
     """A torque over the amount of the speed, straight between points.
 
     Attributes:
@@ -282,22 +252,20 @@ class TorqueCurve:
         torques: There [N*m], shape (k,); the last one holds beyond.
     """
 
-    speeds: Array = field(repr=False)
-    torques: Array = field(repr=False)
+    speeds: Array
+    torques: Array
 
     @classmethod
-    def of(cls, points: Sequence[tuple[float, float]]) -> TorqueCurve:
-        """Return the curve through points."""
-        speeds, torques = np.array(points, float).T
-        return cls(speeds, torques)
+    def of(cls, points: Sequence[tuple[float, float]] | None) -> TorqueCurve | None:
+        """Return the curve through points, if there are any."""
+        return None if points is None else cls(*np.array(points, float).T)
 
     def at(self, speed: Array) -> Array:
         return np.asarray(np.interp(np.abs(speed), self.speeds, self.torques))
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueSource:
-    """An ideal motor behind its gear; see ``Actuator``.
+class TorqueSource(Actuator, frozen=True):
+    """An ideal motor behind its gear: command and velocity determine the torque.
 
     Attributes:
         ratio: N, turns of the motor per turn of the joint, or radians per metre.
@@ -308,7 +276,6 @@ class TorqueSource:
     ratio: float
     peak: TorqueCurve | None
     continuous: TorqueCurve | None
-    states: ClassVar[int] = 0
 
     def torque(self, given: MotorInput) -> Array:
         """Return the torque of the motor [N*m]."""
@@ -320,25 +287,15 @@ class TorqueSource:
     def effort(self, given: MotorInput) -> Array:
         return np.asarray(self.ratio * self.torque(given))
 
-    def rates(self, given: MotorInput) -> Array:
-        """Return nothing: it has no states."""
-        return np.zeros((*np.shape(given.command), 0))
-
     def parts(self, given: MotorInput) -> dict[str, Array]:
         """Return effort, torque, and its distance to the curves: ``margin`` and ``continuous_margin`` [N*m]."""
         torque, speed = self.torque(given), self.ratio * given.v
         known = {"effort": np.asarray(self.ratio * torque), "torque": torque}
-        for name, curve in (("margin", self.peak), ("continuous_margin", self.continuous)):
-            if curve is not None:
-                known[name] = curve.at(speed) - np.abs(torque)
-        return known
+        curves = {"margin": self.peak, "continuous_margin": self.continuous}
+        return {**known, **{name: curve.at(speed) - np.abs(torque) for name, curve in curves.items() if curve}}
 
     def excess(self, given: MotorInput) -> Array:
         return np.asarray(given.command - self.torque(given))
-
-    def mode(self, given: MotorInput) -> int:
-        """Return the only mode: command and velocity determine the torque."""
-        return FREE
 
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
         """Return where the command reaches the peak torque, and the speed the bends of its curve."""

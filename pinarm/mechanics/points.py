@@ -1,4 +1,4 @@
-"""Points of interest on links, which the model's file does not have: frames without mass, with names as links have."""
+"""What links have beside the model: points, which are frames without mass, and payloads, such as a tool or a load."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 import pinocchio as pin
 
-from pinarm.errors import InputError
-from pinarm.input.yaml.schema import Angle, InputStruct, Position
+from pinarm.errors import InputError, within
+from pinarm.input.yaml.schema import Angle, Inertia, InputStruct, Mass, Position
 from pinarm.mechanics.joints import frame_of
+from pinarm.mechanics.loading.model_tree import TRIANGLE
 
 
 class PointDefinition(InputStruct, frozen=True):
@@ -46,3 +47,51 @@ def with_points(model: pin.Model, points: Iterable[tuple[str, PointDefinition]])
         placed = pin.Frame(name, frame.parentJoint, index, frame.placement * point.placement, pin.FrameType.BODY)
         marked.addFrame(placed)
     return marked
+
+
+class Payload(InputStruct, frozen=True):
+    """A body fixed to a link, its centre of mass at the link's origin.
+
+    Attributes:
+        point: The link.
+        mass: [kg].
+        inertia: Moments of inertia about the link's axes, at its origin [kg*m^2], such as ``[0.1 kg*m^2, 0.1 kg*m^2,
+            0.2 kg*m^2]``; none for a point mass.
+    """
+
+    point: str
+    mass: Mass
+    inertia: tuple[Inertia, Inertia, Inertia] = (0.0, 0.0, 0.0)
+
+    def check(self) -> None:
+        """Refuse moments of inertia that no body has."""
+        small, middle, large = sorted(self.inertia)
+        if small < 0.0:
+            raise InputError(f"a moment of inertia is negative ({small:g} kg*m^2)")
+        if small + middle < large * (1.0 - TRIANGLE):
+            raise InputError(f"the moment of inertia {large:g} kg*m^2 is more than the sum of the other two")
+
+
+def with_payloads(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
+    """Return a copy of a model whose links carry payloads.
+
+    With ``jMp`` the placement of the link in its joint's frame, the body of the joint gets ``jMp.act(I)`` added, as if
+    the payload's mass stood in the model's text. The model that is given stays as it is.
+
+    Args:
+        model: Pinocchio's model.
+        payloads: Any number, several on one link too.
+
+    Raises:
+        InputError: The model has no link of that name, or the link does not move.
+    """
+    loaded = pin.Model(model)
+    for payload in payloads:
+        with within("point"):
+            frame = loaded.frames[frame_of(loaded, payload.point)]
+            if frame.parentJoint == 0:
+                message = f"the link '{payload.point}' does not move: a payload on it changes nothing"
+                raise InputError(message, expected="a moving link")
+        carried = pin.Inertia(float(payload.mass), np.zeros(3), np.diag(np.array(payload.inertia, float)))
+        loaded.inertias[frame.parentJoint] += frame.placement.act(carried)
+    return loaded

@@ -28,7 +28,7 @@ from pinarm.mechanics.control.pid import PidController
 from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE
-from pinarm.mechanics.motors import Actuator, CommandOfEffort, MotorDefinition
+from pinarm.mechanics.motors import Actuator, AnyMotor, CommandOfEffort
 from pinarm.mechanics.rotors import GearedRotor, gear_name
 from pinarm.records import replace
 
@@ -212,14 +212,14 @@ def _with_motors(
     return found
 
 
-def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, MotorDefinition]:
+def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, AnyMotor]:
     """Return the motors of the drives of one controller, by drive; none where they have none.
 
     Raises:
         InputError: They are of different kinds, or some drives have none.
     """
     known = {drive: mechanism.drives[drive].motor for drive in drives if drive in mechanism.drives}
-    motors: dict[str, MotorDefinition] = {drive: motor for drive, motor in known.items() if motor is not None}
+    motors: dict[str, AnyMotor] = {drive: motor for drive, motor in known.items() if motor is not None}
     if motors and (len(motors) < len(drives) or len({motor.supply for motor in motors.values()}) > 1):
         raise InputError(
             f"{', '.join(drives)} have one controller, but not motors of one kind",

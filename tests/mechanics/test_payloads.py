@@ -7,7 +7,7 @@ import pytest
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.loading.pinocchio_model import build_model
-from pinarm.mechanics.payloads import Payload, with_payloads
+from pinarm.mechanics.points import Payload, with_payloads
 
 PLACE = 'xyz="0.21 -0.13 0.34" rpy="0.4 -0.9 1.3"'
 MOMENTS = (0.013, 0.021, 0.028)

@@ -24,10 +24,9 @@ from pinarm.engine.constraints.nullspace import (
     split_rows,
 )
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.kinematics import Kinematics, cached_by_model
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
-from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, placements_of
 from pinarm.mechanics.geometry.vectors import lengths, moved
 from pinarm.mechanics.loops.loop_joints import LoopJoint

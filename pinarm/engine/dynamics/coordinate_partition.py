@@ -18,7 +18,7 @@ from pinarm.engine.constraints.nullspace import solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.errors import InputError
-from pinarm.mechanics.geometry.pinocchio_data import with_masses
+from pinarm.mechanics.geometry.kinematics import with_masses
 from pinarm.records import Record
 
 if TYPE_CHECKING:

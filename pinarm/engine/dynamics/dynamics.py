@@ -17,9 +17,9 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices, as_rows, same_rows
 from pinarm.engine.dynamics import parallel
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
+from pinarm.mechanics.geometry.kinematics import new_data, require_depth_first
 from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
-from pinarm.mechanics.geometry.pinocchio_data import new_data, require_depth_first
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, ValueRecord, replace
 

@@ -10,8 +10,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import SplitRows
 from pinarm.errors import DynamicsError, listed
 from pinarm.mechanics.ball_joints import coordinate_name
-from pinarm.mechanics.geometry.kinematics import give_back, take
-from pinarm.mechanics.geometry.pinocchio_data import with_masses
+from pinarm.mechanics.geometry.kinematics import give_back, take, with_masses
 
 MASSLESS = 1e-12
 """Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""

@@ -15,10 +15,9 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics import mass_matrix
+from pinarm.mechanics.geometry.kinematics import WIDE, cached_by_model, new_data
 from pinarm.mechanics.geometry.link_placements import summed_wrenches
-from pinarm.mechanics.geometry.model_cache import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
-from pinarm.mechanics.geometry.pinocchio_data import WIDE, new_data
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -96,16 +95,9 @@ def mass_matrices(model: Model, q: Array) -> Array:
 
 
 def transmitted(links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
-    """Return the wrench of the parent on the child at every joint's origin, world axes, shape (n, .., njoints, 6).
+    """Return the wrench of the parent on the child at every joint's origin; see ``summed_wrenches``.
 
     Of variants, and of complex steps, which numpy moves, by the sums of what the links beyond a joint demand.
-
-    Args:
-        links: Where the links are.
-        q: Configurations, shape (n, .., nq).
-        v: Velocities, shape (n, .., nv).
-        a: Accelerations, shape (n, .., nv).
-        acting: Wrenches [f; m] on the links about the world's origin, world axes, shape (n, .., njoints, 6).
     """
     if isinstance(links.model, ModelVariants) or np.iscomplexobj(q):
         return summed_wrenches(links, q, v, a, acting)

@@ -32,8 +32,8 @@ from pinarm.engine.kernel.structures import (
 )
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import ModelVariants
-from pinarm.mechanics.laws.clamped_spline import ClampedSpline
-from pinarm.mechanics.laws.motion_law import PowerSeries, Stretched, Values, Wave
+from pinarm.mechanics.laws.interpolated import ClampedSpline
+from pinarm.mechanics.laws.motion_law import PowerSeries, Values, Wave
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -98,10 +98,7 @@ def _parts(function: Callable[[Array], Values] | None) -> NDArray[np.void] | Non
         wave = function.start, function.size, function.begin, 1.0 / function.rate, 1.0, function.phase
         return _one(wave, (0.0, function.slope)) if function.rate > 0.0 else None
     if isinstance(function, PowerSeries):
-        return _one((0.0, 1.0, function.origin, 1.0, 0.0, 0.0), function.coefficients)
-    if isinstance(function, Stretched) and function.shape.origin == 0.0:
-        ends = function.start, function.size, function.begin, function.duration
-        return _one((*ends, 0.0, 0.0), function.shape.coefficients)
+        return _one((function.start, function.size, function.origin, function.unit, 0.0, 0.0), function.coefficients)
     return None
 
 

@@ -23,7 +23,7 @@ from pinarm.engine.kinematics.abscissa import instant
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
-from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.joints import effort_unit
 from pinarm.records import Record, ValueRecord
 

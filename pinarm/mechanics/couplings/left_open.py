@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.records import Record
 
 if TYPE_CHECKING:

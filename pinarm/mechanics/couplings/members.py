@@ -10,7 +10,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.mechanics.geometry.joint_axes import PARALLEL
-from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.joints import METRE, Joint
 from pinarm.records import Record
 

@@ -19,8 +19,8 @@ from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.couplings.transmissions import ToothContact
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.contact import CoupledSlip, FrictionContact, FrictionLaw
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.geometry.pairs import LowerPair, TiedFrames
-from pinarm.mechanics.geometry.pinocchio_data import new_data
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import Thread

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.kinematics import new_data
 
 PARALLEL = 1e-3
 """Angle between axes that are parallel but for the digits in which right angles are typed [rad]."""

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.mechanics.geometry.model_cache import cached_by_model
+from pinarm.mechanics.geometry.kinematics import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.records import Record

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from pinarm.mechanics.laws.composed import Law, Segment, Succession
+from pinarm.mechanics.laws.elementary import (
+    Constant,
+    ConstantAcceleration,
+    ConstantSpeed,
+    Cycloidal,
+    Harmonic,
+    Polynomial,
+    SCurve,
+    Trapezoid,
+)
 from pinarm.mechanics.laws.interpolated import SpeedPoints, Spline, Steps, Table
 from pinarm.mechanics.laws.over_coordinate import Motion, Over
-from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
-from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 
 __all__ = [
     "Constant", "ConstantAcceleration", "ConstantSpeed", "Cycloidal", "Harmonic", "Law", "Motion", "Over", "Polynomial",

@@ -13,10 +13,18 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Abscissa, Extent, InputStruct, Level, check_unit
+from pinarm.mechanics.laws.elementary import (
+    Constant,
+    ConstantAcceleration,
+    ConstantSpeed,
+    Cycloidal,
+    Harmonic,
+    Polynomial,
+    SCurve,
+    Trapezoid,
+)
 from pinarm.mechanics.laws.interpolated import SpeedPoints, Spline, Steps, Table
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
-from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
-from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 
 
 class Segment(InputStruct, frozen=True):

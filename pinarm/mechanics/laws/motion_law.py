@@ -75,48 +75,32 @@ class Piece(ValueRecord, frozen=True):
 
 
 class PowerSeries(Record, frozen=True):
-    """``s(t) = sum_k c_k (t - origin)^k`` with its derivatives, as the function of a piece.
+    """``s(t) = start + size sum_k c_k ((t - origin) / unit)^k`` with its derivatives, as the function of a piece.
 
     Attributes:
         origin: Where the powers are 0 [s].
         coefficients: c, from the constant one on.
+        start: Value where the sum is 0.
+        size: Difference to that where the sum is 1.
+        unit: Of the powers [s].
     """
 
     origin: float
     coefficients: tuple[float, ...]
+    start: float = 0.0
+    size: float = 1.0
+    unit: float = 1.0
 
     def __call__(self, t: Array) -> Values:
-        x, (c, dc, ddc) = np.asarray(t, float) - self.origin, self._derivatives
-        return _horner(c, x), _horner(dc, x), _horner(ddc, x)
+        x, (c, dc, ddc) = (np.asarray(t, float) - self.origin) / self.unit, self._derivatives
+        rate = self.size / self.unit
+        return self.start + self.size * _horner(c, x), rate * _horner(dc, x), rate / self.unit * _horner(ddc, x)
 
     @cached_property
     def _derivatives(self) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
         c = self.coefficients
-        dc = [k * each for k, each in enumerate(c)][1:]
-        return c, dc, [k * each for k, each in enumerate(dc)][1:]
-
-
-class Stretched(Record, frozen=True):
-    """``s(t) = start + size p((t - begin) / duration)`` with its derivatives, p being a polynomial.
-
-    Attributes:
-        shape: p.
-        start: Value where p is 0.
-        size: Difference to that where p is 1.
-        begin: Where p has the argument 0 [s].
-        duration: How long it takes to 1 [s].
-    """
-
-    shape: PowerSeries
-    start: float
-    size: float
-    begin: float
-    duration: float
-
-    def __call__(self, t: Array) -> Values:
-        s, ds, dds = self.shape((t - self.begin) / self.duration)
-        rate = self.size / self.duration
-        return self.start + self.size * s, rate * ds, rate / self.duration * dds
+        dc = [k * factor for k, factor in enumerate(c)][1:]
+        return c, dc, [k * factor for k, factor in enumerate(dc)][1:]
 
 
 class Wave(Record, frozen=True):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -31,8 +31,8 @@ EVERY = 8
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 """Golden ratio: the parts that its multiples are beyond whole numbers do not repeat."""
 
-MOST_STEPS, RESOLUTION = 100, 4e-16
-"""Steps towards a change of sign at most, of which ten are usual, and where they end, relative to the place."""
+TOLERANCES = {"xatol": 0.0, "xrtol": 4e-16, "fatol": 0.0, "frtol": 0.0}
+"""Of changes of sign: they are found at rounding."""
 
 ON_BREAKPOINT = 1e-12
 """Distance from a breakpoint, relative to the size of the breakpoints, below which a value is on it."""
@@ -138,15 +138,7 @@ class Profile(ValueRecord, frozen=True):
         Raises:
             InputError: There are more than ``MANY``.
         """
-        found: list[float] = []
-        for piece in drive.smooth_pieces:
-            low, high = max(piece.start, start), min(piece.end, end)
-            if low < high:
-                t, w = _one_way(piece.function, low, high)
-                found += _passages(piece.function, t, w, self.breaks(float(w.min()), float(w.max())))
-            if len(found) > MANY:
-                raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
-        return found
+        return self._passed(self.starts, drive, start, end, MANY)
 
     def marked(self, drive: MotionLaw, start: float, end: float) -> list[float]:
         """Return the instants at which a law over time passes breakpoints or knots, ascending [s].
@@ -154,16 +146,18 @@ class Profile(ValueRecord, frozen=True):
         Raises:
             InputError: There are more than ``MANY_KNOTS``.
         """
-        found: list[float] = []
-        for piece in drive.smooth_pieces:
-            low, high = max(piece.start, start), min(piece.end, end)
-            if low < high:
-                t, w = _one_way(piece.function, low, high)
-                marks = self._repeated(self.marks, float(w.min()), float(w.max()), MANY_KNOTS)
-                found += _passages(piece.function, t, w, marks)
-            if len(found) > MANY_KNOTS:
+        return self._passed(self.marks, drive, start, end, MANY_KNOTS)
+
+    def _passed(
+        self, places: Sequence[float] | Array, drive: MotionLaw, start: float, end: float, most: int
+    ) -> list[float]:
+        instants: list[float] = []
+        for function, low, high in _pieces_between(drive, start, end):
+            t, w = _one_way(function, low, high)
+            instants += _passages(function, t, w, self._repeated(places, float(w.min()), float(w.max()), most))
+            if len(instants) > most:
                 raise InputError("the profile's points are passed too often", expected="a shorter motion")
-        return found
+        return instants
 
     def beside(self, middle: float, w: Array) -> Values:
         """Return f, f' and f'' at w by the piece at ``middle`` where w lies on it, otherwise by the piece at w."""
@@ -314,21 +308,29 @@ def passing_times(
     return _passages(drive, t, w, breaks), _passages(drive, t, w, knots)
 
 
+def _pieces_between(
+    law: MotionLaw, start: float, end: float
+) -> Iterator[tuple[Callable[[Array], Values], float, float]]:
+    """Yield the functions of a law's pieces between two instants, and from when to when each holds."""
+    for piece in law.smooth_pieces:
+        low, high = max(piece.start, start), min(piece.end, end)
+        if low < high:
+            yield piece.function, low, high
+
+
 def reversals(law: MotionLaw, start: float, end: float) -> list[float]:
     """Return the instants at which a law turns back within its pieces between two instants, ascending [s].
 
     Raises:
         InputError: There are too many.
     """
-    found: list[float] = []
-    for piece in law.smooth_pieces:
-        low, high = max(piece.start, start), min(piece.end, end)
-        if low < high:
-            t, w = _one_way(piece.function, low, high)
-            way = np.diff(np.round(w / (ON_BREAKPOINT * float(np.abs(w).max()) or 1.0)))
-            moves = np.flatnonzero(way)
-            found += t[moves[1:]][way[moves[:-1]] * way[moves[1:]] < 0.0].tolist()
-    return found
+    instants: list[float] = []
+    for function, low, high in _pieces_between(law, start, end):
+        t, w = _one_way(function, low, high)
+        way = np.diff(np.round(w / (ON_BREAKPOINT * float(np.abs(w).max()) or 1.0)))
+        moves = np.flatnonzero(way)
+        instants += t[moves[1:]][way[moves[:-1]] * way[moves[1:]] < 0.0].tolist()
+    return instants
 
 
 def _one_way(drive: Callable[[Array], Values], low: float, high: float) -> tuple[Array, Array]:
@@ -339,7 +341,7 @@ def _one_way(drive: Callable[[Array], Values], low: float, high: float) -> tuple
     """
     t, speed = _sampled(drive, low, high)
     back = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
-    turns = _roots(lambda x: drive(x)[1], t[back], t[back + 1])
+    turns = _roots(lambda x, speed: drive(x)[1] - speed, t[back], t[back + 1], np.zeros(len(back)))
     t = np.sort(np.concatenate([t, turns]))
     return t, drive(t)[0]
 
@@ -381,38 +383,16 @@ def _passages(drive: Callable[[Array], Values], t: Array, w: Array, places: Arra
     if not brackets:
         return []
     passed, before, after = (np.concatenate(part) for part in zip(*brackets, strict=True))
-    return sorted(_roots(lambda x: drive(x)[0] - passed, before, after).tolist())
+    return sorted(_roots(lambda x, place: drive(x)[0] - place, before, after, passed).tolist())
 
 
-def _roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """Return where a function changes its sign within brackets, at rounding, shape (n,).
-
-    By inverse quadratic interpolation where three values allow it, otherwise by bisection. T. R. Chandrupatla, *A new
-    hybrid quadratic/bisection algorithm* (1997).
-    """
+def _roots(function: Callable[[Array, Array], Array], low: Array, high: Array, passed: Array) -> Array:
+    """Return where a function of instants and places changes its sign within brackets, at rounding, shape (n,)."""
     if not len(low):
         return low
-    a, b = high, low  # the newest place, and that on the other side; c is the one before
-    fa, fb = function(a), function(b)
-    c, fc, part = a, fa, np.full(len(low), 0.5)
-    for _ in range(MOST_STEPS):
-        t = a + part * (b - a)
-        ft = function(t)
-        same = np.sign(ft) == np.sign(fa)
-        c, fc = np.where(same, a, b), np.where(same, fa, fb)
-        b, fb = np.where(same, b, a), np.where(same, fb, fa)
-        a, fa = t, ft
-        best = np.where(np.abs(fa) < np.abs(fb), a, b)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            least = RESOLUTION * np.abs(best) / np.abs(b - a)
-            done = (least > 0.5) | (fa == 0.0) | (a == b)
-            xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-            quadratic = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-            smooth = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(quadratic)
-        if done.all():
-            break
-        part = np.where(done, 0.0, np.where(smooth, np.clip(quadratic, least, 1.0 - least), 0.5))
-    return np.asarray(best)
+    from scipy.optimize.elementwise import find_root
+
+    return np.asarray(find_root(function, (low, high), args=(passed,), tolerances=TOLERANCES).x)
 
 
 Motion = Law | Over

@@ -24,7 +24,7 @@ from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.simplify.locking import Locking

@@ -17,7 +17,7 @@ from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.presentation import Presentation
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.payloads import Payload
+    from pinarm.mechanics.points import Payload
     from pinarm.use.assessments import Assessment
     from pinarm.use.scenario.find import Find
 else:  # imported where a scenario has the key, see ScenarioFile.deferred
@@ -105,7 +105,7 @@ class ScenarioFile(InputStruct, frozen=True):
     """
 
     deferred: ClassVar[Deferred] = {
-        "payloads": ("pinarm.mechanics.payloads", "Payload"),
+        "payloads": ("pinarm.mechanics.points", "Payload"),
         "find": ("pinarm.use.scenario.find", "Find"),
         **ASSESSMENTS,
     }

@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, distinct
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import ValueRecord
 

@@ -15,7 +15,7 @@ from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.motion.systems.tree_system import TreeSystem
 from pinarm.mechanics.forces.joint_forces import AppliedEffort
 from pinarm.mechanics.laws import Constant
-from pinarm.mechanics.laws.clamped_spline import ClampedSpline
+from pinarm.mechanics.laws.interpolated import ClampedSpline
 from pinarm.mechanics.laws.motion_law import Wave
 
 from .known_trees import tree

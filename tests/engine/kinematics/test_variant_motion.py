@@ -13,8 +13,8 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
 from pinarm.engine.mechanism_variants import mechanism_variants
 from pinarm.errors import AssemblyError
+from pinarm.mechanics.laws.elementary import ConstantSpeed
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.mechanics.laws.steady import ConstantSpeed
 
 PATH = Path(__file__).parents[3] / "models" / "crank_rocker" / "mechanism.yaml"
 SPEED, FIRST = 2.0, {"a": 0.10, "b": 0.35, "c": 0.25, "d": 0.40}

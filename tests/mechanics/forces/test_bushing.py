@@ -12,9 +12,8 @@ import pytest
 import pinarm
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError, IntegrationError, NumericsError
-from pinarm.mechanics.forces.bushing import Bushing, DampingRates, LinearBushing, SpringRates
+from pinarm.mechanics.forces.bushing import REACH, Bushing, DampingRates, LinearBushing, SpringRates
 from pinarm.mechanics.forces.points import PointSpring, Wrench
-from pinarm.mechanics.geometry.deflection import REACH
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria

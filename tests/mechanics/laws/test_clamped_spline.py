@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from pinarm.mechanics.laws.clamped_spline import ClampedSpline
+from pinarm.mechanics.laws.interpolated import ClampedSpline
 
 ROUNDING = 1e-13
 """Of values near 1 over intervals of length 0.01 to 1, relative to the largest: a few operations each."""

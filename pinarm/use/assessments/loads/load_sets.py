@@ -24,7 +24,7 @@ from pinarm.engine.quantities.names import OPEN, Quantities
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.geometry.pinocchio_data import new_data
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.joints import links_behind
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor, counted_angle
