@@ -8,14 +8,11 @@ from scipy.spatial.transform import Rotation
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.ball_joints import (
-    BallAngle,
-    BallCoordinate,
     balls_of,
     configuration,
     roll_pitch_yaw,
 )
 from pinarm.mechanics.forces.joint_forces import BallSpring
-from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loading.pinocchio_model import build_model
@@ -38,26 +35,6 @@ def state(model, seed=0):
     rng = np.random.default_rng(seed)
     q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
     return q, rng.normal(size=model.nv)
-
-
-def evaluate(coordinate, model, q, v):
-    here = Kinematics.at(model, q, v)
-    row = coordinate.row(here)
-    return coordinate.value(here), row @ v, coordinate.drift(here)
-
-
-@pytest.mark.parametrize("kind", [BallCoordinate, BallAngle])
-@pytest.mark.parametrize("component", range(3))
-def test_rates_of_rotation_vectors_and_of_angles_are_their_derivatives(model, differentiate, component, kind):
-    ball, (q, v) = balls_of(model)["body"], state(model, 0)
-    coordinate = BallCoordinate(ball, component) if kind is BallCoordinate else BallAngle(ball, component)
-
-    def along(t):
-        return np.array(evaluate(coordinate, model, pin.integrate(model, q, t * v), v)[:2])
-
-    _, rate, drift = evaluate(coordinate, model, q, v)
-    # differences of order 8 at 0.02 s: 1e-9 of truncation and rounding
-    assert differentiate(along, 0.0) == pytest.approx([rate, drift], abs=1e-8)
 
 
 BODY = '<inertial pos="0.3 0.1 -0.2" mass="2" fullinertia="0.3 0.4 0.5 0.01 0.02 0.03"/></body></worldbody></mujoco>'

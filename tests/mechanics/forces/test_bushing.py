@@ -99,12 +99,6 @@ class TestContract:
         assert one.potential_energy(q) == pytest.approx(other.potential_energy(q), rel=1e-13)
         assert one.dissipated_power(0.0, q, v) == pytest.approx(other.dissipated_power(0.0, q, v), rel=1e-12)
 
-    def test_the_wrenches_on_the_two_links_are_opposite(self, two_bodies):
-        q, v = posed(two_bodies, 2, 1.9)
-        one, other = wrenches_of(between(two_bodies), two_bodies[0], 0.0, q, v).values()
-        assert (one == -other).all()
-        assert np.linalg.norm(one) > 1.0
-
     def test_small_deflections_are_those_of_the_matrix(self, two_bodies, differentiate):
         """The wrench on frame 2, in its own axes, is -K x: K by differences of it."""
         model, (first, second) = two_bodies

@@ -186,19 +186,6 @@ def test_wrenches_on_the_links_make_up_the_load(force, model, joints):
     assert names == {"universe" if end == "post" else end.removesuffix("_link") for end in ends}
 
 
-def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints):
-    along = CoordinateSpring(coordinate="apart", stiffness=90.0, damping=7.0, rest=0.4)
-    between = PointSpring(between=("post", "slide_link"), stiffness=90.0, damping=7.0, free_length=0.4)
-    q, v = motion(0.4)
-    one, other = (made(force, model, joints) for force in (along, between))
-    assert load(one, 0.4, q, v) == pytest.approx(load(other, 0.4, q, v), abs=1e-13)
-    assert one.potential_energy(q) == pytest.approx(other.potential_energy(q), abs=1e-13)
-    wrenches, right = (wrenches_of(element, model, 0.4, q, v) for element in (one, other))
-    assert wrenches.keys() == right.keys()
-    for joint, wrench in wrenches.items():
-        assert wrench == pytest.approx(right[joint], abs=1e-13)
-
-
 @pytest.mark.parametrize(
     ("force", "names"),
     [

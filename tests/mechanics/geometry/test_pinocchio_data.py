@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.mechanics.geometry import pinocchio_data
+from pinarm.mechanics.geometry import kinematics
 
 KINDS = (
     "JointModelRX",
@@ -104,9 +104,9 @@ def computed(model, data):
 
 
 def compare(kinds, branching):
-    pinocchio_data.WIDE = 0
+    kinematics.WIDE = 0
     model = tree(kinds, branching)
-    own = pinocchio_data.with_masses(model, pinocchio_data.new_data(model))
+    own = kinematics.with_masses(model, kinematics.new_data(model))
     lean, full = computed(model, own), computed(model, model.createData())
     for name, value in full.items():
         np.testing.assert_array_equal(np.asarray(lean[name]), np.asarray(value), err_msg=name)
@@ -130,7 +130,7 @@ def size():
     """Print how much memory the buffers of 2,000 links take [MB]."""
     model = tree(["JointModelRX"] * 2000, 2)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    data = pinocchio_data.new_data(model)
+    data = kinematics.new_data(model)
     assert len(data.joints) == 2001
     print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 
