@@ -86,12 +86,18 @@ class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
             weights = self.coordinate.weights
             values = np.asarray(q[..., self.coordinate.places] @ weights)
             return values, np.broadcast_to(weights, (*values.shape, len(weights)))
-        if q.ndim == 1 and np.isrealobj(q):
-            state = Kinematics.at(self.model, q)
-            return np.asarray(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
         states = q.reshape(-1, q.shape[-1])
-        w, rows = self._of_frames(states)
+        if len(states) == 1 and np.isrealobj(q):
+            w, rows = self._of_state(Kinematics.at(self.model, states[0]))
+        else:
+            w, rows = self._of_frames(states)
         return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
+
+    def _of_state(self, state: Kinematics) -> tuple[Array, Array]:
+        if not isinstance(self.coordinate, PairCoordinate):
+            return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
+        w, rows = self.coordinate.way.measured(state)
+        return w + self.coordinate.missing_turns(w, state.q), rows
 
     def _of_frames(self, states: Array) -> tuple[Array, Array]:
         """Return w, shape (n,), and J, shape (n, nv), by the motions of the frames that the coordinate measures."""

@@ -181,23 +181,35 @@ class TiedFrames(Record, frozen=True):
         return len(self.pair.along)
 
     def gap(self, state: Kinematics) -> Array:
-        p, axes = self._placed(state)
-        return np.array(self.pair.gap(p, axes))
+        return np.array(self.pair.gap(*self._placed(state)))
 
     def rows(self, state: Kinematics) -> Array:
+        """Return G, shape (m, nv)."""
+        return self._rows(state, *self._placed(state))
+
+    def measured(self, state: Kinematics) -> tuple[Array, Array]:
+        """Return the gaps and G."""
+        p, axes = self._placed(state)
+        return np.array(self.pair.gap(p, axes)), self._rows(state, p, axes)
+
+    def _rows(self, state: Kinematics, p: Array, axes: Array) -> Array:
         """Return G, shape (m, nv).
 
         What moves both links alike is exactly 0: the difference of their Jacobians leaves rounding there, which would
         fill the rows of a deep tree.
         """
-        model, (p, axes), moves = state.model, self._placed(state), LinkTree.of(state.model).supports
+        model, moves = state.model, LinkTree.of(state.model).supports
         one, two = (
             pin.getFrameJacobian(model, state.data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
         )
-        apart = np.logical_xor(*(moves[model.frames[frame].parentJoint] for frame in (self.first, self.second)))
-        linear = (axes.T @ two[:3] - one[:3] + pin.skew(p) @ one[3:]) * apart
         e, w = self.pair.directions(p, axes)
-        return np.asarray(e @ linear + w @ ((axes.T @ two[3:] - one[3:]) * apart))
+        rows = e @ (axes.T @ two[:3] - one[:3] + pin.skew(p) @ one[3:])
+        if any(self.pair.about):
+            rows = rows + w @ (axes.T @ two[3:] - one[3:])
+        return np.asarray(rows * (moves[self._body(model, self.first)] != moves[self._body(model, self.second)]))
+
+    def _body(self, model: pin.Model, frame: int) -> int:
+        return int(model.frames[frame].parentJoint)
 
     def drift(self, state: Kinematics) -> Array:
         """Return ``G' v``, shape (m,): ``e . p'' + w . omega'`` for a = 0, seen from frame 1, and the bend."""

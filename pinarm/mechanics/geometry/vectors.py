@@ -103,6 +103,8 @@ def _order(strides: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
 def direction(p: Array) -> Array:
     """Return ``p / |p|``, shape (3,) or (3, n); any unit vector where p is 0."""
     length = np.sqrt(dot(p, p))
+    if p.ndim == 1:
+        return p / length if np.real(length) >= MEETING else SLANTED
     meeting = length < MEETING
     return np.where(meeting, SLANTED.reshape(3, *(1,) * (p.ndim - 1)), p / np.where(meeting, 1.0, length))
 
