@@ -196,8 +196,6 @@ class Reactions:
             held += coordinate.way.wrench(self.links, effort[:, None])
         if not self.run.mechanism.frictions:
             return held
-        from pinarm.mechanics.coordinates import PairCoordinate
-
         for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
             if isinstance(contact.slip, PairCoordinate) and contact.slip.loop == name:
                 held += contact.slip.way.wrench(self.links, f[:, None])
