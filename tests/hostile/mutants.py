@@ -340,7 +340,7 @@ def _commanded(folder: Path) -> None:
     words = ["sweep", str(folder / "s.yaml"), "--no-plots", "-j", "1", "-o", str(folder / "swept"), *options]
     with (
         ThreadPoolExecutor(1) as pool,
-        patch("pinarm.use.study.sweep.sweep.chosen_workers", lambda number, executor: ExecutorWorkers(pool, 1)),
+        patch("pinarm.use.workers.executors.chosen_workers", lambda number, executor: ExecutorWorkers(pool, 1)),
         contextlib.redirect_stderr(io.StringIO()) as said,
         contextlib.suppress(SystemExit),
     ):
