@@ -25,11 +25,10 @@ from random_chains import closed_chain, open_chain, scenario
 
 from pinarm.engine.integration.methods import METHODS
 from pinarm.errors import NumericsError
-from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario, load
-from pinarm.use.study.accuracy.error_estimate import BOUND, estimate_errors, output_differences
-from pinarm.use.study.accuracy.integration_settings import with_setting
-from pinarm.use.study.accuracy.trials import MARGIN
+from pinarm.use.accuracy.error_estimate import BOUND, estimate_errors, output_differences
+from pinarm.use.accuracy.integration_settings import with_setting
+from pinarm.use.facade import Result, Scenario, load
+from pinarm.use.study.trials import MARGIN
 
 RESOLVED = 30.0
 """True error over that of the reference, from which on it counts."""

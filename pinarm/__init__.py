@@ -10,23 +10,22 @@ if TYPE_CHECKING:
     from pinarm.engine.series import Series
     from pinarm.errors import PinarmError
     from pinarm.input.roots import file_root
+    from pinarm.use.facade import Result, Scenario, load
     from pinarm.use.mechanism import Mechanism
     from pinarm.use.report.report import report
-    from pinarm.use.result.result import Result
     from pinarm.use.scenario.json_schema import schema
-    from pinarm.use.scenario.recorded import result
-    from pinarm.use.scenario.scenario import Scenario, load
-    from pinarm.use.store.examples import examples
-    from pinarm.use.store.new import new
-    from pinarm.use.store.restore import replay, restore
-    from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
+    from pinarm.use.start.examples import examples
+    from pinarm.use.start.new import new
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.answers.selftest import SelfTest, selftest
     from pinarm.use.study.explain import explain
     from pinarm.use.study.quantities import quantities
+    from pinarm.use.study.recorded import result
+    from pinarm.use.study.restore import replay, restore
     from pinarm.use.study.run import run, validate
     from pinarm.use.study.sweep.batches import Batch, batch
     from pinarm.use.study.sweep.sweep import Sweep, sweep
+    from pinarm.use.study.tradeoff import Tradeoff, tradeoff
 
 __version__ = "0.1.0"
 
@@ -38,26 +37,26 @@ _HOMES = {
     "Batch": "pinarm.use.study.sweep.batches",
     "batch": "pinarm.use.study.sweep.batches",
     "check": "pinarm.use.study.answers.check",
-    "examples": "pinarm.use.store.examples",
+    "examples": "pinarm.use.start.examples",
     "explain": "pinarm.use.study.explain",
-    "Result": "pinarm.use.result.result",
-    "Scenario": "pinarm.use.scenario.scenario",
+    "Result": "pinarm.use.facade",
+    "Scenario": "pinarm.use.facade",
     "Sweep": "pinarm.use.study.sweep.sweep",
-    "Tradeoff": "pinarm.use.study.accuracy.tradeoff",
-    "load": "pinarm.use.scenario.scenario",
-    "new": "pinarm.use.store.new",
-    "replay": "pinarm.use.store.restore",
+    "Tradeoff": "pinarm.use.study.tradeoff",
+    "load": "pinarm.use.facade",
+    "new": "pinarm.use.start.new",
+    "replay": "pinarm.use.study.restore",
     "quantities": "pinarm.use.study.quantities",
     "report": "pinarm.use.report.report",
-    "restore": "pinarm.use.store.restore",
-    "result": "pinarm.use.scenario.recorded",
+    "restore": "pinarm.use.study.restore",
+    "result": "pinarm.use.study.recorded",
     "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
     "schema": "pinarm.use.scenario.json_schema",
     "SelfTest": "pinarm.use.study.answers.selftest",
     "selftest": "pinarm.use.study.answers.selftest",
     "sweep": "pinarm.use.study.sweep.sweep",
-    "tradeoff": "pinarm.use.study.accuracy.tradeoff",
+    "tradeoff": "pinarm.use.study.tradeoff",
     "validate": "pinarm.use.study.run",
 }
 

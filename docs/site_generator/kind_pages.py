@@ -12,7 +12,7 @@ from pathlib import Path
 import yaml
 
 import pinarm
-from pinarm.use.result.result import Result
+from pinarm.use.facade import Result
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import report

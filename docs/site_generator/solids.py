@@ -12,8 +12,8 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.reactions import loop_axis, tree_axis
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import normals
+from pinarm.use.facade import Result
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.result.result import Result
 from pinarm.use.show.bodies import connections, placed
 from pinarm.use.show.picture import COLOURS, drawing
 from pinarm.use.show.shapes import Shape, visuals

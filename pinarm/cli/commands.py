@@ -32,8 +32,8 @@ from pinarm.errors import InputError, NumericsError, PinarmError, choices, print
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+    from pinarm.use.facade import Scenario
     from pinarm.use.output.folder import Destination
-    from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.study.answers.check import Findings
 
 OK, MISSED, BAD_INPUT = 0, 1, 2
@@ -77,8 +77,8 @@ def show(options: Namespace, data: Mapping[str, object], *texts: str) -> None:
 @contextmanager
 def work(options: Namespace, kind: str) -> Iterator[tuple[Scenario, Destination, Executor | None]]:
     """Yield the scenario, the folder for its results, and the executor of the cluster that is named."""
+    from pinarm.use.facade import load
     from pinarm.use.output.folder import check_replaceable, destination
-    from pinarm.use.scenario.scenario import load
     from pinarm.use.show.picture_files import picture_format
 
     picture_format(options.plots or True, options.dpi)  # mistakes are told before the work
@@ -90,7 +90,7 @@ def work(options: Namespace, kind: str) -> Iterator[tuple[Scenario, Destination,
         if options.cluster is None:
             yield scenario, target, None
             return
-        from pinarm.use.workers.cluster import cluster
+        from pinarm.use.workers.executors import cluster
 
         with cluster(options.cluster) as executor:
             yield scenario, target, executor
@@ -109,7 +109,7 @@ NEW_TEXT = (
     output("folder (default: TEMPLATE, or that of MODEL); files that exist are kept"),
 )
 def _new(options: Namespace) -> int:
-    from pinarm.use.store.new import new
+    from pinarm.use.start.new import new
 
     folder = new(options.source, options.output)
     show(options, {"folder": str(folder)}, f"written to {folder}")
@@ -223,7 +223,7 @@ def _validated(path: Path, values: Sequence[str]) -> str:
     from pinarm.use.study.run import is_mechanism_file
 
     if not is_mechanism_file(path):
-        from pinarm.use.scenario.scenario import load
+        from pinarm.use.facade import load
 
         load(path, values).validate()
         return "valid"
@@ -317,7 +317,7 @@ MANY: dict[str, Any] = {"action": "append", "default": []}
 )
 def _sweep(options: Namespace) -> int:
     from pinarm.use.study.sweep.sweep import sweep
-    from pinarm.use.study.sweep.sweep_text import progress_bar, report
+    from pinarm.use.study.sweep.sweep_files import progress_bar, report
 
     with work(options, "sweep") as (scenario, target, executor), progress_bar(sys.stderr) as bar:
         swept = sweep(
@@ -367,8 +367,8 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
     VALUES,
 )
 def _tradeoff(options: Namespace) -> int:
-    from pinarm.use.study.accuracy.tradeoff import tradeoff
-    from pinarm.use.study.accuracy.tradeoff_view import report
+    from pinarm.use.study.tradeoff import tradeoff
+    from pinarm.use.study.tradeoff_view import report
 
     with work(options, "trade-off") as (scenario, target, executor):
         trade = tradeoff(scenario, workers=options.workers, executor=executor)
@@ -399,7 +399,7 @@ PLOT_TEXT = "plot these beside it, or nothing (default: the outputs)"
 )
 def _replay(options: Namespace) -> int:
     from pinarm.use.show.replay import chromium
-    from pinarm.use.store.restore import restore
+    from pinarm.use.study.restore import restore
 
     target = _replay_file(options)
     result = restore(options.result)
@@ -479,7 +479,7 @@ def _schema(options: Namespace) -> int:
     output("folder (default: pinarm-examples); files that exist are left as they are", default=Path("pinarm-examples")),
 )
 def _examples(options: Namespace) -> int:
-    from pinarm.use.store.examples import examples
+    from pinarm.use.start.examples import examples
 
     folder = examples(options.output)
     show(options, {"folder": str(folder)}, f"written to {folder}")

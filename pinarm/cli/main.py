@@ -176,7 +176,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
     """Write what was computed before the numerics failed; return the exit code."""
-    from pinarm.use.result.result import Result
+    from pinarm.use.facade import Result
 
     partial = error.partial if isinstance(error, NumericsError) else None
     folder = getattr(options, "output", None)

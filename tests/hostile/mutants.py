@@ -37,9 +37,9 @@ from pinarm.cli.main import main as command
 from pinarm.errors import PinarmError
 from pinarm.use.cases.case import Row
 from pinarm.use.show.meshes import read_mesh
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
+from pinarm.use.study.sweep.axes import read_cases
 from pinarm.use.study.sweep.journal import Journal, Sources
-from pinarm.use.study.sweep.value_syntax import read_cases
 from pinarm.use.workers.executors import ExecutorWorkers
 
 EFFORT, PATIENCE = 60.0, 1200.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from random_chains import closed_chain, open_chain, reference, scenario
 
-from pinarm.use.result.output_scales import output_scales
-from pinarm.use.study.accuracy.error_estimate import estimate_errors
+from pinarm.use.accuracy.error_estimate import estimate_errors
+from pinarm.use.result.number_accuracy import output_scales
 
 RESOLVED = 1e-10
 """True error that the reference can tell from its own, which is some steps of its tolerance of 1e-12."""

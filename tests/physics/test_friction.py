@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import PinarmError
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 SIZES = '<limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/>'
 BODY = '<inertial><mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'

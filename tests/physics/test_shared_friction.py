@@ -5,7 +5,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 LOAD, GUIDE = 15.0 * 9.81, 60.0
 """Weight of the door, and the most that its guide holds [N]."""

@@ -12,7 +12,7 @@ from pinarm.errors import PinarmError
 from pinarm.input.units import unit
 from pinarm.records import replace
 from pinarm.use.show.terminal import report
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 ROOT = Path(pinarm.__file__).parents[1]
 

@@ -19,11 +19,9 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct, check_unit
-from pinarm.use.result.condition import Condition, read_conditions
 from pinarm.use.result.number_accuracy import global_error
-from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.numbers import Condition, RunNumber, measured, read_conditions, slug
 from pinarm.use.result.section import Cell, Section, SectionTable
-from pinarm.use.result.section_number import measured, slug
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -29,8 +29,8 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Time, check_unit
-from pinarm.use.result.curve_zeros import looked_at, root
-from pinarm.use.result.output_scales import output_scales
+from pinarm.use.result.curve_places import looked_at, root
+from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 

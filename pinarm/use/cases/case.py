@@ -32,8 +32,8 @@ from pinarm.input.units import Unit
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.result.run_number import EXAMPLES
-from pinarm.use.result.section_number import AnyNumber, Numbered, measured, names_section, read_number
+from pinarm.use.result.numbers import EXAMPLES, AnyNumber, measured, names_section, read_number
+from pinarm.use.result.run import Numbered
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result

@@ -35,7 +35,7 @@ from pinarm.use.cases.motions import ForwardCases, PrescribedCases
 from pinarm.use.cases.variant_numbers import VariantNumbers
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import COSTS
-from pinarm.use.result.section_number import SectionNumber
+from pinarm.use.result.numbers import SectionNumber
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -27,8 +27,8 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 from pinarm.use.cases.case import Taken
 from pinarm.use.result.curve import Spots
+from pinarm.use.result.numbers import RunNumber
 from pinarm.use.result.row_lookup import Lookup
-from pinarm.use.result.run_number import RunNumber
 
 
 class MovingVariants(Protocol):

@@ -18,8 +18,8 @@ from pinarm.use.report.document import ReportTable, number, part, sentences, tag
 from pinarm.use.report.given import link_graph, mechanism_tables, mobility_words, question
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
 from pinarm.use.result.number_accuracy import global_error
+from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
-from pinarm.use.result.section_number import read_number
 from pinarm.use.show.notebook import frame
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
@@ -30,7 +30,7 @@ from pinarm.use.study.answers.verdict_table import remarks as verdict_remarks
 from pinarm.use.study.answers.verdict_table import rows as verdict_rows
 
 if TYPE_CHECKING:
-    from pinarm.use.result.result import Result
+    from pinarm.use.facade import Result
     from pinarm.use.result.section import Section, SectionTable
 
 CURVES = 2

@@ -21,7 +21,7 @@ from pinarm.use.report.document import ReportTable, number, shortened, text, uni
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.use.result.result import Result
+    from pinarm.use.facade import Result
 
 LABELS = {
     "time": "Time",

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from pinarm.errors import InputError, choices, printable
 from pinarm.records import Record, replace
+from pinarm.use.facade import Result
 from pinarm.use.output.folder import write_file
 from pinarm.use.report.chapter import Chapter, chapter_on
 from pinarm.use.report.document import tag, text
-from pinarm.use.result.result import Result
 from pinarm.use.show.notebook import frame
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 STYLE = Path(__file__).parent / "report.css"
 HTML, PDF = ".html", ".pdf"

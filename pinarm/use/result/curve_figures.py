@@ -13,26 +13,18 @@ of the rows of the table.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, nowhere
+from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.mechanics.laws import Over
-from pinarm.mechanics.laws.motion_law import MotionLaw
-from pinarm.problems.laws import laws_of
 from pinarm.records import ValueRecord
 from pinarm.use.result import curve_integrals
 from pinarm.use.result.row_lookup import MISPLACED, Lookup
-
-if TYPE_CHECKING:
-    from pinarm.use.result.section_number import AnyNumber
-    from pinarm.use.scenario.scenario import Scenario
 
 PIECES, PER_STEP, ROWS = 600, 2, 4
 """Pieces of 17 states that the integrals of a run may take in halving, those for each of its intervals and each step of
@@ -219,55 +211,3 @@ FIGURES: dict[str, Callable[[Lookup, str], tuple[float, float]]] = {
     "peak": _peak,
 }
 """Name -> function that returns the figure and the error of its quadrature [SI]. Percentages are figures too."""
-
-WHOLE = 1e-6
-"""Part of a period by which a motion may miss a whole one: values in degrees have no more digits."""
-
-INDIFFERENT = ("peak", "p0", "p100")
-"""Figures that are the same over one period and a half."""
-
-
-def whole_period_notes(scenario: Scenario, numbers: Sequence[AnyNumber]) -> list[str]:
-    """Return a note on each period of which a run makes no whole number, where figures are taken over the run.
-
-    Args:
-        scenario: The scenario; nothing of it has to be solved.
-        numbers: Those that are asked for.
-    """
-    asked = [number.label for number in numbers if is_figure(number.figure) and number.figure not in INDIFFERENT]
-    if not asked:
-        return []
-    laws = _laws(scenario)
-    notes = []
-    for name, of, period in _periodic(scenario):
-        if of in laws and (count := abs(_way(scenario, laws[of])) / period) and abs(count - round(count)) > WHOLE:
-            notes.append(
-                f"'{name}' repeats with a period of '{of}', which passes {count:.6g} of them in this run: "
-                f"{', '.join(asked)} hold for that part only; a time that is a whole number of periods gives those of "
-                "the cycle"
-            )
-    return notes
-
-
-def _periodic(scenario: Scenario) -> Iterator[tuple[str, str, float]]:
-    """Yield what repeats along a coordinate: its name, that coordinate, and the period [rad or m]."""
-    problem = scenario.problem
-    for name, law in getattr(problem, "motion", {}).items():
-        if isinstance(law, Over) and law.period is not None:
-            yield name, law.of, float(law.period)
-    for name, force in {**scenario.mechanism.description.forces, **getattr(problem, "loads", {})}.items():
-        if (along := getattr(force, "over", None)) is not None and force.period is not None:
-            yield name, along, float(force.period)
-
-
-def _laws(scenario: Scenario) -> Mapping[str, MotionLaw]:
-    """Return the laws over time of a motion in time; none of other problems."""
-    motion, time = getattr(scenario.problem, "motion", {}), getattr(scenario.problem, "time", None)
-    return laws_of(scenario.mechanism, motion, nowhere, (time.start, time.end)) if motion and time else {}
-
-
-def _way(scenario: Scenario, law: MotionLaw) -> float:
-    """Return how far a coordinate goes from start to end of a run [rad or m]."""
-    time = scenario.problem.time  # type: ignore[attr-defined]  # of a problem that has laws
-    start, end = (float(law.on(time.start, time.end)(np.array([t]))[0][0]) for t in (time.start, time.end))
-    return end - start

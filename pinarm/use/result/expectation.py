@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
+import numpy as np
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, choices, within
+from pinarm.errors import InputError, PinarmError, choices, within
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
-from pinarm.use.result.row_lookup import located
+from pinarm.use.result.row_lookup import instant, located
 
 if TYPE_CHECKING:
     from pinarm.engine.series import Series
-    from pinarm.use.result.section_number import Numbered
+    from pinarm.use.result.run import Numbered
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint", "model_error"]
 ERRATA = ("misprint", "model_error")
@@ -97,7 +98,7 @@ class Expectation(InputStruct, frozen=True):
 
     def _placed_twice(self) -> InputError:
         """Return the error of a quantity that has its place behind it, and how it is written here."""
-        from pinarm.use.result.run_number import RunNumber
+        from pinarm.use.result.numbers import RunNumber
 
         quantity, at = "C_B", "max, or {t: 1.5 s}"
         with suppress(InputError):
@@ -157,10 +158,27 @@ class Expectation(InputStruct, frozen=True):
         """
         if not sections:
             return quantities[self.quantity]
-        from pinarm.use.result.section_number import names_section, read_number
+        from pinarm.use.result.numbers import names_section, read_number
 
         if not names_section(self.quantity, sections):
             return quantities[self.quantity]
         if self.at != "all":
             raise InputError(f"'{self.quantity}' is one number: it has no place on the run", hint="leave 'at' out")
         return read_number(self.quantity).described(quantities, sections)
+
+
+def unreached(quantities: Quantities, key: Sequence[Expectation]) -> list[str]:
+    """Return a note on each place of an answer key that lies beyond all rows of a run.
+
+    Entries that have another mistake are passed over: ``validate`` and ``check`` say what it is.
+    """
+    places: dict[str, list[str]] = {}
+    for number, entry in enumerate(key, 1):
+        for along, text in instant(entry.at).items():
+            with suppress(PinarmError):
+                rows = quantities[along]
+                value, slack = in_si(text, rows.unit), 1e-12 * float(np.ptp(rows.values))
+                if not rows.values.min() - slack <= value <= rows.values.max() + slack:
+                    places.setdefault(f"{along} = {text}", []).append(str(number))
+    return [f"{place} is not reached in this run; entry {', '.join(numbers)} of expect asks for it"
+            for place, numbers in places.items()]  # fmt: skip

@@ -1,4 +1,4 @@
-"""How accurate a number of a run is by itself: what its differences can show, and what is known of its error."""
+"""Accuracy of outputs and numbers of a run: what their errors are relative to, what rounding leaves, their bounds."""
 
 from __future__ import annotations
 
@@ -11,15 +11,35 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.use.result.measures import SOLVED
-from pinarm.use.result.output_scales import ZERO, natural_sizes, output_scales
-from pinarm.use.result.run_number import RunNumber
-from pinarm.use.result.section_number import AnyNumber
+from pinarm.use.result.natural_sizes import ZERO, natural_sizes
+from pinarm.use.result.numbers import AnyNumber, RunNumber
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
 
 STEPS = 10.0
 """Global error of an integrated motion over its tolerance; what changes irregularly from run to run is less."""
+
+
+def output_scales(result: Result) -> dict[str, float]:
+    """Return what the errors of the outputs are relative to.
+
+    That is the largest absolute value over the run; of an output that is 0 but for rounding, what the masses, lengths
+    and times of the run make of its unit.
+    """
+    return {name: usual if size <= ZERO * usual else size for name, (size, usual) in _sizes(result).items()}
+
+
+def rounded_to_zero(result: Result) -> dict[str, float]:
+    """Return how large the outputs are that are 0 but for rounding, though not exactly, relative to their scales."""
+    return {name: size / usual for name, (size, usual) in _sizes(result).items() if 0.0 < size <= ZERO * usual}
+
+
+def _sizes(result: Result) -> dict[str, tuple[float, float]]:
+    """Return the largest absolute value of every output, and what the run makes of its unit."""
+    natural = natural_sizes(result.trajectory)
+    columns = {name: result[name] for name in result.content.outputs}
+    return {name: (float(np.abs(one.values).max()), natural(one.unit)) for name, one in columns.items()}
 
 
 def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple[Series, float]]) -> Array:

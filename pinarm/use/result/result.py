@@ -7,8 +7,9 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -19,7 +20,6 @@ from pinarm.arrays import Array
 from pinarm.engine.checks.limits import Excess, excesses, highest_row
 from pinarm.engine.motion.outcome import open_notes
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
-from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, PinarmError, choices
 from pinarm.input.yaml.schema import plain
@@ -27,38 +27,30 @@ from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
-from pinarm.records import Record
+from pinarm.use.result.expectation import unreached
 from pinarm.use.result.failures import too_large
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED, unexplained_notes
 from pinarm.use.result.presentation import FOR_PEOPLE
-from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
+from pinarm.use.result.row_lookup import PLATEAU
+from pinarm.use.result.run import Run
 
 if TYPE_CHECKING:
-    import meshcat
-    from control import StateSpace
     from pandas import DataFrame
 
-    from pinarm.engine.labelled_array import LabelledArray
     from pinarm.engine.linear.linear_states import Linearisation
-    from pinarm.engine.motion.outcome import Outcome
     from pinarm.input.units import Unit
     from pinarm.use.result.presentation import Presentation
+    from pinarm.use.result.run import Numbered
     from pinarm.use.result.section import Section
-    from pinarm.use.result.section_number import Numbered
     from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.scenario.scenario_file import ScenarioFile
-    from pinarm.use.show.picture import Picture
-    from pinarm.use.show.replay.page import Replay
 
 
-class Result(Record, frozen=True):
+class Result(Run, frozen=True):
     """The answer to a scenario.
 
     Attributes:
-        name: Name of the scenario.
         scenario: The question, as it was solved.
-        outcome: What came out of the problem, for the whole mechanism.
-        quantities: Everything that can be asked of the run, by name.
         figures: Measured accuracy and cost, by name; accuracy is measured when it is first looked at.
         errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
             99 of 100 cases; empty where none was asked for.
@@ -71,10 +63,7 @@ class Result(Record, frozen=True):
         source: The scenario file that it came of, where it was read from a folder.
     """
 
-    name: str
     scenario: Scenario
-    outcome: Outcome
-    quantities: Quantities
     figures: Mapping[str, float] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
     number_errors: Mapping[str, float] = field(default_factory=dict)
@@ -135,40 +124,14 @@ class Result(Record, frozen=True):
         return f"the global error is {self.error or np.nan:.1e}, not below its target {self.content.accuracy.target:g}"
 
     @property
-    def trajectory(self) -> Trajectory:
-        """The states themselves: arrays of q, v, a and tau."""
-        return self.outcome.rows
-
-    @property
     def events(self) -> Sequence[EventRecord]:
         """Events and impacts, in order of time."""
         return self.outcome.events
 
     @property
-    def arrays(self) -> Mapping[str, LabelledArray]:
-        """Results that are no columns over the rows, such as mode shapes, by name."""
-        return self.outcome.arrays
-
-    def __getitem__(self, name: str) -> Series:
-        """Return a quantity by name, symbol or formula, as an array with its unit.
-
-        Raises:
-            InputError: There is no such quantity; the message lists what there is.
-        """
-        return self.quantities[name]
-
-    @property
     def parameter(self) -> Series:
         """What runs along the rows, such as the time ``t``."""
         return self.quantities.parameter
-
-    def __len__(self) -> int:
-        return len(self.trajectory)
-
-    @cached_property
-    def lookup(self) -> Lookup:
-        """The run, asked for its states at places between its rows."""
-        return Lookup(self.quantities, self.outcome.motion)
 
     def number(self, text: str) -> tuple[float, float]:
         """Return one number of the run [SI] and the error of its quadrature.
@@ -181,7 +144,7 @@ class Result(Record, frozen=True):
         Raises:
             InputError: It cannot be read, or the run has no such number.
         """
-        from pinarm.use.result.section_number import read_number
+        from pinarm.use.result.numbers import read_number
 
         return read_number(text).value(self)
 
@@ -193,7 +156,7 @@ class Result(Record, frozen=True):
     def _numbers(self) -> dict[str, tuple[Series, float]]:
         if not self.content.numbers:
             return {}
-        from pinarm.use.result.section_number import measured, read_number
+        from pinarm.use.result.numbers import measured, read_number
 
         found = {}
         for k, text in enumerate(self.content.numbers):
@@ -309,96 +272,6 @@ class Result(Record, frozen=True):
             {series.label: series.values for series in map(self.presentation.written, self.table_columns())}
         )
 
-    def to_control(self) -> StateSpace:
-        """Return a linear analysis as a state space of python-control, with names of states, inputs and outputs.
-
-        All is in SI. Dots in names, which python-control does not allow, become underscores. The states are the outputs
-        where the problem names none.
-
-        Raises:
-            InputError: It is no linear analysis, or python-control is not installed.
-        """
-        from pinarm.use.result.vibrations import state_space
-
-        return state_space(self)
-
-    def plot(self, *names: str, against: str | None = None) -> Picture:
-        """Return a figure with one axis per quantity.
-
-        Args:
-            names: Quantities, symbols or formulas; the outputs of the scenario where none is given. Of a linear
-                analysis also a graph: ``eigenvalues``, ``bode`` or ``nyquist``, with ``_OUTPUT`` where there are
-                several.
-            against: What runs along the horizontal axis; the run's parameter where it is left out.
-        """
-        from pinarm.use import views
-
-        return views.plot(self, names or tuple(self.content.outputs), against=against)
-
-    def sketch(self) -> Picture:
-        """Return a drawing of the mechanism at the start and the end of the run."""
-        from pinarm.use import views
-
-        return views.sketch(self)
-
-    def replay(
-        self,
-        path: str | Path | None = None,
-        *,
-        traces: Sequence[str] = (),
-        arrows: Sequence[str] = (),
-        plots: Sequence[str] | None = None,
-        named: bool = False,
-    ) -> Replay:
-        """Return the moving picture of the run: one HTML page, which a notebook shows and ``save`` writes.
-
-        Args:
-            path: Where to write it; nowhere where it is left out.
-            traces: Links whose origins leave a path; ``com`` for the centre of mass.
-            arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
-            plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
-            named: Whether names of parts, points and joints are shown from the start; the key N shows and hides them.
-
-        Raises:
-            InputError: A name is unknown, or the run does not have what is asked.
-        """
-        from pinarm.use import views
-
-        shown = views.replay(self, traces, arrows, plots, named)
-        if path is not None:
-            shown.save(path)
-        return shown
-
-    def show(self, visualizer: Any = None, *, name: str = "pinarm") -> meshcat.Visualizer:
-        """Show the run in a live meshcat viewer, as an animation with meshcat's own controls, and return the viewer.
-
-        ``viewer.open()`` shows it in the browser, ``viewer.jupyter_cell()`` in a notebook. Angles and lengths are those
-        of the replay; bodies stand below ``name`` by the names of their joints, ``viewer["pinarm"]["knee"]``.
-
-        Args:
-            visualizer: A ``meshcat.Visualizer``, or Pinocchio's ``MeshcatVisualizer``; a new one, which only this
-                machine can reach, where it is left out.
-            name: Path of the mechanism in the viewer's tree; what stood there is replaced, all else stays.
-
-        Raises:
-            InputError: It is no viewer.
-        """
-        from pinarm.use import views
-
-        return views.show(self, visualizer, name)
-
-    def save(self, folder: str | Path, *, plots: Literal["svg", "png", "pdf"] | bool = True, dpi: int = 200) -> Path:
-        """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder.
-
-        Args:
-            folder: Where to; an earlier result there is replaced.
-            plots: Format of the plots, ``svg`` (the default), ``png`` or ``pdf``; ``False`` for none.
-            dpi: Pixels per inch of PNG.
-        """
-        from pinarm.use import views
-
-        return views.save(self, Path(folder), plots=plots, dpi=dpi)
-
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same result: by its scenario, with the same rows to the last bit."""
         from pinarm.use.result.stored_rows import states
@@ -410,12 +283,6 @@ class Result(Record, frozen=True):
         }  # fmt: skip
         measured = {name: getattr(self, name) for name in MEASURED} | {"figures": dict(self.figures)}
         return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
-
-    def _repr_html_(self) -> str:
-        """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
-        from pinarm.use import views
-
-        return views.html(self)
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names of its quantities, for completion in notebooks."""
@@ -461,8 +328,6 @@ class Result(Record, frozen=True):
         """Return the headline numbers with units, the measured accuracy, versions and the hash of the input."""
         import pinocchio
 
-        import pinarm
-
         run, mechanism = self.trajectory, self.trajectory.mechanism
         return {
             "scenario": self.name,
@@ -504,7 +369,11 @@ class Result(Record, frozen=True):
             ],
             "not solved for": [asdict(removal) for removal in self.removals],
             "notes": self.notes(),
-            "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
+            "versions": {
+                "pinarm": import_module("pinarm").__version__,
+                "pinocchio": pinocchio.__version__,
+                "numpy": np.__version__,
+            },
             "input": self.digest(),
         }
 
@@ -569,10 +438,11 @@ class Result(Record, frozen=True):
         """Return whether the numbers of the scenario are taken over whole periods."""
         if not self.content.numbers:
             return []
-        from pinarm.use.result.curve_figures import whole_period_notes
-        from pinarm.use.result.section_number import read_number
+        from pinarm.use.result.numbers import read_number
+        from pinarm.use.result.whole_periods import whole_period_notes
 
-        return whole_period_notes(self.scenario, [read_number(text) for text in self.content.numbers])
+        own = self.scenario
+        return whole_period_notes(own.problem, own.mechanism, [read_number(text) for text in self.content.numbers])
 
     def excesses(self) -> list[Excess]:
         """Return the limits of joints that the run goes beyond."""

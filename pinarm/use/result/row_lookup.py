@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -14,18 +13,16 @@ from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import OPERATORS, Quantities
-from pinarm.errors import InputError, Key, PinarmError, within
+from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
 from pinarm.use.result.curve import Curve, Span, Spots
-from pinarm.use.result.curve_extremes import Endless, Peak, higher, highest
-from pinarm.use.result.curve_zeros import zeros, zeros_of_angle
-from pinarm.use.result.output_scales import ZERO, natural_sizes
+from pinarm.use.result.curve_places import Endless, Peak, higher, highest, zeros, zeros_of_angle
+from pinarm.use.result.natural_sizes import ZERO, natural_sizes
 from pinarm.use.result.pieces import DEGREE, NODES, Pieces
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
-    from pinarm.use.result.expectation import Expectation
 
 Place = str | Mapping[str, str | int | float]
 """A word such as ``max``, or an instant: ``{phi: 30 deg, side: left}``."""
@@ -118,23 +115,6 @@ def located(at: Mapping[str, str | int | float], quantities: Quantities) -> tupl
         measured = quantities[along].unit
     with within(along):
         return along, in_si(text, measured)
-
-
-def unreached(quantities: Quantities, key: Sequence[Expectation]) -> list[str]:
-    """Return a note on each place of an answer key that lies beyond all rows of a run.
-
-    Entries that have another mistake are passed over: ``validate`` and ``check`` say what it is.
-    """
-    places: dict[str, list[str]] = {}
-    for number, entry in enumerate(key, 1):
-        for along, text in instant(entry.at).items():
-            with suppress(PinarmError):
-                rows = quantities[along]
-                value, slack = in_si(text, rows.unit), 1e-12 * float(np.ptp(rows.values))
-                if not rows.values.min() - slack <= value <= rows.values.max() + slack:
-                    places.setdefault(f"{along} = {text}", []).append(str(number))
-    return [f"{place} is not reached in this run; entry {', '.join(numbers)} of expect asks for it"
-            for place, numbers in places.items()]  # fmt: skip
 
 
 class Lookup(Record, frozen=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from math import isfinite
 from typing import TYPE_CHECKING, Literal
 
@@ -161,6 +162,6 @@ class Section(Record, frozen=True):
     def _repr_html_(self) -> str:
         """Return tables, remarks and graphs, for notebooks."""
         from pinarm.use.result.presentation import FOR_PEOPLE, Presentation
-        from pinarm.use.show.notebook import section_html
 
-        return section_html(self.shown(FOR_PEOPLE), Presentation())
+        html: str = import_module("pinarm.use.show.notebook").section_html(self.shown(FOR_PEOPLE), Presentation())
+        return html

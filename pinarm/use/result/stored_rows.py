@@ -7,7 +7,7 @@ at other instants are solved anew when they are asked for.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +25,9 @@ from pinarm.records import Record, replace
 if TYPE_CHECKING:
     import pinocchio as pin
 
-    from pinarm.use.scenario.scenario import Scenario
+    from pinarm.errors import Place
+    from pinarm.problems import Problem
+    from pinarm.problems.accuracy import Accuracy
 
 SAME = 1e-5
 """Difference of a motion that is solved again to its rows, relative to the largest: other processors round otherwise,
@@ -103,19 +105,22 @@ class SolvedAnew(RelayedMotion, Record, frozen=True):
     """The motion of a result that was read: solved when other instants than the saved ones are asked for.
 
     Attributes:
-        scenario: The scenario.
+        problem: The question.
+        accuracy: How accurate its answer is wanted.
+        place: Gives errors their place in it.
         mechanism: The mechanism, as it was saved.
         rows: The states that are known of it.
     """
 
-    scenario: Scenario
+    problem: Problem
+    accuracy: Accuracy
+    place: Place
     mechanism: Mechanism
     rows: Trajectory
 
     @cached_property
     def _motion(self) -> SolvedMotion:
-        place = partial(self.scenario.document.locating, "problem")
-        outcome = self.scenario.problem.solve(self.mechanism, self.scenario.content.accuracy, place)
+        outcome = self.problem.solve(self.mechanism, self.accuracy, self.place)
         assert outcome.motion is not None
         self._require_same(outcome.rows)
         return outcome.motion
@@ -154,13 +159,13 @@ class SolvedAnew(RelayedMotion, Record, frozen=True):
         return self._motion
 
 
-def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
+def trajectory_of(problem: Problem, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
     """Return the states of a result; see ``states``.
 
     Raises:
         InputError: The arrays are not those of this mechanism.
     """
-    problem, n = scenario.problem, len(arrays["t"])
+    n = len(arrays["t"])
     guides = [str(name) for name in arrays["guides"].reshape(-1)]
     closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
     first, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)

@@ -6,7 +6,7 @@ They are made from the tables of the result, so that a saved result has them too
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import groupby, product
 from typing import TYPE_CHECKING
@@ -25,9 +25,12 @@ if TYPE_CHECKING:
     from control import StateSpace
 
     from pinarm.engine.labelled_array import LabelledArray
+    from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.quantities.names import Quantities
-    from pinarm.use.result.result import Result
-    from pinarm.use.scenario.scenario import Scenario
+    from pinarm.errors import Place
+    from pinarm.problems import Problem
+    from pinarm.problems.accuracy import Accuracy
+    from pinarm.use.result.run import Run
 
 RIGID = 1e3
 """Size of an eigenvalue relative to its error by rounding up to which it is 0."""
@@ -90,17 +93,22 @@ class ResponseNumbers(Record, frozen=True):
     """Names and units of the numbers of frequency responses, known before these are solved; see ``Numbered``.
 
     Attributes:
-        scenario: The scenario of a linear analysis.
+        problem: The question of a linear analysis.
+        accuracy: How accurate its answer is wanted.
+        place: Gives errors their place in it.
+        mechanism: The mechanism, loaded when it is called.
         outputs: Its outputs.
     """
 
-    scenario: Scenario
+    problem: Problem
+    accuracy: Accuracy
+    place: Place
+    mechanism: Callable[[], Mechanism]
     outputs: Sequence[str]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         """Return ``OUTPUT.INPUT.largest``, the largest amplitude, and its ``frequency``, with their units."""
-        scenario = self.scenario
-        inputs = scenario.problem.prepare(scenario.mechanism, scenario.content.accuracy, scenario.place).inputs
+        inputs = self.problem.prepare(self.mechanism(), self.accuracy, self.place).inputs
         found = dict[str, Unit | None]()
         for output, given in product(self.outputs, inputs):
             name, own = _number(output, given.position or given.name), quantities[output].unit
@@ -112,7 +120,7 @@ def _number(output: str, given: str) -> str:
     return ".".join(re.sub(r"\W+", "_", name).strip("_") for name in (output, given))
 
 
-def linear_sections(result: Result) -> dict[str, Section]:
+def linear_sections(result: Run) -> dict[str, Section]:
     """Return the sections of a linear analysis by key; none of other results."""
     found = dict[str, Section]()
     if "eigenvalues" in result.arrays:
@@ -151,7 +159,7 @@ def _quotient(own: Unit | None, per: Unit | None) -> Unit | None:
     return Unit(whole.factor, whole.dimension, f"{own}/({below})" if re.search(r"\W", below) else f"{own}/{below}")
 
 
-def state_space(result: Result) -> StateSpace:
+def state_space(result: Run) -> StateSpace:
     """Return a linear analysis as a state space of python-control; see ``Result.to_control``.
 
     Raises:
@@ -173,14 +181,14 @@ def state_space(result: Result) -> StateSpace:
     return control.ss(*matrices, name=result.name.replace(".", "_"), **allowed)
 
 
-def mode_shapes(result: Result) -> Complex:
+def mode_shapes(result: Run) -> Complex:
     """Return the mode shapes of a linear analysis in all joint velocities, shape (nv, k)."""
     table, model = result.arrays["shapes"], result.trajectory.mechanism.model
     rows = [list(table.rows).index(coordinate_name(model, index)) for index in range(model.nv)]
     return np.asarray(table.values[rows], complex)
 
 
-def _modes(result: Result) -> Section:
+def _modes(result: Run) -> Section:
     """Return the table of the modes, what takes part in them, and their eigenvalues in the complex plane."""
     eigenvalues = _eigenvalues(result)
     numbers = range(1, len(eigenvalues) + 1)
@@ -259,7 +267,7 @@ def _plane(eigenvalues: Complex, said: Sequence[str]) -> Iterator[Curve]:
             )  # fmt: skip
 
 
-def _frequency_response(result: Result) -> Section:
+def _frequency_response(result: Run) -> Section:
     """Return the largest amplitudes, and a Bode and a Nyquist plot for each output and unit of inputs."""
     known = responses(result.arrays)
     groups = [list(group) for _, group in groupby(known, key=lambda own: (own.output, str(own.unit)))]
@@ -278,7 +286,7 @@ def _frequency_response(result: Result) -> Section:
                    [*bodes, *nyquists])  # fmt: skip
 
 
-def _peak(response: Response, result: Result) -> tuple[float, float]:
+def _peak(response: Response, result: Run) -> tuple[float, float]:
     """Return the largest amplitude between the lowest and the highest frequency, and its frequency [Hz].
 
     It is sought between the samples beside the largest; infinite where a mode there has no damping.
@@ -306,7 +314,7 @@ def _peak(response: Response, result: Result) -> tuple[float, float]:
     return (-float(found.fun), float(found.x)) if -found.fun > sample else (sample, float(response.frequencies[top]))
 
 
-def _eigenvalues(result: Result) -> Complex:
+def _eigenvalues(result: Run) -> Complex:
     return np.asarray(result.arrays["eigenvalues"].values[0], complex)
 
 

@@ -1,16 +1,16 @@
-"""What is given in place of a scenario: a mechanism file, a model, a folder, or the name of a robot."""
+"""Files and keys that are no scenario's: mechanism files, models, folders, names of robots, and keys of other files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pinarm.errors import InputError, Location, ModelError
+from pinarm.errors import InputError, Key, Location, ModelError
 from pinarm.input.robots import ENDINGS
-from pinarm.input.yaml.document import Values
+from pinarm.input.yaml.document import Document, Values
 from pinarm.mechanics.description import MechanismDescription
-from pinarm.use.scenario.scenario_file import ScenarioFile
+from pinarm.problems import KINDS, problem_class
 
 MOST = 12
 """Number of files of a folder that a message lists."""
@@ -112,8 +112,8 @@ def refuse_mechanism(path: Path, data: Any) -> None:
         ).at(Location(str(path)))  # fmt: skip
 
 
-def refuse_keys_of_mechanism(values: Values) -> None:
-    """Refuse other values at keys that mechanism files have, and no scenario.
+def refuse_keys_of_mechanism(values: Values, keys: Collection[str]) -> None:
+    """Refuse other values at keys that mechanism files have, and no scenario, whose ``keys`` these are.
 
     Raises:
         InputError: Says by which path a scenario changes them.
@@ -121,7 +121,7 @@ def refuse_keys_of_mechanism(values: Values) -> None:
     for text in values if isinstance(values, Iterable) else ():  # what is none is refused where values are read
         path = str(text).partition("=")[0].strip()
         first = path.partition(".")[0]
-        if first not in ScenarioFile.__struct_fields__ and (place := map_in_mechanism_file(first)) is not None:
+        if first not in keys and (place := map_in_mechanism_file(first)) is not None:
             raise InputError(f"'{first}' is a key of mechanism files", expected="a path in the scenario",
                              hint=f"changes.{place}{path}").at(Location(path))  # fmt: skip
 
@@ -150,3 +150,69 @@ def refuse_changes(data: Mapping[str, Any]) -> None:
             raise InputError(f"the mechanism is given as an object, which '{key}' does not change",
                              expected="its file or its name, or the changes where the mechanism is made",
                              hint="Mechanism.load(path, values={...})")  # fmt: skip
+
+
+def refuse_misplaced_keys(document: Document, keys: Collection[str]) -> None:
+    """Refuse keys that scenarios do not have and problems or mechanism files do; ``keys`` are those of scenarios.
+
+    Raises:
+        InputError: Says where the key belongs.
+    """
+    given: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
+    for key in [*given]:
+        if key in keys:
+            continue
+        problem = given.get("problem")
+        kind = problem.get("kind") if isinstance(problem, dict) else None
+        if isinstance(kind, str) and kind in KINDS and key in _keys(kind):
+            raise InputError(f"'{key}' is a key of the problem", expected=f"'{key}:' below 'problem:', indented",
+                             ).at(document.locate((Key(key),)))  # fmt: skip
+        _refuse_key_of_mechanism(document, key)
+
+
+def refuse_misplaced_keys_of_problem(document: Document, kind: str, keys: Collection[str]) -> None:
+    """Refuse keys that no problem has, and scenarios, ``keys``, or mechanism files do; and drives that are maps.
+
+    Raises:
+        InputError: Says where the key belongs.
+    """
+    given = document.data["problem"]
+    others = set[str]()
+    for key in [*given]:
+        if key in _keys(kind):
+            continue
+        others = others or {name for other in KINDS for name in _keys(other)}
+        if key in others:
+            continue
+        if key in keys:
+            raise InputError(f"'{key}' is a key of the scenario", expected=f"'{key}:' beside 'problem:', not below it",
+                             ).at(document.locate(("problem", Key(key))))  # fmt: skip
+        _refuse_key_of_mechanism(document, key, "problem")
+    drives = given.get("drives")
+    for index, drive in enumerate(drives if isinstance(drives, list) else ()):
+        if isinstance(drive, dict):
+            name = drive.get("along", drive.get("joint"))
+            error = InputError("a drive of a problem is the name of the coordinate that it acts along",
+                               expected="such names; motors and gears stand under 'drives' of the mechanism file",
+                               hint=f"drives: [{name}]" if isinstance(name, str) else "")  # fmt: skip
+            raise error.at(document.locate(("problem", "drives", index)))
+
+
+def _refuse_key_of_mechanism(document: Document, key: str, *at: str) -> None:
+    """Refuse a key where mechanism files have it; see ``refuse_misplaced_keys``."""
+    outer = map_in_mechanism_file(key)
+    if outer is None:
+        return
+    file = document.data.get("mechanism")
+    change = f"{{{key}: ...}}" if not outer else f"{{{outer.rstrip('.')}: {{{key}: ...}}}}"
+    raise InputError(
+        f"'{key}' is a key of mechanism files",
+        expected=f"'{key}:' in {file if isinstance(file, str) and '.' in file else 'a mechanism file'}, or in "
+        f"'changes:' of the scenario, beside 'problem:'",
+        hint=f"changes: {change}",
+    ).at(document.locate((*at, Key(key))))
+
+
+def _keys(kind: str) -> tuple[str, ...]:
+    """Return the keys of a kind of problem."""
+    return (*problem_class(kind).__struct_encode_fields__, "kind")

@@ -18,8 +18,8 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import require_unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
-from pinarm.use.result.condition import Condition, read_conditions
-from pinarm.use.result.section_number import AnyNumber, Numbered, names_section, read_number
+from pinarm.use.result.numbers import AnyNumber, Condition, names_section, read_conditions, read_number
+from pinarm.use.result.run import Numbered
 
 BOUNDS = "[0 kg, 500 kg], or {from: 0 kg, to: 500 kg, start: 100 kg}"
 

@@ -1,4 +1,4 @@
-"""A scenario: one question about one mechanism, in a file."""
+"""A scenario: one question about one mechanism, in a file; the record that ``use.facade.Scenario`` solves."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property, partial
-from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 import pinocchio as pin
@@ -19,13 +18,13 @@ from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures, unclosed
 from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.methods import REMOVED
-from pinarm.engine.mechanism import Mechanism as MechanismParts
+from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.mechanism_loading import acted_along, mechanism_document, mechanism_of_data, read_mechanism
 from pinarm.engine.motion.guards import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, Key, MethodError, NumericsError, PinarmError
+from pinarm.errors import InputError, Key, MethodError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import unit
@@ -37,7 +36,6 @@ from pinarm.problems.simplify.locking import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
-from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.result.failures import failures_in_words, is_too_large, overflow
 from pinarm.use.result.measures import Figures
 from pinarm.use.result.result import Result
@@ -47,6 +45,8 @@ from pinarm.use.scenario.file_kind import (
     refuse_folder,
     refuse_keys_of_mechanism,
     refuse_mechanism,
+    refuse_misplaced_keys,
+    refuse_misplaced_keys_of_problem,
     refuse_model,
     refuse_robot,
 )
@@ -54,14 +54,11 @@ from pinarm.use.scenario.scenario_file import ScenarioFile
 from pinarm.use.workers.runners import HERE, Runners
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from pinarm.engine.motion.prescribed_motion import PrescribedTable
-    from pinarm.mechanics.control.function import ControlFunction, FunctionControl
+    from pinarm.mechanics.control.function import FunctionControl
     from pinarm.problems import PrescribingProblem
     from pinarm.problems.accuracy import Accuracy
-    from pinarm.use.result.section_number import Numbered
-    from pinarm.use.scenario.find import Find
+    from pinarm.use.result.run import Numbered
 
 SAVED = "mechanism.yaml"
 """Name of the mechanism file that is saved beside the scenario in the folder of a result."""
@@ -71,7 +68,7 @@ PERTURBED = "initial", "loads", "motion", "hold", "over", "velocity", "accelerat
 
 
 class Scenario(Record, frozen=True):
-    """A scenario, read and checked; nothing is computed before ``run``.
+    """A scenario, read and checked.
 
     Attributes:
         document: The file with the places of its lines.
@@ -90,12 +87,12 @@ class Scenario(Record, frozen=True):
     problem: Problem
     folder: Path
     seed: int | None = None
-    given: MechanismParts | None = None
+    given: Mechanism | None = None
     functions: tuple[FunctionControl, ...] = ()
     runners: Runners = HERE
 
     @classmethod
-    def load(cls, path: str | Path, values: Values | None = None) -> Scenario:
+    def load(cls, path: str | Path, values: Values | None = None) -> Self:
         """Read a scenario file; see ``pinarm.load``.
 
         Raises:
@@ -110,7 +107,7 @@ class Scenario(Record, frozen=True):
         return cls.of(_varied(document, folder, values) if values else document, folder)
 
     @classmethod
-    def of(cls, document: Document, folder: Path) -> Scenario:
+    def of(cls, document: Document, folder: Path) -> Self:
         """Check a scenario that has been read; paths in it are relative to ``folder``.
 
         Raises:
@@ -120,7 +117,7 @@ class Scenario(Record, frozen=True):
         return cls(document, content, _problem(document, content.problem), folder)
 
     @classmethod
-    def of_data(cls, data: Mapping[str, Any]) -> Scenario:
+    def of_data(cls, data: Mapping[str, Any]) -> Self:
         """Return the scenario of plain data, such as a file would hold; see ``pinarm.load``.
 
         Raises:
@@ -133,9 +130,9 @@ class Scenario(Record, frozen=True):
                 expected="a Mechanism, the path of a file, or the name of a robot",
                 hint="pinarm.Mechanism.of(model)",
             )
-        if not isinstance(given, Mapping | MechanismParts):
+        if not isinstance(given, Mapping | Mechanism):
             return cls.of(Document.of_data(data, "scenario"), Path())
-        if isinstance(given, MechanismParts):
+        if isinstance(given, Mechanism):
             refuse_changes(data)
         found = cls.of(Document.of_data({**data, "mechanism": GIVEN}, "scenario"), Path())
         return replace(found, given=mechanism_of_data(given, found.acted) if isinstance(given, Mapping) else given)
@@ -147,7 +144,9 @@ class Scenario(Record, frozen=True):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
-        source = ScenarioSource(self.document, self.folder.absolute(), self.seed, self.given, self.functions)
+        source = ScenarioSource(
+            type(self), self.document, self.folder.absolute(), self.seed, self.given, self.functions
+        )
         return ScenarioSource.scenario, (source,)
 
     @property
@@ -155,9 +154,9 @@ class Scenario(Record, frozen=True):
         """What it is read from, with paths that are the same for a process in another folder."""
         path = self.document.path
         document = replace(self.document, path=path.parent.resolve() / path.name) if path else self.document
-        return ScenarioSource(document, self.folder.resolve(), self.seed, self.given, self.functions)
+        return ScenarioSource(type(self), document, self.folder.resolve(), self.seed, self.given, self.functions)
 
-    def varied(self, values: Values) -> Scenario:
+    def varied(self, values: Values) -> Self:
         """Return the scenario with other values.
 
         Args:
@@ -177,15 +176,15 @@ class Scenario(Record, frozen=True):
         """
         return _varied(self.document, self.folder, values)
 
-    def merged(self, changes: Mapping[str, Any]) -> Scenario:
+    def merged(self, changes: Mapping[str, Any]) -> Self:
         """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
         return self.with_document(self.document.merged(replace(self.document, data=dict(changes), places={}, keys={})))
 
-    def restated(self, data: Mapping[str, Any]) -> Scenario:
+    def restated(self, data: Mapping[str, Any]) -> Self:
         """Return the scenario of other plain data in the same place, such as ``Result.data``."""
         return self.with_document(replace(self.document, data=dict(data)))
 
-    def with_document(self, document: Document) -> Scenario:
+    def with_document(self, document: Document) -> Self:
         """Return the scenario of another document in the same place, with the same last digits.
 
         It has the same mechanism, if that has been loaded and the document says the same of it.
@@ -195,10 +194,10 @@ class Scenario(Record, frozen=True):
         same = self.loaded and self._mechanism_data == other._mechanism_data
         return other.with_mechanism(self.mechanism) if same else other
 
-    def with_mechanism(self, mechanism: MechanismParts) -> Scenario:
+    def with_mechanism(self, mechanism: Mechanism) -> Self:
         """Return the scenario with its mechanism as it has been loaded already."""
         other = replace(self)
-        vars(other)["mechanism"] = with_methods(mechanism)
+        vars(other)["mechanism"] = mechanism
         return other
 
     @property
@@ -229,13 +228,18 @@ class Scenario(Record, frozen=True):
     @cached_property
     def mechanism(self) -> Mechanism:
         """The mechanism, with the scenario's arguments and gravity, and controllers given in Python."""
-        loaded = self._loaded()
-        return replace(loaded, control=(*loaded.control, *self.functions)) if self.functions else loaded
+        return self.read_mechanism()
 
-    def _loaded(self) -> Mechanism:
+    def read_mechanism(self) -> Mechanism:
+        """Return the mechanism, read anew; see ``mechanism``."""
+        read = self._read()
+        own = read if self.seed is None else read.perturbed(self.seed)
+        return replace(own, control=(*own.control, *self.functions)) if self.functions else own
+
+    def _read(self) -> Mechanism:
         if self.given is not None:
             refuse_changes(self.document.data)
-            return with_methods(self.given if self.seed is None else self.given.perturbed(self.seed))
+            return self.given
         wanted, gravity = self.content.mechanism, self.content.gravity
         with self.document.locating("mechanism"):
             source: str | Path = wanted
@@ -243,11 +247,10 @@ class Scenario(Record, frozen=True):
                 source = self._file_of(wanted)
             changes = self.document.part("changes") if self.content.changes else None
             given = {name: value.given for name, value in self.content.arguments.items()}
-            loaded = read_mechanism(
+            return read_mechanism(
                 source, given, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating, acted=self.acted,
             )  # fmt: skip
-        return with_methods(loaded if self.seed is None else loaded.perturbed(self.seed))
 
     def _file_of(self, wanted: str) -> Path:
         """Return the file of the mechanism; of a saved scenario elsewhere, errors name the one saved beside it."""
@@ -328,7 +331,7 @@ class Scenario(Record, frozen=True):
         Raises:
             InputError: It asks for more rows than there may be.
         """
-        self._require_memory()
+        self.require_memory()
         if self.content.modelled == "whole":
             return Simplification.whole(self._question, self.mechanism, self.content.accuracy, self.place)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
@@ -340,92 +343,17 @@ class Scenario(Record, frozen=True):
         requested = requested_joints(texts, self.symbols, self.mechanism)
         return Simplification.required(self._question, self.mechanism, self.content.accuracy, self.place, requested)
 
-    def controlled(
-        self, control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0
-    ) -> Scenario:
-        """Return the scenario with drives whose efforts are functions; see ``run``.
-
-        Raises:
-            InputError: It is no forward problem, a function cannot be called, or the period is not positive.
-        """
-        from pinarm.mechanics.control.function import function_controls
-
-        if self.problem.kind != "forward":
-            raise InputError(f"the problem is of the kind '{self.problem.kind}': its motion is known",
-                             expected="a forward problem, whose drives can react")  # fmt: skip
-        return replace(self, functions=(*self.functions, *function_controls(control, period, delay)))
-
-    def run(
-        self, control: Mapping[str | tuple[str, ...], ControlFunction] | None = None, *, period: float | None = None,
-        delay: float = 0.0,
-    ) -> Result:  # fmt: skip
-        """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
-
-        Args:
-            control: Drives whose efforts are functions: drive, or several in a tuple, -> ``u(t, state)``, which returns
-                an effort, or a sequence of them [N*m or N]; ``state["knee"]`` is a quantity of the present state [SI].
-                See docs/control.md.
-            period: Of sampled functions [s]: called once each period, their effort is held until the next; continuous
-                where it is left out.
-            delay: From a sample to the change of the effort [s].
+    def run(self) -> Result:
+        """Solve the problem at the accuracy that it asks for; ``use.facade`` knows how.
 
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
         """
-        from pinarm.use.study.accuracy.solved import solved
-
-        if control is None and (period is not None or delay):
-            raise InputError("a period or a delay is given, but no function",
-                             expected="control, with functions of drives")  # fmt: skip
-        asked = self.controlled(control, period, delay) if control is not None else self
-        asked.check_answer_key()
-        return solved(asked)
-
-    def with_workers(self, workers: int | None = None, executor: Executor | None = None) -> Scenario:
-        """Return the scenario whose searches and sensitivities give their runs to others; the numbers are the same.
-
-        Args:
-            workers: Processes of this machine; this process where it is left out. Of an executor, how many workers it
-                has, where it cannot tell.
-            executor: Who solves the runs in place of processes of this machine; see ``pinarm.sweep``. It has to live as
-                long as sections of results are asked for.
-
-        Raises:
-            InputError: There are less than one.
-        """
-        return replace(self, runners=Runners(workers, executor))
-
-    def verified(self) -> Result:
-        """Return the result with its global error estimated, and every row of it checked.
-
-        Raises:
-            PinarmError: See ``run``.
-        """
-        from pinarm.use.study.accuracy.solved import verified
-
-        self.check_answer_key()
-        return verified(self)
+        raise NotImplementedError
 
     def solve(self) -> Result:
-        """Solve the problem once, at its own setting; with ``find``, for the values that bring about what is wanted.
-
-        Raises:
-            PinarmError: See ``run``.
-        """
-        self.check_presentation()
-        if self.problem.kind == "recorded":  # the headings say what can be asked: a long table is not read in vain
-            self.document.with_each("outputs", self.content.outputs, self.quantities().__getitem__)
-        if self.content.find:
-            from pinarm.use.scenario.searches import solve_found
-
-            return solve_found(self, self.content.find)
-        try:
-            with failures_in_words():
-                return self._solve_once()
-        except NumericsError as error:
-            if isinstance(error.partial, Outcome):
-                error.partial = self.broken_off(error.partial, error.message)
-            raise
+        """Solve the problem once, at its own setting; likewise."""
+        raise NotImplementedError
 
     def prescribed_table(self, like: Scenario) -> PrescribedTable | None:
         """Return what the problem prescribes at which rows, with nothing solved.
@@ -446,8 +374,12 @@ class Scenario(Record, frozen=True):
             return None
         return cast("PrescribingProblem", self.problem).table(self.mechanism, self.content.accuracy, self.place)
 
-    def _solve_once(self) -> Result:
-        """Solve, measure the accuracy, and refuse what is not finite."""
+    def solve_once(self) -> Result:
+        """Solve the problem once, without a search; measure the accuracy, and refuse what is not finite.
+
+        Raises:
+            PinarmError: See ``run``.
+        """
         with one_run(), one_blas_thread(self.mechanism.model.nv):
             try:
                 solved = self.simplification.solve()
@@ -529,11 +461,11 @@ class Scenario(Record, frozen=True):
     def result(self, outcome: Outcome) -> Result:
         """Return the result of what came out for the whole mechanism; its accuracy is not measured."""
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
-        return Result(self.name, self, outcome, quantities)
+        return Result(self.name, outcome, quantities, self)
 
     def result_of_rows(
         self,
-        mechanism: MechanismParts,
+        mechanism: Mechanism,
         arrays: Mapping[str, Any],
         outcome: Mapping[str, Any],
         measured: Mapping[str, Any],
@@ -548,53 +480,9 @@ class Scenario(Record, frozen=True):
         """
         from pinarm.use.result.stored_rows import SolvedAnew, trajectory_of
 
-        rows = trajectory_of(self, mechanism, arrays)
-        motion = None if rows.isolated else SolvedAnew(self, mechanism, rows)
+        rows = trajectory_of(self.problem, mechanism, arrays)
+        motion = None if rows.isolated else SolvedAnew(self.problem, self.content.accuracy, self.place, mechanism, rows)
         return replace(self.result(Outcome(rows, motion, **outcome)), **measured)
-
-    def validate(self) -> None:
-        """Check everything that can be checked without solving: the model, all names, all units.
-
-        Raises:
-            PinarmError: Something is wrong; the message says where.
-        """
-        self._check_asked()
-        self.quantities().check_symbols(self.symbols, self.document.locating)
-        for name in self.content.variants:
-            with self.document.locating("variants", name):
-                self.variant(name)._check_asked()
-
-    def _check_asked(self) -> None:
-        """Check what is solved and what is asked of it; symbols of variants that do not ask for them may be others'."""
-        self._require_memory()
-        with failures_in_words():
-            self.problem.prepare(self.mechanism, self.content.accuracy, self.place)
-            quantities = self.quantities()
-            self.document.with_each("outputs", self.content.outputs, quantities.__getitem__)
-            self.check_presentation()
-            if self.content.numbers:
-                from pinarm.use.result.section_number import read_number
-            for index, text in enumerate(self.content.numbers):
-                with self.document.locating("numbers", index):
-                    read_number(text).described(quantities, self.numbered)
-            if self.content.find:
-                self.check_search(self.content.find, quantities)
-            for key, assessment in self.content.assessments.items():
-                with self.document.locating(key):
-                    assessment.check_names(quantities, self)
-        self.check_answer_key()
-
-    def check_search(self, search: Find, quantities: Quantities) -> None:
-        """Check names, units and paths of a search, with nothing solved.
-
-        Raises:
-            PinarmError: Something is wrong; the message says where.
-        """
-        from pinarm.use.scenario.number_paths import check_paths
-
-        with self.document.locating("find"):
-            search.check_names(quantities, self._concluded, self.unit_at)
-        check_paths(self, search.tried, "find", "for")
 
     def check_answer_key(self) -> None:
         """Check names and units of the answer key, with nothing solved.
@@ -613,7 +501,7 @@ class Scenario(Record, frozen=True):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities, self.numbered)
 
-    def _require_memory(self) -> None:
+    def require_memory(self) -> None:
         """Raise where the rows that ``time.samples`` or a range asks for need too much memory."""
         time, ranges = getattr(self.problem, "time", None), list[tuple[tuple[str, ...], Any]]()
         ranges += [(("time",), time)] if time else []
@@ -644,19 +532,20 @@ class Scenario(Record, frozen=True):
     @property
     def numbered(self) -> Mapping[str, Numbered]:
         """What the sections of its result are of, by key; see ``section_number``."""
-        return {**({"find": self.content.find} if self.content.find else {}), **self._concluded}
+        return {**({"find": self.content.find} if self.content.find else {}), **self.concluded}
 
     @property
-    def _concluded(self) -> Mapping[str, Numbered]:
+    def concluded(self) -> Mapping[str, Numbered]:
         """What is concluded from the run itself."""
         outputs = getattr(self.problem, "outputs", ())
         if not outputs or getattr(self.problem, "frequencies", None) is None:
             return self.content.assessments
         from pinarm.use.result.vibrations import ResponseNumbers
 
-        return {"frequency_response": ResponseNumbers(self, outputs), **self.content.assessments}
+        own = ResponseNumbers(self.problem, self.content.accuracy, self.place, lambda: self.mechanism, outputs)
+        return {"frequency_response": own, **self.content.assessments}
 
-    def variant(self, name: str) -> Scenario:
+    def variant(self, name: str) -> Self:
         """Return the scenario with the values of one of its variants.
 
         Raises:
@@ -667,7 +556,7 @@ class Scenario(Record, frozen=True):
             document = document.assigned(path, value, self.document.locate(("variants", name, path)))
         return self.with_document(document)
 
-    def without_variants(self) -> Scenario:
+    def without_variants(self) -> Self:
         """Return the scenario alone."""
         if not self.content.variants:
             return self
@@ -686,6 +575,7 @@ class ScenarioSource(Record, frozen=True):
     """What another process reads a scenario from.
 
     Attributes:
+        kind: Class of the scenario.
         document: See ``Scenario``, as for all others.
         folder: Absolute.
         seed: Of changes in the last digits of the mechanism.
@@ -693,10 +583,11 @@ class ScenarioSource(Record, frozen=True):
         functions: Controllers given as functions; importable by their names.
     """
 
+    kind: type[Scenario]
     document: Document
     folder: Path
     seed: int | None
-    given: MechanismParts | None
+    given: Mechanism | None
     functions: tuple[FunctionControl, ...]
 
     def scenario(self) -> Scenario:
@@ -705,7 +596,7 @@ class ScenarioSource(Record, frozen=True):
         Raises:
             InputError: A file that it names is not there.
         """
-        read = Scenario.of(self.document, self.folder)
+        read = self.kind.of(self.document, self.folder)
         return replace(read, seed=self.seed, given=self.given, functions=self.functions)
 
 
@@ -728,7 +619,7 @@ def _with_digits(document: Document) -> Document:
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:
     """Return the scenario in a document with other values; what it does not say itself, its mechanism file may."""
-    refuse_keys_of_mechanism(values)
+    refuse_keys_of_mechanism(values, ScenarioFile.__struct_fields__)
     return varied(document, values, partial(declared_unit, document.data, folder))
 
 
@@ -759,9 +650,7 @@ def _content(document: Document) -> ScenarioFile:
     try:
         return document.validate(ScenarioFile)
     except InputError:
-        from pinarm.use.scenario.misplaced_keys import refuse_misplaced_keys
-
-        refuse_misplaced_keys(document)
+        refuse_misplaced_keys(document, ScenarioFile.__struct_encode_fields__)
         raise
 
 
@@ -777,35 +666,6 @@ def _problem(document: Document, given: object) -> Problem:
     try:
         problem: Problem = document.validate(model, "problem")
     except InputError:
-        from pinarm.use.scenario.misplaced_keys import refuse_misplaced_keys_of_problem
-
-        refuse_misplaced_keys_of_problem(document, given["kind"])
+        refuse_misplaced_keys_of_problem(document, given["kind"], ScenarioFile.__struct_encode_fields__)
         raise
     return problem
-
-
-Given = Scenario | str | Path | Mapping[str, Any]
-"""A scenario, its file, or what such a file would hold as plain data."""
-
-
-def load(scenario: Given, values: Values | None = None) -> Scenario:
-    """Read and check a scenario file; nothing is computed before ``run``.
-
-    Args:
-        scenario: The file; or what such a file would hold, ``{"pinarm": 1, "mechanism": "panda", ...}``, with paths
-            relative to the working folder, and a ``Mechanism``, or the data of its file, in place of the file; or a
-            scenario that has been read, of which values are to be replaced.
-        values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
-            ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
-
-    Raises:
-        InputError: The file cannot be read or has a mistake, or a path leads nowhere; the message says where.
-    """
-    if isinstance(scenario, Mapping):
-        scenario = Scenario.of_data(scenario)
-    if isinstance(scenario, Scenario):
-        return scenario.varied(values) if values else scenario
-    if not isinstance(scenario, str | PathLike):
-        raise InputError(f"a value of the type {type(scenario).__name__} is no scenario",
-                         expected="a Scenario, its file, or a map of what the file would hold")  # fmt: skip
-    return Scenario.load(scenario, values)

@@ -2,7 +2,7 @@
 
 # Annotations are no text here (``from __future__ import annotations``): msgspec would compile each in every run.
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self
 
 import msgspec
 
@@ -17,9 +17,46 @@ from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.presentation import Presentation
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.quantities.names import Quantities
+    from pinarm.input.units import Unit
     from pinarm.mechanics.points import Payload
-    from pinarm.use.assessments import Assessment
+    from pinarm.use.result.result import Result
+    from pinarm.use.result.section import Section
     from pinarm.use.scenario.find import Find
+    from pinarm.use.scenario.scenario import Scenario
+
+    class Assessment(Protocol):
+        """What a scenario asks to conclude from its run, as it stands in a file."""
+
+        def requested(self, mechanism: Mechanism) -> list[str]:
+            """Return the quantities and formulas that it needs, so that the joints in them are solved for."""
+            ...
+
+        def units(self, quantities: Quantities) -> Mapping[str, Unit | None]: ...
+
+        def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
+            """Check its names and units, with nothing solved.
+
+            Args:
+                quantities: Those of one row.
+                scenario: What asks for it.
+
+            Raises:
+                InputError: A name does not exist, or a value has another dimension.
+            """
+            ...
+
+        def evaluate(self, result: Result) -> Section:
+            """Return what it finds in a result.
+
+            Raises:
+                InputError: The run does not have what it needs.
+            """
+            ...
+
 else:  # imported where a scenario has the key, see ScenarioFile.deferred
     Assessment = Find = Payload = Any
 

@@ -4,34 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import partial
 from itertools import count
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
+from pinarm.engine.mechanism_loading import mechanism_document
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, PinarmError
-from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.errors import InputError, NumericsError, PinarmError
+from pinarm.input.roots import contained_file, root_of
+from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity
+from pinarm.input.yaml.document import joined
 from pinarm.records import replace
 from pinarm.use.cases.case import Case, Row, RowValues, Task, Wanted, failure
 from pinarm.use.cases.solving import solving
 from pinarm.use.progress import tell
-from pinarm.use.result.condition import Condition
 from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.number_accuracy import noise, rounding
+from pinarm.use.result.numbers import AnyNumber, Condition, RunNumber, measured, read_number
 from pinarm.use.result.result import Result
-from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section import Cell, Section, SectionTable
-from pinarm.use.result.section_number import AnyNumber, measured, read_number
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.optimum import EDGE, FLAT, FURTHER, NOWHERE, Descent, Landscape, Optimum, Trial, optimum
 from pinarm.use.scenario.roots import FoundValues, Refused, find_root
 
 if TYPE_CHECKING:
+    from pinarm.engine.quantities.names import Quantities
     from pinarm.use.scenario.scenario import Scenario
+
 
 EXACT = 1e-6
 """Residual of a run's equations, relative to their terms, above which it cannot be an optimum: they are met to rounding
@@ -63,7 +68,7 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     """
     data = {key: value for key, value in scenario.document.data.items() if key != "find"}
     bare = scenario.restated(data)
-    scenario.check_search(search, bare.quantities())
+    check_search(scenario, search, bare.quantities())
     with scenario.document.locating("find"):
         if search.wanted is not None:
             root = _root(bare, search)
@@ -343,3 +348,81 @@ def _remarks(search: Find, found: Optimum, objective: Series, value: float) -> l
             "the same in all runs, but for rounding: no unknown changes it between its bounds, as far as they show"
         )
     return said if search.search == "global" or len(starts) > 1 else [*said, "one start only: there may be better ones"]
+
+
+NEAREST, MOST_PATHS = 3, 2000
+"""Paths that a message names, and paths of a file that are compared with a wrong one at most."""
+
+
+def check_search(scenario: Scenario, search: Find, quantities: Quantities) -> None:
+    """Check names, units and paths of a search, with nothing solved.
+
+    Raises:
+        PinarmError: Something is wrong; the message says where.
+    """
+    with scenario.document.locating("find"):
+        search.check_names(quantities, scenario.concluded, scenario.unit_at)
+    check_paths(scenario, search.tried, "find", "for")
+
+
+def check_paths(scenario: Scenario, values: Mapping[str, Sequence[str]], *at: str) -> None:
+    """Check that paths lead to numbers of a scenario and its mechanism.
+
+    Args:
+        scenario: The scenario.
+        values: Path -> values as a file would have them, at least one of which must fit there.
+        at: Where the paths are keys in the scenario.
+
+    Raises:
+        PinarmError: A path leads nowhere, or no value fits; located at the path in the file, with the nearest paths.
+    """
+    for path, texts in values.items():
+        failures = [error for text in texts if (error := _failure(scenario, path, text, *at))]
+        if len(failures) < len(texts):
+            continue
+        error, known = failures[0], _number_paths(scenario)
+        near = get_close_matches(path, known, n=NEAREST, cutoff=0.4) if path not in known else []
+        error.message = f"{path}: {error.message}"
+        error.hint = f"a number of the scenario or its mechanism, such as {', '.join(near)}" if near else error.hint
+        raise error
+
+
+def _failure(scenario: Scenario, path: str, text: str, *at: str) -> PinarmError | None:
+    """Return why a scenario cannot be prepared with a value at a path; none where it can, or numerics decide."""
+    try:
+        document = scenario.document.assigned(path, text, scenario.document.locate((*at, path)))
+        other = scenario.with_document(document)
+        other.problem.prepare(other.mechanism, other.content.accuracy, other.place)
+    except NumericsError:
+        return None
+    except PinarmError as error:
+        return error
+    return None
+
+
+def _number_paths(scenario: Scenario) -> list[str]:
+    """Return paths of numbers that a scenario and its mechanism file have."""
+    data, wanted = scenario.document.data, scenario.content.mechanism
+    paths = [steps for steps in _numbers(data, []) if steps[0] not in ("pinarm", "find", "expect")]
+    if scenario.given is None and Path(wanted).suffix:
+        file = contained_file((scenario.folder / wanted).absolute(), root_of(scenario.folder), {})
+        paths += [["changes", *steps] for steps in _numbers(mechanism_document(file).data, []) if steps[0] != "pinarm"]
+    return [joined(steps) for steps in paths[:MOST_PATHS]]
+
+
+def _numbers(data: Any, steps: list[str]) -> Iterator[list[str]]:
+    """Yield the steps to every number in maps, with a unit or without."""
+    if isinstance(data, dict):
+        for key, inner in data.items():
+            yield from _numbers(inner, [*steps, str(key)])
+    elif isinstance(data, int | float) or (isinstance(data, str) and _is_quantity(data)):
+        yield steps
+
+
+def _is_quantity(text: str) -> bool:
+    """Tell whether a text is a number with a unit."""
+    try:
+        read_quantity(text)
+    except PinarmError:
+        return False
+    return True

@@ -159,7 +159,7 @@ def _number_lines(result: Result) -> list[str]:
     if not result.content.numbers:
         return []
     from pinarm.use.result.number_accuracy import global_error
-    from pinarm.use.result.section_number import read_number
+    from pinarm.use.result.numbers import read_number
 
     return [_number_line(series, result.presentation.shown(series), error, global_error(result, read_number(text)))
             for text, (series, error) in result.numbers().items()]  # fmt: skip

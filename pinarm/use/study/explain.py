@@ -29,8 +29,8 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
+from pinarm.use.facade import Scenario
 from pinarm.use.result.failures import failures_in_words
-from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.quantities import Subject, subject
 from pinarm.use.study.run import run
 

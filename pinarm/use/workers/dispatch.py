@@ -19,8 +19,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.roots import given_access
 from pinarm.use.workers.executors import WorkerDeath, Workers
-from pinarm.use.workers.versions import differences, file_digest, versions
-from pinarm.use.workers.worker import Answers, LostJob, work
+from pinarm.use.workers.worker import Answers, LostJob, differences, file_digest, versions, work
 
 CHUNK_TIME, TIME_PER_WORKER = 0.5, 0.005
 """Time of a chunk [s]: at least, and for each worker there is, so that answers come 200 times a second at most."""

@@ -12,7 +12,7 @@ import pinarm
 from pinarm.errors import InputError, ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 HERE = Path(__file__).parent / "mujoco"
 MUJOCO = json.loads((HERE / "ties.json").read_text())

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 

@@ -12,11 +12,11 @@ import pinarm
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.records import replace
-from pinarm.use.result.output_scales import output_scales
-from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.facade import Scenario
+from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.show.terminal import report
-from pinarm.use.store.restore import restore
 from pinarm.use.study.explain import explain
+from pinarm.use.study.restore import restore
 
 ROOT = Path(pinarm.__file__).parents[1]
 FILES = sorted((ROOT / "scenarios").glob("*.yaml"))

@@ -11,7 +11,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError, PinarmError
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 FOUR_BAR = "scenarios/crank_rocker_turning.yaml"
 A, B, C, D = 0.10, 0.35, 0.25, 0.40

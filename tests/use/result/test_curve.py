@@ -10,12 +10,12 @@ import pytest
 from scipy.integrate import cubature
 
 from pinarm.arrays import Array
-from pinarm.use.result import curve_extremes, curve_integrals
+from pinarm.use.result import curve_integrals
+from pinarm.use.result import curve_places as curve_extremes
 from pinarm.use.result.curve import Curve, Span
-from pinarm.use.result.curve_extremes import Endless, Peak
 from pinarm.use.result.curve_integrals import percentile
-from pinarm.use.result.curve_zeros import zeros as zeros_of
-from pinarm.use.result.curve_zeros import zeros_of_angle
+from pinarm.use.result.curve_places import Endless, Peak, zeros_of_angle
+from pinarm.use.result.curve_places import zeros as zeros_of
 from pinarm.use.result.pieces import NODES, TO_COEFFICIENTS, WEIGHTS
 
 ROUNDING = 1e-14

@@ -10,7 +10,7 @@ import pytest
 import pinarm
 from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
 from pinarm.use.show.terminal import report
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 
 @pytest.mark.parametrize(

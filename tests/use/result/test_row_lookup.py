@@ -15,7 +15,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.result.row_lookup import MOST_INTERVALS
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
 

@@ -10,8 +10,8 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.result.section_number import read_number
-from pinarm.use.store.restore import restore
+from pinarm.use.result.numbers import read_number
+from pinarm.use.study.restore import restore
 
 ROTOR, BEARINGS = "scenarios/rotor_vertical.yaml", "scenarios/slider_crank_bearings.yaml"
 KNEE = "scenarios/exoskeleton_leg_knee.yaml"

@@ -9,7 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.result.result import Result
+from pinarm.use.facade import Result
 from pinarm.use.result.vibrations import responses
 from pinarm.use.show.picture_files import pictures
 from pinarm.use.show.terminal import report

@@ -15,7 +15,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import PinarmError
-from pinarm.use.result.result import Result
+from pinarm.use.facade import Result
 from pinarm.use.show.replay.chromium import Page, browser, chromium
 
 ROOT = Path(__file__).parents[3]

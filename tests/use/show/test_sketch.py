@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.result.result import Result
+from pinarm.use.facade import Result
 from pinarm.use.show.bodies import placed
 from pinarm.use.show.picture import COLOURS, Note, drawing
 from pinarm.use.show.scene import scene

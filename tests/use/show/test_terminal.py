@@ -8,7 +8,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.show.terminal import ranges, remarks, report, without_rounding
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 
 @pytest.mark.parametrize(("given", "wanted"), [

@@ -20,7 +20,7 @@ import pinarm
 from pinarm import PinarmError
 from pinarm.cli.commands import BAD_INPUT
 from pinarm.cli.main import NUMERICS_FAILED
-from pinarm.use.workers.cluster import cluster
+from pinarm.use.workers.executors import cluster
 
 pytest.importorskip("distributed")
 ROOT = str(Path(__file__).parents[3])
@@ -245,7 +245,7 @@ def test_a_cluster_may_want_certificates(path: Path, tmp_path: Path, start: Call
 def test_an_interrupt_is_not_lost_where_the_answer_of_a_scheduler_comes_with_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from pinarm.use.workers import cluster as module
+    from pinarm.use.workers import executors as module
 
     async def answered(*_: object) -> None:
         signal.raise_signal(signal.SIGINT)
@@ -261,7 +261,7 @@ def test_an_interrupt_is_not_lost_where_the_answer_of_a_scheduler_comes_with_it(
 
 def test_what_is_no_scheduler_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where nobody listens, where nobody answers, and what is no address; and without Dask it is said how to get it."""
-    from pinarm.use.workers import cluster as module
+    from pinarm.use.workers import executors as module
 
     monkeypatch.setattr(module, "TIMEOUT", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as silent:

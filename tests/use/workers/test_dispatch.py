@@ -17,8 +17,7 @@ from pinarm.input.roots import note_files
 from pinarm.use.workers import dispatch, worker
 from pinarm.use.workers.dispatch import AHEAD, HOPELESS, Dispatch
 from pinarm.use.workers.executors import WorkerDeath
-from pinarm.use.workers.versions import versions
-from pinarm.use.workers.worker import LostJob, work
+from pinarm.use.workers.worker import LostJob, versions, work
 
 
 def square(n: int) -> int:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.use.workers.versions import code_digest, differences
+from pinarm.use.workers.worker import code_digest, differences
 
 
 def test_differences_name_both() -> None:

@@ -37,9 +37,8 @@ from pinarm.use.assessments.sensitivity.tables import (
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.assessments.sensitivity.variation import Input, Varied, inputs_of, varied_runs
 from pinarm.use.result.number_accuracy import global_error, noise, rounding
-from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.numbers import AnyNumber, RunNumber, measured, read_number, slug
 from pinarm.use.result.section import Graph, Section, SectionTable
-from pinarm.use.result.section_number import AnyNumber, measured, read_number, slug
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -13,8 +13,8 @@ from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.use.assessments.sensitivity.derivative import Derivative
 from pinarm.use.assessments.sensitivity.sampling import DEVIATION, DistributionName, Samples, SobolIndices
 from pinarm.use.assessments.sensitivity.variation import DRAWN, Input
+from pinarm.use.result.numbers import AnyNumber, slug
 from pinarm.use.result.section import Cell, Curve, Graph, SectionTable
-from pinarm.use.result.section_number import AnyNumber, slug
 
 NOT_LINEAR = 0.1
 """Difference between a corner and the linear band, relative to the band, that is worth a word."""

@@ -19,7 +19,7 @@ from pinarm.use.cases.case import Case, Row, Task, Wanted
 from pinarm.use.cases.case_table import is_column
 from pinarm.use.cases.solving import SolveCases, solving
 from pinarm.use.progress import tell
-from pinarm.use.result.section_number import AnyNumber
+from pinarm.use.result.numbers import AnyNumber
 
 if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario

@@ -24,14 +24,12 @@ from pinarm.input.units import Unit, half_last_digit
 from pinarm.input.yaml.document import Values
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import replace
+from pinarm.use.facade import Given, Result
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import Expectation
-from pinarm.use.result.output_scales import ZERO, natural_sizes
-from pinarm.use.result.result import Result
+from pinarm.use.result.natural_sizes import ZERO, natural_sizes
+from pinarm.use.result.numbers import RunNumber, measured, names_section, read_number
 from pinarm.use.result.row_lookup import NotReached
-from pinarm.use.result.run_number import RunNumber
-from pinarm.use.result.section_number import measured, names_section, read_number
-from pinarm.use.scenario.scenario import Given
 from pinarm.use.study.run import run, scenarios
 
 FORMULA = 1e-10

@@ -13,9 +13,9 @@ import numpy as np
 
 from pinarm.errors import fault
 from pinarm.problems import KINDS
-from pinarm.use.store.examples import example_files
+from pinarm.use.start.examples import example_files
 from pinarm.use.study.answers.check import check
-from pinarm.use.workers.versions import versions as programs
+from pinarm.use.workers.worker import versions as programs
 
 
 @dataclass(frozen=True)

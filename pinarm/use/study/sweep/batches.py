@@ -25,8 +25,9 @@ from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.cases.case import Case, Row, Taken, Task, Wanted, solved_case
 from pinarm.use.cases.case_table import Column
-from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Given, Scenario, load
+from pinarm.use.facade import Given, Result, Scenario, load
+from pinarm.use.result.result import Result as ResultRecord
+from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
 from pinarm.use.store.files import write_arrays, write_parts
 from pinarm.use.store.save import arrays, csv
 from pinarm.use.study.sweep.axes import Axis, Cases
@@ -63,7 +64,7 @@ class InstantValues(Taken):
     quantity: str
     broken_off: ClassVar[bool] = True
 
-    def numbers(self, result: Result) -> list[tuple[float, float]]:
+    def numbers(self, result: ResultRecord) -> list[tuple[float, float]]:
         values = _at_instants(result, result.quantities.determined(self.quantity).values)
         return [(value, 0.0) for value in values.tolist()]
 
@@ -77,7 +78,7 @@ class InstantStates(Taken):
 
     broken_off: ClassVar[bool] = True
 
-    def numbers(self, result: Result) -> list[tuple[float, float]]:
+    def numbers(self, result: ResultRecord) -> list[tuple[float, float]]:
         states = _at_instants(result, np.hstack([result.trajectory.q, result.trajectory.v]))
         return [(value, 0.0) for value in states.ravel().tolist()]
 
@@ -124,7 +125,7 @@ class ColumnReduction(Taken):
             return float(REDUCTIONS[self.measure](t, x))
         return float(np.percentile(x, self.measure))
 
-    def numbers(self, result: Result) -> list[tuple[float, float]]:
+    def numbers(self, result: ResultRecord) -> list[tuple[float, float]]:
         values, t = _at_instants(result, result.quantities.determined(self.quantity).values), _instants(result.scenario)
         reached = _rows(result.trajectory.grid.t, t)[1]
         return [(self.of(t[reached], values[reached]), 0.0)]
@@ -134,11 +135,11 @@ class ColumnReduction(Taken):
         return [np.array([self.of(t, x) for x in values.T])]
 
 
-def _instants(scenario: Scenario) -> Array:
+def _instants(scenario: ScenarioRecord) -> Array:
     return cast("Forward", scenario.problem).time.instants()
 
 
-def _at_instants(result: Result, values: Array) -> Array:
+def _at_instants(result: ResultRecord, values: Array) -> Array:
     """Return values of the rows of a motion, shape (rows, ..), at the instants, shape (n, ..)."""
     t = _instants(result.scenario)
     found = np.full((len(t), *values.shape[1:]), np.nan)

@@ -16,12 +16,10 @@ import os
 import pickle
 import secrets
 import stat
-import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from types import FunctionType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, unquote_to_bytes
 
@@ -31,10 +29,11 @@ import numpy as np
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.roots import Stamp, stamp_of
 from pinarm.input.yaml.schema import plain
+from pinarm.mechanics.control.function import FunctionControl
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.cases.case import Row, Task, Value
-from pinarm.use.workers.versions import file_digest, versions
+from pinarm.use.workers.worker import file_digest, versions
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -64,8 +63,8 @@ def digest(data: object) -> str:
 def task_digest(task: Task) -> str:
     """Return a digest of all that determines the numbers of a sweep, but for its files and the values of its cases.
 
-    The code of this program is part of it, what was given in Python, and where loops may be closed from the anchors of
-    the task, these too.
+    The code of this program is part of it, a mechanism that was given in Python, and where loops may be closed from the
+    anchors of the task, these too.
     """
     relevant = {key: value for key, value in task.source.document.data.items() if key not in ("expect", "title")}
     anchors = [dict(anchor) for anchor in task.anchors] if _depends_on_anchors(task) else []
@@ -315,64 +314,27 @@ def _entry(line: bytes) -> JournalEntry | None:
         return None
 
 
-VERSIONED = {*sys.stdlib_module_names, "pinarm", "numpy", "scipy", "pinocchio", "msgspec"}
-"""Packages whose code is known by their versions."""
-
-
 def identity(source: ScenarioSource) -> list[object]:
-    """Return plain data that differ where the mechanism or the controllers that a scenario was given in Python do.
+    """Return plain data that differ where the mechanism that a scenario was given in Python does.
 
-    Of controllers these are what they hold, and the texts of all files of Python in the folders of their modules. What
-    has no such text, such as a function of a notebook, is never the same again.
+    Functions in Python, whose code nothing tells, are never the same again.
     """
-    given = [] if source.given is None else _of_mechanism(source.given)
-    return [source.seed, given, [_content(each) for each in source.functions]]
+    acting = [*source.functions, *(source.given.control if source.given else ())]
+    functions = [secrets.token_hex() for control in acting if isinstance(control, FunctionControl)]
+    return [source.seed, functions or (_of_mechanism(source.given) if source.given else [])]
 
 
-def _of_mechanism(mechanism: Mechanism) -> list[object]:
-    """Return those of a mechanism: what its file says, and what was made of that, numbers of tables included."""
+def _of_mechanism(mechanism: Mechanism) -> list[str]:
+    """Return digests of what the file of a mechanism says, and of what was made of that, numbers of tables included."""
     described = msgspec.to_builtins(mechanism.description, enc_hook=plain)
     _, (_, fields) = mechanism.__reduce__()
-    return [described, *(_content(value) for name, value in fields.items() if name not in ("description", "locate"))]
+    made = io.BytesIO()
+    _Pickler(made, protocol=5).dump([fields[name] for name in fields if name not in ("description", "locate")])
+    return [digest(described), hashlib.sha256(made.getvalue()).hexdigest()]
 
 
-def _content(thing: object) -> list[str]:
-    """Return digests of what an object holds, and of the code that it needs."""
-    stream = io.BytesIO()
-    pickler = _Content(stream)
-    try:
-        pickler.dump(thing)
-        code = [_code_beside(name) for name in sorted(pickler.modules)]
-    except Exception:  # whatever an object of the user's raises there
-        return [secrets.token_hex()]
-    return [hashlib.sha256(stream.getvalue()).hexdigest(), *code]
-
-
-class _Content(pickle.Pickler):
-    """Writes the same for the same content in every process, and notes the modules of the user's functions and classes.
-
-    Pickle writes only the names of these.
-    """
-
-    def __init__(self, stream: io.BytesIO) -> None:
-        super().__init__(stream, protocol=5)
-        self.modules: set[str] = set()
+class _Pickler(pickle.Pickler):
+    """Writes sets in the same order in every process."""
 
     def persistent_id(self, thing: Any) -> Any:
-        """Return sets in an order of their own; all else is written as it would be."""
-        if isinstance(thing, type | FunctionType) and thing.__module__.partition(".")[0] not in VERSIONED:
-            self.modules.add(thing.__module__)
         return sorted(map(repr, thing)) if isinstance(thing, set | frozenset) else None
-
-
-def _code_beside(module: str) -> str:
-    """Return a digest of the files of Python in the folder of a module.
-
-    Raises:
-        AttributeError: It has no file.
-        OSError: One cannot be read.
-    """
-    content, folder = hashlib.sha256(), Path(str(sys.modules[module].__file__)).parent
-    for path in sorted(folder.glob("*.py")):
-        content.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
-    return content.hexdigest()

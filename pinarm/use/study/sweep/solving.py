@@ -23,7 +23,7 @@ from pinarm.use.output.folder import check_replaceable, reason, signals_waiting
 from pinarm.use.output.manifest import DRAFT
 from pinarm.use.study.sweep.axes import Cases
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
-from pinarm.use.study.sweep.sweep_files import Parts
+from pinarm.use.study.sweep.parquet import Parts
 from pinarm.use.workers.runners import Runners
 from pinarm.use.workers.worker import LostJob
 

@@ -18,15 +18,13 @@ from pinarm.input.roots import noting_files
 from pinarm.input.yaml.document import Values, require_apart
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Taken, Task, Wanted
-from pinarm.use.result.run_number import RunNumber
-from pinarm.use.result.section_number import SectionNumber
-from pinarm.use.scenario.scenario import Given, Scenario, load
+from pinarm.use.facade import Given, Scenario, load
+from pinarm.use.result.numbers import RunNumber, SectionNumber
 from pinarm.use.store.line_table import LineTable
-from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
+from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw, read_axis, read_cases
 from pinarm.use.study.sweep.branches import ALL, MEASURE, RAW, ModeValues
+from pinarm.use.study.sweep.parquet import require_parquet
 from pinarm.use.study.sweep.solving import Solving
-from pinarm.use.study.sweep.sweep_files import require_parquet
-from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
 from pinarm.use.workers.runners import Runners, check_number
 
 if TYPE_CHECKING:
@@ -127,7 +125,7 @@ class Sweep(LineTable):
     def _repr_html_(self) -> str:
         """Return statistics and a plot, for notebooks."""
         from pinarm.use.show.notebook import blocks, heading, lines, picture, table
-        from pinarm.use.study.sweep.sweep_text import ranges, remarks
+        from pinarm.use.study.sweep.sweep_files import ranges, remarks
 
         parts = heading(self.title or self.name), table(ranges(self)), lines(remarks(self)), picture(self.plot())
         return blocks(*parts)
@@ -268,9 +266,11 @@ def _notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[st
             varied = scenario.varied(cases.values(case))
             notes += [f"case {case}: {note}" for note in varied.method_notes(varied.content.accuracy)]
             if numbers:
-                from pinarm.use.result.curve_figures import whole_period_notes
+                from pinarm.use.result.whole_periods import whole_period_notes
 
-                notes += [f"case {case}: {note}" for note in whole_period_notes(varied, numbers)]
+                notes += [
+                    f"case {case}: {note}" for note in whole_period_notes(varied.problem, varied.mechanism, numbers)
+                ]
     return list(dict.fromkeys(notes))
 
 

@@ -1,28 +1,26 @@
-"""Files of a sweep: table, summary, plots, Parquet. The same cases give the same bytes, however they were solved."""
+"""Files and texts of a sweep: tables, summary, progress. The same cases give the same bytes, whoever solved them."""
 
 from __future__ import annotations
 
-import io
 import os
-from collections.abc import Callable, Mapping, Sequence
-from importlib.util import find_spec
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.series import Series
-from pinarm.errors import InputError
-from pinarm.input.units import DIMENSIONLESS
-from pinarm.use.cases.case import OPEN, WORTH
-from pinarm.use.output.folder import whole_folder, write_file
-from pinarm.use.output.manifest import PARTIAL
-from pinarm.use.result.measures import CLOSURES, RESIDUALS
+from pinarm.use.cases.case import OPEN
+from pinarm.use.output.folder import whole_folder
+from pinarm.use.result.measures import CLOSURES, RESIDUALS, singularity_words
+from pinarm.use.show.terminal import aligned
 from pinarm.use.store.files import json_text, write, yaml_text
-from pinarm.use.store.line_table import failures, statistics
-from pinarm.use.study.sweep.axes import Cases
+from pinarm.use.store.line_table import failures, statistics, statistics_rows
 from pinarm.use.study.sweep.journal import JOURNAL
+from pinarm.use.study.sweep.parquet import PARQUET, write_parquet
+from pinarm.use.study.sweep.solving import Progress
 
 if TYPE_CHECKING:
     from pinarm.use.show.picture_files import PictureFormat
@@ -34,12 +32,6 @@ WORST: dict[str, Callable[[Array], Any]] = {
     "relative regularity": np.nanmin,
 }
 """Measures of accuracy, and which of their values is the worst."""
-
-PARQUET = "cases.parquet"
-"""Folder of the table as Parquet, in parts, which pandas, pyarrow, Polars and Spark read as one table."""
-
-PART = 10_000
-"""Cases of a part, from a multiple of it on, so that its bytes do not depend on the order of the answers: some 1 MB."""
 
 SHOWN_CASES = 5
 """Number of cases that a note names."""
@@ -62,7 +54,7 @@ def save(
     with whole_folder(folder, "sweep", source=source, beside=(JOURNAL,)) as draft:
         write_tables(sweep, draft, folder)
         if parquet:
-            _write_parquet(sweep, draft / PARQUET)
+            write_parquet(sweep.cases, sweep.columns, sweep.errors, draft / PARQUET)
         if plots:
             from pinarm.use.show.picture_files import write_pictures
             from pinarm.use.study.sweep.plots import pictures
@@ -120,73 +112,78 @@ def _open_cases(sweep: Sweep) -> list[str]:
     ]
 
 
-def require_parquet() -> None:
-    """Raise where Parquet cannot be written.
-
-    Raises:
-        InputError: pyarrow is not installed.
-    """
-    if find_spec("pyarrow") is None:
-        raise InputError("Parquet is written by pyarrow, which is not installed", hint="pip install 'pinarm[parquet]'")
+PAUSE = 0.1
+"""Seconds between two looks at the progress."""
+SCALED = ("min", "mean", "deviation", "max")
+"""Statistics that have the unit of their column."""
+SHOWN = 10
+"""Reasons of failures that are printed."""
 
 
-class Parts:
-    """Parquet of a sweep under way, in ``partial/cases.parquet`` of its folder: a part appears when its cases are done.
+@contextmanager
+def progress_bar(stream: IO[str]) -> Iterator[Progress]:
+    """Show progress with the remaining time, where the stream is a terminal."""
+    if not stream.isatty():
+        yield lambda done, failed, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
 
-    Args:
-        folder: That of the sweep. Parts that an earlier sweep left there are removed.
-        cases: The values of every case.
-        columns: Results and all measures of accuracy, whose values are written while cases are solved.
-        errors: Case -> why it failed, likewise.
-    """
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    with Bar(*columns, console=Console(file=stream), transient=True) as bar:
+        shown, last = bar.add_task("", total=None), 0.0
 
-    def __init__(self, folder: Path, cases: Cases, columns: Sequence[Series], errors: Mapping[int, str]) -> None:
-        self.folder, self.cases, self.columns, self.errors = folder / PARTIAL, cases, columns, errors
-        self.left = np.array([len(part) for part in _parts(len(cases))])
-        with whole_folder(self.folder, "sweep"):
-            pass
+        def progress(done: int, failed: int, total: int) -> None:
+            nonlocal last
+            if time.monotonic() - last > PAUSE or done == total:
+                last = time.monotonic()
+                bar.update(shown, completed=done, total=total, description=f"{failed} failed" if failed else "")
 
-    def note(self, case: int) -> None:
-        """Note that a case is done, and write its part where it is the last one of it."""
-        number = case // PART
-        self.left[number] -= 1
-        if not self.left[number]:
-            content = _part(self.cases, self.columns, self.errors, number)
-            write_file(self.folder / PARQUET / _name(number), [content], home=self.folder)
+        yield progress
 
 
-def _write_parquet(sweep: Sweep, folder: Path) -> None:
-    """Write the table into a new folder: number of the case, the columns of the CSV file in SI, why it failed.
-
-    Raises:
-        InputError: pyarrow is not installed.
-    """
-    require_parquet()
-    folder.mkdir()
-    known, none = {series.name: series for series in sweep.columns}, np.full(len(sweep), np.nan)
-    measures = [known.get(name, Series(name, DIMENSIONLESS, none)) for name in WORTH]
-    for number in range(len(_parts(len(sweep)))):
-        content = _part(sweep.cases, [*sweep.results(), *measures], sweep.errors, number)
-        (folder / _name(number)).write_bytes(content)
+def report(sweep: Sweep) -> str:
+    """Return the statistics of a sweep and why cases failed, as text."""
+    return "\n".join([sweep.title or sweep.name, *aligned(ranges(sweep)), *remarks(sweep)])
 
 
-def _parts(cases: int) -> list[range]:
-    return [range(begin, min(begin + PART, cases)) for begin in range(0, cases, PART)]
+def ranges(sweep: Sweep) -> list[list[str]]:
+    """Return a heading and the statistics of every result, in the units and by the labels of the scenario."""
+    how, entries = sweep.presentation, {}
+    for name, entry in sweep.summary()["results"].items():
+        scale, unit = how.scale(sweep[name])
+        numbers = {key: value * scale if value is not None and key in SCALED else value for key, value in entry.items()}
+        entries[how.label(name)] = {**numbers, "unit": str(unit or "?")}
+    return statistics_rows("case", entries)
 
 
-def _name(number: int) -> str:
-    return f"part-{number:06d}.parquet"
+def remarks(sweep: Sweep) -> list[str]:
+    """Return what is to be said beside the numbers, a line each: accuracy, notes, and why cases failed."""
+    found, lines = sweep.summary(), []
+    for head, names in (
+        ("accuracy: largest relative residuals", RESIDUALS),
+        ("loops [m or rad, s]: largest", CLOSURES),
+    ):
+        measured = [f"{name} {found['accuracy'][name]:.1e}" for name in names if name in found["accuracy"]]
+        lines += [f"{head}: {', '.join(measured)}"] if measured else []
+    if "global error" in found["accuracy"]:
+        lines.append(f"error: at most {found['accuracy']['global error']:.1e} of the largest value")
+    if words := singularity_words(found["accuracy"]):
+        lines.append(f"regularity: {words} in the worst case; 0 at a singular position")
+    lines += [f"note: {note}" for note in found["notes"]]
+    lines.append(f"cases: {found['cases']}" + (f", {found['failed']} failed" if found["failed"] else ""))
+    for name, cases in found["missing"].items():
+        left = found["results"][name]["cases"]
+        said = f"is not finite in some cases ({_counted(len(cases), cases)}); its statistics are over {left}"
+        lines.append(f"missing: {name} {said}")
+    for failure in found["failures"][:SHOWN]:
+        lines.append(f"failed: {failure['reason']} ({_counted(failure['cases'], failure['first'])})")
+    if len(found["failures"]) > SHOWN:
+        lines.append(f"failed: {len(found['failures']) - SHOWN} more reasons")
+    return lines
 
 
-def _part(cases: Cases, columns: Sequence[Series], errors: Mapping[int, str], number: int) -> bytes:
-    import pyarrow
-    import pyarrow.parquet
-
-    part = _parts(len(cases))[number]
-    table: dict[str, Any] = {"case": part}
-    table |= {series.label: series.values for series in cases.table(part)}
-    table |= {series.label: series.values[part.start : part.stop] for series in columns}
-    table["error"] = [errors.get(case, "") for case in part]
-    written = io.BytesIO()
-    pyarrow.parquet.write_table(pyarrow.table(table), written)
-    return written.getvalue()
+def _counted(count: int, cases: Sequence[int]) -> str:
+    """Return how many cases there are, and the first three of them."""
+    return f"{count}: {', '.join(map(str, cases[:3]))}{', ...' if count > 3 else ''}"

@@ -10,7 +10,7 @@ import pinarm
 from pinarm.errors import InputError, ModelError
 from pinarm.input.robots import robots
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 

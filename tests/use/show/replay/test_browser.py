@@ -14,7 +14,7 @@ import pytest
 from _pytest.mark import ParameterSet
 from PIL import Image
 
-from pinarm.use.result.result import Result
+from pinarm.use.facade import Result
 from pinarm.use.show.replay.chromium import Page, browser
 
 EXACT = 1e-6

@@ -13,7 +13,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.result.result import Result
+from pinarm.use.facade import Result
 from pinarm.use.show.replay.live import _geometries
 from pinarm.use.show.shapes import Shape
 

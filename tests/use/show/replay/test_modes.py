@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.result.result import Result
+from pinarm.use.facade import Result
 from pinarm.use.show.replay.chromium import Page, place
 from pinarm.use.show.replay.modes import LEVELS, PHASES, mode_pictures
 

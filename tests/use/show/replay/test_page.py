@@ -9,7 +9,7 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.use.show.replay.page import _inline, replay_page
-from pinarm.use.store.restore import restore
+from pinarm.use.study.restore import restore
 
 
 @pytest.mark.parametrize(

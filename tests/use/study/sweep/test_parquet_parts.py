@@ -11,7 +11,7 @@ from pinarm import PinarmError
 from pinarm.cli.commands import BAD_INPUT
 from pinarm.cli.main import main
 from pinarm.errors import Interrupted
-from pinarm.use.study.sweep import sweep_files
+from pinarm.use.study.sweep import parquet
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def sweep(held: pinarm.Scenario) -> pinarm.Sweep:
 
 def test_the_parts_together_are_the_table(sweep: pinarm.Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr(sweep_files, "PART", 4)
+    monkeypatch.setattr(parquet, "PART", 4)
     for _ in range(2):  # the second replaces the first
         sweep.save(tmp_path / "out", plots=False, parquet=True)
     parts = sorted(path.name for path in (tmp_path / "out" / "cases.parquet").iterdir())
@@ -47,7 +47,7 @@ def test_parts_appear_while_cases_are_solved_and_have_the_bytes_of_those_at_the_
 ) -> None:
     """Interrupted after 9 of 10 cases and gone on with, in another order of answers."""
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr(sweep_files, "PART", 4)
+    monkeypatch.setattr(parquet, "PART", 4)
     out, begun, over = tmp_path / "out", list[int](), {"arguments.m": "-1:1:10 kg"}
 
     def interrupt(done: int, failed: int, total: int) -> None:
@@ -71,10 +71,10 @@ def test_without_pyarrow_it_is_said_before_the_work(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.setattr(sweep_files, "find_spec", lambda name: None)
+    monkeypatch.setattr(parquet, "find_spec", lambda name: None)
     out = tmp_path / "out"
     assert main(["sweep", str(path), "--over", "arguments.m=1, 2 kg", "--parquet", "-o", str(out)]) == BAD_INPUT
     assert "pip install 'pinarm[parquet]'" in capsys.readouterr().err
     assert not out.exists()
     with pytest.raises(PinarmError, match="written by pyarrow"):
-        sweep_files.require_parquet()
+        parquet.require_parquet()

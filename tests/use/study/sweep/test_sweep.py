@@ -22,7 +22,7 @@ from pinarm.errors import Interrupted
 from pinarm.input.units import unit as read_unit
 from pinarm.use.study.sweep import solving
 from pinarm.use.study.sweep.journal import Journal
-from pinarm.use.study.sweep.sweep_text import report
+from pinarm.use.study.sweep.sweep_files import report
 from pinarm.use.workers.dispatch import Dispatch
 
 MASSES = {"arguments.m": "1:3:5 kg", "arguments.l": "0.5, 1"}

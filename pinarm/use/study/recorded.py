@@ -9,15 +9,14 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import as_rows, real, same_rows
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows
 from pinarm.engine.quantities.state_arrays import refuse_foreign
 from pinarm.engine.series import require_unit
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import SECOND
 from pinarm.problems.recorded import check_rows, named_columns
-from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.facade import Result, Scenario
+from pinarm.use.mechanism import Mechanism
 
 
 def result(

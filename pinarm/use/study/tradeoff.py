@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Values
+from pinarm.use.facade import Given, Scenario, load
 from pinarm.use.output.folder import whole_folder
-from pinarm.use.scenario.scenario import Given, Scenario, load
 from pinarm.use.store.files import json_text, write
-from pinarm.use.study.accuracy.trials import (
+from pinarm.use.study.trials import (
     WANTED,
     Reference,
     TriedSetting,
@@ -91,14 +91,14 @@ class Tradeoff:
 
     def plots(self) -> dict[str, Picture]:
         """Return what there is to draw: error against cost of ``settings``, outputs of ``variants``."""
-        from pinarm.use.study.accuracy.tradeoff_view import plots
+        from pinarm.use.study.tradeoff_view import plots
 
         return plots(self)
 
     def _repr_html_(self) -> str:
         """Return tables and plots, for notebooks."""
         from pinarm.use.show.notebook import blocks, folded, heading, lines, picture, table
-        from pinarm.use.study.accuracy.tradeoff_view import advice, remarks, settings, variant_rows
+        from pinarm.use.study.tradeoff_view import advice, remarks, settings, variant_rows
 
         drawn = {name: picture(figure) for name, figure in self.plots().items()}
         parts = [heading(self.scenario.content.title or self.scenario.name)]

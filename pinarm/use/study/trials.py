@@ -13,18 +13,17 @@ from operator import methodcaller
 import numpy as np
 
 from pinarm.errors import InputError, IntegrationError, NumericsError, PinarmError
-from pinarm.use.result.output_scales import output_scales
-from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario, ScenarioSource
-from pinarm.use.study.accuracy.comparison import common_rows, different_course
-from pinarm.use.study.accuracy.error_estimate import output_differences, reason_for_no_bound
-from pinarm.use.study.accuracy.integration_settings import (
+from pinarm.use.accuracy.error_estimate import common_rows, different_course, output_differences, reason_for_no_bound
+from pinarm.use.accuracy.integration_settings import (
     format_setting,
     reference_settings,
     settings_by_method,
     step_limit,
     with_setting,
 )
+from pinarm.use.result.number_accuracy import output_scales
+from pinarm.use.result.result import Result
+from pinarm.use.scenario.scenario import Scenario, ScenarioSource
 from pinarm.use.workers.worker import LostJob
 
 WANTED = (1e-3, 1e-6, 1e-9)

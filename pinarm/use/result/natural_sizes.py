@@ -1,42 +1,17 @@
-"""What errors of outputs are relative to: their largest value, or what the run makes of their unit where they are 0."""
+"""Natural size of a unit in a run: what its masses, lengths and times make of it, by which rounding is judged."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import Unit
 
-if TYPE_CHECKING:
-    from pinarm.use.result.result import Result
-
 ZERO = 1e-14
 """Size of an output, relative to what the masses, lengths and times of the run make of its unit, that rounding
 explains; outputs that are 0 are up to 4e-15 in the scenarios that come with pinarm."""
-
-
-def output_scales(result: Result) -> dict[str, float]:
-    """Return what the errors of the outputs are relative to.
-
-    That is the largest absolute value over the run; of an output that is 0 but for rounding, what the masses, lengths
-    and times of the run make of its unit.
-    """
-    return {name: usual if size <= ZERO * usual else size for name, (size, usual) in _sizes(result).items()}
-
-
-def rounded_to_zero(result: Result) -> dict[str, float]:
-    """Return how large the outputs are that are 0 but for rounding, though not exactly, relative to their scales."""
-    return {name: size / usual for name, (size, usual) in _sizes(result).items() if 0.0 < size <= ZERO * usual}
-
-
-def _sizes(result: Result) -> dict[str, tuple[float, float]]:
-    """Return the largest absolute value of every output, and what the run makes of its unit."""
-    natural = natural_sizes(result.trajectory)
-    columns = {name: result[name] for name in result.content.outputs}
-    return {name: (float(np.abs(one.values).max()), natural(one.unit)) for name, one in columns.items()}
 
 
 def natural_sizes(run: Trajectory) -> Callable[[Unit | None], float]:

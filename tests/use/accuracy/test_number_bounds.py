@@ -8,7 +8,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.result.number_accuracy import global_error
-from pinarm.use.result.section_number import read_number
+from pinarm.use.result.numbers import read_number
 from pinarm.use.show.terminal import report
 
 URDF = """<robot name="inertia"><link name="base"/><link name="rotor"><inertial><mass value="1"/>

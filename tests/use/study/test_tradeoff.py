@@ -8,8 +8,8 @@ from scipy.special import ellipj, ellipk
 
 from pinarm.cli.main import main
 from pinarm.errors import InputError
-from pinarm.use.study.accuracy.tradeoff import tradeoff
-from pinarm.use.study.accuracy.trials import TriedSetting, recommended_setting, solve_variants, solving_trials
+from pinarm.use.study.tradeoff import tradeoff
+from pinarm.use.study.trials import TriedSetting, recommended_setting, solve_variants, solving_trials
 
 SMALL = """\
 variants:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.use.show.terminal import aligned
-from pinarm.use.study.accuracy.trials import WANTED
+from pinarm.use.study.trials import WANTED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from pinarm.use.show.picture import Picture
-    from pinarm.use.study.accuracy.tradeoff import Tradeoff
-    from pinarm.use.study.accuracy.trials import TriedSetting
+    from pinarm.use.study.tradeoff import Tradeoff
+    from pinarm.use.study.trials import TriedSetting
 
 MARKERS = "os^Dv*"
 

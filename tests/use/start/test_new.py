@@ -10,7 +10,7 @@ import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
-from pinarm.use.store.new import TEMPLATES, templates
+from pinarm.use.start.new import TEMPLATES, templates
 
 CART = """\
 <robot name="cart">

@@ -12,11 +12,11 @@ import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import IntegrationError, PinarmError
 from pinarm.problems import forward
-from pinarm.use.study.accuracy import error_estimate
-from pinarm.use.study.accuracy.integration_settings import with_setting
-from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
-from pinarm.use.study.accuracy.tradeoff_view import remarks, settings
-from pinarm.use.study.accuracy.trials import reference_solution, solve_variants, solving_trials
+from pinarm.use.accuracy import error_estimate
+from pinarm.use.accuracy.integration_settings import with_setting
+from pinarm.use.study.tradeoff import Tradeoff, tradeoff
+from pinarm.use.study.tradeoff_view import remarks, settings
+from pinarm.use.study.trials import reference_solution, solve_variants, solving_trials
 
 from .test_error_estimate import SLIDE, SPRING, on_slide
 

@@ -12,12 +12,8 @@ from pinarm.engine.integration.methods.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
-from pinarm.use.study.accuracy.error_estimate import (
-    error_bounds,
-    estimate_errors,
-    with_errors,
-)
-from pinarm.use.study.accuracy.integration_settings import (
+from pinarm.use.accuracy.error_estimate import error_bounds, estimate_errors, with_errors
+from pinarm.use.accuracy.integration_settings import (
     Ladder,
     format_setting,
     other_method,
@@ -30,31 +26,27 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
+
 FIRST = 2
 """The coarsest rung."""
 
 ANOTHER = 0
 """What stands for another method in place of a rung."""
 
-CHEAPEST_STEP = 3.0
-"""Evaluations that a step takes at least, half of those of dopri5: its finer solutions take twice as many steps."""
-
-FEW = 100
-"""Steps that any method may take."""
-
 MANY = 3000
 """Steps within which it shows whether an explicit method is limited by stability."""
 
 TRIED: tuple[MethodName, ...] = tuple(name for name, entry in METHODS.items() if entry.setting == "tolerance")
-"""Methods that are tried where the scenario names none, in this order; the other way round where a motion is stiff."""
+"""Methods that are tried where the scenario names none, until one reaches the target; in the reverse order where a
+motion is stiff."""
 
 
 def reach_target(scenario: Scenario) -> Result:
     """Return the result of the cheapest setting whose error is at most the scenario's target, by its bound.
 
-    Tolerances are tried by decades, steps by halves, of the method that the scenario names, or of several. The price is
-    the number of evaluations. All solutions that serve as comparison are solved with other last digits, each with its
-    own, and used for both of the settings that they are compared with.
+    Tolerances are tried by decades, steps by halves, of the method that the scenario names, or of several until one
+    reaches the target. All solutions that serve as comparison are solved with other last digits, each with its own, and
+    used for both of the settings that they are compared with.
 
     Args:
         scenario: With ``accuracy.target``.
@@ -73,19 +65,20 @@ def reach_target(scenario: Scenario) -> Result:
     named = "method" in scenario.document.data["accuracy"]
     searches: list[_Search] = []
     for method in (scenario.content.accuracy.method,) if named else _ordered(scenario, span, target):
-        most = min([scenario.content.accuracy.max_steps, *(search.step_limit(target) for search in searches)])
-        searches.append(_Search(scenario, Ladder(method, span), most))
+        searches.append(_Search(scenario, Ladder(method, span)))
         searches[-1].search(target)
+        if not searches[-1].missing(target):
+            break
     while True:
-        best = min(searches, key=lambda search: search.cost(target))
+        best = min(searches, key=lambda search: search.missing(target))
         result = best.result(target, sum(len(search.errors) for search in searches))
-        if not result.missed or best.cost(target)[0]:
+        if not result.missed or best.missing(target):
             return result
         best.note_miss(target, max(result.errors.values()))
 
 
 def _ordered(scenario: Scenario, span: float, target: float) -> tuple[MethodName, ...]:
-    """Return the methods in the order in which they are tried: what one costs limits those that follow."""
+    """Return the methods in the order in which they are tried."""
     ladder = Ladder(TRIED[0], span)
     try:
         first = with_setting(
@@ -117,14 +110,12 @@ class _Search:
     Attributes:
         scenario: What is solved.
         ladder: The settings.
-        most: Number of steps that no solution may exceed.
         runs: Rung -> solution with other last digits; none where it failed.
         errors: Rung -> bound of the error; see ``error_estimate.BOUND``.
     """
 
     scenario: Scenario
     ladder: Ladder
-    most: int
     runs: dict[int, Result | None] = field(default_factory=dict)
     errors: dict[int, float] = field(default_factory=dict)
 
@@ -163,7 +154,8 @@ class _Search:
 
     def _step_limit(self) -> int:
         solved = [run for run in self.runs.values() if run]
-        return step_limit(solved[-1], self.most) if solved else self.most
+        most = self.scenario.content.accuracy.max_steps
+        return step_limit(solved[-1], most) if solved else most
 
     def finer(self, rung: int) -> Result | None:
         """Return the solution that one of a rung is compared with: whose steps are others, or else the method."""
@@ -188,21 +180,10 @@ class _Search:
         finest = max((rung for rung in self.errors if self._compared(rung)), default=FIRST)
         return min(good) if good else min(self.errors, key=lambda rung: (self.errors[rung], abs(rung - finest)))
 
-    def cost(self, target: float) -> tuple[float, float]:
-        """Return how much is missing to the target, 0 where it is reached, and the evaluations that it takes."""
-        rung = self.best_rung(target)
-        run, error = self.run(rung), self.errors[rung]
-        return 0.0 if error <= target else error, run.figures["evaluations"] if run else np.inf
-
-    def step_limit(self, target: float) -> int:
-        """Return the number of steps with which any other method costs more; finer solutions may take as many.
-
-        Where this one does not reach the target, another may cost as much as its most expensive solution.
-        """
-        missing, evaluations = self.cost(target)
-        if missing:
-            evaluations = max((run.figures["evaluations"] for run in self.runs.values() if run), default=np.inf)
-        return int(min(self.most, max(evaluations / CHEAPEST_STEP, FEW)))
+    def missing(self, target: float) -> float:
+        """Return 0 where the target is reached, else the smallest error."""
+        error = self.errors[self.best_rung(target)]
+        return 0.0 if error <= target else error
 
     def note_miss(self, target: float, error: float) -> None:
         """Note that the rung found misses the target after all, of the mechanism as it is; look beyond it."""

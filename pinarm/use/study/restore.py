@@ -20,20 +20,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.labelled_array import labelled_arrays
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.mechanism_loading import read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.errors import InputError, require_path
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
+from pinarm.use.facade import Result, Scenario
+from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.output.folder import complete_folder
 from pinarm.use.output.manifest import read_manifest
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.result.result import Result
 from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, events_of, trajectory_of
-from pinarm.use.scenario.recorded import result as recorded_result
-from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.store.section_files import SECTIONS, read_sections
+from pinarm.use.study.recorded import result as recorded_result
 
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
@@ -80,8 +79,10 @@ def restore(folder: str | Path) -> Result:
         manifest = read_manifest(folder)
     source = folder / manifest.source if manifest and manifest.source else None
     scenario = scenario.with_mechanism(mechanism)
-    rows = trajectory_of(scenario, mechanism, arrays)
-    motion = None if rows.isolated else SolvedAnew(scenario, mechanism, rows)
+    question, mechanism = scenario.problem, scenario.mechanism
+    rows = trajectory_of(question, mechanism, arrays)
+    anew = SolvedAnew(question, scenario.content.accuracy, scenario.place, mechanism, rows)
+    motion = None if rows.isolated else anew
     outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model), arrays=labelled_arrays(arrays))
     measured = {key: summary[key] for key in ("figures", "errors", "number_errors", "setting", "no_bound", "removals")}
     return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, source=source, **measured)
@@ -218,4 +219,4 @@ def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
     given = {name: value for name, value in content.arguments.items() if value.word is None}
     units = {name: value.unit for name, value in given.items() if value.unit is not None}
     arguments: Mapping[str, float] = {name: float(value) for name, value in given.items()}
-    return replace(mechanism, arguments=arguments, argument_units=units)
+    return with_methods(replace(mechanism, arguments=arguments, argument_units=units))

@@ -28,7 +28,7 @@ def solved(scenario: Scenario) -> Result:
     search = scenario.content.find
     if scenario.content.accuracy.target is None or (search and search.objective):  # every run of which reaches it
         return scenario.solve()
-    from pinarm.use.study.accuracy.tolerance_search import reach_target
+    from pinarm.use.accuracy.tolerance_search import reach_target
 
     return reach_target(scenario)
 
@@ -39,7 +39,7 @@ def verified(scenario: Scenario) -> Result:
     Raises:
         PinarmError: See ``solved``.
     """
-    from pinarm.use.study.accuracy.error_estimate import estimate_errors
+    from pinarm.use.accuracy.error_estimate import estimate_errors
 
     result = solved(scenario)
     run, rows = result.trajectory, len(result)

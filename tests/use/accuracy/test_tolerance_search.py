@@ -6,9 +6,9 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.records import replace
-from pinarm.use.study.accuracy import tolerance_search as target_search
-from pinarm.use.study.accuracy.error_estimate import BOUND, output_differences
-from pinarm.use.study.accuracy.integration_settings import with_setting
+from pinarm.use.accuracy import tolerance_search as target_search
+from pinarm.use.accuracy.error_estimate import BOUND, output_differences
+from pinarm.use.accuracy.integration_settings import with_setting
 
 from .test_error_estimate import ROOT
 

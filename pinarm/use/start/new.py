@@ -64,7 +64,7 @@ def _model(file: Path, robot: str, folder: Path) -> dict[str, str]:
     """
     from pinarm.engine.mechanism_loading import load_mechanism
     from pinarm.input.roots import contained_file, root_of
-    from pinarm.use.store.first_files import mechanism_text, scenario_text
+    from pinarm.use.start.first_files import mechanism_text, scenario_text
 
     mechanism = load_mechanism(file)
     contained_file(file.absolute(), root_of(folder / "mechanism.yaml"))
@@ -82,7 +82,7 @@ def _robot(name: str) -> dict[str, str]:
     """
     from pinarm.engine.mechanism_loading import load_mechanism
     from pinarm.input.robots import robots
-    from pinarm.use.store.first_files import mechanism_text, scenario_text
+    from pinarm.use.start.first_files import mechanism_text, scenario_text
 
     if name not in robots():
         hint = choices(name, [*templates(), *robots()])[1]

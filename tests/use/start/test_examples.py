@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.store import examples as module
+from pinarm.use.start import examples as module
 
 ROOT = Path(pinarm.__file__).parents[1]
 

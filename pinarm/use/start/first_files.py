@@ -23,7 +23,7 @@ from pinarm.errors import InputError, PinarmError
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.joints import METRE, Joint
-from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.facade import Scenario
 
 STEP = {"deg": 30.0, "mm": 100.0}
 """How far a joint moves, in the unit of the file."""

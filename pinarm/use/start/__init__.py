@@ -1,0 +1,1 @@
+"""What a user begins with: examples, templates, the first files of a model."""
