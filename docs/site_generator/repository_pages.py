@@ -80,7 +80,9 @@ def linked_files(markdown: str, page: str) -> Iterator[str]:
     folder = _folder_of(page)
     for link in _LINK.finditer(markdown):
         source = posixpath.normpath(posixpath.join(folder, link["target"]))
-        if not source.startswith(("docs/", "..")) and source not in PAGES and (ROOT / source).exists():
+        path = ROOT / source
+        shown = path.is_dir() or (path.is_file() and path.suffix in {*LANGUAGES, ".ipynb"})
+        if not source.startswith(("docs/", "..")) and source not in PAGES and shown:
             yield source
 
 
