@@ -196,3 +196,14 @@ def test_a_rotor_has_its_part_in_the_kinetic_energy(solve):
     table = solve(xml, {}, drives).arrays["masses"]
     assert list(table.rows) == ["arm_link", "rotor at arm"]
     assert table.values[:, 0] == pytest.approx([0.5 / 0.7, 0.2 / 0.7])
+
+
+def test_a_cable_that_carries_nothing_is_refused(solve):
+    """A load that hangs on a cable; lifted by more than its weight, the cable would have to push."""
+    arm = link("arm", "base", "0 1 0", mass=2.0, com="0 0 -0.5")
+    xml = robot(arm, link("lift", "base", "0 0 1", at="0 0 -2", mass=1.0, kind="prismatic"))
+    hung = {"loops": {"rope": {"kind": "cable", "through": ["base", "lift_link"], "length": "2 m"}}}
+    assert len(solve(xml, {}, hung).arrays["eigenvalues"].columns) == 1
+    lifted = {"lifting": {"kind": "joint_effort", "joint": "lift", "effort": {"law": "constant", "value": "15 N"}}}
+    with pytest.raises(InputError, match="cable 'rope' carries no load here"):
+        solve(xml, {}, hung, loads=lifted)

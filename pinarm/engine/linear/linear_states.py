@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Complex, real
-from pinarm.engine.constraints.constraint import GuidedCoordinate
+from pinarm.engine.constraints.constraint import GuidedCoordinate, one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
@@ -246,7 +246,20 @@ def _completed(state: Trajectory, drives: Drives) -> Trajectory:
     a = accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
     held = dynamics.inverse(t, q, v, a) - tau
     lam = np.asarray(Multipliers.least(mechanism.closure, q, held, np.zeros((1, 0))))
+    _require_pushes(mechanism, lam[0])
     return replace(state, a=a, lam=Multipliers.known(np.hstack([lam, guided.T]), own))
+
+
+def _require_pushes(mechanism: Mechanism, lam: Array) -> None:
+    """Raise where a constraint that pulls or pushes only carries nothing, or would have to do the other.
+
+    Raises:
+        InputError: Names it.
+    """
+    for one in one_sided(mechanism.constraints):
+        if one.side * lam[mechanism.closure.slices[one.name].start] <= AT_KINK * np.abs(lam).max():
+            raise InputError(f"{one.kind} '{one.name}' carries no load here: {one.opens}",
+                             expected="a state in which it holds")  # fmt: skip
 
 
 def require_same(linear: Linearisation, later: Linearisation) -> None:
