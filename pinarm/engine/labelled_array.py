@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Complex
 from pinarm.errors import InputError
@@ -14,6 +13,7 @@ from pinarm.input.units import HERTZ, Unit, unit
 from pinarm.records import Record
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from pandas import DataFrame
 
 PARTS = ("values", "rows", "columns", "row_units", "column_units")

@@ -15,7 +15,6 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 
 from pinarm.errors import InputError, ModelError, choices
 
@@ -24,7 +23,7 @@ MARKERS = ("pyproject.toml", ".pinarm-root")
 Packages = Mapping[str, Path]
 """Name of a package of ROS -> its folder."""
 
-NO_PACKAGES: Packages = MappingProxyType({})
+NO_PACKAGES: Packages = {}
 
 Stamp = tuple[int, int, int, int]
 """Times of the last changes of a file's content and of its entry [ns], its size [bytes], and its number."""

@@ -30,7 +30,7 @@ def recur() -> object:
 
 def planted(monkeypatch: pytest.MonkeyPatch, fault: Callable[[], object]) -> None:
     """Let a fault be met where a scenario is solved, in whatever part of it."""
-    monkeypatch.setattr(Scenario, "_solve_once", lambda self: fault())
+    monkeypatch.setattr(Scenario, "solve_once", lambda self: fault())
 
 
 @pytest.mark.parametrize(

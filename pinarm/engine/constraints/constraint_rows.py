@@ -23,7 +23,7 @@ from pinarm.mechanics.geometry.frame_pairs import FramePairs, RelativeMotion, li
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.pairs import TiedFrames
-from pinarm.mechanics.loops.kinds import CableLoop
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.relative import TurnedAbout
 from pinarm.records import Record, replace

@@ -30,7 +30,7 @@ from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
 from pinarm.mechanics.geometry.vectors import moved
-from pinarm.mechanics.loops.kinds import CableLoop
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:

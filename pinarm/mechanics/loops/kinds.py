@@ -10,14 +10,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Span
 from pinarm.mechanics.coordinates import PathLength
-from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.pairs import Tie
 from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
-from pinarm.mechanics.joints import METRE, Direction, unit_vector
+from pinarm.mechanics.joints import Direction, unit_vector
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
 from pinarm.mechanics.loops.lower_pairs import Helical, LowerKind
 from pinarm.mechanics.loops.rolling import KnifeEdge, Rolling
@@ -119,52 +117,6 @@ class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
                 hint="length: 2 m",
             )
         return CableLoop(name, path, length)
-
-
-class CableLoop(Record, frozen=True):
-    """A cable of one mechanism: the constraint ``w(q) = length`` of its path, which can only be shorter.
-
-    The multiplier lam pushes the points apart: the tension is ``-lam``.
-
-    Attributes:
-        name: Its name.
-        path: Its path.
-        length: [m].
-        opens: What happens where it opens, in words.
-    """
-
-    name: str
-    path: PathLength
-    length: float
-    kind: str = "cable"
-    size: int = 1
-    side: float = -1.0
-    opens: str = "it goes slack"
-
-    def unit(self, row: int) -> Unit:
-        return METRE
-
-    def gap(self, state: Kinematics) -> Array:
-        return np.array([self.path.value(state) - self.length])
-
-    def rows(self, state: Kinematics) -> Array:
-        return self.path.row(state)[None]
-
-    def drift(self, state: Kinematics) -> Array:
-        return np.array([self.path.drift(state)])
-
-    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        return self.path.wrenches(links, lam[:, 0])
-
-    def push(self, q: Array, lam: Array) -> Array:
-        return -lam
-
-    def push_unit(self) -> Unit:
-        return unit("N")
-
-    def whereabouts(self, q: Array) -> str:
-        """Return nothing: the instant tells."""
-        return ""
 
 
 LoopJointKind = LowerKind | Helical | Universal | Rod | Rolling | KnifeEdge

@@ -14,7 +14,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.joints import RADIAN, Joint, moved_links
-from pinarm.mechanics.loops.kinds import CableLoop
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.use.report.document import ReportTable, number, shortened, text, unit_text

@@ -24,7 +24,7 @@ from pinarm.input.yaml.document import Values
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.loading.pinocchio_layout import FLOATING
-from pinarm.mechanics.loops.kinds import CableLoop
+from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal

@@ -11,7 +11,7 @@ from pinarm.use.accuracy.error_estimate import estimate_errors, output_differenc
 from pinarm.use.accuracy.integration_settings import with_setting
 from pinarm.use.result.number_accuracy import output_scales
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 FILES = sorted((ROOT / "scenarios").glob("*.yaml"))
 
 

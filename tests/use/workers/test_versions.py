@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-import pinarm
+from pinarm.use.workers import worker
 from pinarm.use.workers.worker import code_digest, differences
 
 
@@ -21,7 +21,7 @@ def test_differences_name_both() -> None:
 def test_a_change_of_the_code_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "inner").mkdir()
     (tmp_path / "__init__.py").touch()
-    monkeypatch.setattr(pinarm, "__file__", str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(worker, "__file__", str(tmp_path / "use" / "workers" / "worker.py"))
     before = code_digest.__wrapped__()
     (tmp_path / "example_files").mkdir()
     (tmp_path / "example_files" / "first.py").write_text("# which only a wheel has\n")
