@@ -68,7 +68,7 @@ def test_what_swings_past_a_short_blow_and_back_within_a_step_is_hit_every_time(
 
     ends = np.arcsin([0.95, 0.96, 0.97])
     mean = 2.0 * sum(quad(effort, low, high, epsabs=1e-14)[0] for low, high in pairwise(ends)) / (2.0 * np.pi)
-    assert result["joint.wheel.velocity"].values[-1] == pytest.approx(0.1 * mean / 0.02, rel=1e-6)
+    assert result["joint.wheel.velocity"].values[-1] == pytest.approx(0.1 * mean / 0.02, rel=6e-6)  # 300 steps of 1e-9
 
 
 def test_a_short_lift_of_a_follower_moves_what_hangs_on_it(write):

@@ -177,8 +177,9 @@ def test_what_a_run_that_ends_early_keeps_is_the_run_until_there(
     problem = Forward(time=TIME, motion=motion, loads=loads)
     outcome = problem.solve(pair, Accuracy(), place)
     whole = outcome.rows
+    instant = 1.4 if motion else 2.5  # from 1.5 s on the trapezoid is 0, and not asked for
     if cause == "Ctrl-C":
-        stop_at(2.5)
+        stop_at(instant)
         with pytest.raises((Interrupted, KeyboardInterrupt), match="interrupted at t = ") as caught:
             problem.solve(pair, Accuracy(), place)
     else:
@@ -186,7 +187,7 @@ def test_what_a_run_that_ends_early_keeps_is_the_run_until_there(
         with pytest.raises(IntegrationError, match=f"has taken {most} steps") as caught:
             problem.solve(pair, Accuracy(max_steps=most), place)
     kept = caught.value.partial.rows
-    assert 1.5 < kept.grid.t[-1] <= 2.5 or cause == "max_steps"
+    assert instant - 1.0 < kept.grid.t[-1] <= instant or cause == "max_steps"
     rows = slice(0, len(kept))
     assert len(kept) > 10
     assert np.array_equal(kept.grid.t, whole.grid.t[rows])

@@ -246,17 +246,25 @@ class ForceBalance(Record, frozen=True):
         return {name: Dynamics.of(dynamics.model, {name: force}) for name, force in dynamics.forces.items()}
 
     def edge(self, q: Array) -> str:
-        """Return the name of a load whose slope at q is another one to either side; empty where there is none."""
-        h, still = EDGE_STEP * np.minimum(self.closure.scale, 1.0), np.zeros_like(q)
+        """Return the name of a load whose slope at q is another one to either side; empty where there is none.
+
+        The change of a slope at an edge stays as it is over half the step, that of a curve is half of it.
+        """
         least = ROUNDED * float(self.terms(q)[1].max(initial=0.0))
         for name, load in self._loads.items():
-            states = q + np.concatenate([np.zeros((1, len(q))), np.diag(h), -np.diag(h)])
-            here, *others = (load.loads(0.0, state, still).copy() for state in states)
-            ahead, behind = np.split(np.array(others), 2)
-            bend, slope = np.abs(ahead + behind - 2.0 * here) / h[:, None], np.abs(ahead - behind) / h[:, None]
-            if (bend > KINK * slope.max(initial=0.0) + least).any():
+            (bend, slope), (nearer, _) = self._slopes(load, q, EDGE_STEP), self._slopes(load, q, 0.5 * EDGE_STEP)
+            if ((bend > KINK * slope + least) & (nearer > 0.75 * bend)).any():
                 return name
         return ""
+
+    def _slopes(self, load: Dynamics, q: Array, step: float) -> tuple[Array, float]:
+        """Return the differences of a load's slopes to both sides of q, shape (nv, nv), and its largest slope."""
+        h, still = step * np.minimum(self.closure.scale, 1.0), np.zeros_like(q)
+        states = q + np.concatenate([np.zeros((1, len(q))), np.diag(h), -np.diag(h)])
+        here, *others = (load.loads(0.0, state, still).copy() for state in states)
+        ahead, behind = np.split(np.array(others), 2)
+        slope = float((np.abs(ahead - behind) / h[:, None]).max(initial=0.0))
+        return np.abs(ahead + behind - 2.0 * here) / h[:, None], slope
 
     def efforts(self, q: Array) -> tuple[Array, Array]:
         """Return tau at the joints that are held, shape (nv,), and the multipliers, shape (m,)."""
