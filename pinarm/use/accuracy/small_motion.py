@@ -69,7 +69,7 @@ def _noted(result: Result, figures: dict[str, float], note: str) -> Result:
 
 
 def _difference(result: Result, linear: Linearisation, amplitude: float) -> Array:
-    """Return what a motion differs by from the linear one, relative to its largest deviation, shape (n, 2 d)."""
+    """Return what a motion differs by from the linear one, relative to its largest deviation, shape (n (e + d),)."""
     from scipy.linalg import expm
 
     motion, state = linear.motion, result.trajectory
@@ -81,18 +81,18 @@ def _difference(result: Result, linear: Linearisation, amplitude: float) -> Arra
     model, q, v = state.mechanism.model, state.q[0], state.v[0]
     start = pin.integrate(model, q, motion.position @ whole)
     rows = _forward(result, linear, start, v + motion.velocity @ whole, float(t[-1]))
-    chosen = motion.independent
     steady = [pin.integrate(model, q, instant * v) for instant in t]
     apart = np.array([pin.difference(model, *pair) for pair in zip(steady, rows.q, strict=True)])
-    moved = np.hstack([apart[:, chosen], (rows.v - v)[:, chosen]]) / amplitude
-    sizes = np.abs(predicted).max(axis=0).reshape(2, -1)
-    return np.asarray((moved - predicted) / np.maximum(sizes, LEAST * sizes.max(axis=1, keepdims=True)).ravel())
+    moved = np.hstack([apart[:, motion.placed], (rows.v - v)[:, motion.independent]]) / amplitude
+    sizes = np.abs(predicted).max(axis=0)
+    positions, velocities = sizes[: len(motion.placed)], sizes[len(motion.placed) :]
+    least = np.concatenate([np.maximum(part, LEAST * part.max()) for part in (positions, velocities)])
+    return np.asarray((moved - predicted) / least).ravel()
 
 
 def _start(linear: Linearisation) -> Array:
-    """Return a state in which all modes move, the largest deviation 1, shape (2 d,)."""
-    vectors = linear.modes.vectors
-    half = len(vectors) // 2
+    """Return a state in which all modes move, the largest deviation 1, shape (e + d,)."""
+    vectors, half = linear.modes.vectors, len(linear.motion.placed)
     sizes = np.abs(vectors[:half]).max(axis=0)
     x = (vectors / np.where(sizes > 0.0, sizes, 1.0)).real.sum(axis=1)
     return np.asarray(x / np.abs(x[:half]).max())
@@ -112,10 +112,10 @@ def _duration(linear: Linearisation) -> float:
 def _forward(result: Result, linear: Linearisation, q: Array, v: Array, end: float) -> Trajectory:
     """Return the rows of a free motion from a state, the drives with constant efforts."""
     problem: Linear = result.scenario.problem  # type: ignore[assignment]
-    mechanism, drives, free = result.trajectory.mechanism, linear.at.drives, linear.motion.independent
+    mechanism, drives, motion = result.trajectory.mechanism, linear.at.drives, linear.motion
     here = Kinematics.at(mechanism.model, q)
     positions = {name: coordinate_at(mechanism.model, k).value(here) for k, name in enumerate(linear.joints)}
-    chosen = {linear.joints[k] for k in free.tolist()}
+    chosen = {linear.joints[k] for k in motion.placed.tolist()}
     places = places_of(mechanism.joints, mechanism.balls)
     loads, laws = dict(problem.loads), dict[str, Any]()
     for name, coordinate, prescribed, effort in zip(
@@ -130,7 +130,7 @@ def _forward(result: Result, linear: Linearisation, q: Array, v: Array, end: flo
         start={name: value for name, value in positions.items() if name not in chosen},
         initial=InitialState(
             position={name: positions[name] for name in chosen},
-            velocity={name: float(v[place]) for name, place in places.items() if place in free},
+            velocity={name: float(v[place]) for name, place in places.items() if place in motion.independent},
         ),
     )  # fmt: skip
     return question.solve(mechanism, Accuracy(tolerance=TOLERANCE), nowhere).rows
