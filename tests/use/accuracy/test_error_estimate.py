@@ -73,7 +73,10 @@ def honest(rows):
         print(f"{name:32s} {output:24s} bound {bound:.1e}, true {true:.1e}")
     bounds, true = np.array([row[2:] for row in rows]).T
     seen = true > ROUNDING
-    below, ratio = (true <= np.maximum(bounds, ROUNDING)).mean(), np.median(bounds[seen] / true[seen]) if seen.any() else 1.0
+    below, ratio = (
+        (true <= np.maximum(bounds, ROUNDING)).mean(),
+        np.median(bounds[seen] / true[seen]) if seen.any() else 1.0,
+    )
     print(f"{len(true)} outputs, {100 * below:.1f} % below the bound; median of bound/true {ratio:.2f}")
     assert below >= 0.97
     assert ratio < 30
