@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
@@ -12,7 +12,16 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.statics.actuation import actuation
 from pinarm.errors import InputError, Place, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import InputStruct, Positive, check_unit
+from pinarm.input.yaml.schema import (
+    AnyQuantity,
+    InputStruct,
+    Measured,
+    Positive,
+    Readable,
+    check_unit,
+    convert,
+    json_schema,
+)
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import effort_unit
 from pinarm.problems.weights import Weight, check_names, comparable, reciprocal, weights_of
@@ -23,19 +32,60 @@ if TYPE_CHECKING:
     from pinarm.engine.statics.effort_distribution import SharedEfforts
 
 
+class EffortRange(Readable):
+    """Least and largest effort of a drive: ``20 N*m`` either way, or ``[-100 N, -5 N]``; ``null`` is no limit.
+
+    Attributes:
+        bounds: The least and the largest effort.
+    """
+
+    __slots__ = ("bounds",)
+
+    def __init__(self, *bounds: Measured | None) -> None:
+        self.bounds = bounds
+
+    @classmethod
+    def read(cls, value: object) -> Self:
+        """Read one effort, or a list of two.
+
+        Raises:
+            InputError: It is neither, or the first is not below the second.
+        """
+        if isinstance(value, cls):
+            return value
+        if not isinstance(value, list):
+            largest = convert(Positive, value)
+            return cls(-largest, largest)  # type: ignore[operator, arg-type]
+        if len(value) != 2:
+            raise InputError(f"{len(value)} efforts are no range", expected="[least, largest], null for no limit")
+        low, high = (None if bound is None else convert(AnyQuantity, bound) for bound in value)
+        if None not in (low, high) and not low < high:  # type: ignore[operator]
+            raise InputError(f"{low:g} is not below {high:g}", expected="[least, largest], such as [-100 N, -5 N]")
+        return cls(low, high)  # type: ignore[arg-type]
+
+    @classmethod
+    def schema(cls) -> dict[str, object]:
+        bound = {"anyOf": [json_schema(AnyQuantity), {"type": "null"}]}
+        return {"anyOf": [json_schema(Positive), {"type": "array", "items": bound, "minItems": 2, "maxItems": 2}]}
+
+    def plain(self) -> object:
+        return [*self.bounds]
+
+
 class EffortSharing(InputStruct, frozen=True):
-    """The efforts tau with the least ``sum_i (w_i tau_i)^2`` over the drives i, with ``|tau_i|`` within limits.
+    """The efforts tau with the least ``sum_i (w_i tau_i)^2`` over the drives i, each within its limits.
 
     Attributes:
         weights: Drive -> w, of every drive, such as ``{left: 1, right: 2}``; the larger, the less it carries. Numbers
             without unit where all drives give torques, or all give forces; else in 1/N/m and 1/N: the reciprocals of
             the rated efforts, for example. 1 where left out.
-        limits: Drive -> largest effort, of some drives, such as ``{A: 20 N*m}``; or ``model``, the effort limits that
-            the model gives its joints. None where left out.
+        limits: Drive -> largest effort either way, such as ``{A: 20 N*m}``, or its range, such as
+            ``{cable: [-100 N, -5 N]}``; ``null`` in a range is no limit. ``model`` takes the effort limits that the
+            model gives its joints. No limits where left out.
     """
 
     weights: dict[str, Weight] = {}
-    limits: Literal["model"] | dict[str, Positive] = {}
+    limits: Literal["model"] | dict[str, EffortRange] = {}
 
     def weighted(self, drives: Mapping[str, Coordinate]) -> Array:
         """Return w of the drives, shape (d,).
@@ -51,19 +101,23 @@ class EffortSharing(InputStruct, frozen=True):
         with within("weights"):
             return weights_of(self.weights, units, DRIVE)
 
-    def largest(self, mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> Array:
-        """Return the largest efforts of the drives, infinite where there is no limit, shape (d,).
+    def ranges(self, mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> Array:
+        """Return the least and the largest efforts of the drives, infinite where there is no limit, shape (2, d).
 
         Raises:
             InputError: A name is no drive, a limit has another unit, or the model gives none of the drives a limit.
         """
         given = _model_limits(mechanism, drives) if isinstance(self.limits, str) else self.limits
+        ranges = np.repeat([[-np.inf], [np.inf]], len(drives), axis=1)
         with within("limits"):
             check_names(given, drives, DRIVE)
             for name, limit in given.items():
-                with within(name):
-                    check_unit(limit, effort_unit(drives[name]))
-        return np.array([float(given.get(name, np.inf)) for name in drives])
+                for side, bound in enumerate(limit.bounds):
+                    if bound is not None:
+                        with within(name):
+                            check_unit(bound, effort_unit(drives[name]))
+                        ranges[side, [*drives].index(name)] = bound
+        return ranges
 
 
 Share = Literal["least_squares", "bounded"] | EffortSharing
@@ -113,7 +167,7 @@ def _sharing(mechanism: Mechanism, acting: Actuation, share: Share) -> Actuation
 
     assert isinstance(acting, SelectedDrives)  # as all drives that are named
     chosen = SHARES[share] if isinstance(share, str) else share
-    efforts = SharedEfforts(chosen.weighted(acting.named), chosen.largest(mechanism, acting.named))
+    efforts = SharedEfforts(chosen.weighted(acting.named), chosen.ranges(mechanism, acting.named))
     _require_told_apart(acting.joints, efforts)
     return replace(acting, distribution=efforts)
 
@@ -145,7 +199,7 @@ def _incomparable(units: Mapping[str, Unit]) -> InputError:
     )
 
 
-def _model_limits(mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> dict[str, float]:
+def _model_limits(mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> dict[str, EffortRange]:
     """Return the effort limits that the model gives the joints among the drives.
 
     Raises:
@@ -153,7 +207,7 @@ def _model_limits(mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> dic
     """
     joints = {name: coordinate.joint for name, coordinate in drives.items() if isinstance(coordinate, LinearCoordinate)}
     limits = {name: float(mechanism.model.effortLimit[joint]) for name, joint in joints.items() if joint is not None}
-    found = {name: limit for name, limit in limits.items() if np.isfinite(limit)}
+    found = {name: EffortRange.read(limit) for name, limit in limits.items() if np.isfinite(limit)}
     if not found:
         raise InputError(f"the model gives none of the drives {', '.join(drives)} an effort limit",
                          expected="an effort limit of their joints in the model",

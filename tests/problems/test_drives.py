@@ -119,7 +119,7 @@ def test_reactions_are_those_of_the_chosen_efforts(alone):
 def test_rows_beyond_all_limits_are_refused_with_their_instant():
     with pytest.raises(DrivesError, match=r"at t = 0\.\d+ s the drives theta2, theta4 cannot carry the load") as caught:
         four_bar(share={"limits": {"theta2": "2 N*m", "theta4": "1 N*m"}})
-    assert "theta2 2 N*m, theta4 1 N*m" in str(caught.value)
+    assert "theta2 -2 to 2 N*m, theta4 -1 to 1 N*m" in str(caught.value)
     assert caught.value.exit_code == 2
 
 
@@ -222,6 +222,8 @@ def test_friction_that_sticks_is_refused(mechanism, chain):
         ({"share": {"weights": {"theta2": 1, "theta4": 0}}}, ["0 is out of bounds", "more than 0"]),
         ({"share": {"weights": {"theta2": 1, "theta4": "2 1/N/m"}}}, ["the weight 1 has no unit", "1 1/N/m"]),
         ({"share": {"limits": {"theta4": "1 N"}}}, ["'N' is not a unit", "N*m"]),
+        ({"share": {"limits": {"theta4": ["1 N*m", "-1 N*m"]}}}, ["1 is not below -1", "[least, largest]"]),
+        ({"share": {"limits": {"theta4": ["1 N*m"]}}}, ["1 efforts are no range"]),
         ({"share": "bounded"}, ["the model gives none of the drives theta2, theta4 an effort limit"]),
         ({"share": "least_squares", "drives": ...}, ["no drives are named that share the load"]),
     ],
@@ -230,6 +232,39 @@ def test_mistakes_are_told(problem, texts):
     with pytest.raises(PinarmError) as caught:
         four_bar(**problem)
     assert all(text in str(caught.value) for text in texts), str(caught.value)
+
+
+def test_cables_that_only_pull_keep_their_least_tension():
+    """A load of 2 kg on four cables: the lower two at 5 N, the upper two carry the rest by themselves."""
+    corners = {"A": [-1.0, 1.0], "B": [1.0, 1.0], "C": [1.0, -1.0], "D": [-1.0, -1.0]}
+    points = {name: [f"{x} m" for x in at] for name, at in {**corners, "O": (0, 0), "P": (0, 0), "X": (1, 0),
+                                                           "Y": (0, 1)}.items()}  # fmt: skip
+    planar = {
+        "points": points,
+        "ground": ["O", "X", *corners],
+        "links": {
+            "cart": {"points": ["Y"]},
+            "load": {"points": ["P"], "mass": "2 kg", "centre": "P", "inertia": "0 kg*m^2"},
+        },
+        "sliders": {
+            "y": {"link": "cart", "along": ["O", "Y"]},
+            "x": {"link": "load", "on": "cart", "along": ["O", "X"]},
+        },
+    }
+    cables = {name: {"kind": "distance", "between": [name, "P"]} for name in corners}
+    limits = {"A": ["-100 N", "-5 N"], "B": ["-100 N", "-5 N"], "C": [None, "-5 N"], "D": [None, "-5 N"]}
+    run = pinarm.run({
+        "pinarm": 1,
+        "mechanism": {"pinarm": 1, "planar": planar, "coordinates": cables},
+        "problem": {"kind": "statics", "hold": {"x": "0.2 m", "y": "0.1 m"}, "drives": [*corners],
+                    "share": {"limits": limits}},
+        "outputs": [f"coordinate.{name}.effort" for name in corners],
+    })  # fmt: skip
+    pull = {name: np.subtract(at, (0.2, 0.1)) / np.hypot(*np.subtract(at, (0.2, 0.1))) for name, at in corners.items()}
+    weight = [0.0, 2.0 * 9.81]
+    upper = np.linalg.solve(np.column_stack([pull["A"], pull["B"]]), weight - 5.0 * (pull["C"] + pull["D"]))
+    found = [series[0] for series in values(run, *(f"coordinate.{name}.effort" for name in corners))]
+    assert found == pytest.approx([-upper[0], -upper[1], -5.0, -5.0], rel=1e-12)
 
 
 def test_torques_beside_forces_need_weights():

@@ -2,9 +2,10 @@
 
 ``A x = b`` with ``A = (S T)^T`` of ``actuation`` and ``b = T^T demand``. With as many drives as degrees of freedom the
 load determines x. With more, each row is the convex problem ``min sum_i (w_i x_i)^2`` subject to ``A x = b`` and
-``|x_i| <= l_i``. Without limits ``y = W x`` is the least solution of ``A W^-1 y = b``. Where it goes beyond a limit,
-``x = x_0 + W^-1 N z`` with N a basis of the null space of ``A W^-1``: the least z with x within the limits is a least
-distance problem, which non-negative least squares solve (Lawson and Hanson, Solving Least Squares Problems, ch. 23).
+``l_i <= x_i <= u_i``. Without limits ``y = W x`` is the least solution of ``A W^-1 y = b``. Where it goes beyond a
+limit, ``x = x_0 + W^-1 N z`` with N a basis of the null space of ``A W^-1``: the least z with x within the limits is a
+least distance problem, which non-negative least squares solve (Lawson and Hanson, Solving Least Squares Problems,
+ch. 23).
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class SharedEfforts(Record, frozen=True):
 
     Attributes:
         weights: w of the d drives, positive, all ``w_i x_i`` in one unit, shape (d,).
-        limits: Largest efforts l [N*m or N], positive, infinite where there is none, shape (d,).
+        limits: Least and largest efforts l and u [N*m or N], infinite where there is none, shape (2, d).
     """
 
     weights: Array
@@ -97,37 +98,48 @@ class SharedEfforts(Record, frozen=True):
         effort = scaled / self.weights
         if min(ways.shape[1:]):  # the weights do not decide what is a dead point
             good &= np.linalg.svd(ways, compute_uv=False)[:, -1] >= least
-        for row in np.flatnonzero(good & (np.abs(effort) > self.limits * (1.0 + ROUNDING)).any(axis=1)):
+        for row in np.flatnonzero(good & ~self._within(effort)):
             effort[row], good[row] = self._limited(ways[row], load[row], effort[row], rounding[row : row + 1])
-        return np.clip(effort, -self.limits, self.limits), good
+        return np.clip(effort, *self.limits), good
+
+    def _within(self, effort: Array) -> Flags:
+        """Return which rows of efforts, shape (.., d), are within the limits, but for rounding."""
+        slack = ROUNDING * np.maximum(np.abs(self._finite).max(axis=0), np.abs(effort))
+        return np.asarray(((effort >= self.limits[0] - slack) & (effort <= self.limits[1] + slack)).all(axis=-1))
+
+    @property
+    def _finite(self) -> Array:
+        """The limits, 0 where there is none, shape (2, d)."""
+        return np.where(np.isfinite(self.limits), self.limits, 0.0)
 
     def _limited(self, ways: Array, load: Array, unlimited: Array, rounding: Array) -> tuple[Array, bool]:
         """Return the efforts of a row in which those without limits, x_0, go beyond them, and whether they carry b."""
         free = np.linalg.svd(ways / self.weights)[2][min(ways.shape) :].T
         side = self._active(free, unlimited)
-        held = np.where(side == 0.0, 0.0, side * np.where(np.isfinite(self.limits), self.limits, 0.0))
+        held = np.select([side < 0.0, side > 0.0], [*self._finite], 0.0)
         left, inner = load - ways @ held, side == 0.0
         held[inner] = np.linalg.lstsq(ways[:, inner] / self.weights[inner], left)[0] / self.weights[inner]
-        within = (np.abs(held) <= self.limits * (1.0 + ROUNDING)).all()
-        return held, bool(within and _carried(ways[None], held[None], load[None], rounding)[0])
+        return held, bool(self._within(held) and _carried(ways[None], held[None], load[None], rounding)[0])
 
     def _active(self, free: Array, unlimited: Array) -> Array:
-        """Return which drives are at their limits: 1 or -1, 0 of others, shape (d,), with N and x_0.
+        """Return which drives are at their limits: -1 at the least effort, 1 at the largest, 0 of others, shape (d,).
+
+        Arguments are N and x_0.
 
         The least y with ``G y >= h`` has ``G^T u = y`` with ``u >= 0`` of the active rows only. u is a multiple of the
         non-negative solution of ``[G^T; h^T] u = [0; 1]`` in the sense of least squares.
         """
         from scipy.optimize import nnls
 
-        size = np.linalg.norm(self.weights * unlimited)
-        bounded = np.flatnonzero(np.isfinite(self.limits))
-        g = np.concatenate([free[bounded], -free[bounded]])  # above -l, and below l
-        above, below = (self.weights * (side * unlimited - self.limits) for side in (-1.0, 1.0))
-        h = np.concatenate([above[bounded], below[bounded]]) / size
+        size = np.linalg.norm(self.weights * (np.abs(unlimited) + np.abs(self._finite).max(axis=0)))
+        (lower, upper), (low, high) = (np.flatnonzero(row) for row in np.isfinite(self.limits)), self.limits
+        g = np.concatenate([free[lower], -free[upper]])
+        above, below = self.weights * (low - unlimited), self.weights * (unlimited - high)
+        h = np.concatenate([above[lower], below[upper]]) / size
         u, _ = nnls(np.vstack([g.T, h]), np.append(np.zeros(free.shape[1]), 1.0))
-        lower, upper = np.split(u > 0.0, 2)
-        sides = np.zeros(len(self.limits))
-        sides[bounded] = upper.astype(float) - lower
+        sides = np.zeros(len(unlimited))
+        sides[lower] -= u[: len(lower)] > 0.0
+        sides[upper] += u[len(lower) :] > 0.0
         return sides
 
     def refusal(
@@ -135,32 +147,41 @@ class SharedEfforts(Record, frozen=True):
         motions: Mapping[str, Array],
     ) -> DynamicsError | DrivesError:  # fmt: skip
         """Return why there are no efforts in one row; see ``UniqueEfforts``."""
-        unlimited = SharedEfforts(self.weights, np.full_like(self.limits, np.inf))
+        unlimited = SharedEfforts(self.weights, np.full_like(self.limits, np.inf) * np.array([[-1.0], [1.0]]))
         if not unlimited.efforts(ways[None], load[None], np.array([least]), np.array([rounding]))[1][0]:
             return _undetermined(t, drives, ways, load, least, rounding, motions)
-        limits = [f"{name} {limit:.6g} {effort_unit(coordinate)}"
-                  for (name, coordinate), limit in zip(drives.items(), self.limits, strict=True)
-                  if np.isfinite(limit)]  # fmt: skip
+        limits = [f"{name} {low:.6g} to {high:.6g} {effort_unit(coordinate)}"
+                  for (name, coordinate), low, high in zip(drives.items(), *self.limits, strict=True)
+                  if np.isfinite([low, high]).any()]  # fmt: skip
+        factor = self._least_factor(ways, load)
         return DrivesError(
             f"at {instant(t)} the drives {', '.join(drives)} cannot carry the load within their limits "
-            f"({', '.join(limits)}): it takes at least {self._least_factor(ways, load):.6g} times these limits",
+            f"({', '.join(limits)})" + (f": it takes ranges at least {factor:.6g} times as wide" if factor else ""),
             expected="limits that the load keeps to at every instant, or more drives",
             hint="share: least_squares tells what the load takes without limits",
         )
 
-    def _least_factor(self, ways: Array, load: Array) -> float:
-        """Return the least s for which a load is carried with ``|x_i| <= s l_i``, by linear programming."""
+    def _least_factor(self, ways: Array, load: Array) -> float | None:
+        """Return by how much ranges must widen about their middles to carry a load, by linear programming.
+
+        Limits on one side stay. ``None`` where no widening is enough.
+        """
         from scipy.optimize import linprog
 
-        bounded = np.isfinite(self.limits)
-        unit = np.where(bounded, self.limits, 1.0)
-        scale = max(float(np.abs(load).max()), 1e-300)
-        own = np.diag(bounded.astype(float))[bounded]
+        ranges = np.asarray(np.isfinite(self.limits).all(axis=0))
+        middle = np.where(ranges, self._finite.mean(axis=0), 0.0)
+        half = np.where(ranges, 0.5 * np.ptp(self._finite, axis=0), np.abs(self._finite).max(axis=0))
+        unit = np.where(half > 0.0, half, 1.0)
+        scale, own = max(float(np.abs(load).max()), 1e-300), np.eye(len(unit))[ranges]
         above, below = (np.column_stack([side * own, -np.ones(len(own))]) for side in (1.0, -1.0))
         equations = np.column_stack([ways * unit / scale, np.zeros(len(load))])
+        fixed = [
+            (None, None) if widens else pair
+            for widens, *pair in zip(ranges.tolist(), *(self.limits / unit), strict=True)
+        ]
         program = linprog(np.append(np.zeros(len(unit)), 1.0), np.vstack([above, below]), np.zeros(2 * len(own)),
-                          equations, load / scale, [(None, None)] * len(unit) + [(0.0, None)])  # fmt: skip
-        return float(program.fun) if program.success else float("nan")
+                          equations, (load - ways @ middle) / scale, [*fixed, (0.0, None)])  # fmt: skip
+        return float(program.fun) if program.success else None
 
 
 EffortDistribution = UniqueEfforts | SharedEfforts
