@@ -94,6 +94,15 @@ class PinarmError(Exception):
             lines.append(f"  try: {self.hint}")
         return "\n".join(lines)
 
+    def _render_traceback_(self) -> list[str]:
+        """Return the message and the user's line, which IPython shows in place of a traceback."""
+        from itertools import takewhile
+        from traceback import extract_tb
+
+        before = takewhile(lambda frame: not frame.filename.startswith(PACKAGE), extract_tb(self.__traceback__))
+        *_, last = [None, *before]
+        return [f"{type(self).__name__}: {self}", *([f"  in line {last.lineno}: {last.line}"] if last else [])]
+
 
 class InputError(PinarmError, ValueError):
     """A scenario, mechanism or table that is malformed, or says something impossible."""

@@ -7,11 +7,22 @@ eighth of the time to make one.
 from __future__ import annotations
 
 from abc import ABCMeta
+from collections.abc import Callable
 from typing import Any, ClassVar, TypeVar
 
 from msgspec import Struct, StructMeta, structs
 
 ValueT = TypeVar("ValueT")
+
+
+def public_face(*names: str) -> Callable[[object], list[str]]:
+    """Return a ``__dir__`` for completion: the public names of the object's own class, and further inherited names."""
+
+    def listed(self: object) -> list[str]:
+        own = (name for name in vars(type(self)) if name[0] != "_")
+        return sorted({*own, *names})
+
+    return listed
 
 
 class Record(Struct, frozen=True, eq=False, dict=True, weakref=True):

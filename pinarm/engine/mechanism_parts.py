@@ -37,7 +37,7 @@ def frictions_of(
     constraints: Sequence[Constraint], here: Place,
 ) -> tuple[FrictionContact, ...]:  # fmt: skip
     """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
-    if not robot.friction and not description.friction:
+    if description.friction == "none" or not (robot.friction or description.friction):
         return ()
     from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.friction.definition import Friction

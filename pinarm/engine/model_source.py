@@ -74,7 +74,7 @@ def robot_of_model(
 
     check_declared(arguments, {})
     text, defects = written(model), description.defects or "noted"
-    robot = build_model(text.urdf, base=description.base, defects=defects, creep=description.creep)
+    robot = build_model(text.urdf, base=description.base, defects=defects, creep=description.slip_velocity)
     source = Source(data, folder, folder / description.robot, description.base, defects, pin.Model(model))
     return replace(robot, notes=(*robot.notes, *text.notes)), {}, source
 
@@ -111,7 +111,7 @@ def read_robot(
         packages = NO_PACKAGES
     with file_root(None, packages):
         expansion = expand(path, arguments, root=root)
-    build = partial(build_model, base=base, defects=defects, creep=description.creep, name=description.model)
+    build = partial(build_model, base=base, defects=defects, creep=description.slip_velocity, name=description.model)
     xml = resolve_includes(expansion.xml, path, root)
     try:
         robot = _built(xml, path, root, build)
@@ -146,7 +146,7 @@ def _drawn(
 
     model, defects = expanded(drawing), description.defects or "refused"
     down = Gravity(direction="-y")
-    robot = build_model(model.urdf, base=description.base, defects=defects, creep=description.creep)
+    robot = build_model(model.urdf, base=description.base, defects=defects, creep=description.slip_velocity)
     loops = {**msgspec.to_builtins(model.loops), **data.get("loops", {})}
     said = {key: value for key, value in data.items() if key != "planar"}
     source = Source(

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec.structs import force_setattr
@@ -27,7 +27,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.errors import UnitError
 from pinarm.input.formulas.expressions import Measure, Rule, power, pure, root, same
 from pinarm.input.units import ANGLES, DIMENSIONLESS, Unit, unit
-from pinarm.records import AbstractRecord, replace
+from pinarm.records import AbstractRecord, public_face, replace
 
 ROUNDING = 1e-12
 """Size relative to that of its terms below which all of a quantity is their rounding."""
@@ -63,6 +63,8 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
     def known(self) -> Flags:
         """Which values are numbers, of an ``unbounded`` series infinite ones too, shape (n,)."""
         return ~np.isnan(self.values) if self.unbounded else np.isfinite(self.values)
+
+    __dir__ = public_face()
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values).view()
@@ -231,6 +233,19 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
             raise UnitError(f"{name}: {error.message}", expected=error.expected, hint=error.hint) from None
         bare = [_bare(given.pop(key), None) for key in places] if places else [_bare(x, None) for x in args]
         return function(*bare, **{key: _bare(x, None) for key, x in given.items()})
+
+    if TYPE_CHECKING:  # numpy's mixin tells no types
+
+        def _operation(self, other: Any) -> Series: ...
+
+        def _comparison(self, other: Any) -> Flags: ...
+
+        def _unary(self) -> Series: ...
+
+        __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _operation
+        __pow__ = __rpow__ = __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = _operation
+        __lt__ = __le__ = __gt__ = __ge__ = _comparison
+        __neg__ = __pos__ = __abs__ = _unary
 
     __iadd__, __isub__ = NDArrayOperatorsMixin.__add__, NDArrayOperatorsMixin.__sub__
     __imul__, __itruediv__ = NDArrayOperatorsMixin.__mul__, NDArrayOperatorsMixin.__truediv__

@@ -112,7 +112,8 @@ class MechanismDescription(InputStruct, frozen=True):
         control: Controllers of the drives, at work in every forward run, such as ``[{kind: pid, drive: knee, follows:
             {law: constant, value: 1 rad}, kp: 20 N*m/rad}]``.
         forces: Springs, dampers and loads that belong to the mechanism.
-        friction: Joint or loop joint -> its dry friction, which sticks; in place of that of the model.
+        friction: Joint or loop joint -> its dry friction, which sticks; in place of that of the model. ``none`` for no
+            dry friction at all, that of the model included.
         payloads: What links carry beside the model's own masses, such as ``{load: {point: hand, mass: 2 kg}}``.
         symbols: Published symbols and what they stand for: a quantity, a number with its unit, or a formula of them.
     """
@@ -151,9 +152,14 @@ class MechanismDescription(InputStruct, frozen=True):
     drives: dict[str, Drive] = {}
     control: list[Control] = []
     forces: dict[str, Force] = {}
-    friction: dict[str, Friction] = {}
+    friction: dict[str, Friction] | Literal["none"] = {}
     payloads: dict[str, Payload] = {}
     symbols: dict[str, str] = {}
+
+    @property
+    def slip_velocity(self) -> float | None:
+        """Velocity over which the model's dry friction is smoothed [rad/s or m/s]: infinite where there is none."""
+        return np.inf if self.friction == "none" else self.creep
 
     def check(self) -> None:
         """Refuse a mechanism without a model, or with two."""

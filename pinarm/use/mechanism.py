@@ -14,6 +14,7 @@ from pinarm.engine import mechanism
 from pinarm.engine.mechanism_loading import load_mechanism, mechanism_of_model
 from pinarm.errors import require_map, require_path
 from pinarm.input.yaml.document import Values
+from pinarm.records import public_face
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -31,6 +32,18 @@ class Mechanism(mechanism.Mechanism, frozen=True):
     Its fields, such as ``model``, ``joints``, ``balls``, ``coordinates``, ``constraints``, ``drives``, ``forces``,
     ``arguments`` and ``notes``, are those of ``engine.mechanism.Mechanism``.
     """
+
+    __dir__ = public_face(
+        "arguments", "balls", "closure", "constraints", "coordinates", "drives", "forces", "joints", "model", "notes",
+        "payloads", "symbols", "title",
+    )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        """Return bodies, joints, loops, forces and drives as tables, for notebooks."""
+        from pinarm.use.show.mechanism_tables import mechanism_tables
+        from pinarm.use.show.notebook import blocks, heading
+
+        return blocks(heading(self.title), *(table.html() for table in mechanism_tables(self)))
 
     @classmethod
     def load(

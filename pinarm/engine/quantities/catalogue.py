@@ -78,10 +78,18 @@ class NamedQuantity(NamedTuple):
 
     def __str__(self) -> str:
         """Return it as a line."""
-        components = f".{{{','.join(self.components)}}}" if self.components else ""
+        return f"{self.spelled} [{self.unit or '?'}]  {self.words}"
+
+    @property
+    def spelled(self) -> str:
+        """Its name with its components, such as ``point.A.position.{x,y,z}``."""
+        return f"{self.name}.{{{','.join(self.components)}}}" if self.components else self.name
+
+    @property
+    def words(self) -> str:
+        """Its meaning, its axes, and why it is refused."""
         said = "; ".join(filter(None, (self.meaning, self.frame)))
-        said += f" (refused: {self.refused})" if self.refused else ""
-        return f"{self.name}{components} [{self.unit or '?'}]  {said}"
+        return f"{said} (refused: {self.refused})" if self.refused else said
 
 
 @dataclass(frozen=True)
@@ -107,6 +115,15 @@ class QuantityCatalogue:
     def __str__(self) -> str:
         """Return it as a table: a heading, and a line for each quantity."""
         return "\n".join([self.title, *map(str, self.entries)])
+
+    def _repr_html_(self) -> str:
+        """Return it as a table that scrolls, for notebooks."""
+        from html import escape
+
+        columns = ([entry.spelled, entry.unit, entry.words] for entry in self)
+        rows = ("".join(f'<td style="text-align:left">{escape(cell)}</td>' for cell in row) for row in columns)
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        return f'<b>{escape(self.title)}</b><div style="max-height:30em;overflow:auto"><table>{body}</table></div>'
 
     def __repr__(self) -> str:
         """Return what it is of, and how many quantities it has."""

@@ -61,6 +61,10 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
     _known: dict[str, Series] = {}
     _open: list[str] = []
 
+    def __repr__(self) -> str:
+        """Return of which motion they are."""
+        return f"<Quantities of {self.trajectory!r}>"
+
     def of(self, rows: Trajectory) -> Quantities:
         """Return the quantities of other states of the same motion."""
         return Quantities(rows, self.symbols, self.undetermined, self.whole or self)

@@ -258,7 +258,7 @@ Efficiency, Restitution = number(above=0.0, within=1.0), number(least=0.0, withi
 Coefficient, Weight = number(least=0.0), number()
 
 
-class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True, repr_omit_defaults=True):
     """An immutable part of an input file; unknown keys are errors.
 
     Attributes:

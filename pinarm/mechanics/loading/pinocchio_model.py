@@ -95,7 +95,7 @@ def build_model(
         base: Whether the root is fixed or floating; as in the file if ``None``.
         defects: Whether impossible inertias, and joints that mimic a missing one, are refused, or used and noted.
         creep: Velocity below which dry friction decreases that is to be regularised [rad/s or m/s]; ``None`` where it
-            sticks. That of ball joints is regularised in any case.
+            sticks. That of ball joints is regularised in any case. Infinite: there is no dry friction.
         name: Of the model, in an SDF text with several.
 
     Raises:
@@ -106,6 +106,8 @@ def build_model(
     if tree.held:  # numbers that are tuned are those of the joint as it moves
         tree = _within_reach(with_held(tree))
     tree = _with_base(tree, base)
+    if creep == np.inf:
+        tree = replace(tree, joints=[replace(joint, friction=0.0) for joint in tree.joints])
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
     model = _assembled(tree)

@@ -14,16 +14,17 @@ from pinarm.engine.series import Series
 from pinarm.errors import PinarmError
 from pinarm.problems import KINDS
 from pinarm.records import ValueRecord
-from pinarm.use.report.document import ReportTable, number, part, sentences, tag, text, unit_text, with_unit
-from pinarm.use.report.given import link_graph, mechanism_tables, mobility_words, question
+from pinarm.use.report.given import link_graph, mobility_words, question
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
+from pinarm.use.show.document import ReportTable, number, part, sentences, tag, text, unit_text, with_unit
+from pinarm.use.show.mechanism_tables import mechanism_tables
 from pinarm.use.show.notebook import frame
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
-from pinarm.use.show.terminal import FEW, error_lines, ranges
+from pinarm.use.show.terminal import FEW, counted, error_lines, ranges
 from pinarm.use.study.answers.check import finding_of
 from pinarm.use.study.answers.verdict_table import HEADING
 from pinarm.use.study.answers.verdict_table import remarks as verdict_remarks
@@ -93,7 +94,7 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool) 
         *(_part(section, result.presentation) for section in result.shown_sections.values()),
         part("Comparison with independent and published values", verdicts),
         part("Accuracy", sentences(error_lines(result)), _accuracy(result)),
-        part("What was left out, and notes", left_out, sentences([*result.notes(), *unshown])),
+        part("What was left out, and notes", left_out, sentences([*counted(result.notes()), *unshown])),
         part("Provenance", _provenance(result, folder, date)),
     ]
     title, subtitle = result.content.title or result.name, f"{mechanism.title}, {result.kind}"
@@ -201,12 +202,13 @@ def _section_table(table: SectionTable, key: str) -> ReportTable:
 
 def _verdicts(result: Result) -> tuple[ReportTable, list[str]]:
     """Return the answer key, compared, and the misses in it, a sentence each."""
-    heading = ["Quantity", *HEADING[3:], "source"]
+    heading = ["Verdict", "quantity", *HEADING[4:], "source"]
     if not result.content.expect:
         return ReportTable(heading, []), []
     findings, rows = [finding_of(result, expectation) for expectation in result.content.expect], []
-    for (_, quantity, at, *rest), finding in zip(verdict_rows(findings), findings, strict=True):
-        rows.append([quantity if at == "all rows" else f"{quantity} @ {at}", *rest, finding.expectation.source])
+    for (verdict, _, quantity, at, *rest), finding in zip(verdict_rows(findings), findings, strict=True):
+        name = quantity if at == "all rows" else f"{quantity} @ {at}"
+        rows.append([verdict, name, *rest, finding.expectation.source])
     *misses, counts = verdict_remarks(findings)
     remark = f"{counts}. Of many rows, the one that is farthest off is shown; the difference is relative."
     return ReportTable(heading, rows, range(len(heading)), remark=remark), misses

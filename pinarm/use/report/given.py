@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
-from pinarm.engine.kinematics.mobility import joint_kind, mobility_of
+from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.mechanism import Mechanism
-from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.geometry.joint_axes import screw_of
-from pinarm.mechanics.joints import RADIAN, Joint, moved_links
-from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.rotors import GearedRotor
-from pinarm.use.report.document import ReportTable, number, shortened, text, unit_text
+from pinarm.use.show.document import ReportTable, number, shortened, text, unit_text
+from pinarm.use.show.mechanism_tables import body_name
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -43,15 +37,6 @@ HEADS = ("law", "kind")
 
 MOST = 180
 """Characters of a value; a law of many points is cut."""
-
-FRAME = "frame"
-"""Name of the ground."""
-
-NAMED = 3
-"""Links of a body that are named."""
-
-WITHIN = 1e-12
-"""Part of a unit vector that is rounding."""
 
 Row = tuple[str, str, str]
 
@@ -116,12 +101,6 @@ def _asked(result: Result) -> Iterator[Row]:
         yield "Asked for", "", ", ".join(others)
 
 
-def mechanism_tables(mechanism: Mechanism) -> list[ReportTable]:
-    """Return the tables of a mechanism, without those that would be empty."""
-    tables = [_bodies(mechanism), _joints(mechanism), _constraints(mechanism), _acting(mechanism)]
-    return [table for table in tables if table.rows]
-
-
 def mobility_words(result: Result) -> str:
     """Return in a sentence how the mechanism can move where its run begins, and how it is tied."""
     mobility = mobility_of(result.trajectory.mechanism, result.trajectory.q[0])
@@ -134,84 +113,6 @@ def mobility_words(result: Result) -> str:
     tied += f"; hyperstatic of degree {mobility.degree}"
     undetermined = shortened(", ".join(mobility.undetermined), 200)
     return f"{tied}: rigid bodies do not determine all reactions of {undetermined}."
-
-
-def body_name(model: pin.Model, index: int) -> str:
-    """Return the name of the body behind a joint: that of its first link."""
-    return moved_links(model, index)[0] if index else FRAME
-
-
-def _bodies(mechanism: Mechanism) -> ReportTable:
-    model = mechanism.model
-    rows = [_body(model, index) for index in range(1, model.njoints)]
-    total = sum(inertia.mass for inertia in list(model.inertias)[1:])
-    headings = ["Body", "fixed to it", "mass [kg]", *(f"{x} [m]" for x in "xyz"), *(f"I{x}{x} [kg·m²]" for x in "xyz")]
-    centre = "Centre of mass in the axes of the body's joint; moments of inertia about it, in the same axes."
-    return ReportTable(headings, rows, range(2), "Bodies", f"Mass that moves: {number(total)} kg. {centre}")
-
-
-def _body(model: pin.Model, index: int) -> Sequence[str]:
-    first, *others = moved_links(model, index)
-    more = [f"{len(others) - NAMED} more"] if len(others) > NAMED else []
-    inertia = model.inertias[index]
-    numbers = [number(float(x)) for x in (inertia.mass, *inertia.lever, *np.diag(inertia.inertia))]
-    return [first, ", ".join([*others[:NAMED], *more]), *(numbers if inertia.mass else ["0", *[""] * 6])]
-
-
-def _joints(mechanism: Mechanism) -> ReportTable:
-    model, rows = mechanism.model, []
-    for index in range(1, model.njoints):
-        name, screw = model.names[index], screw_of(model.joints[index])
-        bodies = body_name(model, model.parents[index]), body_name(model, index)
-        way = (_direction(screw[1]) if screw else "", _range(model, mechanism.joints.get(name)))
-        rows.append([name, joint_kind(model, index), *bodies, *way])
-    headings = ["Joint", "kind", "from", "to", "axis", "range"]
-    return ReportTable(headings, rows, range(6), "Joints", "Axes in those of the joint.")
-
-
-def _direction(axis: Array) -> str:
-    """Return an axis as ``z``, or as three numbers."""
-    for name, vector in zip("xyz", np.eye(3), strict=True):
-        for sign in (1.0, -1.0):
-            if np.abs(axis - sign * vector).max() < WITHIN:
-                return name if sign > 0.0 else f"-{name}"
-    return " ".join(f"{x + 0.0:.4g}" for x in axis)
-
-
-def _range(model: pin.Model, joint: Joint | None) -> str:
-    """Return the limits of a joint with one coordinate, angles in degrees."""
-    if joint is None:
-        return ""
-    low, high = model.lowerPositionLimit[joint.q], model.upperPositionLimit[joint.q]
-    if not (np.isfinite(low) or np.isfinite(high)):
-        return "unlimited"
-    factor, unit = (180.0 / np.pi, "°") if joint.unit == RADIAN else (1.0, f" {unit_text(joint.unit)}")
-    return f"{low * factor:.6g} to {high * factor:.6g}{unit}"
-
-
-def _constraints(mechanism: Mechanism) -> ReportTable:
-    headings = ["Loop or coupling", "kind", "between", "rows"]
-    return ReportTable(headings, list(_ties(mechanism)), range(3), "Joints that close loops, and couplings")
-
-
-def _ties(mechanism: Mechanism) -> Iterator[Sequence[str]]:
-    for tie in mechanism.constraints:
-        if isinstance(tie, LoopJoint):
-            frames = [mechanism.model.frames[index].name for index in (tie.first, tie.second)]
-            yield tie.name, tie.kind, f"{frames[0]} and {frames[1]}", str(tie.size)
-        elif isinstance(tie, JointRelation):
-            yield tie.name, tie.kind, tie.description, "1"
-        elif isinstance(tie, CableLoop):
-            yield tie.name, tie.kind, tie.path.words(mechanism.model), "1"
-        elif isinstance(tie, GearedRotor):
-            yield tie.name, "rotor", tie.rotor.name, "1"
-
-
-def _acting(mechanism: Mechanism) -> ReportTable:
-    rows = [("force", name, element.description) for name, element in mechanism.forces.items()]
-    rows += [("dry friction", contact.name, "") for contact in mechanism.frictions]
-    rows += [("drive", name, f"at {drive.coordinate}") for name, drive in mechanism.drives.items()]
-    return ReportTable(["What acts", "name", ""], rows, range(3), "Forces and drives")
 
 
 COLUMN, ROW, WIDE, HIGH, MARGIN = 150.0, 54.0, 104.0, 22.0, 6.0

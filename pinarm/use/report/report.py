@@ -13,7 +13,7 @@ from pinarm.records import Record, replace
 from pinarm.use.facade import Result
 from pinarm.use.output.folder import write_file
 from pinarm.use.report.chapter import Chapter, chapter_on
-from pinarm.use.report.document import tag, text
+from pinarm.use.show.document import tag, text
 from pinarm.use.show.notebook import frame
 from pinarm.use.study.restore import restore
 

@@ -81,6 +81,10 @@ class Figures(Mapping[str, float]):
     def __len__(self) -> int:
         return len(self._all)
 
+    def __repr__(self) -> str:
+        """Return the names and figures, which are measured then."""
+        return repr(dict(self))
+
 
 def unexplained(figures: Mapping[str, float]) -> dict[str, float]:
     """Return the residuals that rounding does not explain, by name: the motion errs by about as much."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from math import isfinite, isnan
 from typing import TYPE_CHECKING
@@ -141,8 +142,16 @@ def remarks(result: Result) -> list[str]:
               for name, payload in run.mechanism.payloads.items()]  # fmt: skip
     lines += removal_lines(result.removals)
     lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
-    lines += [f"note: {note}" for note in result.notes()]
+    lines += [f"note: {note}" for note in counted(result.notes())]
     return [printable(line) for line in lines]
+
+
+def counted(notes: Sequence[str]) -> list[str]:
+    """Return notes, of those that differ in numbers alone the first with their count; ``summary.json`` has all."""
+    alike: dict[str, list[str]] = {}
+    for note in notes:
+        alike.setdefault(re.sub(r"(?<![\w.])[-+]?\d[\d.]*(e[-+]?\d+)?", "0", note), []).append(note)
+    return [first + (f" (and {len(more)} more like it)" if more else "") for first, *more in alike.values()]
 
 
 def event_lines(result: Result) -> list[str]:

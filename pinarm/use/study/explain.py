@@ -31,6 +31,7 @@ from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.facade import Scenario
 from pinarm.use.result.failures import failures_in_words
+from pinarm.use.show.terminal import counted
 from pinarm.use.study.quantities import Subject, subject
 from pinarm.use.study.run import run
 
@@ -194,7 +195,7 @@ class Explanation:
         lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
         acting = [*mechanism.control, *self.control]
         lines += [f"controller of {', '.join(one.drives)}: {one.description}" for one in acting]
-        return [*lines, *(f"note: {note}" for note in mechanism.notes)]
+        return [*lines, *(f"note: {note}" for note in counted(mechanism.notes))]
 
     def _pulling(self, element: ForceElement) -> str:
         """Return how an element between two points pulls or pushes in the configuration, at rest; empty of others."""

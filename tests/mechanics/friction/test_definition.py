@@ -1,8 +1,11 @@
 """What files say of friction: sizes, units, joints, and what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured
@@ -76,3 +79,17 @@ def test_a_ball_and_a_sleeve_say_their_sizes(chain, mechanism):
         mechanism(chain(*CHAIN), loops=loops, friction={"sleeve": {"mu": 0.1}})
     given = mechanism(chain(*CHAIN), loops=loops, friction={"sleeve": {"mu": 0.1, "radius": "20 mm"}}).frictions
     assert [one.quantity for one in given] == ["loop.sleeve.friction.tangential", "loop.sleeve.friction.axial"]
+
+
+def test_none_takes_the_friction_of_the_model_away(tmp_path: Path) -> None:
+    """A slide of 2 kg under 10 N, with 4 N of friction and without, by Newton's law; smoothed friction likewise."""
+    (tmp_path / "slide.urdf").write_text(
+        '<robot name="slide"><link name="base"/><link name="block"><inertial><mass value="2"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="x" type="prismatic">'
+        '<parent link="base"/><child link="block"/><axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="9" '
+        'velocity="9"/><dynamics friction="4"/></joint></robot>'
+    )
+    for keys, wanted in (({}, 3.0), ({"friction": "none"}, 5.0), ({"friction": "none", "creep": "1 mm/s"}, 5.0)):
+        slide = pinarm.Mechanism.load(tmp_path / "slide.urdf", values=keys)
+        assert slide.forward(np.zeros(1), np.ones(1), np.full(1, 10.0)) == pytest.approx(wanted, rel=1e-12)
+        assert not slide.notes

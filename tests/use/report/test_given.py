@@ -9,7 +9,8 @@ from xml.etree import ElementTree
 import pytest
 
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.report.given import HIGH, WIDE, link_graph, mechanism_tables, mobility_words, question
+from pinarm.use.report.given import HIGH, WIDE, link_graph, mobility_words, question
+from pinarm.use.show.mechanism_tables import mechanism_tables
 
 
 def test_masses_axes_and_limits_are_those_of_the_file(mechanism: Callable[..., Any], chain: Callable[..., str]) -> None:

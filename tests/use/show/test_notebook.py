@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 import pinarm
 
 PICTURE = re.compile(r'src="data:image/png;base64,([^"]+)"')
@@ -55,3 +57,45 @@ def test_a_sweep_and_a_tradeoff_show_themselves(scenario: Callable[..., Any], fo
     trade = pinarm.tradeoff(scenario("statics", "variants:\n  half: {changes.gravity.magnitude: 5 m/s^2}\n"))
     assert "5.0e-01" in trade._repr_html_()
     assert len(PICTURE.findall(trade._repr_html_())) == 1
+
+
+def test_a_mistake_is_its_message_and_the_line_of_the_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    shells = pytest.importorskip("IPython.core.interactiveshell")
+    shell = shells.InteractiveShell()
+    shell.run_cell("import pinarm\ndef solved():\n    return pinarm.run('nothing.yaml')\nsolved()\n")
+    shown = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    assert shown[0] == "InputError: nothing.yaml: there is no file nothing.yaml"
+    assert shown[-1] == "in line 3: return pinarm.run('nothing.yaml')"
+    assert len(shown) <= 4
+
+
+def test_a_mechanism_and_its_quantities_are_tables(folder: Path) -> None:
+    arm = pinarm.Mechanism.load(folder / "pendulum.yaml")
+    captions = re.findall("<caption>([^<]*)<", arm._repr_html_())
+    assert captions[:2] == ["Bodies", "Joints"]
+    assert "<td" in arm._repr_html_()
+    known = pinarm.quantities(arm)
+    assert known._repr_html_().count("<tr>") == len(known)
+
+
+OFFERED = re.compile(r"\bresult\.([a-z_]+)")
+
+
+def test_completion_offers_what_the_pages_name(scenario: Callable[..., Any]) -> None:
+    """And nothing that the object does not have, or that serves the program alone."""
+    result = scenario("statics").run()
+    root = Path(pinarm.__file__).parent.parent
+    pages = "".join(file.read_text(encoding="utf-8") for file in [root / "README.md", *(root / "docs").glob("*.md")])
+    named = {name for name in OFFERED.findall(pages) if hasattr(result, name)}
+    assert len(named) > 8
+    assert named <= set(dir(result))
+    for thing in (result, result.scenario, result.scenario.mechanism, result["M"]):
+        assert all(name[0] != "_" for name in dir(thing))
+        assert not {"unshown", "require_finite", "written_sections"} & set(dir(thing))
+
+
+def test_texts_of_objects_are_short(scenario: Callable[..., Any]) -> None:
+    result = scenario("statics").run()
+    for thing in (result, result.scenario, result.quantities, result.trajectory, result.scenario.mechanism):
+        assert len(repr(thing)) < 160
+    assert "=None" not in repr(result.content)

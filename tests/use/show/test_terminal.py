@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.show.terminal import ranges, remarks, report, without_rounding
+from pinarm.use.show.terminal import counted, ranges, remarks, report, without_rounding
 from pinarm.use.study.restore import restore
 
 
@@ -145,3 +145,8 @@ def test_the_range_of_rows_is_called_one_of_rows(tmp_path: Path) -> None:
     assert float(ranges(result)[1][4]) < 1e-9
     assert any(line.startswith("s @ max: 1 m") for line in remarks(result))
     assert any("min and max are those of the rows" in line for line in remarks(result))
+
+
+def test_notes_that_differ_in_numbers_alone_are_printed_once_with_their_count() -> None:
+    notes = ["at t = 0.1 s: slips", "the spring F1 is slack", "at t = -2.5e-3 s: slips", "the spring F2 is slack"]
+    assert counted(notes) == ["at t = 0.1 s: slips (and 1 more like it)", *notes[1::2]]

@@ -14,7 +14,7 @@ from pinarm.use.result.expectation import ERRATA, Expectation
 if TYPE_CHECKING:
     from pinarm.use.study.answers.check import Finding
 
-HEADING = ("scenario", "quantity", "at", "computed", "independent", "published", "difference", "verdict")
+HEADING = ("verdict", "scenario", "quantity", "at", "computed", "independent", "published", "difference")
 LOOKS = {"agrees": ("= agrees", "green"), "rounding": ("~ rounding", "cyan"), "reading": ("~ reading", "cyan"),
          "misprint": ("! misprint", "bold yellow"), "model_error": ("! model error", "bold yellow"),
          "MISS": ("X MISS", "bold red")}  # fmt: skip
@@ -39,9 +39,9 @@ def verdicts(findings: Sequence[Finding], *, coloured: bool = False) -> str:
 
     drawn = Table(*HEADING)
     for row, finding in zip(rows(findings), findings, strict=True):
-        if row[0] and drawn.rows:
+        if row[1] and drawn.rows:
             drawn.add_section()
-        drawn.add_row(*map(Text, row[:-1]), Text(row[-1], style=LOOKS[finding.verdict][1]))
+        drawn.add_row(Text(row[0], style=LOOKS[finding.verdict][1]), *map(Text, row[1:]))
     text = io.StringIO()
     Console(file=text, width=None if coloured else WIDE, force_terminal=coloured, highlight=False).print(drawn)
     return text.getvalue() + "\n".join(remarks(findings))
@@ -54,9 +54,9 @@ def rows(findings: Sequence[Finding]) -> list[list[str]]:
         entry, unit = finding.expectation, finding.shown_in or finding.unit
         independent = _shown(finding.independent, unit, entry) if entry.value is not None else entry.formula or ""
         cells = (
-            finding.scenario if finding.scenario != previous else "", entry.quantity, _where(entry.at),
-            _shown(finding.computed, unit, entry), independent, entry.published or entry.published_formula or "",
-            "" if finding.error is None else f"{finding.error:.1e}", LOOKS[finding.verdict][0],
+            LOOKS[finding.verdict][0], finding.scenario if finding.scenario != previous else "", entry.quantity,
+            _where(entry.at), _shown(finding.computed, unit, entry), independent,
+            entry.published or entry.published_formula or "", "" if finding.error is None else f"{finding.error:.1e}",
         )  # fmt: skip
         found.append([_clip(printable(cell)) for cell in cells])
         previous = finding.scenario

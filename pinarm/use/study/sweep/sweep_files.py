@@ -15,7 +15,7 @@ from pinarm.arrays import Array
 from pinarm.use.cases.case import OPEN
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.result.measures import CLOSURES, RESIDUALS, singularity_words
-from pinarm.use.show.terminal import aligned
+from pinarm.use.show.terminal import aligned, counted
 from pinarm.use.store.files import json_text, write, yaml_text
 from pinarm.use.store.line_table import failures, statistics, statistics_rows
 from pinarm.use.study.sweep.journal import JOURNAL
@@ -171,7 +171,7 @@ def remarks(sweep: Sweep) -> list[str]:
         lines.append(f"error: at most {found['accuracy']['global error']:.1e} of the largest value")
     if words := singularity_words(found["accuracy"]):
         lines.append(f"regularity: {words} in the worst case; 0 at a singular position")
-    lines += [f"note: {note}" for note in found["notes"]]
+    lines += [f"note: {note}" for note in counted(found["notes"])]
     lines.append(f"cases: {found['cases']}" + (f", {found['failed']} failed" if found["failed"] else ""))
     for name, cases in found["missing"].items():
         left = found["results"][name]["cases"]
