@@ -16,7 +16,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.labelled_array import LabelledArray
 from pinarm.engine.linear.inputs import Input, input_of, with_inputs
 from pinarm.engine.linear.linear_states import Linearisation, linearised, require_same
-from pinarm.engine.linear.participation import RIGID, participations, rigid_modes
+from pinarm.engine.linear.participation import participations, rigid_modes
 from pinarm.engine.linear.steady import Driven, SteadyState, advanced, state_row, steady_state
 from pinarm.engine.linear.stepped_state import Drives
 from pinarm.engine.mechanism import Mechanism
@@ -330,13 +330,14 @@ def _remarks(linear: Linearisation) -> list[str]:
     notes = [linear.at.friction.note] if linear.at.friction.note else []
     notes += [] if len(size) else ["nothing is free to move: there are no modes"]
     notes += _modes_that("unstable: {} grows", modes.eigenvalues.real > modes.errors)
-    known = size > modes.errors * RIGID
+    known = size > 0.0
     notes += rigid_modes(linear)
     twins = [(j, k) for j, k in modes.defective if known[j] and known[k]]
     notes += [f"mode {j + 1}, {k + 1}: a defective pair, one mode but for rounding" for j, k in twins]
     known[[k for pair in twins for k in pair]] = False
     return notes + _modes_that(
-        "{}: less than six digits hold, as of eigenvalues that meet", known & (modes.errors > VAGUE * size)
+        "{}: less than six digits hold, where eigenvalues meet or stiffnesses cancel",
+        known & (modes.errors > VAGUE * size),
     )
 
 

@@ -47,6 +47,8 @@ class EquationDerivatives(Record, frozen=True):
         rows_q: Of G by q, the velocity of the step first, shape (nv, m, nv).
         acceleration_q: Of ``G a + G' v`` by q, shape (m, nv).
         acceleration_v: The same by v, shape (m, nv).
+        terms_q: Sizes of the terms that ``force_q`` is the sum of, shape (nv, nv): its rounding is relative to them.
+        terms_v: The same of ``force_v``.
     """
 
     mass: Array
@@ -56,6 +58,8 @@ class EquationDerivatives(Record, frozen=True):
     rows_q: Array
     acceleration_q: Array
     acceleration_v: Array
+    terms_q: Array
+    terms_v: Array
 
 
 def equation_derivatives(
@@ -76,11 +80,18 @@ def equation_derivatives(
         InputError: A constraint or a load has no derivative here.
     """
     mass, force_q, force_v = tree_derivatives(dynamics.model, q, v, a)
-    load_q, load_v = load_derivatives(dynamics, t, q, v)
     rows, rows_q, drift_q, drift_v = _row_derivatives(dynamics.model, constraints, q, v)
-    held_q = np.einsum("kmj,m->jk", rows_q, lam)
+    terms_q = np.abs(force_q) + np.einsum("kmj,m->jk", np.abs(rows_q), np.abs(lam))
+    terms_v = np.abs(force_v)
+    force_q -= np.einsum("kmj,m->jk", rows_q, lam)
+    for force in dynamics.changing:
+        load_q, load_v = element_derivatives(dynamics.model, force, t, q, v)
+        force_q, terms_q = force_q - load_q, terms_q + np.abs(load_q)
+        force_v, terms_v = force_v - load_v, terms_v + np.abs(load_v)
     acceleration_q = np.einsum("kmj,j->mk", rows_q, a) + drift_q
-    return EquationDerivatives(mass, force_q - load_q - held_q, force_v - load_v, rows, rows_q, acceleration_q, drift_v)
+    return EquationDerivatives(
+        mass, force_q, force_v, rows, rows_q, acceleration_q, drift_v, terms_q, terms_v
+    )  # fmt: skip
 
 
 def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
@@ -98,16 +109,6 @@ def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Ar
     pin.computeRNEADerivatives(model, data, q, v, a)
     upper = np.triu(data.M)
     return upper + np.triu(upper, 1).T, data.dtau_dq.copy(), data.dtau_dv.copy()
-
-
-def load_derivatives(dynamics: Dynamics, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return the derivatives of the generalised loads by q and by v, shape (nv, nv) each."""
-    nv = dynamics.model.nv
-    by_q, by_v = np.zeros((2, nv, nv))
-    for force in dynamics.changing:
-        of_q, of_v = element_derivatives(dynamics.model, force, t, q, v)
-        by_q, by_v = by_q + of_q, by_v + of_v
-    return by_q, by_v
 
 
 def element_derivatives(model: pin.Model, force: ForceElement, t: float, q: Array, v: Array) -> tuple[Array, Array]:

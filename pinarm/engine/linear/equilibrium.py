@@ -18,7 +18,7 @@ from pinarm.engine.dynamics.mass_matrix import MASSLESS, mass_matrix
 from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
-from pinarm.engine.linear.derivatives import equation_derivatives, load_derivatives
+from pinarm.engine.linear.derivatives import equation_derivatives
 from pinarm.engine.statics.effort_distribution import weight_terms
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -233,9 +233,8 @@ class ForceBalance(Record, frozen=True):
         at = equation_derivatives(self.dynamics, self.rows.constraints, 0.0, q, still, still, lam)
         size = weight_terms(model, self.dynamics.data, q)
         sizes = np.triu(np.outer(self.turns, size))  # a turn of the joint before moves what the one after lifts
-        sizes += np.triu(sizes, 1).T + np.abs(np.einsum("kmj,m->jk", at.rows_q, lam))
+        sizes += np.triu(sizes, 1).T + at.terms_q
         for load in self._loads.values():
-            sizes += np.abs(load_derivatives(load, 0.0, q, still)[0])
             size = size + np.abs(load.loads(0.0, q, still))
         return at.force_q, sizes, size
 

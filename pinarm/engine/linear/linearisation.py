@@ -50,9 +50,8 @@ SINGULAR = 1e-6
 ALIKE = 1e-6
 """Relative difference of the sizes of eigenvalues that are ordered by their real parts, such as those of one fall."""
 
-STILL = 6e-8
-"""Size of an eigenvalue, relative to the matrix, up to which it is 0: rounding of 1e-16 parts a position and its
-velocity, both without a force, by the root of that."""
+RIGID = 100.0
+"""Size of an eigenvalue, relative to its error by rounding, up to which it is 0; up to 31 in mechanisms that roll."""
 
 DEFECTIVE = 1e-6
 """How far the cosine of the angle between two mode shapes may be from 1 where they are one shape."""
@@ -93,6 +92,7 @@ class LinearMotion(Record, frozen=True):
         whole_a: Accelerations of all joints per state and per input, shape (nv, n + i).
         whole_lam: Multipliers of the rows that hold likewise, shape (m, n + i).
         friction: Friction of joints that slip likewise, shape (k, n + i).
+        terms: Sizes of the terms that a is the sum of, shape (n, n): its rounding is relative to them.
     """
 
     independent: Indices
@@ -104,6 +104,7 @@ class LinearMotion(Record, frozen=True):
     whole_a: Array
     whole_lam: Array
     friction: Array
+    terms: Array
 
     @cached_property
     def free(self) -> Indices:
@@ -115,7 +116,8 @@ class LinearMotion(Record, frozen=True):
     @cached_property
     def modes(self) -> Modes:
         """Eigenvalues and eigenvectors of A, the prescribed coordinates at rest; vectors over the free states."""
-        return Modes.of(self.a[np.ix_(self.free, self.free)])
+        free = np.ix_(self.free, self.free)
+        return Modes.of(self.a[free], self.terms[free])
 
     @property
     def shapes(self) -> tuple[Complex, Complex]:
@@ -133,34 +135,42 @@ class Modes(Record, frozen=True):
         eigenvalues: lambda [1/s], shape (k,).
         vectors: Right eigenvectors of length 1, shape (2 d, k).
         conditions: Changes of eigenvalues per change of A, ``1/|y^H x|``, shape (k,).
-        error: Backward error of the eigenvalues [1/s]: rounding of A.
+        errors: Errors of the eigenvalues by rounding [1/s], shape (k,): of those that are 0, how large they may be.
     """
 
     eigenvalues: Complex
     vectors: Complex
     conditions: Array
-    error: float
+    errors: Array
 
     @classmethod
-    def of(cls, a: Array) -> Modes:
-        """Return the modes of a state matrix, balanced by its scales first."""
+    def of(cls, a: Array, terms: Array) -> Modes:
+        """Return the modes of a state matrix, balanced by its scales first.
+
+        Args:
+            a: The matrix, shape (n, n).
+            terms: Sizes of the terms that it is the sum of, shape (n, n).
+        """
         from scipy.linalg import eig, matrix_balance
 
         if not len(a):
-            return cls(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0), 0.0)
-        balanced, scales = matrix_balance(a, permute=False)
+            return cls(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0), np.zeros(0))
+        balanced, (scales, _) = matrix_balance(a, permute=False, separate=True)
         eigenvalues, left, right = eig(balanced, left=True, right=True)
-        size = float(np.linalg.norm(balanced, 2))
-        eigenvalues = np.where(np.abs(eigenvalues) <= STILL * size, 0.0, eigenvalues)
+        conditions = 1.0 / np.maximum(np.abs((left.conj() * right).sum(axis=0)), np.finfo(float).tiny)
+        balanced_terms = terms * scales / scales[:, None]
+        errors = _errors(eigenvalues, conditions, balanced, balanced_terms, np.abs(left), np.abs(right))
+        sizes = np.abs(eigenvalues)
+        rigid = sizes <= RIGID * errors
+        eigenvalues, errors = np.where(rigid, 0.0, eigenvalues), errors + np.where(rigid, sizes, 0.0)
         kept = np.flatnonzero(eigenvalues.imag >= 0.0)
         kept = kept[np.argsort(np.abs(eigenvalues[kept]))]
         sizes = np.abs(eigenvalues[kept])
         alike = np.cumsum(np.diff(sizes, prepend=0.0) > ALIKE * sizes)
         kept = kept[np.lexsort((eigenvalues.real[kept], alike))]
-        conditions = 1.0 / np.maximum(np.abs((left[:, kept].conj() * right[:, kept]).sum(axis=0)), np.finfo(float).tiny)
-        vectors = scales @ right[:, kept]
-        error = float(np.finfo(float).eps * size)
-        return cls(eigenvalues[kept], vectors / np.linalg.norm(vectors, axis=0), conditions, error)
+        vectors = scales[:, None] * right[:, kept]
+        vectors /= np.linalg.norm(vectors, axis=0)
+        return cls(eigenvalues[kept], vectors, conditions[kept], errors[kept])
 
     @property
     def frequencies(self) -> Array:
@@ -178,18 +188,6 @@ class Modes(Record, frozen=True):
         size = np.abs(self.eigenvalues)
         return np.asarray(-self.eigenvalues.real / np.where(size > 0.0, size, 1.0))
 
-    @cached_property
-    def errors(self) -> Array:
-        """Errors of the eigenvalues by rounding [1/s], shape (k,): to first order condition times backward error.
-
-        The condition of m eigenvalues that meet has no bound; they move by about ``|A| eps^(1/m)``.
-        """
-        eps = np.finfo(float).eps
-        size = self.error / eps
-        apart = np.abs(self.eigenvalues[:, None] - self.eigenvalues)
-        meeting = np.maximum((apart <= size * eps ** (1.0 / 3.0)).sum(axis=1), 2)
-        return np.asarray(np.minimum(self.conditions * self.error, size * eps ** (1.0 / meeting)))
-
     @property
     def defective(self) -> list[tuple[int, int]]:
         """Pairs of modes with one shape and one eigenvalue but for their errors, by their numbers from 0."""
@@ -197,6 +195,18 @@ class Modes(Record, frozen=True):
         apart = np.abs(self.eigenvalues[:, None] - self.eigenvalues)
         first, second = np.nonzero(np.triu(alike & (apart <= self.errors[:, None] + self.errors), 1))
         return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
+def _errors(eigenvalues: Complex, conditions: Array, a: Array, terms: Array, left: Array, right: Array) -> Array:
+    """Return errors of eigenvalues by rounding, to first order ``eps (|A| + |y|^T terms |x|) / |y^H x|``, shape (n,).
+
+    The condition of m eigenvalues that meet has no bound; they move by about ``|A| eps^(1/m)``.
+    """
+    eps, size = np.finfo(float).eps, float(np.linalg.norm(a, 2))
+    apart = np.abs(eigenvalues[:, None] - eigenvalues)
+    meeting = np.maximum((apart <= size * eps ** (1.0 / 3.0)).sum(axis=1), 2)
+    rounding = size + np.einsum("ik,ij,jk->k", left, terms, right)
+    return np.asarray(np.minimum(conditions * eps * rounding, max(size, terms.max()) * eps ** (1.0 / meeting)))
 
 
 Slopes = Callable[[LinearMotion], Array]
@@ -277,13 +287,17 @@ def _moved(model: pin.Model, at: EquationDerivatives, v: Array, ways: _Ways, pus
     accelerated = np.linalg.lstsq(at.rows, -bend, rcond=DEPENDENT)[0]
     given = np.hstack([accelerated, np.zeros((nv, nv)), driven, np.zeros((nv, len(pushes)))])
     left = np.hstack([force, -np.eye(nv), np.zeros_like(driven), -pushes.T]) + at.mass @ given
-    whole = given - allowed @ _solved(allowed.T @ at.mass @ allowed, allowed.T @ left)
+    mass = allowed.T @ at.mass @ allowed
+    whole = given - allowed @ _solved(mass, allowed.T @ left)
     multipliers = np.linalg.lstsq(at.rows.T, left + at.mass @ (whole - given), rcond=DEPENDENT)[0]
     turning = (velocity - _transport(model, v) @ position)[ways.placed]
     none = np.zeros((len(pushes), whole.shape[1]))
     none[:, whole.shape[1] - len(pushes) :] = np.eye(len(pushes))
     a, b = _state_space(whole, ways.independent, turning)
-    return LinearMotion(ways.independent, ways.placed, position, velocity, a, b, whole, multipliers, none)
+    sizes = at.terms_q @ np.abs(position) + at.terms_v @ np.abs(velocity) + np.abs(at.mass @ accelerated)
+    terms, half = np.zeros_like(a), ways.reached.shape[1]
+    terms[half : half + d] = np.abs(_solved(mass, np.eye(d))) @ np.abs(allowed).T @ sizes
+    return LinearMotion(ways.independent, ways.placed, position, velocity, a, b, whole, multipliers, none, terms)
 
 
 def _state_space(whole: Array, independent: Indices, turning: Array) -> tuple[Array, Array]:

@@ -30,13 +30,10 @@ NONE = 1e-9
 WEIGHTS, CONSTRAINTS = "weights and velocities", "forces of constraints"
 """What stiffens beside force elements."""
 
-RIGID = 1e3
-"""Size of an eigenvalue, relative to its error, up to which it is 0."""
-
 
 def participations(linear: Linearisation) -> dict[str, LabelledArray]:
     """Return the parts of bodies, springs and dampers in each mode as tables: rows are their names."""
-    found = {"masses": _masses(linear), "springs": stiffnesses(linear), "dampers": _dampings(linear)}
+    found = {"masses": _masses(linear), "springs": _stiffness_parts(linear)[0], "dampers": _dampings(linear)}
     modes = [f"mode.{k}" for k in range(1, len(linear.modes.eigenvalues) + 1)]
     return {
         name: LabelledArray(_shares(parts), [*parts], modes, [DIMENSIONLESS] * len(parts), [DIMENSIONLESS] * len(modes))
@@ -47,27 +44,34 @@ def participations(linear: Linearisation) -> dict[str, LabelledArray]:
 def rigid_modes(linear: Linearisation) -> list[str]:
     """Return which modes have the eigenvalue 0, and why, in words."""
     modes, shapes = linear.modes, np.abs(linear.shapes())
-    zero = np.flatnonzero(np.abs(modes.eigenvalues) <= RIGID * modes.errors)
-    parts, scale = stiffnesses(linear), _scale(linear)
+    parts, sizes = _stiffness_parts(linear)
     found: dict[str, list[str]] = {}
-    for k in zero.tolist():
+    for k in np.flatnonzero(modes.eigenvalues == 0.0).tolist():
         moving = [name for name, part in zip(linear.joints, shapes[:, k], strict=True) if part > 1e-6]
-        acting = [name for name, sizes in parts.items() if abs(sizes[k]) > NONE * scale[k]]
-        why = f"{', '.join(acting)} cancel each other" if acting else "no force depends on where they are"
+        acting = {name: part[k] for name, part in parts.items() if abs(part[k]) > NONE * sizes[name][k]}
+        cancelled = abs(sum(acting.values())) <= NONE * sum(map(abs, acting.values()))
+        slow = f"softer than rounding can tell: below {modes.errors[k] / (2.0 * np.pi):.2g} Hz"
+        why = f"{', '.join(acting)} {'cancel each other' if cancelled else slow}"
+        why = why if acting else "no force depends on where they are"
         found.setdefault(f"nothing drives {', '.join(moving)} back: {why}", []).append(str(k + 1))
     return [f"mode {', '.join(numbers)}: {why}" for why, numbers in found.items()]
 
 
-def stiffnesses(linear: Linearisation) -> dict[str, Array]:
-    """Return ``Re x^H K x`` of force elements, weights and constraints, shape (k,) each; those that have any."""
+def _stiffness_parts(linear: Linearisation) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return ``Re x^H K x`` and ``|K|`` times ``|x|^2`` of force elements, weights and constraints, shape (k,) each.
+
+    Of those that have any stiffness.
+    """
     at, shapes = linear.at, linear.motion.shapes[0]
     model, q, v, a = at.state.mechanism.model, at.state.q[0], at.state.v[0], at.state.a[0]
     loads = _slopes(linear, 0)
     tree = tree_derivatives(model, q, v, a)[1]
     held = at.derivatives.force_q - tree - sum(loads.values(), np.zeros_like(tree))
-    every = {**loads, WEIGHTS: tree, CONSTRAINTS: held}
-    least = NONE * max(float(np.abs(k).max(initial=0.0)) for k in every.values())
-    return {name: _power(shapes, k) for name, k in every.items() if np.abs(k).max(initial=0.0) > least}
+    least = NONE * float(at.derivatives.terms_q.max(initial=0.0))
+    loads |= {name: k for name, k in ((WEIGHTS, tree), (CONSTRAINTS, held)) if np.abs(k).max(initial=0.0) > least}
+    acting = {name: k for name, k in loads.items() if k.any()}
+    sizes = {name: np.abs(k).max() * (np.abs(shapes) ** 2).sum(axis=0) for name, k in acting.items()}
+    return {name: _power(shapes, k) for name, k in acting.items()}, sizes
 
 
 def _masses(linear: Linearisation) -> dict[str, Array]:
@@ -108,12 +112,6 @@ def _slopes(linear: Linearisation, order: int) -> dict[str, Array]:
 
 def _power(shapes: Complex, matrix: Array) -> Array:
     return np.asarray(np.real(np.einsum("ik,ij,jk->k", shapes.conj(), matrix, shapes)))
-
-
-def _scale(linear: Linearisation) -> Array:
-    """Return the size that stiffness has in the shapes, shape (k,)."""
-    size = np.abs(linear.at.derivatives.force_q).max(initial=0.0)
-    return np.asarray(size * (np.abs(linear.motion.shapes[0]) ** 2).sum(axis=0))
 
 
 def _shares(parts: Mapping[str, Array]) -> Array:

@@ -100,8 +100,8 @@ def _start(linear: Linearisation) -> Array:
 
 def _duration(linear: Linearisation) -> float:
     """Return how long the motion is followed [s]: a turn of the slowest mode, unless it grows or others are fast."""
-    eigenvalues, errors = linear.modes.eigenvalues, linear.modes.errors
-    rates = np.abs(eigenvalues)[np.abs(eigenvalues) > 1e3 * errors]
+    eigenvalues = linear.modes.eigenvalues
+    rates = np.abs(eigenvalues)[eigenvalues != 0.0]
     if not len(rates):
         return 1.0
     growth = max(float(eigenvalues.real.max()), 0.0)

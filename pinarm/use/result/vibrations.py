@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from pinarm.problems.accuracy import Accuracy
     from pinarm.use.result.run import Run
 
-RIGID = 1e3
-"""Size of an eigenvalue relative to its error by rounding up to which it is 0."""
-
 PARTS = {
     "springs": ("Parts in the stiffness of each mode", "most stiffness from"),
     "masses": ("Parts in the kinetic energy of each mode", "most mass in"),
@@ -247,7 +244,7 @@ def _cleared(series: Series, eigenvalue: complex, error: float) -> Series:
 
 def _nature(eigenvalue: complex, error: float) -> str:
     """Return a word for a mode whose table of numbers would be misread without it."""
-    if abs(eigenvalue) <= RIGID * error:
+    if not eigenvalue:
         return "rigid"
     if eigenvalue.real > error:
         return "unstable"

@@ -35,7 +35,7 @@ def test_a_chain_of_point_masses_has_the_zeros_of_laguerres_polynomial(n, mechan
     zeros = np.polynomial.laguerre.lagroots([0.0] * n + [1.0])
     assert found.frequencies == pytest.approx(np.sqrt(GRAVITY / 0.7 * zeros) / (2.0 * math.pi), rel=1e-10)
     assert found.damping_ratios == pytest.approx(0.0, abs=1e-12)
-    assert found.errors.max() < 1e-12
+    assert found.errors.max() < 1e-11  # masses of nine rods in a row
 
 
 def test_a_rod_on_its_head_falls(mechanism):
@@ -61,6 +61,36 @@ def test_springs_and_dampers_in_a_row(mechanism):
     assert found.states == ["a", "b", "a'", "b'"]
     moved = found.response(np.array([0.0]), np.eye(2, 4))[0]
     assert moved[:, 0].real == pytest.approx([1.0 / 70.0, 0.0], abs=1e-15)  # 1 N on the first carriage
+
+
+@pytest.mark.parametrize("part", [1e-12, 1e-14, 1e-16, 1e-18])
+@pytest.mark.parametrize("parent", ["base", "a_link"])
+def test_a_mode_slower_by_nine_digits_is_no_rigid_one(part, parent, mechanism):
+    """Carriages on a soft and a stiff spring, beside each other and in a row: ``det(K - w^2 M) = 0``."""
+    xml = robot(
+        link("a", "base", "1 0 0", mass=2.0, kind="prismatic"), link("b", parent, "1 0 0", mass=3.0, kind="prismatic")
+    )
+    spring = {"kind": "joint_spring"}
+    found = mechanism(xml, gravity="none", forces={
+        "soft": {**spring, "joint": "a", "stiffness": f"{1e6 * part!r} N/m"},
+        "stiff": {**spring, "joint": "b", "stiffness": "1e6 N/m"},
+    }).linearise(np.zeros(2)).modes  # fmt: skip
+    half = 0.5e6 * (3.0 * part + 2.0 + (3.0 if parent == "a_link" else 0.0))
+    slow = math.sqrt(1e12 * part / (half + math.sqrt(half**2 - 6e12 * part)))
+    assert abs(found.eigenvalues[0].imag - slow) <= found.errors[0] < 1e-3 * slow
+    assert abs(found.eigenvalues[0].imag - slow) < 1e-9 * slow
+
+
+@pytest.mark.parametrize("excess", [0.0, 1e-15, 1e-12, -1e-12])
+def test_stiffnesses_that_cancel_have_the_error_of_what_is_left(excess, mechanism):
+    """A pendulum on its head held by a spring: ``lambda^2 = -(g/l) excess``, of which rounding leaves few digits."""
+    stiffness = 1.3 * GRAVITY * 0.7 * (1.0 + excess)
+    found = mechanism(robot(link("a", "base", "0 1 0", mass=1.3, com="0 0 0.7")), forces={
+        "spring": {"kind": "joint_spring", "joint": "a", "stiffness": f"{stiffness!r} N*m/rad"},
+    }).linearise(np.zeros(1)).modes  # fmt: skip
+    size = math.sqrt(GRAVITY / 0.7 * abs(excess))
+    assert np.abs(np.abs(found.eigenvalues) - size) == pytest.approx(0.0, abs=found.errors.max())
+    assert found.errors.max() < 1e-6 if abs(excess) < 1e-12 else found.errors.max() < 1e-3 * size
 
 
 def test_mode_shapes_of_two_like_pendulums_with_a_spring(mechanism):

@@ -4,8 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.linear.derivatives import load_derivatives
+from pinarm.engine.linear.derivatives import element_derivatives
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_of
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring, ElasticCable
@@ -152,7 +151,7 @@ def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints):
 def test_complex_steps_give_the_derivatives_of_the_load(force, model, joints, differentiate):
     """Against real differences of order 8; no sample is at a kink in this state."""
     element, (q, v) = made(force, model, joints), motion(0.37)
-    by_q, by_v = load_derivatives(Dynamics.of(model, {"force": element}), 0.37, q, v)
+    by_q, by_v = element_derivatives(model, element, 0.37, q, v)
     for k, way in enumerate(np.eye(2)):
         of_q = differentiate(lambda x, way=way: load(element, 0.37, q + x * way, v), 0.0, h=2e-3)
         of_v = differentiate(lambda x, way=way: load(element, 0.37, q, v + x * way), 0.0, h=2e-3)
