@@ -22,9 +22,9 @@ FLOOR_PLAN = {
     "errors": "",
     "arrays": "",
     "input": "numbers units roots xml_text formulas yaml csv_tables xacro robots",
-    "mechanics": "geometry joints laws limited_states motors drives coordinates control rotors ball_joints loops "
+    "mechanics": "geometry joints laws limited_states motors coordinates control rotors ball_joints loops "
     "forces couplings loading friction points perturbation planar description",
-    "engine": "series dataframes labelled_array one_run kernel integration constraints dynamics mesh_inertias "
+    "engine": "series labelled_array kernel integration constraints dynamics mesh_inertias "
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_parts "
     "mechanism_loading mechanism_variants",
     "problems": "time_grid accuracy joint_values weights laws loads drives control declaration events "
@@ -158,7 +158,7 @@ def test_costly_modules_are_imported_where_they_are_used() -> None:
 
 UNUSED = [
     "scipy", "matplotlib", "pandas", "meshcat", "rich", "html", "numpy.ma", "numpy.random", "numpy.ctypeslib",
-    "dataclasses", "pinarm.mechanics.friction.contact", "pinarm.mechanics.couplings.cams.cam_contact",
+    "dataclasses", "pinarm.mechanics.friction.contact", "pinarm.mechanics.couplings.cam_contact",
     "pinarm.engine.motion.segmented.stick_slip",
 ]  # fmt: skip
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Complex
 from pinarm.errors import InputError
@@ -13,7 +15,6 @@ from pinarm.input.units import HERTZ, Unit, unit
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from pandas import DataFrame
 
 PARTS = ("values", "rows", "columns", "row_units", "column_units")
@@ -63,7 +64,7 @@ class LabelledArray(Record, frozen=True):
 
     def to_dataframe(self) -> DataFrame:
         """Return it as a pandas table; an entry is in the product of the units of its row and column."""
-        from pinarm.engine.dataframes import dataframe
+        from pinarm.engine.labelled_array import dataframe
 
         rows, columns = self.headings()
         return dataframe(self.values, columns).set_axis(rows, axis="index")
@@ -126,3 +127,19 @@ def labelled_arrays(arrays: Mapping[str, Any]) -> dict[str, LabelledArray]:
         units = [[_unit(str(text)) for text in own] for own in (row_units, column_units)]
         found[str(name)] = LabelledArray(values, rows.tolist(), columns.tolist(), *units)
     return found
+
+
+def dataframe(
+    data: Mapping[str, Any] | Sequence[Any] | NDArray[Any], columns: Sequence[str] | None = None
+) -> DataFrame:
+    """Return a table of pandas; see ``pandas.DataFrame``.
+
+    Raises:
+        InputError: pandas is not installed.
+    """
+    try:
+        pandas = import_module("pandas")
+    except ImportError:
+        raise InputError("pandas is not installed", hint="pip install 'pinarm[table]'") from None
+    table: DataFrame = pandas.DataFrame(data, columns=columns)
+    return table

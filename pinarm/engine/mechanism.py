@@ -32,14 +32,14 @@ from pinarm.mechanics.perturbation import perturbed, perturbed_numbers
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.engine.model_source import Source
     from pinarm.mechanics.control.definition import ControlDefinition
     from pinarm.mechanics.control.function import FunctionControl
-    from pinarm.mechanics.drives import Drive
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
     from pinarm.mechanics.points import Payload
+    from pinarm.mechanics.rotors import Drive
 
 
 class Mechanism(Record, frozen=True):
@@ -139,7 +139,7 @@ class Mechanism(Record, frozen=True):
         """Return the rows of the constraints."""
         if not isinstance(self.model, ModelVariants):
             return Closure.of(self.model, self.constraints)
-        from pinarm.engine.constraints.variant_closure import VariantClosure  # of sweeps only
+        from pinarm.engine.kinematics.variant_motion import VariantClosure  # of sweeps only
 
         return VariantClosure(self.model, self.constraints)
 

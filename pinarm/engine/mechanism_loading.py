@@ -38,7 +38,7 @@ from pinarm.mechanics.loops.closing_frames import proposals
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.mechanics.points import Payload
 
 
@@ -220,7 +220,7 @@ def counting(model: pin.Model, parts: NamedParts, angles: Sequence[str]) -> tupl
     from pinarm.mechanics.rotors import GearedRotor, counter_name
 
     ties: list[Constraint] = [
-        GearedRotor(f"turns of {angle}", parts.joints[counter_name(angle)], parts.coordinates[angle])
+        GearedRotor(f"turns of {angle}", parts.coordinates[angle], rotor=parts.joints[counter_name(angle)])
         for angle in angles
     ]
     counted: dict[str, Coordinate] = {angle: sum_of(model, parts.joints, [counter_name(angle)]) for angle in angles}

@@ -24,7 +24,7 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loops.cable import CableLoop

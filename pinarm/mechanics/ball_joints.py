@@ -18,8 +18,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.pairs import TiedFrames
-from pinarm.mechanics.geometry.rotation_rows import RollPitchYawRow, RotationVectorRow, whole_turns
+from pinarm.mechanics.geometry.pairs import RollPitchYawRow, RotationVectorRow, TiedFrames, whole_turns
 from pinarm.mechanics.geometry.vectors import arctan2
 from pinarm.mechanics.joints import METRE, RADIAN, UNIVERSE, Joint
 from pinarm.records import ValueRecord

@@ -18,17 +18,16 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct, Weight
-from pinarm.mechanics.geometry.joint_axes import check_parallel
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.pairs import LowerPair, Tie, TiedFrames
-from pinarm.mechanics.geometry.rotation_rows import RotationVectorRow
+from pinarm.mechanics.geometry.pairs import LowerPair, RotationVectorRow, Tie, TiedFrames
 from pinarm.mechanics.joints import (
     METRE,
     RADIAN,
     UNIVERSE,
     Direction,
     Joint,
+    check_parallel,
     frame_of,
     frames_of,
     joint_of,
@@ -236,6 +235,38 @@ class PathLength(Record, frozen=True):
 
     def words(self, model: pin.Model) -> str:
         return ", ".join(model.frames[frame].name for frame in self.frames)
+
+
+class HeldCoordinate(Record, frozen=True):
+    """A coordinate that is held by a force along itself: a constraint of one row, whose multiplier is that force.
+
+    Attributes:
+        name: Its name.
+        coordinate: The coordinate.
+        size: One row.
+        side: Sense in which the force can act, 1 or -1; 0 where it holds both ways.
+    """
+
+    name: str
+    coordinate: Coordinate
+    size: int = 1
+    side: float = 0.0
+
+    def unit(self, row: int) -> Unit:
+        return self.coordinate.unit
+
+    def gap(self, state: Kinematics) -> Array:
+        """Return the value, shape (1,): of a guided coordinate what it is held to is the user's to subtract."""
+        return np.array([self.coordinate.value(state)])
+
+    def rows(self, state: Kinematics) -> Array:
+        return self.coordinate.row(state)[None]
+
+    def drift(self, state: Kinematics) -> Array:
+        return np.array([self.coordinate.drift(state)])
+
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        return self.coordinate.wrenches(links, lam[:, 0])
 
 
 class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):

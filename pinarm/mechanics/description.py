@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from pinarm.mechanics.control.kinds import Control
     from pinarm.mechanics.coordinates import CoordinateDefinition
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
-    from pinarm.mechanics.drives import Drive
     from pinarm.mechanics.forces.kinds import Force
     from pinarm.mechanics.friction.definition import Friction
     from pinarm.mechanics.loops.kinds import Loop
     from pinarm.mechanics.planar.drawing import PlanarDrawing
     from pinarm.mechanics.points import Payload, PointDefinition
+    from pinarm.mechanics.rotors import Drive
 else:  # imported where a file has the key, see MechanismDescription.deferred
     Control = CoordinateDefinition = CouplingDefinition = Drive = Force = Friction = Loop = Any
     Payload = PlanarDrawing = PointDefinition = Any
@@ -125,7 +125,7 @@ class MechanismDescription(InputStruct, frozen=True):
         "coordinates": ("pinarm.mechanics.coordinates", "CoordinateDefinition"),
         "loops": ("pinarm.mechanics.loops.kinds", "Loop"),
         "couplings": ("pinarm.mechanics.couplings.kinds", "CouplingDefinition"),
-        "drives": ("pinarm.mechanics.drives", "Drive"),
+        "drives": ("pinarm.mechanics.rotors", "Drive"),
         "forces": ("pinarm.mechanics.forces.kinds", "Force"),
         "friction": ("pinarm.mechanics.friction.definition", "Friction"),
         "payloads": ("pinarm.mechanics.points", "Payload"),

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from pinarm.engine.dataframes import dataframe
+from pinarm.engine.labelled_array import dataframe
 from pinarm.errors import InputError
 
 

@@ -11,7 +11,7 @@ from linkage import GROUND, Joint, Linkage
 from motions import anywhere, driven, free, poses, wrench
 from newton_euler import newton_euler, self_stresses
 
-from pinarm.engine.kinematics.mobility import mobility_of
+from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DrivesError, InputError
 from pinarm.mechanics.laws import Harmonic

@@ -13,7 +13,7 @@ from linkage import GROUND, Body, Joint, Linkage
 from motions import anywhere, driven, free
 
 from pinarm.engine.checks.residuals import residual_figures, unclosed
-from pinarm.engine.kinematics.mobility import mobility_of
+from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic

@@ -9,7 +9,7 @@ from catalogue import RODS, disc, screw_jack
 from linkage import GROUND, Joint, Linkage, random_body
 from motions import anywhere, driven, free, freely
 
-from pinarm.engine.kinematics.mobility import mobility_of
+from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint_forces import JointEffort

@@ -6,8 +6,8 @@ import pytest
 
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
-from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.laws import Harmonic
+from pinarm.mechanics.rotors import Drive
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import State
 from pinarm.use.mechanism import Mechanism

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.constraint import OneSidedConstraint, one_sided
+from pinarm.engine.constraints.constraint_rows import OneSidedConstraint, one_sided
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.joints import RADIAN, Joint, effort_unit

@@ -342,7 +342,7 @@ def unclosed(run: Trajectory) -> list[str]:
     worst = left.max(axis=0)
     if (worst <= ROUNDED * closure.reach).all():
         return []
-    from pinarm.engine.kinematics.mobility import mobility_of
+    from pinarm.engine.constraints.self_stresses import mobility_of
 
     found = mobility_of(run.mechanism, run.q[rows[left.max(axis=1).argmax()]])
     torn: dict[str, float] = {}

@@ -12,8 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices, vecmat
-from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
-from pinarm.engine.constraints.constraint_rows import ConstraintRows
+from pinarm.engine.constraints.constraint_rows import Constraint, ConstraintRows, GuidedCoordinate
 from pinarm.engine.constraints.nullspace import (
     RANK,
     UNCLOSED,

@@ -8,21 +8,24 @@ States lead, q has the shape (.., nq); of variants of a model it is (n, k, nq), 
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices, constants_of
-from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
+from pinarm.input.units import Unit
 from pinarm.mechanics.ball_joints import BallCoordinate
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate, PathLength
+from pinarm.mechanics.coordinates import Coordinate, HeldCoordinate, LinearCoordinate, PairCoordinate, PathLength
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.frame_pairs import FramePairs, RelativeMotion, likeness, power
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.pairs import TiedFrames
+from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.relative import TurnedAbout
@@ -30,8 +33,94 @@ from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.pairs import Pair
-    from pinarm.mechanics.geometry.vectors import Axes
     from pinarm.mechanics.rotors import GearedRotor
+
+
+class Constraint(Protocol):
+    """Rows of G that belong together, such as those of one joint."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def size(self) -> int:
+        """Number m of rows."""
+
+    @property
+    def side(self) -> float:
+        """Sense in which its multiplier can act, 1 or -1, as of a cam that only pushes; 0 where it holds both ways.
+
+        A constraint with a side may open: its gap then has that sign.
+        """
+
+    def unit(self, row: int) -> Unit:
+        """Return the unit of the gap in a row: m or rad."""
+
+    def gap(self, state: Kinematics) -> Array:
+        """Return what is not closed [m or rad], shape (m,)."""
+
+    def rows(self, state: Kinematics) -> Array:
+        """Return G, shape (m, nv)."""
+
+    def drift(self, state: Kinematics) -> Array:
+        """Return G' v, shape (m,)."""
+
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
+
+
+class GuidedCoordinate(HeldCoordinate, frozen=True):
+    """A coordinate that follows a law, or that drives hold."""
+
+
+class OneSidedConstraint(Constraint, Protocol):
+    """A constraint of one row that pushes only, or pulls only, and opens where it would have to do the other."""
+
+    @property
+    def kind(self) -> str:
+        """Its kind, as files call it."""
+
+    @property
+    def opens(self) -> str:
+        """What happens where it opens, in words."""
+
+    def push(self, q: Array, lam: Array) -> Array:
+        """Return with what it acts [N, or N*m], negative against its sense; shape (n,).
+
+        Args:
+            q: Configurations, shape (n, nq).
+            lam: Its multipliers, shape (n,).
+        """
+
+    def push_unit(self) -> Unit:
+        """Return the unit of that."""
+
+    def whereabouts(self, q: Array) -> str:
+        """Return what tells a configuration, shape (nq,), apart for it, in words; may be empty."""
+
+
+class JointTie(Constraint, Protocol):
+    """What ties a joint without a body to a coordinate: that of a rotor, or one that counts turns."""
+
+    @property
+    def rotor(self) -> Joint:
+        """The joint."""
+
+    @property
+    def coordinate(self) -> Coordinate:
+        """What it moves as."""
+
+
+def one_sided(constraints: Iterable[Constraint]) -> list[OneSidedConstraint]:
+    """Return the constraints with a side."""
+    return [cast("OneSidedConstraint", one) for one in constraints if one.side]
+
+
+def joint_ties(constraints: Iterable[Constraint]) -> list[JointTie]:
+    """Return the constraints that tie joints without a body."""
+    return [cast("JointTie", one) for one in constraints if hasattr(one, "rotor")]
+
 
 BLOCK = 4000
 """Links times states that are worked on at once: arrays of more would not stay in the processor's cache."""
@@ -45,12 +134,14 @@ class PairRows(Record, frozen=True):
 
     Attributes:
         pair: What they hold.
+        sense: 1, or -1 of rows with the opposite sign.
         frames: The frames.
         rows: The rows of each, shape (m, L).
         entries: Places of their coefficients among the entries of G, shape (m, s, L).
     """
 
     pair: Pair
+    sense: float
     frames: FramePairs
     rows: Indices
     entries: Indices
@@ -78,7 +169,7 @@ class ConstraintRows(Record, frozen=True):
     @classmethod
     def of(cls, model: Model, ones: Sequence[Measured]) -> ConstraintRows:
         """Return the rows of constraints or coordinates of a model."""
-        alike: dict[Hashable, tuple[Pair, list[tuple[int, int]], list[range]]] = {}
+        alike: dict[Hashable, tuple[Pair, float, list[tuple[int, int]], list[range]]] = {}
         relations, turning = list[tuple[int, JointRelation | LinearCoordinate]](), []
         constants = list[float]()
         for given in ones:
@@ -87,19 +178,24 @@ class ConstraintRows(Record, frozen=True):
             constants += [one.length if isinstance(one, CableLoop) else 0.0] * len(rows)
             if isinstance(one, TurnedAbout) or (hasattr(one, "rotor") and cast("GearedRotor", one).coordinate.wraps):
                 turning.append((start, cast("TurnedAbout | GearedRotor", one)))
-            for number, part in enumerate(parts_of(model, one)):
+            for number, (sense, part) in enumerate(parts_of(model, one)):
+                if isinstance(part, LinearCoordinate):
+                    relations.append((start, part if sense > 0.0 else replace(part, weights=-part.weights)))
+                    continue
                 if not isinstance(part, TiedFrames):
                     relations.append((start, part))
                     continue
-                key = constants_of(part.pair), likeness(model, part.first, part.second), number  # one row of a cable
-                _, frames, places = alike.setdefault(key, (part.pair, [], []))
+                alikeness = likeness(model, part.first, part.second)
+                key = constants_of(part.pair), sense, alikeness, number  # one row of a cable
+                _, _, frames, places = alike.setdefault(key, (part.pair, sense, [], []))
                 frames.append((part.first, part.second))
                 places.append(rows)
-        groups = [(pair, FramePairs.of(model, frames), np.array(places).T) for pair, frames, places in alike.values()]
+        groups = [
+            (pair, sense, FramePairs.of(model, frames), np.array(places).T)
+            for pair, sense, frames, places in alike.values()
+        ]
         pattern = Pattern.of(model.nv, len(constants), groups, relations)
-        pairs = (
-            PairRows(pair, frames, rows, pattern.entries(rows, frames.velocities)) for pair, frames, rows in groups
-        )
+        pairs = (PairRows(*group, pattern.entries(group[3], group[2].velocities)) for group in groups)
         return cls(model, tuple(pairs), np.array(constants), tuple(relations), tuple(turning), pattern)
 
     @property
@@ -129,13 +225,15 @@ class Pattern(Record, frozen=True):
 
     @classmethod
     def of(
-        cls, nv: int, size: int, pairs: Sequence[tuple[Pair, FramePairs, Indices]],
+        cls, nv: int, size: int, pairs: Sequence[tuple[Pair, float, FramePairs, Indices]],
         relations: Sequence[tuple[int, JointRelation | LinearCoordinate]],
     ) -> Pattern:  # fmt: skip
         """Return the pattern of m rows."""
         numbers = [
-            (rows[:, None] * nv + frames.velocities).ravel() for _, frames, rows in pairs
-        ] + [start * nv + moved_by(relation) for start, relation in relations]  # fmt: skip
+            (rows[:, None] * nv + frames.velocities).ravel() for _, _, frames, rows in pairs
+        ] + [
+            start * nv + (one.moved if isinstance(one, LinearCoordinate) else one.joints) for start, one in relations
+        ]  # fmt: skip
         every = np.array(sorted({place for part in numbers for place in part.tolist()}), dtype=np.intp)
         rows, columns = np.divmod(every, nv) if nv else (every, every)
         return cls(nv, rows, columns, np.searchsorted(rows, np.arange(size + 1)))
@@ -145,69 +243,21 @@ class Pattern(Record, frozen=True):
         return np.searchsorted(self.rows * self.nv + self.columns, rows[:, None] * self.nv + columns)
 
 
-def parts_of(model: Model, one: Measured) -> Sequence[TiedFrames | JointRelation | LinearCoordinate]:
-    """Return the pairs of frames and the relations whose rows, added up, are those of a constraint or coordinate."""
+def parts_of(model: Model, one: Measured) -> Sequence[tuple[float, TiedFrames | JointRelation | LinearCoordinate]]:
+    """Return the signed pairs of frames and relations whose rows, added up, are those of a constraint or coordinate."""
     if isinstance(one, JointRelation | LinearCoordinate | LoopJoint):
-        return [one]
+        return [(1.0, one)]
     if isinstance(one, BallCoordinate):
-        return [one.way(model)]
+        return [(1.0, one.way(model))]
     if hasattr(one, "rotor"):
         tie = cast("GearedRotor", one)
-        return [_rotor(model, tie), *map(_reversed, parts_of(model, tie.coordinate))]
+        weights, places = np.zeros(model.nv), np.zeros(model.nv, dtype=np.intp)
+        weights[tie.rotor.v], places[tie.rotor.v] = 1.0, tie.rotor.q
+        turned = [(-sense, part) for sense, part in parts_of(model, tie.coordinate)]
+        return [(1.0, LinearCoordinate(tie.coordinate.unit, weights, places)), *turned]
     measured = one.path if isinstance(one, CableLoop) else one
     assert isinstance(measured, PairCoordinate | PathLength), f"no rows of {type(one).__name__}"
-    return measured.ways
-
-
-def _rotor(model: Model, one: GearedRotor) -> LinearCoordinate:
-    weights, places = np.zeros(model.nv), np.zeros(model.nv, dtype=np.intp)
-    weights[one.rotor.v], places[one.rotor.v] = 1.0, one.rotor.q
-    return LinearCoordinate(one.coordinate.unit, weights, places)
-
-
-def _reversed(part: TiedFrames | JointRelation | LinearCoordinate) -> TiedFrames | LinearCoordinate:
-    if isinstance(part, TiedFrames):
-        return TiedFrames(part.first, part.second, Reversed(part.pair))
-    assert isinstance(part, LinearCoordinate), "coordinates of rotors are no couplings"
-    return replace(part, weights=-part.weights)
-
-
-class Reversed(Record, frozen=True):
-    """A pair whose rows have the opposite sign.
-
-    Attributes:
-        pair: The pair.
-    """
-
-    pair: Pair
-
-    @property
-    def along(self) -> Sequence[bool]:
-        return self.pair.along
-
-    @property
-    def about(self) -> Sequence[bool]:
-        return self.pair.about
-
-    @property
-    def constant(self) -> tuple[Array, Array] | None:
-        constant = self.pair.constant
-        return None if constant is None else (-constant[0], -constant[1])
-
-    def gap(self, p: Array, axes: Axes) -> list[Array]:
-        return [-gap for gap in self.pair.gap(p, axes)]
-
-    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
-        e, w = self.pair.directions(p, axes)
-        return -e, -w
-
-    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
-        return -self.pair.bend(p, axes, dp, omega)
-
-
-def moved_by(relation: JointRelation | LinearCoordinate) -> Indices:
-    """Return the velocities that a relation of joint coordinates ties."""
-    return relation.moved if isinstance(relation, LinearCoordinate) else relation.joints
+    return [(1.0, way) for way in measured.ways]
 
 
 class EvaluatedRows(Record, frozen=True):
@@ -250,7 +300,7 @@ class EvaluatedRows(Record, frozen=True):
         found = np.zeros((self.rows.size, *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
             for row, gap in zip(pairs.rows, pairs.pair.gap(*motion.flat), strict=True):
-                found[row, part] += _spread(gap, motion)
+                found[row, part] += pairs.sense * _spread(gap, motion)
         flat = self.q.reshape(-1, self.q.shape[-1])
         for row, relation in self.rows.relations:
             own = relation.at(flat) if isinstance(relation, LinearCoordinate) else relation.gaps_at(flat)
@@ -264,7 +314,7 @@ class EvaluatedRows(Record, frozen=True):
         """The entries of G in the order of the pattern, shape (z, ..)."""
         pattern, found = self.rows.pattern, np.zeros((len(self.rows.pattern.rows), *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
-            found[pairs.entries, part] += motion.rows(pairs.pair)
+            found[pairs.entries, part] += pairs.sense * motion.rows(pairs.pair)
         flat = self.q.reshape(-1, self.q.shape[-1])
         for row, relation in self.rows.relations:
             own = slice(*pattern.starts[row : row + 2])
@@ -312,7 +362,7 @@ class EvaluatedRows(Record, frozen=True):
             dp, omega, ddp, domega = motion.rates(rates[:, part])
             bend = pairs.pair.bend(*motion.flat, *(x.reshape(3, -1) for x in (dp, omega)))
             own = (power(e, ddp[:, None]) + power(w, domega[:, None]))[:, 0]
-            found[pairs.rows, part] += own + _spread(bend, motion)
+            found[pairs.rows, part] += pairs.sense * (own + _spread(bend, motion))
         flat, speeds = self.q.reshape(-1, self.q.shape[-1]), v.reshape(-1, v.shape[-1])
         for row, relation in self.rows.relations:
             if isinstance(relation, JointRelation):

@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.constraints.closure import BLOCK, Closure
-from pinarm.engine.constraints.nullspace import RowDecompositions
+from pinarm.engine.constraints.nullspace import RowDecompositions, one_blas_thread
 from pinarm.records import Record
 
 

@@ -8,8 +8,10 @@ group: 200 joints in one group take about 20 ms a state, 1,000 joints seconds.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -451,3 +453,43 @@ def coupled_joints(rows: Array, right: Array, v: Array) -> Flags:
         reached = (right != 0.0) | touched[:, moving].any(axis=1)
         moving = np.asarray(moving | touched[reached].any(axis=0))
     return moving
+
+
+SMALL = 16
+"""Velocities up to which matrices are too small for OpenBLAS to share them among threads, as it does from 48 rows on:
+they have as many rows as velocities and constraints together."""
+
+
+def one_blas_thread(nv: int) -> AbstractContextManager[Any]:
+    """Let linear algebra use one thread in a ``with`` block, if it would use more for a mechanism of nv velocities.
+
+    Two threads take longer for all matrices up to 256 rows (``docs/speed.md``). What the process used before is in
+    force again after the block; environment variables stay as they are. Of blocks that overlap the first decides, as
+    the limit is the whole process's.
+    """
+    return nullcontext() if nv <= SMALL else _one_thread()
+
+
+_limited = ContextVar("limited", default=False)
+"""Whether a block around has set the limit."""
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    if _limited.get():
+        yield
+        return
+    token = _limited.set(True)
+    try:
+        with _libraries().limit(limits=1):
+            yield
+    finally:
+        _limited.reset(token)
+
+
+@cache
+def _libraries() -> Any:
+    """Return the libraries of linear algebra that are loaded."""
+    from threadpoolctl import ThreadpoolController  # 10 ms, which small mechanisms need not wait for
+
+    return ThreadpoolController().select(user_api="blas")

@@ -6,7 +6,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -14,17 +15,144 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices, as_rows, same_rows
-from pinarm.engine.dynamics import parallel
+from pinarm.arrays import Array, as_rows, same_rows
+from pinarm.engine.dynamics import mass_matrix
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
-from pinarm.mechanics.geometry.kinematics import new_data, require_depth_first
-from pinarm.mechanics.geometry.link_placements import speeding
+from pinarm.mechanics.geometry.kinematics import WIDE, cached_by_model, new_data, require_depth_first
+from pinarm.mechanics.geometry.link_placements import speeding, summed_wrenches
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration, Manifold
+    from pinarm.mechanics.geometry.link_placements import LinkPlacements
+
+MANY = 2**15
+"""Numbers in v of all states from which on a call takes so long, 5 ms, that threads gain more than they wait."""
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_forked = False
+"""Whether this process is a fork of one that had loaded Pinocchio: it lacks the threads that OpenMP still counts on."""
+
+
+def _note_fork() -> None:
+    global _forked
+    _forked = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_note_fork)
+
+
+def threads() -> int:
+    """Return how many threads a call may use: all cores, or what ``OMP_NUM_THREADS`` allows; one after a fork."""
+    if _forked:
+        return 1
+    allowed = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    return min(cores(), max(1, int(allowed))) if allowed.isdecimal() else cores()
+
+
+def rnea(model: Model, q: Array, v: Array, a: Array) -> Array:
+    """Return efforts of motions without loads, shape (n, .., nv)."""
+    if model.nv > WIDE:
+        data = new_data(model)
+        return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
+    if not isinstance(model, ModelVariants):
+        number = threads() if v.size > MANY else 1
+        return _rnea(number, _single(model) if number == 1 else _several(model), q, v, a)
+    return _of_variants(model, lambda pool, *states: _rnea(1, pool, *states), q, v, a)
+
+
+def _rnea(number: int, pool: pin.ModelPool, q: Array, v: Array, a: Array) -> Array:
+    efforts: Array = pin.rneaInParallel(number, pool, q.T, v.T, a.T)
+    return efforts.reshape(v.shape[::-1]).T
+
+
+def aba(model: Model, q: Array, v: Array, tau: Array) -> Array:
+    """Return accelerations under efforts, shape (n, .., nv).
+
+    State by state: ``pin.abaInParallel`` computes in world axes, where a mechanism far from the origin loses digits.
+    """
+    if isinstance(model, ModelVariants):
+        return _of_variants(model, _aba_of_pool, q, v, tau)
+    return _aba(model, new_data(model) if model.nv > WIDE else _single(model).getData(0), q, v, tau)
+
+
+def _aba_of_pool(pool: pin.ModelPool, q: Array, v: Array, tau: Array) -> Array:
+    return _aba(pool.getModel(0), pool.getData(0), q, v, tau)
+
+
+def _aba(model: pin.Model, data: pin.Data, q: Array, v: Array, tau: Array) -> Array:
+    rows = [pin.aba(model, data, *state) for state in zip(q, v, tau, strict=True)]
+    return np.array(rows).reshape(len(q), model.nv)
+
+
+def mass_matrices(model: Model, q: Array) -> Array:
+    """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv); armatures are in it."""
+    if not isinstance(model, ModelVariants):
+        return mass_matrix.mass_matrices(model, q)
+    return _of_variants(model, lambda pool, rows: mass_matrix.mass_matrices(pool.getModel(0), rows), q)
+
+
+def transmitted(links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
+    """Return the wrench of the parent on the child at every joint's origin; see ``summed_wrenches``.
+
+    Of variants, and of complex steps, which numpy moves, by the sums of what the links beyond a joint demand.
+    """
+    if isinstance(links.model, ModelVariants) or np.iscomplexobj(q):
+        return summed_wrenches(links, q, v, a, acting)
+    outside, model, data = links.inwards(acting), links.model, new_data(links.model)
+    inner, loaded = np.empty_like(outside), np.flatnonzero(outside.any(axis=(0, 2))).tolist()
+    forces = pin.StdVec_Force()
+    forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
+    external, internal = [forces[joint] for joint in loaded], [data.f[joint] for joint in range(model.njoints)]
+    for k, loads in enumerate(outside[:, loaded]):
+        for force, load in zip(external, loads, strict=True):
+            force.vector = load
+        pin.rnea(model, data, q[k], v[k], a[k], forces)
+        inner[k] = [wrench.vector for wrench in internal]
+    inner[:, 0] = 0.0  # of the world, not of a joint
+    return links.outwards(inner)
+
+
+def _of_variants(variants: ModelVariants, call: Callable[..., Array], *arrays: Array) -> Array:
+    """Return the values of a call with the model of each variant and its states, shape (n, k, ..)."""
+    spread = [np.broadcast_to(x, (len(x), len(variants), x.shape[-1])).swapaxes(0, 1) for x in arrays]
+    values = [call(pool, *states) for pool, *states in zip(_each(variants), *spread, strict=True)]
+    return np.stack(values, axis=1)
+
+
+def _each(variants: ModelVariants) -> Iterator[pin.ModelPool]:
+    """Yield Pinocchio's model with the numbers of one variant after the other, and its buffers."""
+    pool = _of_variant(variants.first)
+    inertias, placements = pool.getModel(0).inertias, pool.getModel(0).jointPlacements
+    for parameters, turns, shifts in zip(variants.parameters, variants.turns, variants.shifts, strict=True):
+        for joint, body in zip(variants.bodies, parameters, strict=True):
+            inertias[joint] = pin.Inertia.FromDynamicParameters(body)
+        for joint, turn, shift in zip(variants.moved, turns, shifts, strict=True):
+            placements[joint] = pin.SE3(turn, shift)
+        yield pool
+
+
+@cached_by_model
+def _of_variant(model: pin.Model) -> pin.ModelPool:
+    return pin.ModelPool(model, 1)
+
+
+@cached_by_model
+def _single(model: pin.Model) -> pin.ModelPool:
+    return pin.ModelPool(model, 1)
+
+
+@cached_by_model
+def _several(model: pin.Model) -> pin.ModelPool:
+    return pin.ModelPool(model, cores())
 
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
@@ -73,7 +201,7 @@ class Dynamics(Record, frozen=True):
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv)."""
-        return parallel.mass_matrices(self.model, q)
+        return mass_matrices(self.model, q)
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
@@ -132,7 +260,7 @@ class Dynamics(Record, frozen=True):
         same_rows(q, v, a)
         if not len(q):
             return np.zeros((0, nv))
-        tau = parallel.rnea(self.model, q, v, a)
+        tau = rnea(self.model, q, v, a)
         return tau - self.loads(t, q, v) if self.forces else tau
 
     def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:
@@ -157,7 +285,7 @@ class Dynamics(Record, frozen=True):
             efforts = as_rows(tau, self.model.nv, "tau")
             same_rows(q, efforts)
             total += efforts
-        return parallel.aba(self.model, q, v, total)
+        return aba(self.model, q, v, total)
 
     def acceleration(self) -> Acceleration:
         """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""
@@ -248,29 +376,6 @@ def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
     return [(rows, dynamics.on(start, end)) for start, end, rows in grid.intervals()]
 
 
-TURN = 0.5 * np.array([
-    [0, 0, 0, -1], [0, 0, 1, 0], [0, -1, 0, 0],
-    [0, 0, -1, 0], [0, 0, 0, -1], [1, 0, 0, 0],
-    [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, -1],
-    [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0],
-])  # fmt: skip
-"""Products of x, y, z, w with each component of an angular velocity to the quaternion's rate: half their product."""
-
-
-class _Places(Record, frozen=True):
-    """Where the numbers of joints are.
-
-    Attributes:
-        q: Those in q whose rates are velocities, shape (m,).
-        v: Those velocities in v, shape (m,).
-        balls: The first in q, and in v, of each quaternion.
-    """
-
-    q: Indices
-    v: Indices
-    balls: tuple[tuple[int, int], ...]
-
-
 class ConfigurationSpace(ValueRecord, frozen=True):
     """Configurations with quaternions or (cos, sin) pairs in them.
 
@@ -285,42 +390,13 @@ class ConfigurationSpace(ValueRecord, frozen=True):
     nv: int
 
     def velocity(self, q: Array, v: Array) -> Array:
-        """Return q' = T(q) v."""
+        """Return q' = T(q) v, of one state or of several."""
         if q.ndim == 1:
             return pin.tangentMap(self.model, q).dot(v)  # type: ignore[no-any-return]  # half the time of @
-        if self._places is None:
-            return np.array([pin.tangentMap(self.model, row) @ rate for row, rate in zip(q, v, strict=True)])
-        rates = np.empty_like(q)
-        rates[:, self._places.q] = v[:, self._places.v]
-        for in_q, in_v in self._places.balls:
-            products = q[:, in_q : in_q + 4, None] * v[:, None, in_v : in_v + 3]
-            rates[:, in_q : in_q + 4] = products.reshape(len(q), 12) @ TURN
-        return rates
+        return np.array([self.velocity(row, rate) for row, rate in zip(q, v, strict=True)]).reshape(q.shape)
 
     def project(self, q: Array) -> Array:
         """Return q with its quaternions and pairs at unit length."""
         if q.ndim == 1:
             return pin.normalize(self.model, q)  # type: ignore[no-any-return]
-        if self._places is None:
-            return np.array([pin.normalize(self.model, row) for row in q])
-        found = q.copy()
-        for in_q, _ in self._places.balls:
-            ball = found[:, in_q : in_q + 4]
-            ball /= np.sqrt((ball * ball).sum(axis=1, keepdims=True))
-        return found
-
-    @cached_property
-    def _places(self) -> _Places | None:
-        """Where the numbers of joints are; ``None`` where one is no ball and has more of them in q than in v."""
-        q: list[int] = []
-        v: list[int] = []
-        balls = []
-        for joint in self.model.joints.tolist()[1:]:
-            if joint.nq == joint.nv:
-                q += range(joint.idx_q, joint.idx_q + joint.nq)
-                v += range(joint.idx_v, joint.idx_v + joint.nv)
-            elif joint.shortname() == "JointModelSpherical":
-                balls.append((joint.idx_q, joint.idx_v))
-            else:
-                return None
-        return _Places(np.array(q, dtype=np.intp), np.array(v, dtype=np.intp), tuple(balls))
+        return np.array([pin.normalize(self.model, row) for row in q]).reshape(q.shape)

@@ -20,7 +20,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import one_sided
+from pinarm.engine.constraints.constraint_rows import one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.friction.complementarity import FrictionBalance
 from pinarm.engine.friction.slip import SlipGroup

@@ -19,7 +19,7 @@ from pinarm.engine.kernel.structures import (
     MOST_ROWS,
     ConstraintsStructure,
     SkylineStructure,
-    loops_are_sound,
+    finite,
 )
 from pinarm.engine.kernel.tree import CompiledTree, LoadedTree
 from pinarm.records import Record
@@ -186,15 +186,21 @@ class CompiledLoops(Record, frozen=True):
             units: Squares of the units of velocities, 0 of those that follow laws, shape (nv,).
             weights: 1 over the unit of the gap in every row, shape (m,).
         """
-        if not loops_are_sound(self._records, len(self.tree.links)) or not np.isfinite(self._weights).all():
+        if (
+            max(self._rows, default=MOST_ROWS + 1) > MOST_ROWS
+            or not finite(self._records)
+            or not np.isfinite(self._weights).all()
+        ):
             return None
         model, rows = self.tree.model, sum(self._rows)
         loaded = loaded.with_unknowns(model.nv + rows)
         squares, inner = self._skyline, int(self._records["rows"][self._records["end"] >= 0].sum())
-        known = self._records, self._passed, self._unknowns, self._weights, np.zeros(len(self.tied), LOOP_STATE)
+        passed = np.array([entry for way in self._ways for entry in way.passed], np.intc)
+        unknowns = np.array([unknown for way in self._ways for unknown in way.support], np.intc)
+        known = self._records, passed, unknowns, self._weights, np.zeros(len(self.tied), LOOP_STATE)
         buffers = (
             contiguous(units), contiguous(weights[np.argsort(self._places)]),
-            np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(self._unknowns), MOST_ROWS)),
+            np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(unknowns), MOST_ROWS)),
             np.zeros((model.nv + rows, MOST_ROWS)), np.zeros(model.nv), *(np.zeros(rows) for _ in range(3)),
         )  # fmt: skip
         structure = ConstraintsStructure(
@@ -241,50 +247,36 @@ class CompiledLoops(Record, frozen=True):
         return ways.found
 
     @cached_property
-    def _passed(self) -> NDArray[np.intc]:
-        return np.array([entry for way in self._ways for entry in way.passed], np.intc)
-
-    @cached_property
-    def _unknowns(self) -> NDArray[np.intc]:
-        return np.array([unknown for way in self._ways for unknown in way.support], np.intc)
-
-    @cached_property
     def _weights(self) -> Array:
         """What the rows of each have of the unknowns that they pass, shape (sum of these, MOST_ROWS)."""
-        found, start, nv = np.zeros((len(self._unknowns), MOST_ROWS)), 0, self.tree.model.nv
+        nv, found = self.tree.model.nv, list[Array]()
         for one, way in zip(self._ordered, self._ways, strict=True):
+            weights = np.zeros((len(way.support), MOST_ROWS))
             if one.weights is not None:
                 places = [k for k, unknown in enumerate(way.unknowns) if unknown < nv]
-                moved = [way.unknowns[k] for k in places]
-                found[[start + k for k in places], : len(one.weights)] = one.weights[:, moved].T
-            start += len(way.support)
-        return found
+                weights[places, : len(one.weights)] = one.weights[:, [way.unknowns[k] for k in places]].T
+            found.append(weights)
+        return np.concatenate(found)
 
     @cached_property
     def _records(self) -> NDArray[np.void]:
         """The loop joints, of ``structures.LOOP``."""
-        found, ways = np.zeros(len(self.tied), LOOP), self._ways
+        found, ways, first = np.zeros(len(self.tied), LOOP), self._ways, dict[int, int]()
         for name, counts in (
             ("first", self._rows), ("path", [len(way.passed) for way in ways]),
             ("support", [len(way.support) for way in ways]),
         ):  # fmt: skip
             found[name] = np.cumsum([0, *counts])[:-1]
-        found["axis"], found["size"] = [one.axis for one in self._ordered], [one.size for one in self._ordered]
-        for record, one, way in zip(found, self._ordered, ways, strict=True):
-            record["kind"], record["rows"], record["end"] = one.kind, len(one.along), way.end
+        for k, (record, one, way) in enumerate(zip(found, self._ordered, ways, strict=True)):
+            record["axis"], record["size"], record["kind"] = one.axis, one.size, one.kind
+            record["rows"], record["end"] = len(one.along), way.end
             record["links"], record["degrees"] = len(way.passed), len(way.support)
             record["along"][: len(one.along)], record["about"][: len(one.about)] = one.along, one.about
             for i, (joint, place) in enumerate(zip(one.joints, one.places, strict=True)):
                 record["link"][i], record["frame"]["rotation"][i], record["frame"]["translation"][i] = (
                     self.tree.placed(joint, place)
                 )  # fmt: skip
+            record["coupled"] = min([k, *(first.setdefault(n, k) for n in way.support)])  # shares an unknown with it
         found["tail"] = found["support"] + [way.before for way in ways]
         found["own"] = found["support"] + [len(way.unknowns) for way in ways]
-        found["coupled"] = self._coupled
         return found
-
-    @property
-    def _coupled(self) -> list[int]:
-        """The first loop joint that shares an unknown with each."""
-        first: dict[int, int] = {}
-        return [min([k, *(first.setdefault(n, k) for n in way.support)]) for k, way in enumerate(self._ways)]

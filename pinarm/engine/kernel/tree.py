@@ -13,22 +13,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
-from pinarm.engine.kernel.links import links_of, links_of_variants
 from pinarm.engine.kernel.structures import (
     DEGREE,
     DEGREE_STATE,
     LAW,
     LAW_TERMS,
+    LINK,
     LINK_STATE,
     POINT_SPRING,
     ROTATION_SPRING,
+    SCREW,
     FlowStructure,
     HeldStructure,
     TreeStructure,
-    links_are_sound,
-    loads_are_sound,
+    finite,
 )
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import ModelVariants
@@ -42,6 +42,87 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration
     from pinarm.mechanics.forces.joint_forces import SpringDamper
     from pinarm.mechanics.forces.points import TwoPointSpring
+
+UNIAXIAL, CONTINUOUS, BALL, FLOATING, PLANAR, TRANSLATION = range(6)
+"""Kinds of joints, see ``joints.h``."""
+
+KINDS = {
+    "RX": UNIAXIAL, "RY": UNIAXIAL, "RZ": UNIAXIAL, "RevoluteUnaligned": UNIAXIAL,
+    "PX": UNIAXIAL, "PY": UNIAXIAL, "PZ": UNIAXIAL, "PrismaticUnaligned": UNIAXIAL,
+    "HX": UNIAXIAL, "HY": UNIAXIAL, "HZ": UNIAXIAL, "HelicalUnaligned": UNIAXIAL,
+    "RUBX": CONTINUOUS, "RUBY": CONTINUOUS, "RUBZ": CONTINUOUS, "RevoluteUnboundedUnaligned": CONTINUOUS,
+    "Spherical": BALL, "FreeFlyer": FLOATING, "Planar": PLANAR, "Translation": TRANSLATION,
+}  # fmt: skip
+"""Pinocchio's name of a joint, without ``JointModel`` -> its kind."""
+
+SYMMETRIC = np.array([4, 5, 7, 5, 6, 8, 7, 8, 9])
+"""Places of a symmetric matrix's entries in Pinocchio's parameters of a body, where xx, xy, yy, xz, yz, zz are last."""
+
+X, Y, Z = range(3)
+COLUMNS: dict[int, tuple[tuple[int, float, float], ...]] = {
+    BALL: ((X, 0, 1), (Y, 0, 1), (Z, 0, 1)),
+    FLOATING: ((X, 1, 0), (Y, 1, 0), (Z, 1, 0), (X, 0, 1), (Y, 0, 1), (Z, 0, 1)),
+    PLANAR: ((X, 1, 0), (Y, 1, 0), (Z, 0, 1)),
+    TRANSLATION: ((X, 1, 0), (Y, 1, 0), (Z, 1, 0)),
+}
+"""Kind of a joint with several velocities -> the axis, the slide and the turn of each: see ``structures.SCREW``."""
+
+
+ALONG = {"X": np.eye(3)[:, [1, 2, 0]], "Y": np.eye(3)[:, [2, 0, 1]], "Z": np.eye(3)}
+"""Last letter of the name of a joint, its axis -> a rotation whose last column is that axis."""
+
+
+def links_of_variants(first: CompiledTree, variants: ModelVariants) -> NDArray[np.void]:
+    """Return the links of variants of a model, shape (k, njoints - 1), given those of the first of them."""
+    links = np.repeat(first.links[None], len(variants), axis=0)
+    moved, bodies = (np.array(joints, dtype=np.intp) - 1 for joints in (variants.moved, variants.bodies))
+    _place(links, moved, first.axes, variants.turns, variants.shifts)
+    _weigh(links, bodies, first.axes, variants.parameters)
+    return links
+
+
+def _place(links: NDArray[np.void], some: Indices, axes: Array, turns: Array, shifts: Array) -> None:
+    """Set the placements of some of the links, shape (.., njoints - 1), from those of their joints."""
+    turned, outwards = axes[1:][some], axes[links["parent"][..., some] + 1].swapaxes(-1, -2)
+    links["rotation"][..., some, :, :] = outwards @ turns @ turned
+    links["translation"][..., some, :] = np.matvec(outwards, shifts)
+
+
+def _weigh(links: NDArray[np.void], some: Indices, axes: Array, bodies: Array) -> None:
+    """Set the bodies of some of the links, shape (.., njoints - 1), from their dynamic parameters, shape (.., 10)."""
+    turned = axes[1:][some]
+    links["mass"][..., some], links["moment"][..., some, :] = bodies[..., 0], np.vecmat(bodies[..., 1:4], turned)
+    inertias = bodies[..., SYMMETRIC].reshape(*bodies.shape[:-1], 3, 3)
+    links["inertia"][..., some, :] = (turned.swapaxes(-1, -2) @ inertias @ turned)[..., *np.triu_indices(3)]
+
+
+def _frame(model: pin.Model, joint: pin.JointModel) -> tuple[int, tuple[tuple[int, float, float], ...], Array] | None:
+    """Return the kind of a joint, the screws of its velocities, and the axes of its link's frame in Pinocchio's."""
+    name = joint.shortname().removeprefix("JointModel")
+    kind = KINDS.get(name)
+    if kind is None:
+        return None
+    if kind in COLUMNS:
+        return kind, COLUMNS[kind], np.eye(3)
+    if name[-1] in ALONG and name[0] != "H":
+        turns = name[0] == "R"
+        return kind, ((Z, float(not turns), float(turns)),), ALONG[name[-1]]
+    data = joint.createData()
+    joint.calc(data, pin.neutral(model))
+    linear, angular = np.reshape(data.S, (2, 3))
+    turns = bool(angular.any())
+    axis = angular if turns else linear
+    axis = axis / np.linalg.norm(axis)
+    slide = float(linear @ axis) if turns else 1.0
+    return kind, ((Z, slide, float(turns)),), _with_z_along(axis)
+
+
+def _with_z_along(axis: Array) -> Array:
+    """Return a rotation whose last column is a unit vector, shape (3, 3)."""
+    beside = np.eye(3)[(int(np.abs(axis).argmax()) + 1) % 3]
+    x = np.cross(beside, axis)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
 EFFORT = -1
@@ -83,11 +164,6 @@ def laws_of(followed: Sequence[Followed], steady: Array) -> NDArray[np.void] | N
         known["v"], known["q"], known["steady"] = one.v, one.q, steady[one.v]
         parts.append(known)
     return np.concatenate(parts) if len({one.v for one in followed}) == len(followed) else None
-
-
-def is_known(function: Callable[[Array], Values] | None) -> bool:
-    """Return whether the library knows a piece of a law."""
-    return _parts(function) is not None
 
 
 def _parts(function: Callable[[Array], Values] | None) -> NDArray[np.void] | None:
@@ -245,8 +321,7 @@ class CompiledTree(Record, frozen=True):
     @classmethod
     def of(cls, model: pin.Model) -> CompiledTree | None:
         """Return the tree of a model; ``None`` where there is no library, or it does not know a joint of the model."""
-        known = links_of(model) if library() is not None and model.nv else None
-        return cls(model, known.links, known.screws, known.axes) if known else None
+        return links_of(model) if library() is not None and model.nv else None
 
     def flow(
         self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
@@ -288,8 +363,7 @@ class CompiledTree(Record, frozen=True):
             return None
         model, count = self.model, len(self.links)
         loads = self._degrees(steady, springs), np.array(balls, ROTATION_SPRING), np.array(lines, POINT_SPRING), laws
-        sound = links_are_sound(self.links, model.nq, model.nv) and loads_are_sound(*loads, count, model.nq)
-        if not sound or not np.isfinite(model.gravity.linear).all():
+        if not all(map(finite, (self.links, *loads))) or not np.isfinite(model.gravity.linear).all():
             return None
         sizes = count, model.nq, model.nv, len(balls), len(lines), len(laws)
         return LoadedTree.of(sizes, (self.links.copy(), *loads), np.array(model.gravity.linear))
@@ -313,6 +387,27 @@ class CompiledTree(Record, frozen=True):
             degrees["sprung"][spring.v], degrees["rest"][spring.v] = spring.q, spring.rest
             degrees["stiffness"][spring.v], degrees["damping"][spring.v] = spring.stiffness, spring.damping
         return degrees
+
+
+def links_of(model: pin.Model) -> CompiledTree | None:
+    """Return the tree of a model; ``None`` where a joint is of no known kind.
+
+    With the axes A of a link's frame in Pinocchio's, and A_p of its parent's, placements are ``A_p^T R A`` and
+    ``A_p^T r``, and of the body ``A^T m c`` and ``A^T I A``.
+    """
+    joints = [_frame(model, joint) for joint in model.joints.tolist()[1:]]
+    frames = [frame for frame in joints if frame is not None]
+    if len(frames) < len(joints):
+        return None
+    parents, links = np.array(model.parents.tolist())[1:], np.zeros(len(frames), LINK)
+    axes, every = np.array([np.eye(3), *(rotation for _, _, rotation in frames)]), np.arange(len(frames))
+    placements = np.array([place.homogeneous for place in model.jointPlacements.tolist()[1:]])
+    bodies = np.array([body.toDynamicParameters() for body in model.inertias.tolist()[1:]])
+    links["parent"], links["kind"] = parents - 1, [kind for kind, _, _ in frames]
+    links["q"], links["v"] = model.idx_qs.tolist()[1:], model.idx_vs.tolist()[1:]
+    _place(links, every, axes, placements[:, :3, :3], placements[:, :3, 3])
+    _weigh(links, every, axes, bodies)
+    return CompiledTree(model, links, np.array([screw for _, screws, _ in frames for screw in screws], SCREW), axes)
 
 
 def disagreement(

@@ -12,25 +12,22 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure, slides
-from pinarm.engine.constraints.constraint import GuidedCoordinate
+from pinarm.engine.constraints.constraint_rows import GuidedCoordinate
 from pinarm.engine.kinematics.newton import NewtonSolver, assembled, start_configuration
-from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
+from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates, StateFunction
 from pinarm.engine.kinematics.singular import SINGULAR
 from pinarm.errors import LISTED, AssemblyError, InputError, several
-from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import RADIAN
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import Record, ValueRecord, replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -241,7 +238,7 @@ class _Part:
             return self._apart(end, direct) <= APART
         return bool(np.abs(pin.difference(self.model, end, direct) / self.closure.scale).max() <= APART)
 
-    def _straight(self, begun: Array, kept: Sequence[_Kept], direct: Array | None) -> _Way:
+    def _straight(self, begun: Array, kept: Sequence[StateFunction], direct: Array | None) -> _Way:
         """Return the way on which what is kept goes to the position found directly, or else the one where it rests."""
         if kept and direct is not None:
             state = self.closure.state(direct)
@@ -250,7 +247,7 @@ class _Part:
                 return way
         return self._followed(begun, kept, np.append(self.w, np.zeros(len(kept))))
 
-    def _followed(self, begun: Array, kept: Sequence[_Kept], w: Array) -> _Way:
+    def _followed(self, begun: Array, kept: Sequence[StateFunction], w: Array) -> _Way:
         """Return the straight way of the coordinates to values, shape (k + f,), by steps of the continuation."""
         names, q, fault = (*self.prescribed.names, *(f"free motion {k}" for k in range(len(kept)))), begun, ""
         everything = PrescribedCoordinates(names, (*self.prescribed.coordinates, *kept), ())
@@ -266,7 +263,7 @@ class _Part:
             return _Way(True, None, f"the way from the start ends at a singular position{self._at(q)}")
         return _Way(True, q, fault)
 
-    def _kept(self, begun: Array, direct: Array | None) -> list[_Kept] | None:
+    def _kept(self, begun: Array, direct: Array | None) -> list[StateFunction] | None:
         """Return coordinates that keep what prescribed ones leave free; ``None`` where the start is singular."""
         rows = self.solver.rows(self.closure.state(begun))
         free = _null_space(rows)
@@ -278,7 +275,7 @@ class _Part:
             return None
         directions = np.zeros((len(free), self.model.nv))
         directions[:, self.moving] = free
-        return [_Kept(begun, direction / self.closure.scale) for direction in directions]
+        return [_distance(begun, direction / self.closure.scale) for direction in directions]
 
     def _found(self, drawn: Array, known: Sequence[Array]) -> list[Array]:
         """Return the first positions that are known, and others to which other starts lead, each once.
@@ -402,35 +399,16 @@ class _Part:
         return [one for one in places if self.model.nqs[one[0]] == self.model.nvs[one[0]] == 1 and one[1] not in given]
 
 
-class _Kept(ValueRecord, frozen=True):
-    """How far a configuration is from another one along a direction: ``w = d . (q - q0)``.
+def _distance(start: Array, way: Array) -> StateFunction:
+    """Return how far a configuration is from another one, shape (nq,), along a way d, shape (nv,): ``d . (q - q0)``.
 
-    Attributes:
-        start: q0, shape (nq,).
-        direction: d, shape (nv,).
-        unit: None: the direction has the unit of every joint.
+    Its drift is left out, which is right but for ball joints; predictions of these are corrected.
     """
-
-    wraps: ClassVar[bool] = False
-    start: Array
-    direction: Array
-    unit: Unit = DIMENSIONLESS
-
-    def value(self, state: Kinematics) -> float:
-        """Return ``d . (q - q0)``."""
-        return float(self.direction @ pin.difference(state.model, self.start, state.q))
-
-    def row(self, state: Kinematics) -> Array:
-        """Return its derivative, shape (nv,)."""
-        return np.asarray(self.direction @ pin.dDifference(state.model, self.start, state.q)[1])
-
-    def drift(self, state: Kinematics) -> float:
-        """Return 0, which is right but for ball joints; predictions of these are corrected."""
-        return 0.0
-
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return nothing: it carries no load."""
-        return {}
+    return StateFunction(
+        lambda state: float(way @ pin.difference(state.model, start, state.q)),
+        lambda state: np.asarray(way @ pin.dDifference(state.model, start, state.q)[1]),
+        lambda state: 0.0,
+    )
 
 
 def _null_space(rows: Array) -> Array:

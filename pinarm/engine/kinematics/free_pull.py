@@ -15,15 +15,14 @@ definite (Nocedal and Wright, Numerical Optimization, theorem 12.6; Fiacco, Intr
 Analysis in Nonlinear Programming, theorem 3.2.2). It depends on the path's present point only, so that a closed path
 closes in the joints as well. Limits that hold a joint have a multiplier that presses it inwards.
 
-J is exact. Its derivatives along Z and v are central differences of order 8 over ``STEP``: with J made of sines of the
-joints they are off by 1e-13 relative to J. The path and its rates do not depend on them.
+Derivatives of J are complex steps, exact to rounding; second ones, of the acceleration alone, differences of order 6 of
+these.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
-from typing import ClassVar
+from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
@@ -31,26 +30,19 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.newton import NewtonSolver, Target
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.errors import AssemblyError
-from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates, StateFunction
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.records import Record
 
 AT_LIMIT = 1e-9
 """Distance from a limit, relative to ``1 + |limit|`` [rad or m], below which a joint is at it."""
 
-STEP = 0.02
-"""Distance of the configurations between which J is differentiated [rad, or units of length of the mechanism]."""
+IMAGINARY, STEP = 1e-20, 0.01
+"""Complex step, and distance of the configurations between which derivatives of J are differentiated [rad, or units of
+length of the mechanism]."""
 
-FIRST = np.array([[4 / 5, -1 / 5, 4 / 105, -1 / 280], [3 / 4, -3 / 20, 1 / 60, 0.0]])
-SECOND = np.array([[8 / 5, -1 / 5, 8 / 315, -1 / 560], [3 / 2, -3 / 20, 1 / 90, 0.0]])
-"""Weights of the central differences of order 8, and of order 6 below them, at 1 to 4 steps to either side; of second
-differences the weight in the middle is minus twice their sum. (Fornberg, Math. Comp. 51 (1988), table 1.)"""
-
-DIFFERED = 1e-6
-"""Largest disagreement of the two orders, relative to J. That of order 8 is smaller by another factor of 1e-3."""
+DIFFERENCES = np.array([3 / 4, -3 / 20, 1 / 60])
+"""Weights of the central difference of order 6, at 1 to 3 steps to either side."""
 
 CHANGED = 2.0
 """Largest ratio of the least eigenvalues before and after a step: where one minimum vanishes, another has another."""
@@ -123,43 +115,45 @@ class FreePull:
         """Return the configuration a step away."""
         return np.asarray(pin.integrate(self.path.model, q, self.unit * step))
 
+    def rates(self, q: Array, ways: Array) -> Array:
+        """Return the derivatives of J along ways, shape (k, nv), as an array of shape (k, m, nv)."""
+        steps = 1j * IMAGINARY * (ways * self.unit) @ pin.tangentMap(self.path.model, q).T
+        rows = np.imag(self.path.whole.constraint_rows.at(q + steps).matrices) / IMAGINARY
+        return np.asarray(rows * (self.unit / self.path.measure[:, None]))
+
     def bend(self, state: Kinematics) -> Array:
         """Return the second derivative of r, where it is 0, along the velocity of a state, shape (nv,)."""
         if self._bend is None or self._bend[0] is not state:
             here, along = self.at(state.q), state.v / self.unit
-            first, second = self.bent_rows(state.q, along)
+            first, second = self.rates(state.q, along[None])[0], self._second(state.q, along)
             rate = here.inverse.T @ (self.pulled * along - first.T @ here.lam)
             self._bend = state, -here.free @ (here.free.T @ (2.0 * first.T @ rate + second.T @ here.lam))
         return self._bend[1]
 
-    def bent_rows(self, q: Array, direction: Array) -> tuple[Array, Array]:
-        """Return the first and the second derivative of J along a direction, each of shape (m, nv).
+    def _second(self, q: Array, way: Array) -> Array:
+        """Return the second derivative of J along a way, shape (m, nv)."""
+        h = STEP / max(float(np.abs(self.unit * way / self.path.scale).max(initial=0.0)), 1e-300)
+        sides = [
+            self.rates(self.moved(q, k * h * way), way[None])[0] - self.rates(self.moved(q, -k * h * way), way[None])[0]
+            for k in range(1, 1 + len(DIFFERENCES))
+        ]
+        return np.asarray(np.tensordot(DIFFERENCES, sides, 1) / h)
 
-        Raises:
-            AssemblyError: J is not smooth enough there to be differentiated.
-        """
-        here, length = self.rows(q), float(np.abs(self.unit * direction / self.path.scale).max(initial=0.0))
-        if not length:
-            return np.zeros_like(here), np.zeros_like(here)
-        h = STEP / length
-        ahead, behind = (
-            np.array([self.rows(self.moved(q, side * k * h * direction)) for k in range(1, FIRST.shape[1] + 1)])
-            for side in (1.0, -1.0)
-        )
-        first = np.tensordot(FIRST, ahead - behind, 1) / h
-        second = np.tensordot(SECOND, ahead + behind - 2.0 * here, 1) / h**2
-        off = max(np.abs(first[0] - first[1]).max() / length, np.abs(second[0] - second[1]).max() / length**2)
-        if not off <= DIFFERED * np.abs(here).max():
-            raise AssemblyError(
-                "a prescribed coordinate bends too sharply for the nearest configuration to have an acceleration",
-                expected="rotations that keep clear of half a turn, distances that keep clear of 0",
-                hint="relative_to: a reference that is turned as the body is wanted", q=q,
-            )  # fmt: skip
-        return first[0], second[0]
-
-    def components(self) -> list[PullComponent]:
+    def components(self) -> list[StateFunction]:
         """Return the components of r as coordinates."""
-        return [PullComponent(self, k) for k in range(len(self.unit))]
+        return [
+            StateFunction(partial(self._value, k), partial(self._row, k), partial(self._drift, k))
+            for k in range(len(self.unit))
+        ]
+
+    def _value(self, k: int, state: Kinematics) -> float:
+        return float(self.at(state.q).value[k])
+
+    def _row(self, k: int, state: Kinematics) -> Array:
+        return np.asarray(self.at(state.q).slopes[k])
+
+    def _drift(self, k: int, state: Kinematics) -> float:
+        return float(self.bend(state)[k])
 
 
 class FreePullAt(Record, frozen=True):
@@ -210,9 +204,8 @@ class FreePullAt(Record, frozen=True):
     @cached_property
     def bent(self) -> Array:
         """H Z, shape (nv, f)."""
-        own, lam = self.pull, self.lam
-        columns = [own.bent_rows(self.q, way)[0].T @ lam for way in self.free.T]
-        return np.asarray(own.pulled[:, None] * self.free - np.array(columns).reshape(-1, len(self.free)).T)
+        held = np.einsum("fmv,m->vf", self.pull.rates(self.q, self.free.T), self.lam)
+        return np.asarray(self.pull.pulled[:, None] * self.free - held)
 
     @cached_property
     def slopes(self) -> Array:
@@ -230,27 +223,6 @@ class FreePullAt(Record, frozen=True):
     def least(self) -> float:
         """Least of these eigenvalues; infinite without freedom."""
         return float(self.stiffness[0].min(initial=np.inf))
-
-
-class PullComponent(Record, frozen=True):
-    """A component of r as a coordinate, by its index in v."""
-
-    unit: ClassVar[Unit] = DIMENSIONLESS
-    wraps: ClassVar[bool] = False
-    pull: FreePull
-    index: int
-
-    def value(self, state: Kinematics) -> float:
-        return float(self.pull.at(state.q).value[self.index])
-
-    def row(self, state: Kinematics) -> Array:
-        return np.asarray(self.pull.at(state.q).slopes[self.index])
-
-    def drift(self, state: Kinematics) -> float:
-        return float(self.pull.bend(state)[self.index])
-
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        return {}
 
 
 class NearestSolver(NewtonSolver):

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import SMALL, Closure
-from pinarm.engine.constraints.constraint import JointTie, joint_ties
+from pinarm.engine.constraints.constraint_rows import JointTie, joint_ties
 from pinarm.engine.constraints.nullspace import MANY, RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import LISTED, InputError, several
+from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
@@ -18,6 +19,8 @@ from pinarm.records import Record, ValueRecord
 if TYPE_CHECKING:
     from pinarm.engine.constraints.closure import Closure
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.geometry.kinematics import Kinematics
+    from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 
 class Assembly(Record, frozen=True):
@@ -30,6 +33,19 @@ class Assembly(Record, frozen=True):
 
     q: Array
     notes: tuple[str, ...] = ()
+
+
+class StateFunction(Record, frozen=True):
+    """A coordinate by functions of the state: its value, its row, shape (nv,), and its drift. It carries no load."""
+
+    wraps: ClassVar[bool] = False
+    unit: ClassVar[Unit] = DIMENSIONLESS
+    value: Callable[[Kinematics], float]
+    row: Callable[[Kinematics], Array]
+    drift: Callable[[Kinematics], float]
+
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        return {}
 
 
 class PrescribedCoordinates(ValueRecord, frozen=True):

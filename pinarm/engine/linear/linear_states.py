@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Complex, real
-from pinarm.engine.constraints.constraint import GuidedCoordinate, one_sided
+from pinarm.engine.constraints.constraint_rows import GuidedCoordinate, one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations

@@ -19,17 +19,17 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import joint_ties
+from pinarm.engine.constraints.constraint_rows import joint_ties
 from pinarm.engine.constraints.nullspace import RANK
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import BallAngle, BallCoordinate, roll_pitch_yaw
 from pinarm.mechanics.coordinates import Coordinate, PairCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.rotation_rows import RotationVectorRow
+from pinarm.mechanics.geometry.pairs import RotationVectorRow
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
     from pinarm.mechanics.control.controller import Controller
     from pinarm.mechanics.forces.force_element import ForceElement

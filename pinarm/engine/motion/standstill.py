@@ -21,7 +21,7 @@ from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.trajectory import Trajectory
-    from pinarm.mechanics.drives import Drive
+    from pinarm.mechanics.rotors import Drive
 
 STANDSTILL = 1e-12
 """Part of the pace below which a velocity or an acceleration is rounding: 1e-16 of terms as large as the pace, which

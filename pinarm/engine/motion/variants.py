@@ -15,16 +15,14 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.variant_closure import VariantClosure
-from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.parallel import aba
+from pinarm.engine.dynamics.dynamics import Dynamics, aba
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Acceleration, Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.solution import Solution
 from pinarm.engine.kernel.tree import AGREEMENT, TreeFlow, variant_flows
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
-from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
+from pinarm.engine.kinematics.variant_motion import VariantClosure, VariantMotion, VariantStates
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable, Prescription
 from pinarm.engine.motion.segmented.hybrid_motion import MOST, MOST_ROUNDING

@@ -18,7 +18,7 @@ from pinarm.mechanics.joints import frame_of
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.kinematics.mobility import Mobility
+    from pinarm.engine.constraints.self_stresses import Mobility
     from pinarm.engine.quantities.reactions import Reactions
 
 
@@ -47,7 +47,7 @@ class Evaluation(Record, frozen=True):
     @cached_property
     def mobility(self) -> Mobility:
         """Mobility of the mechanism where the run begins, and how it is tied."""
-        from pinarm.engine.kinematics.mobility import mobility_of
+        from pinarm.engine.constraints.self_stresses import mobility_of
 
         return mobility_of(self.run.mechanism, np.real(self.run.q[0]))
 

@@ -16,9 +16,8 @@ import numpy as np
 from msgspec import Struct
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.blas_threads import one_blas_thread
+from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.quantities.families import FAMILIES, family
 from pinarm.engine.quantities.family import RATES, Asked, Family, UnknownQuantity
@@ -28,6 +27,7 @@ from pinarm.errors import ExpressionError, InputError, UnitError, choices, requi
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.geometry.kinematics import one_run
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.records import replace
 

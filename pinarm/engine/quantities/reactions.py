@@ -18,18 +18,17 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.figures import relative, sampled
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import GuidedCoordinate, joint_ties, one_sided
+from pinarm.engine.constraints.constraint_rows import GuidedCoordinate, joint_ties, one_sided
 from pinarm.engine.constraints.self_stresses import SelfStresses
-from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.parallel import transmitted
+from pinarm.engine.dynamics.dynamics import Dynamics, transmitted
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.coordinates import PairCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
-from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
 from pinarm.mechanics.geometry.vectors import moved
+from pinarm.mechanics.joints import screw_of
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 

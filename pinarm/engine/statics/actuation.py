@@ -22,7 +22,7 @@ from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.engine.mechanism import Mechanism
 
 

@@ -15,8 +15,7 @@ from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.couplings.members import MemberPair, member_pair
 from pinarm.mechanics.couplings.teeth import plane_of
 from pinarm.mechanics.couplings.transmissions import Strands, at_origin
-from pinarm.mechanics.geometry.joint_axes import PARALLEL
-from pinarm.mechanics.joints import RADIAN, Joint, joint_of
+from pinarm.mechanics.joints import PARALLEL, RADIAN, Joint, joint_of
 from pinarm.records import replace
 
 

@@ -14,8 +14,7 @@ from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured, Weight
 from pinarm.mechanics.couplings.belt import Belt
 from pinarm.mechanics.couplings.cam import Cam
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
-from pinarm.mechanics.couplings.gear import Gear
-from pinarm.mechanics.couplings.rack import Rack
+from pinarm.mechanics.couplings.gear import Gear, Rack
 from pinarm.mechanics.couplings.screw import Screw
 from pinarm.mechanics.joints import Joint, joint_of
 from pinarm.records import replace

@@ -9,9 +9,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.geometry.kinematics import new_data
-from pinarm.mechanics.joints import METRE, Joint
+from pinarm.mechanics.joints import METRE, PARALLEL, Joint
 from pinarm.records import Record
 
 IN_LINE = 1e-6

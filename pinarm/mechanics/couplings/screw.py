@@ -12,8 +12,7 @@ from pinarm.input.yaml.schema import InputStruct, Lead
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
 from pinarm.mechanics.couplings.members import MemberPair, member_pair
 from pinarm.mechanics.couplings.transmissions import NEWTON, NEWTON_METRE, Part, ThreadContact, at_origin
-from pinarm.mechanics.geometry.joint_axes import PARALLEL
-from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
+from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Joint, joint_of
 from pinarm.records import replace
 
 

@@ -19,9 +19,8 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.couplings.members import IN_LINE, Member, MemberPair
 from pinarm.mechanics.couplings.transmissions import NEWTON, Part, PitchSurfaces, ToothContact, at_origin
-from pinarm.mechanics.geometry.joint_axes import PARALLEL
 from pinarm.mechanics.geometry.kinematics import new_data
-from pinarm.mechanics.joints import RADIAN, Joint, frame_of
+from pinarm.mechanics.joints import PARALLEL, RADIAN, Joint, frame_of
 from pinarm.records import Record, ValueRecord
 
 

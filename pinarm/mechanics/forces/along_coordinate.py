@@ -24,9 +24,9 @@ from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 from pinarm.records import AbstractRecord
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.drives import Elasticity
     from pinarm.mechanics.geometry.frame_pairs import FramePairs
     from pinarm.mechanics.geometry.pairs import TiedFrames
+    from pinarm.mechanics.rotors import Elasticity
 
 TOUCHING = 1e-13
 """Gap, relative to ``1 + |w|`` in SI, at which what pushes or pulls one way counts as closed: where it closes it is at

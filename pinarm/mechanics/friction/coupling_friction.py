@@ -38,8 +38,8 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import unit
-from pinarm.mechanics.couplings.cams.cam_contact import Roller, along
-from pinarm.mechanics.couplings.cams.cam_coupling import CamCoupling
+from pinarm.mechanics.couplings.cam import CamCoupling
+from pinarm.mechanics.couplings.cam_contact import along
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.transmissions import (
     NEWTON,
@@ -167,8 +167,8 @@ def cam_friction(cam: CamCoupling, pin: float, law: FrictionLaw, *, shared: bool
     if cam.contact is None:
         raise InputError(f"where the cam '{cam.name}' touches its follower is not known",
                          expected="a cam with its roller or face")  # fmt: skip
-    surface, part = cam.contact.surface, 1.0
-    if isinstance(surface, Roller) and surface.radius:
+    surface, part = cam.contact.follower, 1.0
+    if surface.radius:
         if not 0.0 < pin < surface.radius:
             with within("radius"):
                 raise InputError(f"friction of the roller of '{cam.name}' needs the radius of its pin",

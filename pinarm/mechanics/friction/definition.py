@@ -207,7 +207,7 @@ class Friction(InputStruct, frozen=True):
         return FrictionContact(f"coupling.{coupling.name}", unit("N"), law, bearing, slip, coupling, self._shared)
 
     def _of_cam(self, cam: JointRelation) -> FrictionContact:
-        from pinarm.mechanics.couplings.cams.cam_coupling import CamCoupling
+        from pinarm.mechanics.couplings.cam import CamCoupling
         from pinarm.mechanics.friction.coupling_friction import cam_friction
 
         assert isinstance(cam, CamCoupling)

@@ -13,9 +13,11 @@ Sizes and first values are those of the constructor ``DataTpl(const Model &)`` (
 
 from __future__ import annotations
 
+import os
 import weakref
 from collections.abc import Callable, Sequence
 from functools import cache, update_wrapper
+from threading import RLock
 from typing import TypeVar
 
 import numpy as np
@@ -218,3 +220,22 @@ def _zeros(nv: int) -> Array:
     zeros = np.zeros(nv)
     zeros.flags.writeable = False
     return zeros
+
+
+_turn = RLock()
+"""Held by the thread that computes."""
+
+
+def _free_turn() -> None:
+    """Let a process that was forked while another thread computed compute itself."""
+    global _turn
+    _turn = RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_free_turn)
+
+
+def one_run() -> RLock:
+    """Return the lock of what computes with the buffers of a mechanism, for a ``with`` block."""
+    return _turn

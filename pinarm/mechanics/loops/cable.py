@@ -6,47 +6,33 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import PathLength
+from pinarm.mechanics.coordinates import HeldCoordinate, PathLength
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.joints import METRE
-from pinarm.records import Record
 
 
-class CableLoop(Record, frozen=True):
+class CableLoop(HeldCoordinate, frozen=True, kw_only=True):
     """A cable of one mechanism: the constraint ``w(q) = length`` of its path, which can only be shorter.
 
     The multiplier lam pushes the points apart: the tension is ``-lam``.
 
     Attributes:
-        name: Its name.
-        path: Its path.
+        coordinate: The length of its path.
         length: [m].
         opens: What happens where it opens, in words.
     """
 
-    name: str
-    path: PathLength
+    coordinate: PathLength
     length: float
     kind: str = "cable"
-    size: int = 1
     side: float = -1.0
     opens: str = "it goes slack"
 
-    def unit(self, row: int) -> Unit:
-        return METRE
+    @property
+    def path(self) -> PathLength:
+        return self.coordinate
 
     def gap(self, state: Kinematics) -> Array:
-        return np.array([self.path.value(state) - self.length])
-
-    def rows(self, state: Kinematics) -> Array:
-        return self.path.row(state)[None]
-
-    def drift(self, state: Kinematics) -> Array:
-        return np.array([self.path.drift(state)])
-
-    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        return self.path.wrenches(links, lam[:, 0])
+        return np.array([self.coordinate.value(state) - self.length])
 
     def push(self, q: Array, lam: Array) -> Array:
         return -lam

@@ -116,7 +116,7 @@ class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
                 expected="the length of the cable",
                 hint="length: 2 m",
             )
-        return CableLoop(name, path, length)
+        return CableLoop(name=name, coordinate=path, length=length)
 
 
 LoopJointKind = LowerKind | Helical | Universal | Rod | Rolling | KnifeEdge

@@ -12,8 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import Lead
-from pinarm.mechanics.geometry.pairs import ALL, NOTHING, LowerPair, Pair, RotationGap
-from pinarm.mechanics.geometry.rotation_rows import angle_about, whole_turns
+from pinarm.mechanics.geometry.pairs import ALL, NOTHING, LowerPair, Pair, RotationGap, angle_about, whole_turns
 from pinarm.mechanics.geometry.vectors import Axes, combined, dot, rotation_vector
 from pinarm.mechanics.joints import Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopDefinition

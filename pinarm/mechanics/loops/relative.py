@@ -9,11 +9,9 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate
-from pinarm.mechanics.geometry.joint_axes import screw_of
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.pairs import LowerPair, TiedFrames
-from pinarm.mechanics.geometry.rotation_rows import AngleAbout, whole_turns
-from pinarm.mechanics.joints import METRE, RADIAN
+from pinarm.mechanics.geometry.pairs import AngleAbout, LowerPair, TiedFrames, whole_turns
+from pinarm.mechanics.joints import METRE, RADIAN, screw_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import Thread, normals
 

@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-from pinarm.engine.constraints.constraint import joint_ties
+from pinarm.engine.constraints.constraint_rows import joint_ties
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place, listed

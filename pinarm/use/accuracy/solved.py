@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures
-from pinarm.engine.constraints.blas_threads import one_blas_thread
+from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.records import replace
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pinocchio as pin
 
-from pinarm.engine.kinematics.mobility import mobility_of
+from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.use.show.document import ReportTable, number, shortened, text, unit_text

@@ -266,7 +266,7 @@ class Result(Run, frozen=True):
 
         Its columns are those of ``table_columns``.
         """
-        from pinarm.engine.dataframes import dataframe
+        from pinarm.engine.labelled_array import dataframe
 
         return dataframe(
             {series.label: series.values for series in map(self.presentation.written, self.table_columns())}

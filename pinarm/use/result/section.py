@@ -74,7 +74,7 @@ class SectionTable(Record, frozen=True):
 
     def to_dataframe(self) -> DataFrame:
         """Return it as a pandas table, units in the headings."""
-        from pinarm.engine.dataframes import dataframe
+        from pinarm.engine.labelled_array import dataframe
 
         return dataframe(list(self.rows), self.headings())
 

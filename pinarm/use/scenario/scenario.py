@@ -16,13 +16,12 @@ from msgspec.structs import replace as replace_fields
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import plain
 from pinarm.engine.checks.residuals import residual_figures, unclosed
-from pinarm.engine.constraints.blas_threads import one_blas_thread
+from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.engine.integration.methods import REMOVED
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.mechanism_loading import acted_along, mechanism_document, mechanism_of_data, read_mechanism
 from pinarm.engine.motion.guards import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.one_run import one_run
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, MethodError, PinarmError
 from pinarm.input.formulas.expressions import Expression
@@ -30,6 +29,7 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import unit
 from pinarm.input.yaml.document import Document, Values, argument_of, value_at, varied, written_unit
 from pinarm.input.yaml.schema import Measured
+from pinarm.mechanics.geometry.kinematics import one_run
 from pinarm.mechanics.perturbation import perturbed_numbers
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.simplify.locking import requested_joints

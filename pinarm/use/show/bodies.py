@@ -22,7 +22,7 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.constraints.constraint_rows import Constraint
 
 SAMPLED = 100
 """Rows that give the extent of a motion."""

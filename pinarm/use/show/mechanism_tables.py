@@ -8,11 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.mobility import joint_kind
+from pinarm.engine.constraints.self_stresses import joint_kind
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.geometry.joint_axes import screw_of
-from pinarm.mechanics.joints import RADIAN, Joint, moved_links
+from pinarm.mechanics.joints import RADIAN, Joint, moved_links, screw_of
 from pinarm.mechanics.loops.cable import CableLoop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.rotors import GearedRotor

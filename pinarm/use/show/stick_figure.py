@@ -265,20 +265,18 @@ def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Disc]:
     """
     if not any(isinstance(element, JointRelation) and element.kind == "cam" for element in mechanism.constraints):
         return
-    from pinarm.mechanics.couplings.cams.cam_contact import Roller
-    from pinarm.mechanics.couplings.cams.cam_coupling import CamCoupling
+    from pinarm.mechanics.couplings.cam import CamCoupling
 
     for cam in mechanism.constraints:
         if not (isinstance(cam, CamCoupling) and cam.contact):
             continue
-        plane, surface = cam.contact.plane, cam.contact.surface
-        pair = plane.pair
+        plane, follower, pair = cam.contact, cam.contact.follower, cam.contact.pair
         if any(nodes[member.body].parent != pair.carrier for member in (pair.first, pair.second)):
             continue
         yield _placed(nodes, pair.first.body, plane.origin, cam.shape, plane.axis)
-        if isinstance(surface, Roller):
-            middle = plane.origin + plane.vectors(np.full(1, cam.contact.point.start))[0]
-            rim = middle + plane.vectors(surface.radius * RIM)
+        if follower.face is None:
+            middle = plane.origin + plane.vectors(np.full(1, follower.start))[0]
+            rim = middle + plane.vectors(follower.radius * RIM)
             yield _placed(nodes, pair.second.body, middle, rim, plane.axis)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pinarm.engine.dataframes import dataframe
+from pinarm.engine.labelled_array import dataframe
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, require_name
 from pinarm.input.numbers import DECIMAL

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.self_stresses import Loosening, Mobility, joint_kind, mobility_of
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.assembly import closed_drawing
 from pinarm.engine.kinematics.closed_configurations import beside, generic
-from pinarm.engine.kinematics.mobility import Loosening, Mobility, joint_kind, mobility_of
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import MESH_MASSES

@@ -17,7 +17,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any, TypeAlias
 
-from pinarm.engine.dynamics.parallel import cores
+from pinarm.engine.dynamics.dynamics import cores
 from pinarm.errors import InputError, NumericsError
 
 ABSENCE = 300.0

@@ -9,7 +9,7 @@ import pinarm
 from benchmarks.growth import written
 from pinarm.engine.constraints.closure import SEVERAL
 from pinarm.engine.constraints.nullspace import MANY
-from pinarm.engine.kinematics.mobility import mobility_of
+from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.errors import InputError
 from pinarm.use.mechanism import Mechanism
 

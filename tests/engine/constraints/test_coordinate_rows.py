@@ -37,7 +37,7 @@ def coordinates(model):
     kinds = [kind(between=(SWING, LAST)) for name, kind in LOWER_KINDS.items() if name in ("cylindrical", "planar")]
     for definition in (*kinds, Helical(between=(SWING, LAST), lead=0.3)):
         found += loop_coordinates(model, [definition.bind(model, "L")]).values()
-    return [*found, *(GearedRotor("gear", joints["last"], found[k]) for k in (0, 6, -1))]
+    return [*found, *(GearedRotor("gear", found[k], rotor=joints["last"]) for k in (0, 6, -1))]
 
 
 def value(coordinate, state):

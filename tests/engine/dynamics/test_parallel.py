@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.dynamics import parallel
+from pinarm.engine.dynamics import dynamics as parallel
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from tests.mechanics.geometry.random_variants import random_variants
 
@@ -38,7 +38,7 @@ def test_a_forked_process_takes_one_thread():
     """OpenMP counts on threads that a fork does not have, and would wait for them for ever."""
     script = (
         "import multiprocessing, numpy, pinocchio\n"
-        "from pinarm.engine.dynamics import parallel\n"
+        "from pinarm.engine.dynamics import dynamics as parallel\n"
         "parallel.cores, parallel.MANY = (lambda: 2), 1\n"
         "model = pinocchio.buildSampleModelManipulator()\n"
         "states = numpy.random.default_rng(0).normal(size=(3, 500, model.nv))\n"

@@ -7,7 +7,7 @@ import pinarm
 from pinarm.engine.integration.tableaus import DOP853
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.library import LEFT_OUT
-from pinarm.engine.kernel.links import links_of
+from pinarm.engine.kernel.tree import links_of
 from pinarm.engine.motion.systems.tree_system import TreeSystem
 
 pytestmark = pytest.mark.usefixtures("compiled")

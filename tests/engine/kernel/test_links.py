@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.kernel.links import KINDS, links_of
+from pinarm.engine.kernel.tree import KINDS, links_of
 
 from .known_trees import JOINTS, UNKNOWN, tree
 

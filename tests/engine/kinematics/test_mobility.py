@@ -11,7 +11,7 @@ from pinarm.records import replace
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "loops"))
 from catalogue import bennett, four_bar, parallelogram, scissor
 
-from pinarm.engine.kinematics.mobility import mobility_of
+from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import looser
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.constraints.variant_closure import VariantClosure
+from pinarm.engine.kinematics.variant_motion import VariantClosure
 from pinarm.engine.mechanism_variants import alike_variants, mechanism_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.motion.variants import DrivesOfVariants, PrescribedVariants

@@ -13,9 +13,9 @@ from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Measured, Time, convert, quantity, reading_from
 from pinarm.mechanics.couplings.gear import Gear
 from pinarm.mechanics.description import Gravity
-from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.mechanics.laws import Polynomial
+from pinarm.mechanics.rotors import Drive
 
 
 class Piece(InputStruct, rename={"angle": "from"}):

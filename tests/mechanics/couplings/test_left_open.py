@@ -7,7 +7,7 @@ import pytest
 from catalogue import disc
 from motions import driven, free
 
-from pinarm.engine.kinematics.mobility import mobility_of
+from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.couplings.coupling import Coupling

@@ -18,7 +18,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import OneSidedConstraint, one_sided
+from pinarm.engine.constraints.constraint_rows import OneSidedConstraint, one_sided
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix

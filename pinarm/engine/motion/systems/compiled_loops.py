@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.constraints.constraint_rows import Constraint
 from pinarm.engine.constraints.nullspace import RANK, RowDecompositions
 from pinarm.engine.dynamics.coordinate_partition import heavy, scalar_places
 from pinarm.engine.dynamics.dynamics import Dynamics

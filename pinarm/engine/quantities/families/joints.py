@@ -35,7 +35,7 @@ from pinarm.mechanics.joints import METRE, Joint, effort_unit
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.drives import Drive
+    from pinarm.mechanics.rotors import Drive
 
 AT_PARENT = "at_parent"
 """Asks for the moment of a joint about its place on the parent: where a joint slides, the child's origin moves."""

@@ -25,7 +25,7 @@ from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.mechanics.drives import Drive
+    from pinarm.mechanics.rotors import Drive
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 

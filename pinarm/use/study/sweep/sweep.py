@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from pinarm.engine.dynamics.parallel import cores
+from pinarm.engine.dynamics.dynamics import cores
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, as_names, require_map, require_name
 from pinarm.input.roots import noting_files

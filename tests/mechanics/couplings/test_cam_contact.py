@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pinarm.mechanics.couplings.cams.cam_contact import Face, FollowerMotion, Roller, SlidingPoint, TurningPoint
+from pinarm.mechanics.couplings.cam_contact import Follower
+from pinarm.records import replace
 
 ALPHA = np.linspace(0.0, 2.0 * np.pi, 37)
 LIFT = 0.02
@@ -18,8 +19,8 @@ S, DS, DDS = harmonic(ALPHA)
 E, RP = 0.007, 0.04
 """Offset of the follower, and radius of the prime circle, through the roller's centre at no lift."""
 
-SLIDING = SlidingPoint(complex(E, np.sqrt(RP**2 - E**2)), 1j)
-TURNING = TurningPoint(0.03 + 0.035j, 0.1 + 0.02j, -1.0)
+SLIDING = Follower(complex(E, np.sqrt(RP**2 - E**2)), 1j)
+TURNING = Follower(0.03 + 0.035j, -1j * (0.03 + 0.035j - (0.1 + 0.02j)), -1.0)
 
 
 def swing(alpha):
@@ -33,10 +34,9 @@ def test_pressure_angle_and_curvature_of_an_offset_roller():
     In polar coordinates of a follower without offset the pitch curve ``r(alpha)`` has the radius of curvature
     ``(r^2 + r'^2)^(3/2) / (r^2 + 2 r'^2 - r r'')``.
     """
-    motion = FollowerMotion.of(SLIDING, S, DS, DDS)
-    touch = Roller(0.0).touch(motion)
+    touch = SLIDING.touch(S, DS, DDS)
     assert np.tan(touch.pressure_angle) == pytest.approx((DS - E) / (S + np.sqrt(RP**2 - E**2)), abs=1e-14)
-    radial = Roller(0.01).touch(FollowerMotion.of(SlidingPoint(1j * RP, 1j), S, DS, DDS))
+    radial = Follower(1j * RP, 1j, radius=0.01).touch(S, DS, DDS)
     r = RP + S
     polar = (r**2 + DS**2) ** 1.5 / (r**2 + 2.0 * DS**2 - r * DDS)
     assert radial.radius == pytest.approx(polar - 0.01, rel=1e-13)
@@ -44,7 +44,7 @@ def test_pressure_angle_and_curvature_of_an_offset_roller():
 
 def test_curvature_and_eccentricity_of_a_flat_face():
     """``rho = rb + s + s''`` and the eccentricity s' (Norton, eqs. 7.14 and 7.16)."""
-    touch = Face(1j).touch(FollowerMotion.of(SlidingPoint(1j * RP, 1j), S, DS, DDS))
+    touch = Follower(1j * RP, 1j, face=1j).touch(S, DS, DDS)
     assert touch.radius == pytest.approx(RP + S + DDS, rel=1e-13)
     assert touch.eccentricity == pytest.approx(DS, abs=1e-16)
     assert touch.point == pytest.approx(DS + 1j * (RP + S), abs=1e-16)
@@ -52,18 +52,20 @@ def test_curvature_and_eccentricity_of_a_flat_face():
 
 
 @pytest.mark.parametrize("point", [SLIDING, TURNING], ids=["sliding", "turning"])
-@pytest.mark.parametrize("surface", [Roller(0.008), Face(0.2 + 0.98j)], ids=["roller", "face"])
+@pytest.mark.parametrize(
+    "surface", [{"radius": 0.008}, {"face": (0.2 + 0.98j) / abs(0.2 + 0.98j)}], ids=["roller", "face"]
+)
 def test_the_contact_is_on_the_envelope_of_the_followers_positions(point, surface):
     """Contact points on the cam make a curve: its tangent is across the normal, its curvature by differences.
 
     Differences of fourth order in steps of 1e-3 rad err by 1e-12 of the size times the sixth derivative.
     """
-    surface = surface if isinstance(surface, Roller) else Face(surface.normal / abs(surface.normal))
+    follower = replace(point, **surface)
     step = 1e-3
     places = ALPHA[:, None] + step * np.arange(-2, 3)
 
     def touch(alpha):
-        return surface.touch(FollowerMotion.of(point, *(swing if point is TURNING else harmonic)(alpha)))
+        return follower.touch(*(swing if point is TURNING else harmonic)(alpha))
 
     on_cam = np.array([touch(column).point * np.exp(-1j * column) for column in places.T])
     normals = np.array([touch(column).normal * np.exp(-1j * column) for column in places.T])
@@ -78,14 +80,14 @@ def test_the_contact_is_on_the_envelope_of_the_followers_positions(point, surfac
 
 
 @pytest.mark.parametrize("point", [SLIDING, TURNING], ids=["sliding", "turning"])
-@pytest.mark.parametrize("surface", [Roller(0.008), Face(1j)], ids=["roller", "face"])
+@pytest.mark.parametrize("surface", [{"radius": 0.008}, {"face": 1j}], ids=["roller", "face"])
 def test_slip_is_the_relative_velocity_and_its_rate(point, surface):
     """Along the normal the follower's material point moves as that of the cam; along the tangent it slips."""
-    profile = swing if point is TURNING else harmonic
+    profile, follower = (swing if point is TURNING else harmonic), replace(point, **surface)
 
     def slip(alpha):
         y, dy, ddy = profile(alpha)
-        touch = surface.touch(FollowerMotion.of(point, y, dy, ddy))
+        touch = follower.touch(y, dy, ddy)
         return touch, touch.velocity * dy - 1j * touch.point
 
     touch, relative = slip(ALPHA)

@@ -1,1 +1,0 @@
-"""Cams: the relation of shaft and follower, and where they touch."""
