@@ -20,7 +20,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct, check_unit
 from pinarm.use.result.number_accuracy import global_error
-from pinarm.use.result.numbers import Condition, RunNumber, measured, read_conditions, slug
+from pinarm.use.result.numbers import Condition, measured, read_conditions, slug
 from pinarm.use.result.section import Cell, Section, SectionTable
 
 if TYPE_CHECKING:
@@ -181,4 +181,4 @@ def _compared(condition: Condition, result: Result) -> _Compared:
 
 def _unit(condition: Condition, quantities: Quantities) -> Unit | None:
     number = condition.number
-    return number.described(quantities, {}).unit if isinstance(number, RunNumber) else None
+    return number.described(quantities, {}).unit if number.of_curves else None

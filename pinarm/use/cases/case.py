@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import pickle
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from pinarm.input.units import Unit
 from pinarm.records import replace
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.result.numbers import EXAMPLES, AnyNumber, measured, names_section, read_number
+from pinarm.use.result.numbers import EXAMPLES, AnyNumber, measured, names_number, read_number
 from pinarm.use.result.run import Numbered
 
 if TYPE_CHECKING:
@@ -65,6 +66,11 @@ class Taken(ABC):
 
     number: AnyNumber | None = None
     broken_off: ClassVar[bool] = False
+
+    @property
+    def alone(self) -> bool:
+        """Whether each case has to be solved by itself."""
+        return self.number is not None and not self.number.of_curves
 
     @abstractmethod
     def numbers(self, result: Result) -> list[tuple[float, float]]:
@@ -125,7 +131,7 @@ class Wanted(Taken):
         """
         if not text.strip():
             raise InputError("an empty text asks for nothing", expected=EXAMPLES).at(Location("--result"))
-        if "@" not in text and not names_section(text, sections):
+        if not names_number(text, sections):
             return cls(text.strip())
         try:
             number = read_number(text)
@@ -178,6 +184,85 @@ class Wanted(Taken):
             return [(float(number[0].values[0]), number[1])]
         least, greatest = quantities.bounds(self.quantity)
         return [(float(least.values.min()), 0.0), (float(greatest.values.max()), 0.0)]
+
+
+@dataclass(frozen=True)
+class FunctionValue(Taken):
+    """The number that a function in Python computes of the result of each case.
+
+    Attributes:
+        name: Name of the function, and of the column.
+        code: The function, pickled.
+        file: The file of an imported function, empty for others; its content is part of what a journal knows.
+        unit: SI unit of the number; ``None`` where it is not known.
+    """
+
+    name: str
+    code: bytes
+    file: str
+    unit: Unit | None = None
+    alone: ClassVar[bool] = True
+
+    @classmethod
+    def read(cls, function: Callable[[Any], Any]) -> FunctionValue:
+        """Return the number of a function, which workers get as a copy.
+
+        Raises:
+            InputError: The function has no name, or cannot be pickled.
+        """
+        from inspect import getmodule
+
+        import cloudpickle
+
+        name = getattr(function, "__name__", "")
+        if not callable(function) or not name.isidentifier():
+            raise InputError(f"{function!r} has no name for its column", expected="def stroke(result): ...",
+                             hint="function.__name__ = 'stroke'")  # fmt: skip
+        try:
+            code = cloudpickle.dumps(function)
+        except Exception as error:  # whatever an object of the user's raises there
+            raise InputError(
+                f"the function '{name}' cannot be sent to workers: {error}",
+                expected="a function that holds plain data only, no open files or locks",
+            ) from None
+        module = getmodule(function)
+        file = getattr(module, "__file__", None) if getattr(module, "__name__", "") != "__main__" else None
+        return cls(name, code, file or "")
+
+    @cached_property
+    def _function(self) -> Callable[[Any], Any]:
+        return pickle.loads(self.code)  # type: ignore[no-any-return]
+
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
+        note_files([Path(self.file)] if self.file else [])
+        series = self.series(result)
+        if self.unit and series.unit and series.unit.dimension != self.unit.dimension:
+            raise InputError(f"'{self.name}' is in {series.unit} in this case", expected=f"{self.unit}, as in others")
+        return [(float(series.si) + 0.0, 0.0)]  # -0 becomes 0
+
+    def series(self, result: Result) -> Series:
+        """Return what the function says of a result: one number, with its unit if it is told as a ``Series``.
+
+        Raises:
+            InputError: The function raises an error, or returns something else.
+            DynamicsError: The number is not finite.
+        """
+        try:
+            said = self._function(result)
+        except PinarmError:
+            raise
+        except Exception as error:  # whatever the function of the user raises
+            raise InputError(f"the function '{self.name}' raised {type(error).__name__}: {error}") from error
+        if np.size(said) != 1 or np.asarray(said).dtype.kind not in "bfiu":
+            raise InputError(f"the function '{self.name}' returned {str(said)[:60]!r}",
+                             expected="one number in SI, or a Series of one value")  # fmt: skip
+        if not np.isfinite(np.asarray(said)).all():
+            raise DynamicsError(f"{self.name} is not finite")
+        measured = said.unit if isinstance(said, Series) else None
+        return Series(self.name, measured, np.asarray(said, float).reshape(()))
+
+    def of_rows(self, quantities: Quantities) -> list[Array]:
+        raise InputError("a function takes a whole result")
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,6 @@ from pinarm.use.cases.motions import ForwardCases, PrescribedCases
 from pinarm.use.cases.variant_numbers import VariantNumbers
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import COSTS
-from pinarm.use.result.numbers import SectionNumber
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -85,7 +84,7 @@ class Stack:
     def begin(cls, task: Task, values: Case) -> tuple[Stack | None, Row]:
         """Solve a first case alone, and return what others need of it, ``None`` for nothing; and its row."""
         row, result = solved_case(task, values)
-        if row.error or result is None or any(isinstance(entry.number, SectionNumber) for entry in task.wanted):
+        if row.error or result is None or any(entry.alone for entry in task.wanted):
             return None, row
         asks = result.content.find or result.content.accuracy.target is not None or result.trajectory.columns
         motions = None if asks else _motions(result, values)

@@ -27,7 +27,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 from pinarm.use.cases.case import Taken
 from pinarm.use.result.curve import Spots
-from pinarm.use.result.numbers import RunNumber
+from pinarm.use.result.numbers import SectionNumber
 from pinarm.use.result.row_lookup import Lookup
 
 
@@ -201,7 +201,8 @@ class VariantNumbers:
 
         Cases that have no such number are not sound.
         """
-        asked = {place: entry.number for place, entry in enumerate(wanted) if isinstance(entry.number, RunNumber)}
+        numbers = [(place, entry.number) for place, entry in enumerate(wanted)]
+        asked = {place: number for place, number in numbers if number and not isinstance(number, SectionNumber)}
         known = {place: np.full((len(sound), 2), np.nan) for place in asked}
         left = [(place, case) for place in asked for case in np.flatnonzero(sound).tolist()]
         while left:

@@ -30,7 +30,8 @@ class Expectation(InputStruct, frozen=True):
     """What a quantity must be, and what was published of it.
 
     Attributes:
-        quantity: A quantity, a symbol or a formula; or a number of a section, such as ``loads.B.life.time``.
+        quantity: A quantity, a symbol or a formula; or a number of a section, such as ``loads.B.life.time``; or a
+            formula of numbers of the run, such as ``C_B @ max - C_B @ min``.
         at: ``all`` for every row; ``start``, ``end``; ``max``, ``min``, ``largest`` (the value of the largest amount,
             with its sign) over the run; an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``; or a
             figure of the curve over the run: ``mean``, ``rms``, ``integral``, ``peak``, or a percentile such as
@@ -76,8 +77,11 @@ class Expectation(InputStruct, frozen=True):
             with within("published"):
                 read_quantity(self.published)
         if "@" in self.quantity:
+            from pinarm.use.result.numbers import RunNumber, read_number
+
             with within("quantity"):
-                raise self._placed_twice()
+                if isinstance(read_number(self.quantity), RunNumber):
+                    raise self._placed_twice()
         self._check_place()
         if self.value is not None and self.formula is not None:
             raise InputError("give a value or a formula, not both")
@@ -156,11 +160,11 @@ class Expectation(InputStruct, frozen=True):
         Raises:
             InputError: There is no such quantity or number.
         """
-        if not sections:
+        if not sections and "@" not in self.quantity:
             return quantities[self.quantity]
-        from pinarm.use.result.numbers import names_section, read_number
+        from pinarm.use.result.numbers import names_number, read_number
 
-        if not names_section(self.quantity, sections):
+        if not names_number(self.quantity, sections):
             return quantities[self.quantity]
         if self.at != "all":
             raise InputError(f"'{self.quantity}' is one number: it has no place on the run", hint="leave 'at' out")

@@ -12,7 +12,8 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.use.result.measures import SOLVED
 from pinarm.use.result.natural_sizes import ZERO, natural_sizes
-from pinarm.use.result.numbers import AnyNumber, RunNumber
+from pinarm.use.result.numbers import AnyNumber, CombinedNumber, RunNumber
+from pinarm.use.result.numbers import measured as measured_number
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -59,9 +60,17 @@ def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple
              for number, (series, _) in zip(numbers, measured, strict=True)]  # fmt: skip
     lefts = rounding(result, [series.unit for series, _ in measured])
     return np.array([
-        (relative * size if size > left else left) + error
-        for size, left, (_, error) in zip(sizes, lefts, measured, strict=True)
+        _noise_of_formula(result, number) if isinstance(number, CombinedNumber)
+        else (relative * size if size > left else left) + error
+        for number, size, left, (_, error) in zip(numbers, sizes, lefts, measured, strict=True)
     ])  # fmt: skip
+
+
+def _noise_of_formula(result: Result, number: CombinedNumber) -> float:
+    """Return what the noise of its numbers makes of a formula [SI]."""
+    parts = [measured_number(part, result) for part in number.parts]
+    changes = noise(result, number.parts, parts).tolist()
+    return number.of([(float(series.values[0]), change) for (series, _), change in zip(parts, changes, strict=True)])[1]
 
 
 def rounding(result: Result, units: Sequence[Unit | None]) -> Array:
@@ -75,11 +84,17 @@ def global_error(result: Result, number: AnyNumber) -> float | None:
 
     A figure of a curve is no more wrong than its worst row, nor is an extreme, or the value at an instant; what its
     quadrature or its search leaves comes on top. Others are compared with those of another solution. It is infinite
-    where the number depends on a decision that the run leaves open.
+    where the number depends on a decision that the run leaves open. Of a formula it follows from those of its numbers.
     """
     if any(decision.is_open and decision.touches(number.label) for decision in result.outcome.decisions):
         return np.inf
     own = result.number_errors.get(number.label)
+    if isinstance(number, CombinedNumber):
+        known = [global_error(result, part) for part in number.parts]
+        pairs = [
+            (part.value(result)[0], error) for part, error in zip(number.parts, known, strict=True) if error is not None
+        ]
+        return number.of(pairs)[1] if len(pairs) == len(known) else own
     if not isinstance(number, RunNumber) or number.quantity not in result.errors:
         return own
     of_instant = isinstance(number.at, dict) and result.trajectory.parameter in number.at

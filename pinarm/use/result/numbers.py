@@ -1,20 +1,25 @@
-"""Numbers of a run: ``QUANTITY @ PLACE`` or ``QUANTITY @ FIGURE``, numbers of sections, and conditions on both.
+"""Numbers of a run: ``QUANTITY @ PLACE`` or ``QUANTITY @ FIGURE``, numbers of sections, formulas of them; conditions.
 
 ``X @ largest`` is printed with its sign, and ``=`` compares it so; ``<`` and ``>`` compare its size, ``X @ peak``.
+A formula combines numbers: ``w @ max - w @ min``, ``loads.A.life.time / loads.B.life.time``. In it ``@`` belongs to the
+name, or the parentheses, right before it: ``(C_B*w) @ max / (C_B*w) @ mean``.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
 from pinarm.engine.quantities.names import EXTREMES, OPEN, Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices, require_name, within
-from pinarm.input.numbers import is_whole
+from pinarm.errors import InputError, PinarmError, UnitError, choices, require_name, within
+from pinarm.input.formulas.expressions import Expression
+from pinarm.input.formulas.grammar import CONSTANTS
+from pinarm.input.numbers import DECIMAL, is_whole
+from pinarm.input.units import ANGLES, Unit, read_quantity
 from pinarm.input.yaml.schema import AnyQuantity, Measured
 from pinarm.records import Record, ValueRecord, replace
 from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_figure, stands_alone
@@ -25,7 +30,8 @@ if TYPE_CHECKING:
     from pinarm.use.result.run import Numbered, Run
 
 
-EXAMPLES = "C_B @ max, t @ max(C_B), C_B @ t=1.5 s, C_B @ rms, C_B @ p95, or loads.B.life.time of a section"
+EXAMPLES = ("C_B @ max, t @ max(C_B), C_B @ t=1.5 s, C_B @ rms, C_B @ p95, C_B @ range, loads.B.life.time of a "
+            "section, or a formula of such numbers: C_B @ max - C_B @ mean")  # fmt: skip
 
 MAX_LENGTH = 2000
 """Characters of a text that is read at all."""
@@ -59,7 +65,7 @@ class RunNumber(ValueRecord, frozen=True):
         """
         quantity, _, place = (part.strip() for part in text.partition("@"))
         problem = InputError(f"'{text[:200]}' is no number of a run", expected=EXAMPLES)
-        if not quantity or not place or len(text) > MAX_LENGTH:
+        if not quantity or not place or len(text) > MAX_LENGTH or not _balanced(quantity) or not _balanced(place):
             raise problem
         if is_figure(place):
             return cls(quantity, place, quantity)
@@ -71,6 +77,8 @@ class RunNumber(ValueRecord, frozen=True):
         if not all(len(pair) == 2 and all(pair) for pair in pairs):
             raise InputError(problem.message, expected=f"{EXAMPLES}; figures are {', '.join(FIGURES)}, p0 to p100")
         keys: dict[str, str | int | float] = {pair[0]: pair[1] for pair in pairs}
+        for value in (value for key, value in pairs if key not in ("side", "occurrence")):
+            read_quantity(value)
         if is_whole(occurrence := str(keys.get("occurrence", ""))):
             keys["occurrence"] = int(occurrence)
         return cls(quantity, keys, quantity)
@@ -83,6 +91,16 @@ class RunNumber(ValueRecord, frozen=True):
         if isinstance(self.at, dict):
             return f"{self.quantity} @ {', '.join(f'{key}={value}' for key, value in self.at.items())}"
         return f"{self.quantity} @ {self.at}" + (f"({self.of})" if self.of != self.quantity else "")
+
+    @property
+    def parts(self) -> Sequence[RunNumber | SectionNumber]:
+        """The numbers that it is a formula of: itself."""
+        return (self,)
+
+    @property
+    def of_curves(self) -> bool:
+        """Whether it needs no section."""
+        return True
 
     @property
     def figure(self) -> str:
@@ -181,6 +199,16 @@ class SectionNumber(ValueRecord, frozen=True):
         return f"{self.key}.{self.name}"
 
     @property
+    def parts(self) -> Sequence[RunNumber | SectionNumber]:
+        """The numbers that it is a formula of: itself."""
+        return (self,)
+
+    @property
+    def of_curves(self) -> bool:
+        """Whether it needs no section."""
+        return False
+
+    @property
     def figure(self) -> str:
         """The last part of its name: ``rms`` and ``peak`` mean what they mean for curves."""
         return self.name.rpartition(".")[2]
@@ -236,7 +264,172 @@ class SectionNumber(ValueRecord, frozen=True):
         return InputError(f"the section '{self.key}' has no number '{self.name}'", expected=expected, hint=hint)
 
 
-AnyNumber = RunNumber | SectionNumber
+T = TypeVar("T")
+V = TypeVar("V")
+
+
+class CombinedNumber(ValueRecord, frozen=True):
+    """A formula of numbers, such as ``w @ max - w @ min``.
+
+    Attributes:
+        label: As it is written.
+        formula: The formula with names ``n_0``, ``n_1``, ... for its numbers.
+        parts: These numbers.
+    """
+
+    label: str
+    formula: str
+    parts: tuple[RunNumber | SectionNumber, ...]
+    figure = ""
+
+    @classmethod
+    def read(cls, text: str) -> CombinedNumber:
+        """Read a formula of numbers; ``X @ range`` is ``X @ max - X @ min``.
+
+        Raises:
+            InputError: It cannot be read, or ``@`` may belong to several parts of it.
+        """
+        label, formula, parts, done = " ".join(text.split()), "", list[RunNumber | SectionNumber](), 0
+        for sign in re.finditer("@", text[:MAX_LENGTH]):
+            begin, end = _begin(text, sign.start()), _end(text, sign.end())
+            between, number = text[done:begin], text[begin:end].strip()
+            opened = re.split(r"[(,]", between)
+            if begin < done or (opened[-1].strip() and (len(opened) > 1 or not done)):
+                raise InputError(f"'{label}' does not say what '@' belongs to",
+                                 expected="parentheses, such as 2*(w @ max), or (2*w) @ max")  # fmt: skip
+            ends = [number] if not re.search(r"@\s*range$", number) else [f"{number[:-5]}max", f"{number[:-5]}min"]
+            formula += f"{between}({' - '.join(f'n_{len(parts) + k}' for k in range(len(ends)))})"
+            parts += map(RunNumber.read, ends)
+            done = end
+        formula += text[done:]
+        names = cls(label, formula, tuple(parts))._in_words(lambda: Expression.parse(formula).names)
+        for name in sorted(names):
+            if "." in name:
+                formula = re.sub(rf"(?<![\w.]){re.escape(name)}(?![\w.])", f"n_{len(parts)}", formula)
+                parts += read_number(name).parts
+            elif not re.fullmatch(r"n_\d+", name) and name not in CONSTANTS:
+                raise InputError(f"'{name}' in '{label}' has a value at every row", expected=f"a number: {name} @ max; "
+                                 f"or parentheses around a formula, such as (2*{name}) @ max")  # fmt: skip
+        return cls(label, formula, tuple(parts))
+
+    @property
+    def of_curves(self) -> bool:
+        """Whether it needs no section."""
+        return all(part.of_curves for part in self.parts)
+
+    @property
+    def amount(self) -> CombinedNumber:
+        """The number itself; see ``RunNumber.amount``."""
+        return self
+
+    def described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
+        """Return its name and unit as a series without values; see ``RunNumber.described``.
+
+        Raises:
+            InputError: A number in it does not exist, or dimensions do not go together.
+        """
+        units = [part.described(quantities, sections).unit for part in self.parts]
+        return Series(self.label, self._in_words(lambda: _unit_of_formula(self._expression, units)), np.zeros(0))
+
+    def value(self, result: Run) -> tuple[float, float]:
+        """Return the number [SI] and what the errors of its parts make of it; see ``RunNumber.value``.
+
+        Raises:
+            InputError: The run does not have one of its numbers, dimensions do not go together, or it is not finite.
+        """
+        self.described(result.quantities, result.numbered)
+        return self.of([part.value(result) for part in self.parts])
+
+    def told(self, run: Lookup) -> tuple[float, float]:
+        """Return the number of a run in which friction leaves nothing open; see ``value``."""
+        return self.of([part.told(run) for part in self.parts if isinstance(part, RunNumber)])
+
+    def of(self, numbers: Sequence[tuple[float, float]]) -> tuple[float, float]:
+        """Return the value of the formula, and the sum of what the error of each number changes in it.
+
+        Args:
+            numbers: The numbers [SI] and their errors. The value is NaN where one of them is.
+
+        Raises:
+            InputError: The value is not finite, as of a division by 0.
+        """
+        values, errors = np.array(numbers).T
+        if np.isnan(values).any():
+            return np.nan, 0.0
+        moved = values + np.concatenate([np.zeros((1, len(values))), np.diag(errors), -np.diag(errors)])
+        formula = self._in_words(lambda: self._expression.evaluate(_named(moved.T)))
+        value, *others = np.broadcast_to(np.asarray(formula, float), len(moved)).tolist()
+        if not np.isfinite(value):
+            raise InputError(f"'{self.label}' is not finite", expected="a formula that does not divide by 0")
+        changes = np.abs(np.array(others) - value).reshape(2, -1).max(axis=0)
+        return value, float(np.where(np.isnan(changes), np.inf, changes).sum())
+
+    @property
+    def _expression(self) -> Expression:
+        return Expression.parse(self.formula)
+
+    def _in_words(self, compute: Callable[[], T]) -> T:
+        try:
+            return compute()
+        except PinarmError as error:
+            said = re.sub(r"n_(\d+)", lambda name: self.parts[int(name[1])].label, error.message)
+            raise InputError(f"'{self.label}': {said}", expected=error.expected, hint=error.hint) from None
+
+
+_ANGLE_POWER = 7
+"""Exponent that marks an angle in the dimensions of a formula: an angle has no dimension of its own."""
+
+
+def _unit_of_formula(formula: Expression, units: Sequence[Unit | None]) -> Unit | None:
+    """Return the SI unit of a formula of numbers; a sum of angles is an angle, a ratio of angles is none."""
+    marked = [one if one is None or not any(word in str(one) for word in ANGLES) else one * _ANGLE for one in units]
+    try:
+        found = formula.dimension(_named(marked))
+    except UnitError:
+        found = formula.dimension(_named(units))
+    if found is None or found.dimension[3] != _ANGLE_POWER:
+        return found
+    turning = found / _ANGLE
+    return Unit(1.0, turning.dimension, {0: "rad", -1: "rad/s", -2: "rad/s^2"}.get(int(turning.dimension[2]), ""))
+
+
+_ANGLE = Unit(1.0, (0, 0, 0, _ANGLE_POWER))
+
+
+def _named(values: Sequence[V]) -> dict[str, V]:
+    return {f"n_{k}": value for k, value in enumerate(values)}
+
+
+def _balanced(text: str) -> bool:
+    """Tell whether every parenthesis of a text is closed in it."""
+    depths = np.cumsum([(c == "(") - (c == ")") for c in text] or [0])
+    return bool(depths.min() >= 0 and depths[-1] == 0)
+
+
+def _begin(text: str, sign: int) -> int:
+    """Return where the operand of an ``@`` begins: a name, or a pair of parentheses with the function before it."""
+    operand = text[:sign].rstrip()
+    if operand.endswith(")"):
+        begins = [k for k, c in enumerate(operand) if c == "(" and _balanced(operand[k:])]
+        operand = operand[: begins[-1]] if begins else ""
+    return len(operand) - len(re.search(r"[\w.]*$", operand)[0])  # type: ignore[index]  # it fits always
+
+
+_UNIT_TEXT = r"(?: ?[A-Za-z°%][\w°^]*(?:[*/][A-Za-z][\w^]*)*)?"
+_ENTRY = rf"[\w.]+\s*=\s*(?:{DECIMAL}{_UNIT_TEXT}|left|right)"
+_PLACE_TEXT = re.compile(rf"\s*(?:{_ENTRY}(?:\s*,\s*{_ENTRY})*|\w+(?:\.\d+)?)")
+
+
+def _end(text: str, start: int) -> int:
+    """Return where the place behind an ``@`` ends."""
+    found = _PLACE_TEXT.match(text, start)
+    end = found.end() if found else start
+    if text[end : end + 1] == "(":
+        end = next((k for k in range(end + 1, len(text) + 1) if _balanced(text[end:k])), len(text))
+    return end
+
+
+AnyNumber = RunNumber | SectionNumber | CombinedNumber
 
 EVENT = "event"
 """First word of quantities that are one number of a run, and need no place: ``event.hit.time``."""
@@ -261,25 +454,36 @@ def measured(number: AnyNumber, result: Run) -> tuple[Series, float]:
     return replace(series, values=np.array([value])), error
 
 
-def names_section(text: str, sections: Mapping[str, object]) -> bool:
-    """Tell whether a text, without ``@``, begins with the key of a section and so asks for a number of it."""
-    key, dot, _ = text.strip().partition(".")
-    return "@" not in text and bool(dot) and key in sections
+def names_number(text: str, sections: Mapping[str, object]) -> bool:
+    """Tell whether a text asks for a number of the run: by ``@``, or by the key of a section in it."""
+    return "@" in text or any(key in sections for key in re.findall(r"(?<![\w.])(\w+)\.", text))
 
 
 def read_number(text: str) -> AnyNumber:
-    """Read a number of a curve (see ``RunNumber.read``), ``SECTION.NAME``, or ``event.NAME.time``.
+    """Read a number of a curve (see ``RunNumber.read``), ``SECTION.NAME``, ``event.NAME.time``, or a formula of them.
 
     Raises:
         InputError: It cannot be read.
     """
     require_name(text)
-    key, dot, name = text.strip().partition(".")
+    text = text.strip()
+    key, dot, name = text.partition(".")
     if key == EVENT and "@" not in text:
-        return RunNumber(text.strip(), "start", text.strip())
-    if "@" in text or not dot or not key.isidentifier() or not name:
+        return RunNumber(text, "start", text)
+    if "@" not in text and dot and key.isidentifier() and name and not _FORMULA.search(text):
+        return SectionNumber(key, name)
+    if text.count("@") > 1 or re.search(r"@\s*range$", text) or ("@" not in text and _FORMULA.search(text)):
+        return CombinedNumber.read(text)
+    try:
         return RunNumber.read(text)
-    return SectionNumber(key, name)
+    except InputError:
+        if _FORMULA.search(text.partition("@")[2]) or not _balanced(text.partition("@")[0]):
+            return CombinedNumber.read(text)
+        raise
+
+
+_FORMULA = re.compile(r"\s[-+*/]|[-+*/]\s|[()]")
+"""Marks of a formula behind a name; names of numbers may have ``-`` between their letters."""
 
 
 class Condition(Record, frozen=True):

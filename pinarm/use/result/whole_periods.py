@@ -33,7 +33,8 @@ def whole_period_notes(problem: Problem, mechanism: Mechanism, numbers: Sequence
         mechanism: The mechanism.
         numbers: Those that are asked for.
     """
-    asked = [number.label for number in numbers if is_figure(number.figure) and number.figure not in INDIFFERENT]
+    parts = [part for number in numbers for part in number.parts]
+    asked = [part.label for part in parts if is_figure(part.figure) and part.figure not in INDIFFERENT]
     if not asked:
         return []
     laws = _laws(problem, mechanism)

@@ -18,7 +18,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import require_unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
-from pinarm.use.result.numbers import AnyNumber, Condition, names_section, read_conditions, read_number
+from pinarm.use.result.numbers import AnyNumber, Condition, names_number, read_conditions, read_number
 from pinarm.use.result.run import Numbered
 
 BOUNDS = "[0 kg, 500 kg], or {from: 0 kg, to: 500 kg, start: 100 kg}"
@@ -195,7 +195,7 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
     @staticmethod
     def number(name: str, sections: Mapping[str, Numbered]) -> AnyNumber | None:
         """Return the number of the run that a key of ``so_that`` names; none where it names a quantity of all rows."""
-        return read_number(name) if "@" in name or names_section(name, sections) else None
+        return read_number(name) if names_number(name, sections) else None
 
     def case(self, values: Array) -> dict[str, str | float]:
         """Return values, shape (k,) in SI, by their paths, as files have them: in the units of the starts."""

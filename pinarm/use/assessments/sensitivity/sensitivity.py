@@ -37,7 +37,7 @@ from pinarm.use.assessments.sensitivity.tables import (
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.assessments.sensitivity.variation import Input, Varied, inputs_of, varied_runs
 from pinarm.use.result.number_accuracy import global_error, noise, rounding
-from pinarm.use.result.numbers import AnyNumber, RunNumber, measured, read_number, slug
+from pinarm.use.result.numbers import AnyNumber, measured, read_number, slug
 from pinarm.use.result.section import Graph, Section, SectionTable
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class Sensitivity(InputStruct, frozen=True):
         """Return bands and derivatives; units of derivatives, and of numbers of sections, are left open."""
         found = dict[str, Unit | None]()
         for number in self._asked():
-            known = number.described(quantities, {}).unit if isinstance(number, RunNumber) else None
+            known = number.described(quantities, {}).unit if number.of_curves else None
             bands = ("worst_case", "rss", *(("deviation",) if self.monte_carlo else ()))
             found |= {f"{slug(number)}.{name}": known for name in bands}
             found |= {f"{slug(number)}.by.{name}": None for name in self.to}

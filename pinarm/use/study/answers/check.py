@@ -28,7 +28,7 @@ from pinarm.use.facade import Given, Result
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.natural_sizes import ZERO, natural_sizes
-from pinarm.use.result.numbers import RunNumber, measured, names_section, read_number
+from pinarm.use.result.numbers import RunNumber, measured, names_number, read_number
 from pinarm.use.result.row_lookup import NotReached
 from pinarm.use.study.run import run, scenarios
 
@@ -187,7 +187,7 @@ def _apart(difference: float, allowed: float, scale: float, measured: Unit | Non
 def _where(result: Result, quantities: Quantities, expectation: Expectation, row: int) -> str:
     """Return the place of a row, such as ``t = 0.3 s``; empty for figures of the whole run, and numbers of sections."""
     at = expectation.at
-    if (isinstance(at, str) and is_figure(at)) or names_section(expectation.quantity, result.numbered):
+    if (isinstance(at, str) and is_figure(at)) or names_number(expectation.quantity, result.numbered):
         return ""
     along = result.presentation.shown(quantities.parameter)
     unit = "" if str(along.unit or "1") == "1" else f" {along.unit}"
@@ -199,7 +199,7 @@ def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Ser
     at, quantity = expectation.at, expectation.quantity
     expectation.check_place(result.quantities)
     with within("quantity"):
-        if names_section(quantity, result.numbered):
+        if names_number(quantity, result.numbered):
             series, error = measured(read_number(quantity), result)
             return result.lookup.at("start", result.trajectory.parameter), series, error
         if at == "all":

@@ -13,13 +13,13 @@ import numpy as np
 
 from pinarm.engine.dynamics.dynamics import cores
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, Interrupted, PinarmError, as_names, require_map, require_name
+from pinarm.errors import InputError, Interrupted, NumericsError, PinarmError, require_map, require_name
 from pinarm.input.roots import noting_files
 from pinarm.input.yaml.document import Values, require_apart
 from pinarm.records import replace
-from pinarm.use.cases.case import WORTH, Taken, Task, Wanted
+from pinarm.use.cases.case import WORTH, FunctionValue, Taken, Task, Wanted
 from pinarm.use.facade import Given, Scenario, load
-from pinarm.use.result.numbers import RunNumber, SectionNumber
+from pinarm.use.result.numbers import read_number
 from pinarm.use.store.line_table import LineTable
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw, read_axis, read_cases
 from pinarm.use.study.sweep.branches import ALL, MEASURE, RAW, ModeValues
@@ -28,6 +28,7 @@ from pinarm.use.study.sweep.solving import Solving
 from pinarm.use.workers.runners import Runners, check_number
 
 if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
     from pinarm.use.show.picture import Picture
 
 TRIED = 9
@@ -69,7 +70,7 @@ class Sweep(LineTable):
             InputError: There is none of that name; the message lists those there are.
         """
         require_name(name)
-        return super().__getitem__(RunNumber.read(name).label if "@" in name and name not in self.table else name)
+        return super().__getitem__(read_number(name).label if "@" in name and name not in self.table else name)
 
     def results(self) -> list[Series]:
         """Return the columns that were asked for, without the measures of accuracy."""
@@ -140,7 +141,7 @@ def sweep(
     samples: int | None = None,
     seed: int = 0,
     sampling: Literal["random", "latin"] = "random",
-    results: Sequence[str] = (),
+    results: Sequence[str | Callable[[Result], Any]] | str | Callable[[Result], Any] = (),
     workers: int | None = None,
     executor: Executor | None = None,
     folder: str | Path | None = None,
@@ -161,7 +162,9 @@ def sweep(
         seed: Of the drawing; the same seed gives the same values.
         sampling: ``random``, or ``latin`` for a Latin hypercube.
         results: What to take from each case, such as ``"C_B"`` (least and greatest row), ``"C_B @ max"``,
-            ``"t @ max(C_B)"``, ``"C_B @ t=1.5 s"``; the outputs of the scenario where nothing is named.
+            ``"t @ max(C_B)"``, ``"C_B @ t=1.5 s"``, ``"C_B @ max - C_B @ min"``; or a function ``f(result)`` that
+            returns one number in SI, or a ``Series`` of one value, and names its column. The outputs of the scenario
+            where nothing is named.
         workers: Processes; all cores where it is left out. Of an executor, how many workers it has, where it cannot
             tell.
         executor: Who solves the cases in place of processes of this machine: any of ``concurrent.futures``, such as
@@ -184,7 +187,7 @@ def sweep(
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
         require_apart(scenario.document.data, values or (), (column.path for column in chosen.columns()))
-        wanted, columns = measured_results(scenario, chosen, as_names(results) or scenario.content.outputs)
+        wanted, columns = measured_results(scenario, chosen, _listed(results) or scenario.content.outputs)
     solving = Solving(_task(scenario, chosen, wanted), chosen, columns, progress, parquet)
     solving.sources.check(tuple(map(str, files)))
     definition = {"over": given, "cases": None if cases is None else str(cases), "samples": samples, "seed": seed,
@@ -235,15 +238,41 @@ def _plain(given: object) -> object:
     return given.tolist() if isinstance(given, np.ndarray) else given
 
 
-def measured_results(scenario: Scenario, cases: Cases, results: Sequence[str]) -> tuple[list[Taken], list[Series]]:
+ResultFunction = Callable[["Result"], Any]
+"""Computes one number of the result of a case."""
+
+
+def _listed(results: Sequence[str | ResultFunction] | str | ResultFunction) -> list[str | ResultFunction]:
+    return [results] if isinstance(results, str) or callable(results) else [*results]
+
+
+def _measured_function(function: ResultFunction, scenario: Scenario) -> tuple[FunctionValue, list[Series]]:
+    """Return the number of a function with the unit that it has in a case that can be solved, and its empty column."""
+    value = FunctionValue.read(function)
+    with suppress(NumericsError):
+        measured = value.series(scenario.run()).unit
+        value = replace(value, unit=measured.si if measured else None)
+    return value, [Series(value.name, value.unit, np.zeros(0))]
+
+
+def measured_results(
+    scenario: Scenario, cases: Cases, results: Sequence[str | ResultFunction]
+) -> tuple[list[Taken], list[Series]]:
     """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty.
 
     Measures of modes, ``mode.1.damping`` or ``modes`` for all, are those of branches; see ``branches``.
     """
-    quantities, sections = first_case(scenario, cases).quantities(), scenario.numbered
-    modes = [text for text in results if scenario.problem.kind == "linear" and (text == ALL or MEASURE.fullmatch(text))]
-    measured = [Wanted.read(text, sections).measured(quantities, sections) for text in results if text not in modes]
-    taken: list[Taken] = [replace(entry, optional=isinstance(entry.number, SectionNumber)) for entry, _ in measured]
+    first, sections = first_case(scenario, cases), scenario.numbered
+    quantities, texts = first.quantities(), [text for text in results if isinstance(text, str)]
+    modes = [text for text in texts if scenario.problem.kind == "linear" and (text == ALL or MEASURE.fullmatch(text))]
+    measured: list[tuple[Taken, list[Series]]] = []
+    for asked in results:
+        if not isinstance(asked, str):
+            measured.append(_measured_function(asked, first))
+        elif asked not in modes:
+            entry, empty = Wanted.read(asked, sections).measured(quantities, sections)
+            measured.append((replace(entry, optional=entry.alone), empty))
+    taken = [entry for entry, _ in measured]
     columns = [column for _, columns in measured for column in columns]
     if not modes:
         return taken, columns

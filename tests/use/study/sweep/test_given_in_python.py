@@ -57,3 +57,41 @@ def test_a_mechanism_has_the_same_identity_in_every_process() -> None:
         for seed in ("1", "2")
     ]
     assert calls[0].stdout == calls[1].stdout != b""
+
+
+FACTOR = 2.0
+
+
+def first_value(result: Any) -> Any:
+    return FACTOR * result["theta"][:1].to("deg")
+
+
+def test_functions_are_columns_with_units_that_a_sweep_goes_on_with(tmp_path: Path) -> None:
+    """They are those of the module as it was, and of the case alone; the journal knows them in another process too."""
+    solved = list[int]()
+
+    def span(result: Any) -> float:
+        return result.number("theta @ range")[0] + 0.0 * len(solved)
+
+    over, given = {"problem.time.end": "0.5:1:3 s"}, {**DATA, "mechanism": str(MODEL)}
+    ask = lambda: pinarm.sweep(given, over, results=[first_value, span, "theta @ range"], workers=1, folder=tmp_path)  # noqa: E731
+    swept = ask()
+    assert swept["span"].values == pytest.approx(swept["theta @ range"].values, abs=0.0)
+    assert str(swept["first_value"].unit) == "rad"
+    assert swept["first_value"].values == pytest.approx(-2.0 * np.pi / 3.0)
+    size = (tmp_path / "journal.jsonl").stat().st_size
+    assert np.array_equal(ask()["span"].values, swept["span"].values)
+    assert (tmp_path / "journal.jsonl").stat().st_size == size
+    solved.append(1)  # what a function holds belongs to it
+    ask()
+    assert (tmp_path / "journal.jsonl").stat().st_size > size
+
+
+@pytest.mark.parametrize(("function", "said"), [
+    (lambda result: 1.0, "has no name for its column"),
+    (open, "raised TypeError"),
+    (str, "returned .<Result"),
+])  # fmt: skip
+def test_a_function_that_cannot_be_a_column_says_why(function: Any, said: str) -> None:
+    with pytest.raises(pinarm.PinarmError, match=said):
+        pinarm.sweep({**DATA, "mechanism": str(MODEL)}, {"problem.time.end": "0.5, 1 s"}, results=function, workers=1)
