@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pinarm.engine.linear.linear_states import Linearisation
+    from pinarm.engine.quantities.names import Quantities
     from pinarm.input.units import Unit
     from pinarm.use.result.presentation import Presentation
     from pinarm.use.result.run import Numbered
@@ -251,15 +252,25 @@ class Result(Run, frozen=True):
         """
         from pinarm.engine.linear.linear_states import linearised_row
 
+        laws = (*getattr(self.scenario.problem, "motion", ()),) if self.kind == "forward" else ()
+        return linearised_row(self.row_at(t).trajectory, laws if prescribed is None else prescribed)
+
+    def row_at(self, t: float | None = None) -> Quantities:
+        """Return the quantities at one instant, between the rows of the run too.
+
+        Args:
+            t: Value of the run's parameter, such as the instant [s]; the first row where it is left out.
+
+        Raises:
+            InputError: The run does not come there.
+        """
         place, lookup = float(self.trajectory.grid.t[0]) if t is None else float(t), self.lookup
         within = [
             k for k, (start, end, _) in enumerate(lookup.intervals) if min(start, end) <= place <= max(start, end)
         ]
         if not within:
             raise InputError(f"{self.trajectory.parameter} = {place:g} is not reached in this run")
-        row = lookup.quantities_at(within[0], np.array([place])).trajectory
-        laws = (*getattr(self.scenario.problem, "motion", ()),) if self.kind == "forward" else ()
-        return linearised_row(row, laws if prescribed is None else prescribed)
+        return lookup.quantities_at(within[0], np.array([place]))
 
     def to_dataframe(self) -> DataFrame:
         """Return the outputs as a pandas table, one row per instant, units in the headings; see ``units:``.

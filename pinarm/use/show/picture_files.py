@@ -57,6 +57,7 @@ def file_name(quantity: str) -> str:
 
 def pictures(result: Result) -> Iterator[tuple[str, Picture]]:
     """Yield the pictures of a run by the names of their files: its outputs, its sections, start and end positions."""
+    from pinarm.use.show.free_bodies import free_body_diagrams, worst_instants
     from pinarm.use.show.plot import graph, plot
     from pinarm.use.show.sketch import sketch
 
@@ -66,4 +67,6 @@ def pictures(result: Result) -> Iterator[tuple[str, Picture]]:
     for section in result.sections.values():
         for drawn in section.graphs:
             yield f"{section.key}_{drawn.name}", graph(drawn, result.presentation)
+    for name, at in worst_instants(result).items():
+        yield f"free_bodies_{file_name(name)}", free_body_diagrams(result, at)
     yield "positions", sketch(result)

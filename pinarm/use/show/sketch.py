@@ -247,7 +247,7 @@ class _Sketch:
         across = np.eye(3)[int(np.abs(up).argmin())]
         across = across - (across @ up) * up
         across /= np.linalg.norm(across)
-        along, cell = np.cross(up, across), _round(framing.size / 10.0)
+        along, cell = np.cross(up, across), round_up(framing.size / 10.0)
         spans = []
         for direction in (across, along):
             ways = framing.outline @ direction / cell
@@ -318,7 +318,7 @@ class _Sketch:
         write_beside(self.axis, notes, hidden, per, taken)
 
 
-def _round(x: float) -> float:
+def round_up(x: float) -> float:
     """Return the number 1, 2 or 5 times a power of ten next above another."""
     power = 10.0 ** np.floor(np.log10(x))
     return float(next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= 0.999 * x))

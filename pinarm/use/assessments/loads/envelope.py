@@ -16,7 +16,7 @@ from pinarm.input.units import Unit
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.number import LoadNumber, rounding, worst_row
 from pinarm.use.result.row_lookup import Lookup
-from pinarm.use.result.section import SectionTable
+from pinarm.use.result.section import Curve, Graph, SectionTable
 
 BY_AXIS = {"radial": "force.radial", "axial": "force.axial", "overturning": "moment.radial"}
 """Peaks of joints with an axis, beside those of all joints."""
@@ -31,7 +31,7 @@ EnvelopeRow = tuple[str, str, str, float, float, float, float, float]
 def envelope_table(rows: Sequence[EnvelopeRow], at: Unit) -> SectionTable:
     """Return the table of the components, for the unit of the run's parameter."""
     columns = ("joint", "component", "unit", "min", "min at", "max", "max at", "error")
-    return SectionTable("envelope", "Envelope of the components, body axes", columns,
+    return SectionTable("envelope", "Envelope of the components", columns,
                         (None, None, None, None, at, None, at, None), rows, row_unit=2)  # fmt: skip
 
 
@@ -42,12 +42,11 @@ def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[s
     known, remarks = _determined(run, joint, names)
     rows = list[EnvelopeRow]()
     for name, series in known.items():
-        shown = name.replace(f".along.{joint.body}", "")
         least = rounding(run, name, series)
         slack = least if np.ptp(series.values) <= least else 0.0
         ends = [run.extreme(which, series.name, slack) for which in ("min", "max")]
         low, high = ((float(row[series.name].values[0]), _place(row)) for row, _ in ends)
-        rows.append((joint.name, shown, str(series.unit), *low, *high, max(error for _, error in ends)))
+        rows.append((joint.name, name, str(series.unit), *low, *high, max(error for _, error in ends)))
     return rows, remarks
 
 
@@ -68,15 +67,75 @@ def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Qua
             assert unit is not None
             row, value, error = worst_row(run, partial(_size, name=full), least)
             if value > least:
-                found[part] = LoadNumber(value, unit, _place(row), error, row[full].doubt), row
+                direction = _direction(row, joint, part, name.partition(".")[0])
+                found[part] = LoadNumber(value, unit, _place(row), error, row[full].doubt, *direction), row
     return found
+
+
+def _direction(row: Quantities, joint: LoadedJoint, part: str, kind: str) -> tuple[str, str]:
+    """Return the unit vector of a load and the link whose axes it is in; empty where its components are left open."""
+    link, axis = joint.rings[0] if part in BY_AXIS else (joint.body, np.zeros(3))
+    try:
+        axial = row[f"{joint.prefix}.{BY_AXIS['axial']}"].values[0] if part == "axial" else 0.0
+        vector = axis * axial if part == "axial" else _across(row, joint, kind, link, axis)[:, 0]
+    except InputError:
+        return "", ""
+    return " ".join(f"{x + 0.0:.3g}" for x in np.round(vector / np.linalg.norm(vector), 4).tolist()), link or "world"
+
+
+def _across(rows: Quantities, joint: LoadedJoint, kind: str, link: str, axis: Array) -> Array:
+    """Return force or moment in the axes of a link, without its part along an axis in these, shape (3, n).
+
+    Args:
+        rows: The rows.
+        joint: The joint.
+        kind: ``force`` or ``moment``.
+        link: Name of the link; empty for the world.
+        axis: Unit vector, shape (3,); 0 for the whole vector.
+
+    Raises:
+        InputError: A component is not determined. That along the axis need not be, where the axis is one of the link's.
+    """
+    name, still = f"{joint.prefix}.{kind}" + (f".along.{link}" if link else ""), np.zeros(len(rows.trajectory))
+    vector = np.array([
+        still if abs(part) > 1.0 - EVEN else rows.determined(f"{name}.{letter}").values
+        for letter, part in zip("xyz", axis, strict=True)
+    ])  # fmt: skip
+    return np.asarray(vector - np.outer(axis, axis @ vector))
+
+
+EVEN = 1e-12
+"""Distance of a component of a unit vector from 1 that is rounding."""
+
+
+def polar_diagram(run: Lookup, joint: LoadedJoint) -> Graph:
+    """Return the radial load over the run, seen along the joint's axis, in the axes of both links that meet there.
+
+    Raises:
+        InputError: A component is not determined.
+    """
+    curves = []
+    for link, axis in joint.rings:
+        k = int(np.abs(axis).argmax())
+        right, up = (k + 1) % 3, (k + 2) % 3
+        across = np.eye(3)[right] - axis[right] * axis
+        across /= np.linalg.norm(across)
+        seen = np.array([across, np.sign(axis[k]) * np.cross(axis, across)])
+        parts = seen @ _across(run.quantities, joint, "force", link, axis)
+        label = f"in axes of {link or 'the world'}: {'xyz'[right]} to the right, {'xyz'[up]} up"
+        right_part, up_part = (Series("radial load", NEWTON, part) for part in parts)
+        curves.append(Curve(right_part, up_part, label))
+    centre = Series("radial load", NEWTON, np.zeros(1))
+    title = f"Polar diagram of {joint.prefix}: radial load on {joint.body}"
+    return Graph(
+        f"polar_{joint.name}", title, [*curves, Curve(centre, centre, "axis of the joint", points=True)], equal=True
+    )
 
 
 def _determined(run: Lookup, joint: LoadedJoint, names: list[str]) -> tuple[dict[str, Series], list[str]]:
     """Return the components that rigid bodies determine, and a remark on the others and on those in doubt."""
     known, left_open = dict[str, Series](), dict[str, list[str]]()
     for name in names:
-        shown = name.replace(f".along.{joint.body}", "")
         try:
             known[name] = run.quantities.determined(f"{joint.prefix}.{name}")
         except InputError as error:
@@ -84,10 +143,10 @@ def _determined(run: Lookup, joint: LoadedJoint, names: list[str]) -> tuple[dict
                 raise
             why = error.message.partition(": ")[2]
             known_open = why.startswith("not determined")
-            left_open.setdefault(why if known_open else f"not determined ({why})", []).append(shown)
+            left_open.setdefault(why if known_open else f"not determined ({why})", []).append(name)
         else:
             if known[name].doubt:
-                left_open.setdefault(known[name].doubt, []).append(shown)
+                left_open.setdefault(known[name].doubt, []).append(name)
     return known, [f"{joint.name}: {', '.join(parts)}: {why}" for why, parts in left_open.items()]
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
@@ -14,19 +14,23 @@ from pinarm.engine.quantities.reactions import loop_axis, tree_axis
 from pinarm.errors import InputError, choices, within
 from pinarm.mechanics.joints import METRE, RADIAN, moved_links
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import Record, replace
+
+UNALIGNED = ("point_on_line", "point_on_plane")
+"""Kinds of loop joints whose axis is held in the first link alone."""
 
 TURNED = "coordinate: the name of the coordinate that turns in it"
 
 
-@dataclass(frozen=True)
-class LoadedJoint:
+class LoadedJoint(Record, frozen=True):
     """A joint whose loads are asked.
 
     Attributes:
         name: As the file has it.
         prefix: Of the names of its quantities, such as ``loop.B``.
         body: The link on which the loads act, in whose axes they are told.
-        axis: Whether it has an axis.
+        rings: Links in whose axes the joint's axis stays, as in those of a bearing's rings: name, empty for the world,
+            and the axis there, shape (3,). Empty where the joint has no axis.
         turning: The coordinate that turns about it [rad]; empty where there is none.
         sliding: The coordinate that slides along it [m]; empty where there is none.
         open: Whether motions are left in it that no coordinate tells.
@@ -35,10 +39,15 @@ class LoadedJoint:
     name: str
     prefix: str
     body: str
-    axis: bool
+    rings: tuple[tuple[str, Array], ...] = ()
     turning: str = ""
     sliding: str = ""
     open: bool = False
+
+    @property
+    def axis(self) -> bool:
+        """Whether it has an axis."""
+        return bool(self.rings)
 
     @classmethod
     def of(cls, mechanism: Mechanism, name: str, coordinate: str | None = None) -> LoadedJoint:
@@ -66,7 +75,7 @@ class LoadedJoint:
             if given is None or given.unit != RADIAN:
                 expected, hint = choices(coordinate, [k for k, x in mechanism.coordinates.items() if x.unit == RADIAN])
                 raise InputError(f"there is no coordinate '{coordinate}' that turns", expected=expected, hint=hint)
-        return cls(found.name, found.prefix, found.body, found.axis, coordinate, found.sliding)
+        return replace(found, turning=coordinate, open=False)
 
     def check(self, *, bearing: bool, bushing: bool) -> None:
         """Check that it has what is asked of it.
@@ -99,18 +108,28 @@ def _known(mechanism: Mechanism, name: str) -> Iterator[tuple[str, LoadedJoint]]
     model = mechanism.model
     for joint in mechanism.joints.values():
         moved = ("", joint.name) if joint.unit == METRE else (joint.name, "")
-        link, axis = moved_links(model, joint.index)[0], tree_axis(model, joint.index)
-        yield f"joint.{joint.name}", LoadedJoint(name, f"joint.{joint.name}", link, axis is not None, *moved)
+        link, rings = moved_links(model, joint.index)[0], _rings(model, joint.index)
+        yield f"joint.{joint.name}", LoadedJoint(name, f"joint.{joint.name}", link, rings, *moved)
     for ball in mechanism.balls.values():
         link = moved_links(model, ball.index)[0]
-        yield f"joint.{ball.name}", LoadedJoint(name, f"joint.{ball.name}", link, axis=False)
+        yield f"joint.{ball.name}", LoadedJoint(name, f"joint.{ball.name}", link)
     for loop in mechanism.constraints:
         if isinstance(loop, LoopJoint):
             own = [f"{loop.name}.{part}" for part in ("angle", "position")]
             turning, sliding = (each if each in mechanism.coordinates else "" for each in own)
-            link, has_axis, freely = (
-                model.frames[loop.second].name,
-                loop_axis(loop) is not None,
-                "point_on" in loop.kind,
-            )
-            yield f"loop.{loop.name}", LoadedJoint(name, f"loop.{loop.name}", link, has_axis, turning, sliding, freely)
+            links, axis = [model.frames[frame].name for frame in (loop.second, loop.first)], loop_axis(loop)
+            held = links[1:] if loop.kind in UNALIGNED else links
+            rings = () if axis is None else tuple((link, axis) for link in held)
+            freely = "point_on" in loop.kind
+            yield f"loop.{loop.name}", LoadedJoint(name, f"loop.{loop.name}", links[0], rings, turning, sliding, freely)
+
+
+def _rings(model: pin.Model, joint: int) -> tuple[tuple[str, Array], ...]:
+    """Return child and parent of a joint of the tree, each with the joint's axis in its axes."""
+    if (axis := tree_axis(model, joint)) is None:
+        return ()
+    child, parent = moved_links(model, joint)[0], int(model.parents[joint])
+    carrier, outwards = moved_links(model, parent)[0] if parent else "", model.jointPlacements[joint].rotation @ axis
+    inner, outer = (model.frames[model.getBodyId(link)].placement.rotation if link else np.eye(3)
+                    for link in (child, carrier))  # fmt: skip
+    return (child, inner.T @ axis), (carrier, outer.T @ outwards)

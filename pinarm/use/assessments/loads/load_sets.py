@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import pinocchio as pin
@@ -35,6 +36,9 @@ METRE, NEWTON, NEWTON_METRE = unit("m"), unit("N"), unit("N*m")
 
 SHARED = "several frictions or stops hold one motion: rigid bodies do not determine which of them holds how much"
 
+WRENCH = ("x", "y", "z", "Fx", "Fy", "Fz", "Mx", "My", "Mz")
+"""Columns of a load: point where it acts, force and moment there."""
+
 SetRow = tuple[str, float, str, str, float, float, float, float, float, float, float, float, float]
 """Set, instant, body, what acts, the point where, force and moment."""
 
@@ -56,6 +60,25 @@ class Action:
     point: Array
     wrench: Array
     doubt: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class FreeBody:
+    """A body cut free, with all that acts on it.
+
+    Attributes:
+        body: Pinocchio's index of the joint that moves it.
+        link: Name of its first link.
+        actions: Wrenches of joints, couplings and force elements, weight, and inertia relief: they are in balance.
+        doubt: Why rigid bodies do not determine one of them; empty where they determine all.
+        left_out: Whether its loads are not to be shown because of that.
+    """
+
+    body: int
+    link: str
+    actions: Sequence[Action]
+    doubt: str
+    left_out: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,33 +106,52 @@ class LoadSet:
             name: Name of the set.
         """
         run, rows, residuals, remarks = row.trajectory, list[SetRow](), [0.0], dict[str, list[str]]()
-        acting, model = dict[int, list[Action]](), run.mechanism.model
-        for each in _with_shares(row):
-            acting.setdefault(each.body, []).append(each)
         turns, places = row.reactions.links.turns[0], row.reactions.origins[0]
-        for body, links in enumerate(links_behind(model)):
-            if body == 0 or not (links or model.inertias[body].mass):
-                continue  # a rotor, a counter of turns, a part of a floating joint
-            own, link = acting.get(body, []), links[0] if links else str(model.names[body])
-            if doubt := next((each.doubt for each in own if each.doubt), ""):
-                kept = row.undetermined == "minimum_norm" and doubt != SHARED
-                remarks.setdefault(f"{'least multipliers' if kept else 'left out'}; {doubt}", []).append(link)
-                if not kept:
-                    continue
-            inner = np.array([_inwards(each, turns[body], places[body]) for each in own])
+        for free in free_bodies(row):
+            if free.doubt:
+                how = "left out" if free.left_out else "least multipliers"
+                remarks.setdefault(f"{how}; {free.doubt}", []).append(free.link)
+            if free.left_out:
+                continue
+            inner = np.array([_inwards(each, turns[free.body], places[free.body]) for each in free.actions])
             missed, relative = _residual(inner)
             residuals.append(relative)
-            named = [*((each.what, line) for each, line in zip(own, inner, strict=True)), ("residual", missed)]
-            rows += [_row((name, float(run.grid.t[0]), link, what), line) for what, line in named]
+            named = [*((each.what, line) for each, line in zip(free.actions, inner, strict=True)), ("residual", missed)]
+            rows += [_row((name, float(run.grid.t[0]), free.link, what), line) for what, line in named]
         return cls(name, rows, max(residuals), [f"{', '.join(links)} {why}" for why, links in remarks.items()])
+
+
+def free_bodies(row: Quantities, normal: Array | None = None) -> Iterator[FreeBody]:
+    """Yield every body with all that acts on it in one row of a run; rotors and counters of turns are none.
+
+    Args:
+        row: Quantities of the row.
+        normal: Of the plane of a planar mechanism, shape (3,): loads are forces in it and moments about it, which are
+            determined where loads across it are not. Whole wrenches where it is left out.
+    """
+    plane = np.eye(6)
+    if normal is not None:
+        across = np.outer(normal, normal)
+        plane = np.block([[np.eye(3) - across, np.zeros((3, 3))], [np.zeros((3, 3)), across]])
+    acting, model = dict[int, list[Action]](), row.trajectory.mechanism.model
+    for each in _with_shares(row, plane):
+        acting.setdefault(each.body, []).append(each)
+    for body, links in enumerate(links_behind(model)):
+        if body and (links or model.inertias[body].mass):
+            own = acting.get(body, [])
+            doubt = next((each.doubt for each in own if each.doubt), "")
+            left_out = bool(doubt) and (row.undetermined != "minimum_norm" or doubt == SHARED)
+            yield FreeBody(body, links[0] if links else str(model.names[body]), own, doubt, left_out)
 
 
 def sets_table(sets: Sequence[LoadSet], at: Unit) -> SectionTable:
     """Return the table of all sets, for the unit of the run's parameter."""
-    columns = ("set", "at", "body", "load", "x", "y", "z", "Fx", "Fy", "Fz", "Mx", "My", "Mz")
+    columns = ("set", "at", "body", "load", *(f"{name} in body axes" for name in WRENCH))
     units = (None, at, None, None, *[METRE] * 3, *[NEWTON] * 3, *[NEWTON_METRE] * 3)
     rows = [row for each in sets for row in each.rows]
-    return SectionTable("sets", "Loads of every body at the worst instants, body axes", columns, units, rows)
+    return SectionTable(
+        "sets", "Free-body diagrams in numbers: loads of every body at the worst instants", columns, units, rows
+    )
 
 
 def told(sets: Sequence[LoadSet]) -> list[str]:
@@ -121,48 +163,51 @@ def told(sets: Sequence[LoadSet]) -> list[str]:
     return [f"sets {', '.join(those)}: {remark}" for remark, those in names.items()]
 
 
-def _with_shares(row: Quantities) -> list[Action]:
-    """Return what acts on the bodies in one row, in doubt where it depends on how frictions at rest share a load."""
+def _with_shares(row: Quantities, plane: Array) -> list[Action]:
+    """Return what acts on the bodies in one row, in doubt where it depends on how frictions at rest share a load.
+
+    Args:
+        row: The row.
+        plane: Matrix that takes the wanted part of a wrench, shape (6, 6).
+    """
     whole = (row.whole or row).reactions
-    acting = list(_actions(row.reactions, whole))
+    acting = [*_actions(row.reactions, whole, plane)]
     scale = max((np.linalg.norm(each.wrench) for each in acting), default=0.0)
     for other in row.others:
         acting = [
             replace(own, doubt=SHARED) if np.abs(each.wrench - own.wrench).max() > OPEN * scale else own
-            for own, each in zip(acting, _actions(other.reactions, whole), strict=True)
+            for own, each in zip(acting, _actions(other.reactions, whole, plane), strict=True)
         ]
     return acting
 
 
-def _actions(found: Reactions, whole: Reactions) -> Iterator[Action]:
+def _actions(found: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
     """Yield what acts on the bodies in the first row of a run, whose rows all together tell what is determined."""
-    yield from _of_joints(found, whole)
-    yield from _of_constraints(found, whole)
-    yield from _of_friction(found)
-    yield from _of_forces(found)
-    yield from _of_masses(found.run)
+    parts = _of_joints(found, whole, plane), _of_constraints(found, whole, plane), _of_friction(found)
+    for action in chain(*parts, _of_forces(found), _of_masses(found.run)):
+        yield replace(action, wrench=plane @ action.wrench)
 
 
-def _of_joints(found: Reactions, whole: Reactions) -> Iterator[Action]:
+def _of_joints(found: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
     """Yield the wrenches of the tree's joints: on the child, and back on the parent."""
     model = found.model
     for joint in range(1, model.njoints):
         point, wrench, what = found.origins[0, joint], found.joints[0, joint], f"joint {model.names[joint]}"
-        doubt = _hyperstatic(whole, whole.stressed_joint(joint))
+        doubt = _hyperstatic(whole, [each @ plane for each in whole.stressed_joint(joint)])
         doubt = str(found.left_open[joint]) if joint in found.left_open else doubt
         yield Action(joint, what, point, wrench, doubt)
         if model.parents[joint]:
             yield Action(int(model.parents[joint]), what, point, -wrench, doubt)
 
 
-def _of_constraints(found: Reactions, whole: Reactions) -> Iterator[Action]:
+def _of_constraints(found: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
     """Yield the wrenches of loop joints and couplings, of drives along task coordinates and their rotors."""
     links, closure, lam = found.links, found.closure, found.multipliers[:1]
     for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True):
         what, point, doubt = f"drive {constraint.name}", None, ""
         if isinstance(constraint, LoopJoint):
             what, point = f"loop {constraint.name}", found.loop_origins(constraint.name)[0]
-            doubt = _hyperstatic(whole, whole.stressed_loop(constraint.name))
+            doubt = _hyperstatic(whole, [each @ plane for each in whole.stressed_loop(constraint.name)])
         elif isinstance(constraint, GearedRotor):
             angle = counted_angle(constraint.rotor.name)
             what = constraint.name if angle is None else f"effort along {angle}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Literal
 
 from pinarm.engine.mechanism import Mechanism
@@ -11,13 +12,20 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.use.assessments.loads.bearing import PlainBearing, RollingBearing, lives
-from pinarm.use.assessments.loads.envelope import EnvelopeRow, envelope, envelope_table, peak_units, peaks
+from pinarm.use.assessments.loads.envelope import (
+    EnvelopeRow,
+    envelope,
+    envelope_table,
+    peak_units,
+    peaks,
+    polar_diagram,
+)
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.load_sets import LoadSet, sets_table, told
 from pinarm.use.assessments.loads.number import LoadNumber
 from pinarm.use.assessments.loads.rotor import Rotor
 from pinarm.use.result.row_lookup import Lookup
-from pinarm.use.result.section import Section, SectionTable
+from pinarm.use.result.section import Graph, Section, SectionTable
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -105,7 +113,15 @@ class Loads(InputStruct, frozen=True):
         series = {name: number.series(name) for name, number in numbers.items()}
         errors = {name: number.error for name, number in numbers.items()}
         tables = [_numbers_table(numbers, at), *tables]
-        return Section("loads", "Loads of joints", tables, series, remarks, errors=errors)
+        graphs = [] if result.trajectory.numbered else [*self._polar(run, [joint for joint, _ in loaded], numbers)]
+        return Section("loads", "Loads of joints", tables, series, remarks, graphs, errors)
+
+    def _polar(self, run: Lookup, joints: Sequence[LoadedJoint], numbers: Mapping[str, LoadNumber]) -> Iterator[Graph]:
+        """Yield the polar diagram of every joint with a radial load whose components are determined."""
+        for joint in joints:
+            if f"{joint.name}.radial.peak" in numbers:
+                with suppress(InputError):
+                    yield polar_diagram(run, joint)
 
     def _loaded(self, mechanism: Mechanism) -> Iterator[tuple[LoadedJoint, JointLoads]]:
         for name, asked in self.joints.items():
@@ -130,8 +146,9 @@ def _joint_loads(
 
 def _numbers_table(numbers: Mapping[str, LoadNumber], at: Unit) -> SectionTable:
     rows: list[tuple[str | float, ...]] = [
-        (name, str(each.unit), each.value, each.at if each.at is not None else "", each.error)
+        (name, str(each.unit), each.value, "" if each.at is None else each.at, each.direction, each.axes, each.error)
         for name, each in numbers.items()
     ]
-    return SectionTable("numbers", "Peaks, lives and grades", ("", "unit", "value", "at", "error"),
-                        (None, None, None, at, None), rows, row_unit=1)  # fmt: skip
+    columns = ("", "unit", "value", "at", "direction x y z", "in axes of", "error")
+    units = (None, None, None, at, None, None, None)
+    return SectionTable("numbers", "Peaks, lives and grades", columns, units, rows, row_unit=1)

@@ -24,6 +24,8 @@ class LoadNumber:
         at: The instant, or another parameter of the run; ``None`` for numbers of the whole run.
         error: Estimate of what is left [SI]; 0 for numbers of the model.
         doubt: Why it is one choice of many; empty where it is determined.
+        direction: Unit vector of the load at its peak, in axes that ``axes`` names; empty where it has none.
+        axes: The link.
     """
 
     value: float
@@ -31,6 +33,8 @@ class LoadNumber:
     at: float | None = None
     error: float = 0.0
     doubt: str = ""
+    direction: str = ""
+    axes: str = ""
 
     @classmethod
     def pure(cls, value: float, error: float = 0.0) -> LoadNumber:

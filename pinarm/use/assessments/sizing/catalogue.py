@@ -113,7 +113,8 @@ def _columns(headings: list[str], file: str) -> dict[str, tuple[int, float]]:
     for name in ("name", *UNITS):
         if name not in columns:
             expected, hint = choices(name, [heading.partition("[")[0].strip() for heading in headings])
-            raise InputError(f"the catalogue has no column '{name}'", expected=f"among its columns: {expected}",
+            needed = ", ".join(["name", *(f"{key} [{of}]" if of else key for key, of in UNITS.items())])
+            raise InputError(f"the catalogue has no column '{name}', but {expected}", expected=f"the columns {needed}",
                              hint=hint).at(Location(file, 1))  # fmt: skip
     return columns
 

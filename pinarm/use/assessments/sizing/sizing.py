@@ -194,8 +194,11 @@ class Sizing(InputStruct, frozen=True):
 
     def _section(self, duty: Duty, ranked: Sequence[Candidate], drive: Drive) -> Section:
         rows = [candidate.row(number) for number, candidate in enumerate(ranked, start=1)]
-        tables = [SectionTable("motors", f"Motors and ratios for {self.drive}, the lightest that fits first", COLUMNS,
-                               UNITS_OF, rows), _best_ratios(duty, ranked)]  # fmt: skip
+        near = _near(ranked)
+        title = f"Motors and ratios for {self.drive}: the lightest that fits first, then those that come near"
+        tables = [SectionTable("motors", title, COLUMNS, UNITS_OF, [rows[k] for k in near]), _best_ratios(duty, ranked)]
+        if others := [row for k, row in enumerate(rows) if k not in near]:
+            tables.append(SectionTable("others", "Motors and ratios that do not fit", COLUMNS, UNITS_OF, others))
         best, fitting = ranked[0], sum(not candidate.reasons for candidate in ranked)
         known = {"fitting": (float(fitting), 0.0), "ratio": (best.ratio, 0.0)}
         known |= {name: getattr(best, name) for name in NUMBERS if name not in known}
@@ -270,7 +273,7 @@ class Candidate:
     def reasons(self) -> list[str]:
         """Why it does not fit; empty where it does."""
         short = {what: margin for what, (margin, _) in self.margins.items() if margin < self.safety}
-        said = [f"{what} {1.0 / margin:.2f} times what it has" if margin else f"{what} where it has none"
+        said = [f"needs {100.0 / margin:.0f} % of its {what}" if margin else f"has no {what} left"
                 for what, margin in short.items()]  # fmt: skip
         warmest, _ = self.winding
         return said + [f"winding at {warmest:.0f} degC"] * (warmest > self.motor.max_temperature)
@@ -306,6 +309,20 @@ class Candidate:
     def row(self, number: int) -> tuple[str | float, ...]:
         """Return its row of the table."""
         return (float(number), self.motor.name, self.ratio, self.verdict, *(value for value, _ in self.known.values()))
+
+
+def _near(ranked: Sequence[Candidate]) -> list[int]:
+    """Return the places of those that fit, and of the best ratio of each of the ``NEAR`` motors that come nearest."""
+    fitting = [k for k, candidate in enumerate(ranked) if not candidate.reasons]
+    known, nearest = {ranked[k].motor.name for k in fitting}, dict[str, int]()
+    for k, candidate in enumerate(ranked):
+        if candidate.motor.name not in known:
+            nearest.setdefault(candidate.motor.name, k)
+    return [*fitting, *[*nearest.values()][:NEAR]]
+
+
+NEAR = 5
+"""Motors that do not fit at any ratio and are still shown first."""
 
 
 def _torques(duty: Duty, of: Duty | Course, motor: Motor, ratio: float) -> tuple[Known, Known]:
@@ -417,6 +434,6 @@ def _cloud(duty: Duty, best: Candidate) -> Graph:
     )
     return Graph(
         "torque_speed", f"{motor.name}, ratio {best.ratio:g}",
-        [curve(speeds, motor.short_torque(speeds), "for a short time"), curve(speeds, continuous, "for ever"), cloud,
+        [curve(speeds, motor.short_torque(speeds), "peak"), curve(speeds, continuous, "continuous"), cloud,
          point],
     )  # fmt: skip

@@ -31,8 +31,8 @@ def test_a_horizontal_rotor_presses_its_bearing_most_where_weight_and_unbalance_
     where = (pi / 2 - np.arctan2(b_y, b_x)) % (2 * pi) / (100 * pi)
     assert most_at == pytest.approx(where, abs=1e-8)  # half of the digits of a place near a maximum
     assert least_at == pytest.approx((where + 10e-3) % 20e-3, abs=1e-8)
-    assert rows["B", "force.x"][3] == pytest.approx(b_x + weight, rel=1e-9)  # at phi = pi/2
-    assert rows["B", "force.x"][4] == pytest.approx(5e-3, abs=1e-8)
+    along_x = rows["B", "force.along.B_shaft.x"]
+    assert along_x[3:5] == (pytest.approx(b_x + weight, rel=1e-9), pytest.approx(5e-3, abs=1e-8))  # at phi = pi/2
     assert float(section.numbers["B.radial.peak"].values[0]) == pytest.approx(most, rel=1e-12)
 
 
@@ -40,13 +40,33 @@ def test_it_holds_the_rows_of_the_table_and_names_what_is_open() -> None:
     result, rows, section = envelope(SLIDER_CRANK, ["A"])
     for axis in "xy":
         values = result[f"joint.A.force.along.rod.{axis}"].values
-        _, least, _, most, *_ = rows["A", f"force.{axis}"]
+        _, least, _, most, *_ = rows["A", f"force.along.rod.{axis}"]
         assert least <= values.min() + 1e-9
         assert values.min() - least < 1e-3 * np.ptp(values)  # between neighbouring rows, 721 of them
         assert most >= values.max() - 1e-9
-    assert ("A", "force.z") not in rows
-    assert any(text.startswith("A: force.z, moment.x, moment.y,") for text in section.remarks)
+    assert ("A", "force.along.rod.z") not in rows
+    assert any(text.startswith("A: force.along.rod.z, moment.along.rod.x, moment") for text in section.remarks)
     assert "A.axial.peak" not in section.numbers
+
+
+def test_the_direction_of_a_peak_and_the_polar_diagram_are_those_of_the_closed_form() -> None:
+    """The load b e^(i phi) + i m g/2 is a circle about the weight, and points up where it is largest."""
+    _, _, section = envelope("scenarios/rotor_horizontal.yaml", ["B"])
+    turned, weight = np.hypot(3.5e-3, 2.5e-4) * (100 * pi) ** 2, 12 * 9.81 / 2
+    peak = next(row for row in section.tables[0].rows if row[0] == "B.radial.peak")
+    assert peak[4:6] == ("0 1 0", "B")
+    circle, _ = section.graphs[0].curves
+    assert np.hypot(circle.across.values, circle.up.values - weight) == pytest.approx(turned, rel=1e-9)
+    assert "axes of B: x to the right, y up" in circle.label
+
+
+def test_a_pin_has_its_load_in_the_axes_of_both_links() -> None:
+    """Newton's law of the rod, rotated by hand into its axes and into those of the crank."""
+    result, _, section = envelope(SLIDER_CRANK, ["A"])
+    force = result["joint.A.force.x"].values + 1j * result["joint.A.force.y"].values
+    for curve, angle in zip(section.graphs[0].curves[:2], ("psi", "theta"), strict=True):
+        wanted = force * np.exp(-1j * result[angle].values)
+        assert curve.across.values + 1j * curve.up.values == pytest.approx(wanted, rel=1e-9)
 
 
 def short_lift(samples: int, **problem: Any) -> dict[str, Any]:

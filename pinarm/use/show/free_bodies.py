@@ -1,0 +1,211 @@
+"""Free-body diagrams: every body by itself, with an arrow to scale for each load, weight and inertia among them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.records import Record
+from pinarm.use.assessments.loads.load_sets import Action, FreeBody, free_bodies
+from pinarm.use.show.bodies import placed
+from pinarm.use.show.labels import plain, symbol
+from pinarm.use.show.picture import COLOURS, INK, Note, Picture, drawing, label
+from pinarm.use.show.scene import Framing, scene
+from pinarm.use.show.sketch import GROUND, PATH, POINTS, round_up, write_beside
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pinarm.use.result.result import Result
+
+WIDE, HIGH, HEAD, FOOT = 264.0, 216.0, 30.0, 34.0
+"""Size of the panel of a body, height of the heading, and of the scale below [points]."""
+
+LONGEST, ARC, DOT = 46.0, 11.0, 3.0
+"""Length of the largest force, radius of the arc of a moment, and size of marks [points]."""
+
+ROOM = np.array([30.0, 30.0])
+"""Room for names on each side of a panel: across, and up [points]."""
+
+TINY = 1e-9
+"""Size of a force or moment, relative to the largest of all bodies, that is rounding."""
+
+LEAST = 0.05
+"""Extent of a body, relative to that of the mechanism, below which it is drawn as if it had this extent."""
+
+KINDS = {"weight": COLOURS[2], "inertia relief": COLOURS[3], "force": COLOURS[1]}
+"""First words of a load, and their colours; loads of joints and couplings have the first colour."""
+
+LAW = "inertia relief: −m a and −(I α + ω × I ω), at the centre of mass"
+IN_PLANE = "forces in the plane, moments about its normal"
+PROJECTED = "arrows are projections, numbers whole sizes"
+
+
+class _Panel(Record, frozen=True):
+    """A body with its loads in the plane of the picture.
+
+    Attributes:
+        free: The body.
+        lines: Its outline [m], shape (k, 2) each.
+        points: Where the loads act [m], shape (n, 2).
+        arrows: Their forces [points], shape (n, 2).
+    """
+
+    free: FreeBody
+    lines: Sequence[Array]
+    points: Array
+    arrows: Array
+
+    def scale(self, extent: float) -> float:
+        """Return the largest scale [points per metre] at which outline and arrows fit into the panel."""
+        corners = np.concatenate([*self.lines, self.points])
+        largest = float(np.ptp(corners, axis=0).max())
+        scales = np.geomspace(WIDE, 1.0, 120) / max(largest, LEAST * extent)
+        room = np.array([WIDE, HIGH]) - 2.0 * ROOM
+        fitting = (per for per in scales.tolist() if (np.ptp(self.ends(per), axis=0) <= room).all())
+        return next(fitting, float(scales[-1]))
+
+    def ends(self, per: float) -> Array:
+        """Return the corners of the outline and the tips of the arrows at a scale [points], shape (k, 2)."""
+        tips = per * self.points + self.arrows
+        return np.concatenate([*(per * line for line in self.lines), per * self.points, tips])
+
+
+def free_body_diagrams(result: Result, at: float | None = None, *, titled: bool = True) -> Picture:
+    """Return a panel for every body: all that acts on it at one instant, each force as an arrow, to one scale.
+
+    A planar mechanism is seen along its axes, and moments are arcs; in any other arrows are projections.
+
+    Args:
+        result: The run.
+        at: Value of its parameter [SI]; the first row where it is left out.
+        titled: Whether the title of the scenario is above it.
+
+    Raises:
+        InputError: The run does not come there.
+    """
+    row, mechanism = result.row_at(at), result.trajectory.mechanism
+    seen = scene(mechanism, result.trajectory.dynamics.forces, result.trajectory.q)
+    axes, place = seen.framing.view().axes, placed(mechanism.model, row.trajectory.q)[0]
+    bodies = [*free_bodies(row, seen.framing.normal)]
+    shown = [each for free in bodies if not free.left_out for each in free.actions]
+    largest = [max((float(np.linalg.norm(each.wrench[part])) for each in shown), default=0.0) for part in PARTS]
+    largest[1] = max(largest[1], largest[0] * seen.framing.size)
+    flat = max((float(np.linalg.norm(axes @ each.wrench[:3])) for each in shown), default=0.0)
+    per_newton = LONGEST / flat if flat else 0.0
+    panels = []
+    for free in bodies:
+        own = [] if free.left_out else [each for each in free.actions if _words(each, largest)]
+        if not (own or free.left_out):
+            continue
+        sticks = [stick for stick in seen.figure.lines if stick.node == free.body]
+        lines = [(stick.points @ place[free.body, :3, :3].T + place[free.body, :3, 3]) @ axes.T for stick in sticks]
+        points = np.array([each.point for each in own] or [place[free.body, :3, 3]]) @ axes.T
+        forces = np.array([each.wrench[:3] for each in own] or [np.zeros(3)]) @ axes.T
+        cut = FreeBody(free.body, free.link, own, free.doubt, free.left_out)
+        panels.append(_Panel(cut, lines, points, per_newton * forces))
+    heading = _heading(result, float(row.trajectory.grid.t[0]), titled)
+    return _drawn(panels, largest, per_newton, heading, seen.framing)
+
+
+def worst_instants(result: Result) -> dict[str, float]:
+    """Return the instants of the sets of loads that are asked for, by the first set at each; at most ``MOST``."""
+    tables = result.section("loads").tables if "loads" in result.numbered else ()
+    sets, instants = [table for table in tables if table.name == "sets"], dict[float, str]()
+    for name, at, *_ in (row for table in sets for row in table.rows):
+        instants.setdefault(float(at), str(name))
+    return {name: at for at, name in [*instants.items()][:MOST]}
+
+
+MOST = 4
+"""Instants whose free-body diagrams are drawn without being asked for one by one."""
+
+PARTS = (slice(0, 3), slice(3, 6))
+"""Force and moment of a wrench."""
+
+
+def _heading(result: Result, t: float, titled: bool) -> str:
+    shown = result.presentation.shown(result.parameter)
+    factor = result.parameter.unit.factor / shown.unit.factor if shown.unit and result.parameter.unit else 1.0
+    unit = "" if str(shown.unit or "1") == "1" else f" {shown.unit}"
+    place = f"{symbol(shown.name)} = {plain(f'{t * factor:.5g}{unit}')}"
+    return f"{plain(result.content.title or result.name)}, {place}" if titled else f"Free bodies at {place}"
+
+
+def _words(action: Action, largest: Sequence[float]) -> str:
+    """Return what a load is, with the sizes of its force and moment; empty where both are rounding."""
+    sizes = [float(np.linalg.norm(action.wrench[part])) for part in PARTS]
+    told = zip(sizes, largest, ("N", "N·m"), strict=True)
+    parts = [f"{float(f'{size:.4g}'):g} {unit}" for size, most, unit in told if size > TINY * most]
+    return f"{action.what} {', '.join(parts)}" if parts else ""
+
+
+def _drawn(
+    panels: Sequence[_Panel], largest: Sequence[float], per_newton: float, heading: str, framing: Framing
+) -> Picture:
+    columns = min(2, len(panels))
+    rows = -(-len(panels) // columns)
+    width, height = columns * WIDE, rows * HIGH + HEAD + FOOT
+    with drawing(width / POINTS, height / POINTS, heading) as picture:
+        picture.set_layout_engine("none")
+        for k, panel in enumerate(panels):
+            corner = (k % columns) / columns, (FOOT + HIGH * (rows - 1 - k // columns)) / height
+            axis = picture.add_axes((*corner, 1.0 / columns, HIGH / height))
+            _panel(axis, panel, panel.scale(framing.size), largest, framing.normal)
+        foot = picture.add_axes((0.0, 0.0, 1.0, FOOT / height))
+        foot.set(xlim=(0.0, width), ylim=(0.0, FOOT))
+        foot.set_axis_off()
+        if per_newton:
+            size = round_up(0.3 * LONGEST / per_newton)
+            _arrow(foot, np.array([14.0, 22.0]), np.array([14.0 + per_newton * size, 22.0]), INK)
+            foot.text(22.0 + per_newton * size, 22.0, f"{size:g} N", va="center", fontsize=8)
+        words = PROJECTED if framing.normal is None else IN_PLANE
+        foot.text(14.0, 8.0, f"{words}; {LAW}", va="center", fontsize=6.5, color=GROUND)
+    return picture
+
+
+def _panel(axis: Axes, panel: _Panel, per: float, largest: Sequence[float], normal: Array | None) -> None:
+    """Draw a body with its loads; larger loads choose the places of their names first."""
+    ends = panel.ends(per)
+    left, bottom = ((ends.min(axis=0) + ends.max(axis=0) - np.array([WIDE, HIGH])) / 2.0 / per).tolist()
+    axis.set(xlim=(left, left + WIDE / per), ylim=(bottom, bottom + HIGH / per))
+    axis.set_axis_off()
+    free, hidden = panel.free, [*panel.lines]
+    name = f"{free.link}: not determined" if free.left_out else free.link
+    axis.text(0.02, 0.97, label(plain(name)), transform=axis.transAxes, fontsize=8, weight="bold", va="top")
+    for line in panel.lines:
+        axis.plot(*line.T, color=PATH, linewidth=2.2)
+    notes = []
+    for action, point, arrow in zip(free.actions, panel.points, panel.arrows, strict=False):
+        colour, tip = _colour(action), point + arrow / per
+        axis.plot(*point, "o", color=colour, markersize=DOT, markerfacecolor="white")
+        hidden += [np.array([point, tip]), *_moment(axis, action, point, per, largest, normal, colour)]
+        _arrow(axis, point, tip, colour)
+        notes.append((float(np.linalg.norm(arrow)), Note(plain(_words(action, largest)), tip, colour)))
+    write_beside(axis, [note for _, note in sorted(notes, key=lambda each: -each[0])], hidden, per, ())
+
+
+def _moment(
+    axis: Axes, action: Action, point: Array, per: float, largest: Sequence[float], normal: Array | None, colour: str
+) -> list[Array]:
+    """Draw the moment of a load in a plane as an arc, by its sign, and return its points; none where it is rounding."""
+    moment = 0.0 if normal is None else float(normal @ action.wrench[3:])
+    if abs(moment) <= TINY * largest[1]:
+        return []
+    turn = np.sign(moment) * np.deg2rad(np.linspace(-60.0, 210.0, 28))
+    arc = point + ARC / per * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    axis.plot(*arc.T, color=colour, linewidth=1.1)
+    _arrow(axis, arc[-4], arc[-1], colour)
+    return [arc]
+
+
+def _colour(action: Action) -> str:
+    return next((colour for words, colour in KINDS.items() if action.what.startswith(words)), COLOURS[0])
+
+
+def _arrow(axis: Axes, start: Array, tip: Array, colour: str) -> None:
+    look: dict[str, Any] = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.3, "shrinkA": 0.0, "shrinkB": 0.0}
+    axis.annotate("", (float(tip[0]), float(tip[1])), (float(start[0]), float(start[1])), arrowprops=look)
