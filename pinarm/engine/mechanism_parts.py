@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.friction.contact import FrictionContact
-    from pinarm.mechanics.loops.cable import CableLoop
     from pinarm.mechanics.loops.kinds import Loop
+    from pinarm.mechanics.loops.loop_joints import CableLoop
     from pinarm.mechanics.points import Payload, PointDefinition
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinarm import Mechanism
-from pinarm.engine.mechanism_variants import mechanism_variants
+from pinarm.engine.mechanism import mechanism_variants
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 

@@ -15,11 +15,11 @@ from pinarm.arrays import Array, Flags, Indices, vecmat
 from pinarm.engine.constraints.constraint_rows import Constraint, ConstraintRows, GuidedCoordinate
 from pinarm.engine.constraints.nullspace import (
     RANK,
+    ROUNDING,
     UNCLOSED,
     VANISHED,
     RowDecompositions,
     SplitRows,
-    acting_values,
     split_rows,
 )
 from pinarm.mechanics.coordinates import Coordinate
@@ -148,11 +148,6 @@ class Closure(Record, frozen=True):
         return float((self.reach / self.measure).max(initial=1.0))
 
     @cached_property
-    def _units(self) -> Array:
-        """Factor of every entry of G that brings it into the units of its row and of its velocity, shape (m, nv)."""
-        return np.asarray(self.scale / self.measure[:, None])
-
-    @cached_property
     def reach(self) -> Array:
         """Return the length that every row of G can have, shape (m,): the extent, or 1 where it measures an angle."""
         return np.array([self.extent ** float(constraint.unit(row).dimension[0]) for constraint, row in self.owners()])
@@ -269,19 +264,16 @@ class Closure(Record, frozen=True):
         if len(q) * len(self.constraints) >= SEVERAL:
             rows = self.constraint_rows.at(q)
             return rows.gaps, rows.matrices
-        gaps, matrices = np.zeros((len(q), self.size)), np.zeros((len(q), self.size, self.model.nv))
-        for k, state in enumerate(map(self.state, q if self.size else ())):
-            gaps[k], matrices[k] = self.gap(state), self.rows(state)
-        return gaps, matrices
+        states = [*map(self.state, q if self.size else ())]
+        gaps, matrices = [*map(self.gap, states)], [*map(self.rows, states)]
+        return np.array(gaps).reshape(len(q), self.size), np.array(matrices).reshape(len(q), self.size, self.model.nv)
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         if len(q) * len(self.constraints) >= SEVERAL:
             return self.constraint_rows.at(q).drifts(v)
-        drifts = np.zeros((len(q), self.size))
-        for k, x in enumerate(q if self.size else ()):
-            drifts[k] = self.drift(self.state(x, v[k]))
-        return drifts
+        states = map(self.state, q, v) if self.size else ()
+        return np.array([*map(self.drift, states)]).reshape(len(q), self.size)
 
     def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
         """Return G decomposed at configurations, shape (n, nq); ``rows`` is G there, if known."""
@@ -300,9 +292,15 @@ class Closure(Record, frozen=True):
     def values_of(self, rows: Array) -> Array:
         """Return the singular values of G, shape (.., m, nv), descending, lengths in the unit of the mechanism.
 
-        Rows are not scaled to the length 1: where bars are in line a row itself may vanish.
+        Rows are not scaled to the length 1: where bars are in line a row itself may vanish. Rows that are 0 in all
+        configurations, as those that hold a plane linkage in its plane, cost nothing.
         """
-        return acting_values(rows, self._units)
+        scaled = rows * (self.scale / self.measure[:, None])
+        sizes = np.abs(scaled).max(axis=(*range(rows.ndim - 2), -1), initial=0.0)
+        acting = np.linalg.svd(scaled[..., sizes > ROUNDING * sizes.max(initial=0.0), :], compute_uv=False)
+        values = np.zeros((*rows.shape[:-2], min(rows.shape[-2:])))
+        values[..., : acting.shape[-1]] = acting
+        return values
 
     def rank(self, values: Array) -> int:
         """Return the rank that singular values, shape (n, .., s), have at most; see ``values_of``."""

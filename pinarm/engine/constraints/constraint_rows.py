@@ -26,8 +26,7 @@ from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, stat
 from pinarm.mechanics.geometry.model_variants import Model
 from pinarm.mechanics.geometry.pairs import TiedFrames
 from pinarm.mechanics.joints import Joint
-from pinarm.mechanics.loops.cable import CableLoop
-from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 from pinarm.mechanics.loops.relative import TurnedAbout
 from pinarm.records import Record, replace
 

@@ -7,7 +7,6 @@ group: 200 joints in one group take about 20 ms a state, 1,000 joints seconds.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
@@ -120,7 +119,8 @@ class RowGroup(Record, frozen=True):
             size = np.maximum(size / np.where(largest > 0.0, largest, 1.0), LEAST)
             power, most = np.vecmat(left, self.free), largest * np.vecmat(size, np.abs(self.free))
             rounding = (np.abs(power) <= CONSISTENT * most).all(axis=-1, keepdims=True)
-            left = left - np.where(rounding, size * _shortest(size[..., None] * self.free, power), 0.0)
+            q, r = np.linalg.qr(size[..., None] * self.free)
+            left = left - np.where(rounding, size * np.matvec(q, _solved(r.swapaxes(-1, -2), power)), 0.0)
         return lam + self._unrefined(left)
 
     def _unrefined(self, force: Array) -> Array:
@@ -362,12 +362,6 @@ def _groups(pattern: bytes, m: int, nv: int) -> tuple[Groups, Indices]:
     return groups, np.flatnonzero(~moved)
 
 
-def _shortest(ways: Array, wanted: Array) -> Array:
-    """Return the shortest x with ``W^T x = wanted``, shapes (.., nv, f) and (.., f) to (.., nv)."""
-    q, r = np.linalg.qr(ways)
-    return np.asarray(np.matvec(q, _solved(r.swapaxes(-1, -2), wanted)))
-
-
 def _solved(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
@@ -410,24 +404,6 @@ def solved_positive(matrix: Array, right: Array) -> Array:
         return np.asarray(scale * np.linalg.solve(scale * matrix * scale.swapaxes(-1, -2), scale * right))
     except np.linalg.LinAlgError as error:
         raise SingularMasses(str(error)) from None
-
-
-def acting_values(rows: Array, units: Array) -> Array:
-    """Return the singular values of matrices, descending; rows that are 0 cost nothing.
-
-    Args:
-        rows: G, shape (.., m, nv).
-        units: Factors of the entries, shape (m, nv).
-    """
-    m, nv = units.shape
-    every = rows.reshape(math.prod(rows.shape[:-2]), m, nv)
-    most = np.maximum(np.maximum.reduce(every, initial=0.0), -np.minimum.reduce(every, initial=0.0)) * units
-    sizes = np.maximum.reduce(most, axis=1, initial=0.0)
-    counts = sizes > ROUNDING * sizes.max(initial=0.0)
-    values = np.zeros((len(every), min(m, nv)))
-    acting = np.linalg.svd(every[:, counts] * units[counts], compute_uv=False)
-    values[:, : acting.shape[-1]] = acting
-    return values.reshape(*rows.shape[:-2], min(m, nv))
 
 
 NOTHING = 1e-12

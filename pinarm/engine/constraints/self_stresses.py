@@ -6,8 +6,8 @@ loop joint transmits functions of its own rows, a joint of the tree those of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property, lru_cache
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,9 +36,6 @@ constraint."""
 LARGE = 2.0**30
 """Size of multipliers at which couplings are looked at [N or N*m]: what a self-stress of any size may do, beyond the
 pretension of belts."""
-
-KEPT = 8
-"""Joints of which what is added is kept."""
 
 
 class SelfStresses(Record, frozen=True):
@@ -75,7 +72,11 @@ class SelfStresses(Record, frozen=True):
 
     def on_loop(self, joint: LoopJoint) -> Array:
         """Return what they add to the wrench of a loop joint, see ``LoopJoint.wrench``, shape (s, n, 6)."""
-        return self._on_loop(joint) if self.degree else self._nothing
+        if not self.degree:
+            return self._nothing
+        second, arm = self.closure.model.frames[joint.second].parentJoint, -self.links.frame(joint.second)[1]
+        held = moved(self._acting[joint.name][second], arm[..., None, :])
+        return self.on(self._functions({joint.name: held}))
 
     def on_joint(self, joint: int) -> Array:
         """Return what they add to the wrench of the parent on the child of a joint, see ``transmitted``, (s, n, 6).
@@ -83,7 +84,10 @@ class SelfStresses(Record, frozen=True):
         Each coupling that pushes its members apart both ways, or pulls them together, adds on its own: of two that
         share a load what one pushes less the other does not push more.
         """
-        return self._on_joint(joint) if self.degree else self._nothing
+        if not self.degree:
+            return self._nothing
+        both_ways = [self.on(self._about(joint, {name: part})) for name, part in self._both_ways[joint].items()]
+        return np.concatenate([self.on(self.transmitted(joint)), *both_ways])
 
     def on_multipliers(self, weights: Mapping[str, Array]) -> Array:
         """Return what they add to a sum of multipliers, shape (s, n).
@@ -114,30 +118,10 @@ class SelfStresses(Record, frozen=True):
         arm = -self.links.places[..., joint, None, :]
         return self._functions({name: moved(-part, arm) for name, part in beyond.items()})
 
-    @cached_property
-    def _on_loop(self) -> Callable[[LoopJoint], Array]:
-        """What is added to loop joints; the last are kept, as components of a wrench are asked one after the other."""
-        return lru_cache(maxsize=KEPT)(lambda joint: self.on(self._held(joint)))
-
-    @cached_property
-    def _on_joint(self) -> Callable[[int], Array]:
-        """What is added to joints of the tree; the last are kept."""
-
-        def added(joint: int) -> Array:
-            both_ways = [self.on(self._about(joint, {name: part})) for name, part in self._both_ways[joint].items()]
-            return np.concatenate([self.on(self.transmitted(joint)), *both_ways])
-
-        return lru_cache(maxsize=KEPT)(added)
-
     @property
     def _nothing(self) -> Array:
         """What is added to wrenches where there are no self-stresses."""
         return np.zeros((0, len(self.q), 6))
-
-    def _held(self, joint: LoopJoint) -> Array:
-        """Return the wrench of a loop joint per unit of every multiplier, shape (n, m, 6)."""
-        second, arm = self.closure.model.frames[joint.second].parentJoint, -self.links.frame(joint.second)[1]
-        return self._functions({joint.name: moved(self._acting[joint.name][second], arm[..., None, :])})
 
     def _functions(self, parts: Mapping[str, Array]) -> Array:
         """Return functions of all multipliers from those of some constraints, shape (.., size, k) each."""
@@ -237,23 +221,21 @@ class Mobility(Record, frozen=True):
 
     @property
     def rows(self) -> int:
-        """Number of constraint rows."""
         return self.stresses.closure.size
 
     @property
+    def degree(self) -> int:
+        """Degree of hyperstatism: rows that repeat others."""
+        return self.stresses.degree
+
+    @property
     def rank(self) -> int:
-        """Number of independent ones."""
         return self.rows - self.degree
 
     @property
     def mobility(self) -> int:
         """Degrees of freedom of the closed mechanism."""
         return self.joints - self.rank
-
-    @property
-    def degree(self) -> int:
-        """Degree of hyperstatism: rows that repeat others."""
-        return self.stresses.degree
 
     @cached_property
     def undetermined(self) -> dict[str, list[str]]:

@@ -25,8 +25,7 @@ from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.couplings.coupling import JointRelation, left_open
 from pinarm.mechanics.friction.contact import FrictionContact, slip_drifts, slip_rows_at
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 

@@ -16,11 +16,10 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.batch_closing import BatchClosing, Rates
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.kinematics.singular import on_branch
+from pinarm.engine.kinematics.singular import instant, on_branch
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 

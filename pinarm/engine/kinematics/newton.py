@@ -18,9 +18,8 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import SMALL, Closure
 from pinarm.engine.constraints.constraint_rows import JointTie, joint_ties
 from pinarm.engine.constraints.nullspace import MANY, RANK, UNCLOSED, VANISHED
-from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.kinematics.singular import ENOUGH, check_rank, end_of_travel, on_branch, part_of_leap
+from pinarm.engine.kinematics.singular import ENOUGH, check_rank, end_of_travel, instant, on_branch, part_of_leap
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -87,6 +87,12 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         if len(prescribed.names) >= mechanism.model.nv:
             raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
         return prescribed
+
+    def with_others(
+        self, names: Iterable[str], coordinates: Iterable[Coordinate], laws: Iterable[MotionLaw]
+    ) -> PrescribedCoordinates:
+        """Return these coordinates, and others after them."""
+        return PrescribedCoordinates((*self.names, *names), (*self.coordinates, *coordinates), (*self.laws, *laws))
 
     def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
         """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom.

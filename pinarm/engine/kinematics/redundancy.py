@@ -6,19 +6,18 @@ See ``free_pull`` for the equations. The first configuration is found by sequent
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.free_pull import AT_LIMIT, FreePull, FreePullAt, NearestSolver, Posture
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory, prescribed_at_start
 from pinarm.engine.kinematics.newton import NewtonSolver, Target
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
-from pinarm.engine.kinematics.singular import SINGULAR, dependent, tied
+from pinarm.engine.kinematics.singular import SINGULAR, dependent, instant, tied
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
@@ -87,26 +86,14 @@ class LimitedPath(Record, frozen=True):
         cls, mechanism: Mechanism, path: PrescribedCoordinates, posture: Posture, mobility: int, held: AtLimits
     ) -> LimitedPath:
         """Return a path with joints held at limits, of a mechanism with so many degrees of freedom."""
-        levels = {posture.names[v]: posture.limit(v, side) for v, side in held}
-        known = PrescribedCoordinates(
-            (*path.names, *levels),
-            (*path.coordinates, *(mechanism.coordinates[name] for name in levels)),
-            (*path.laws, *(Constant(value=level) for level in levels.values())),
-        )
+        levels = {posture.names[v]: Constant(value=posture.limit(v, side)) for v, side in held}
+        known = path.with_others(levels, [mechanism.coordinates[name] for name in levels], levels.values())
         newton = NewtonSolver(mechanism.closure, known)
         pull = FreePull(newton, posture, mechanism.model.nv - mobility + len(known.names))
         components = pull.components()
-        whole = PrescribedCoordinates(
-            (*known.names, *("the posture" for _ in components)),
-            (*known.coordinates, *components),
-            (*known.laws, *(Constant(value=0.0) for _ in components)),
-        )
+        count = len(components)
+        whole = known.with_others(["the posture"] * count, components, [Constant(value=0.0)] * count)
         return cls(held, posture, whole, newton, NearestSolver(mechanism.closure, whole, pull), pull)
-
-    @property
-    def freedom(self) -> int:
-        """Number of motions that the posture chooses among."""
-        return int(self.path.model.nv) - self.pull.rank
 
     def nearest(self, q: Array, w: Array, t: float) -> Array:
         """Return the nearest configuration near a rough one, shape (nq,), with values w of all prescribed coordinates.
@@ -129,12 +116,19 @@ class LimitedPath(Record, frozen=True):
         except AssemblyError as error:
             raise self.explained(error, q, t, w, t) from None
 
-    def advance(self, state: PathState, to: float, target: Target) -> PathState:
-        """Return the state at another instant, on the same branch."""
+    def steps(self, state: PathState, to: float, target: Target) -> Iterator[PathState]:
+        """Yield the states after every step from one to another instant, on the same branch."""
         try:
-            return PathState(to, *self.solver.advance(*state[1:], state.t, to, target))
+            for t, *motion in self.solver.steps(*state[1:], state.t, to, target):
+                state = PathState(t, *motion)
+                yield state
         except AssemblyError as error:
             raise self.explained(error, state.q, state.t, target(to)[0], to) from None
+
+    def advance(self, state: PathState, to: float, target: Target) -> PathState:
+        """Return the state at another instant, on the same branch."""
+        *_, last = self.steps(state, to, target)
+        return last
 
     def require_minimum(self, q: Array, t: float) -> None:
         """Raise where the nearest configuration is not determined."""
@@ -185,58 +179,46 @@ class LimitedPath(Record, frozen=True):
             hint="more joints in nearest_to, another posture, or another start", t=t,
         )  # fmt: skip
 
+    def crossing(
+        self, before: PathState, after: PathState, target: Target, slack: float
+    ) -> tuple[PathState, tuple[int, int]] | None:
+        """Return the state at the first change of limits between two states, and the limit; ``None`` without one.
 
-class LimitCrossing(NamedTuple):
-    """Where a joint, by its index in v, reaches its lower (0) or upper (1) limit, or comes off it; the state before."""
+        Positions are looked at on the polynomials of degree 5 through both states, multipliers at the second one.
+        """
+        if not np.isfinite([self.posture.lower, self.posture.upper]).any():
+            return None
+        from scipy.interpolate import BPoly
 
-    state: PathState
-    limit: tuple[int, int]
+        places, h, x = self.posture.places, after.t - before.t, np.linspace(0.0, 1.0, LOOKED + 1)[1:]
+        ends = [[state.q[places], h * state.v, h * h * state.a] for state in (before, after)]
+        pressing = np.where(x[:, None] == 1.0, self.pressing(after.q), np.inf)
+        margins = np.concatenate([self.margins(BPoly.from_derivatives([0, 1], ends)(x)), pressing], axis=1)
+        nv, first = len(self.posture.names), None
+        for place in np.flatnonzero((margins < -self.rounding(before.q)).any(axis=0)).tolist():
+            instants = before.t + h * x[margins[:, place] < 0.0]
+            state = self._root(before, instants.tolist(), place, target, slack)
+            if state is not None and (first is None or state.t < first[0].t):
+                first = state, (place % nv, place // nv) if place < 2 * nv else self.held[place - 2 * nv]
+        return first
 
+    def _root(self, before: PathState, ends: list[float], place: int, target: Target, slack: float) -> PathState | None:
+        """Return the state in which a margin vanishes, ``None`` where it does not before any of some instants."""
+        from scipy.optimize import brentq
 
-def first_crossing(
-    path: LimitedPath, before: PathState, after: PathState, target: Target, slack: float
-) -> LimitCrossing | None:
-    """Return the first change of limits between two states of a path, ``None`` where there is none.
+        def margin(q: Array) -> float:
+            return float(np.concatenate([self.margins(q[self.posture.places]), self.pressing(q)])[place])
 
-    Positions are looked at on the polynomials of degree 5 through both states, multipliers at the second one.
-    """
-    if not np.isfinite([path.posture.lower, path.posture.upper]).any():
-        return None
-    from scipy.interpolate import BPoly
+        def margin_at(t: float) -> float:
+            return margin(self.advance(before, t, target).q)
 
-    places, h, x = path.posture.places, after.t - before.t, np.linspace(0.0, 1.0, LOOKED + 1)[1:]
-    ends = [[state.q[places], h * state.v, h * h * state.a] for state in (before, after)]
-    beyond = path.margins(BPoly.from_derivatives([0, 1], ends)(x))
-    pressing = np.where(x[:, None] == 1.0, path.pressing(after.q), np.inf)
-    margins, first = np.concatenate([beyond, pressing], axis=1), None
-    for place in np.flatnonzero((margins < -path.rounding(before.q)).any(axis=0)).tolist():
-        instants = before.t + h * x[margins[:, place] < 0.0]
-        state = _root(path, before, instants.tolist(), place, target, slack)
-        if state is not None and (first is None or state.t < first.state.t):
-            nv = len(path.posture.names)
-            first = LimitCrossing(state, (place % nv, place // nv) if place < 2 * nv else path.held[place - 2 * nv])
-    return first
-
-
-def _root(
-    path: LimitedPath, before: PathState, ends: list[float], place: int, target: Target, slack: float
-) -> PathState | None:
-    """Return the state in which a margin vanishes, ``None`` where it does not before any of some instants."""
-    from scipy.optimize import brentq
-
-    def margin(q: Array) -> float:
-        return float(np.concatenate([path.margins(q[path.posture.places]), path.pressing(q)])[place])
-
-    def margin_at(t: float) -> float:
-        return margin(path.advance(before, t, target).q)
-
-    rounding = float(path.rounding(before.q)[place])
-    end = next((end for end in ends if margin_at(end) < -rounding), None)
-    if end is None:
-        return None
-    if margin(before.q) <= 0.0:  # at the limit already
-        return before
-    return path.advance(before, float(brentq(margin_at, before.t, end, xtol=0.01 * slack)), target)
+        rounding = float(self.rounding(before.q)[place])
+        end = next((end for end in ends if margin_at(end) < -rounding), None)
+        if end is None:
+            return None
+        if margin(before.q) <= 0.0:  # at the limit already
+            return before
+        return self.advance(before, float(brentq(margin_at, before.t, end, xtol=0.01 * slack)), target)
 
 
 def first_configuration(
@@ -429,31 +411,26 @@ class _Search:
     def _advance(self, to: float, begin: float, end: float) -> None:
         """Go on to a row, through all changes of limits before it."""
         while crossing := self._crossing(to, self.path.prescribed.on(begin, end)):
-            joint, t = crossing.limit[0], crossing.state.t
-            if self.last and joint == self.last[0] and t - self.last[1] <= self.slack:
-                raise _undecided(self.motion.posture.names[joint], crossing.state)
-            self.last = joint, t
-            self._change(crossing, begin, end)
+            state, limit = crossing
+            if self.last and limit[0] == self.last[0] and state.t - self.last[1] <= self.slack:
+                raise _undecided(self.motion.posture.names[limit[0]], state)
+            self.last = limit[0], state.t
+            self._change(state, limit, begin, end)
 
-    def _crossing(self, to: float, target: Target) -> LimitCrossing | None:
+    def _crossing(self, to: float, target: Target) -> tuple[PathState, tuple[int, int]] | None:
         """Go on to a row, or return the change of limits before it."""
-        path, before = self.path, self.state
-        try:
-            for t, *motion in path.solver.steps(*before[1:], before.t, to, target):
-                after = PathState(t, *motion)
-                path.require_minimum(after.q, t)
-                if crossing := first_crossing(path, before, after, target, self.slack):
-                    return crossing
-                before = after
-        except AssemblyError as error:
-            raise path.explained(error, before.q, before.t, target(to)[0], to) from None
+        before = self.state
+        for after in self.path.steps(before, to, target):
+            self.path.require_minimum(after.q, after.t)
+            if crossing := self.path.crossing(before, after, target, self.slack):
+                return crossing
+            before = after
         self.state = before
         return None
 
-    def _change(self, crossing: LimitCrossing, begin: float, end: float) -> None:
+    def _change(self, before: PathState, limit: tuple[int, int], begin: float, end: float) -> None:
         """Let a joint reach its limit or leave it: a row before and a row after, and a cut between them."""
-        before, limit = crossing
-        if not self.path.freedom and limit not in self.path.held:
+        if self.path.path.model.nv == self.path.pull.rank and limit not in self.path.held:
             raise _blocked(self.path, self.motion.posture.names[limit[0]], before)
         self.path = self.motion.path(tuple(sorted({*self.path.held} ^ {limit})))
         self.state = self.path.state(before.q, before.t, begin, end)

@@ -3,19 +3,50 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.nullspace import RANK
-from pinarm.engine.kinematics.abscissa import instant
 from pinarm.errors import AssemblyError
+from pinarm.input.units import Unit
 from pinarm.mechanics.joints import RADIAN
 
 if TYPE_CHECKING:
     from pinarm.engine.kinematics.newton import NewtonSolver
+
+_running: ContextVar[tuple[str, Unit] | None] = ContextVar("running", default=None)
+
+
+@contextmanager
+def running(name: str, measured: Unit) -> Iterator[None]:
+    """Let messages of the block name what runs along the rows.
+
+    Args:
+        name: ``t``, or the coordinate that is swept.
+        measured: Its unit; that of a number where rows are counted, which have no name.
+    """
+    token = _running.set((name, measured) if str(measured) != "1" else None)
+    try:
+        yield
+    finally:
+        _running.reset(token)
+
+
+def instant(value: float) -> str:
+    """Return a value [SI] as ``t = 0.5 s`` or ``C = 30 deg``; the number alone where nothing says what runs."""
+    known = _running.get()
+    if known is None:
+        return f"{value:.9g}"
+    name, measured = known
+    if measured == RADIAN:
+        return f"{name} = {math.degrees(value):.9g} deg"
+    return f"{name} = {value:.9g} {measured}"
+
 
 ENOUGH = 1e-9
 """Correction that is the last: Newton's method doubles the digits, the next one would be below rounding."""

@@ -14,8 +14,8 @@ from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.rests import rests_between
-from pinarm.engine.kinematics.abscissa import running
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
+from pinarm.engine.kinematics.singular import running
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory

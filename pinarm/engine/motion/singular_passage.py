@@ -19,8 +19,8 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import MANY
-from pinarm.engine.kinematics.abscissa import instant
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion, JointTrajectory
+from pinarm.engine.kinematics.singular import instant
 from pinarm.errors import AssemblyError, PinarmError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace

@@ -23,14 +23,12 @@ from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.dynamics.dynamics import Dynamics, transmitted
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.coordinates import PairCoordinate
-from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
+from pinarm.mechanics.couplings.coupling import JointRelation, OpenReaction, left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
 from pinarm.mechanics.geometry.vectors import moved
 from pinarm.mechanics.joints import screw_of
-from pinarm.mechanics.loops.cable import CableLoop
-from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.along_coordinate import AlongCoordinate

@@ -20,7 +20,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.kinematics.abscissa import instant
+from pinarm.engine.kinematics.singular import instant
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along

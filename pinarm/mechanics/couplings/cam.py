@@ -19,7 +19,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Extent, InputStruct, Length, check_unit
 from pinarm.mechanics.couplings.cam_contact import CamContact, Follower, Touch
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.couplings.members import MemberPair, member_pair
+from pinarm.mechanics.couplings.teeth import MemberPair, member_pair
 from pinarm.mechanics.couplings.transmissions import outwards
 from pinarm.mechanics.forces.force_element import Edge, Pieces
 from pinarm.mechanics.geometry.link_placements import LinkPlacements

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinarm.arrays import Array, Complex, Flags
-from pinarm.mechanics.couplings.members import MemberPair
+from pinarm.mechanics.couplings.teeth import MemberPair
 from pinarm.mechanics.laws.motion_law import Values
 from pinarm.records import Record, ValueRecord
 

@@ -14,11 +14,11 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
 from pinarm.mechanics.couplings.transmissions import Kink, Transmission
-from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.kinematics import Kinematics, new_data
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import Joint, joint_of
-from pinarm.records import AbstractRecord, replace
+from pinarm.records import AbstractRecord, Record, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.force_element import Edge
@@ -263,3 +263,55 @@ def coupled(
     for joint, weight in weights.items():
         row[joint.v] = weight
     return Coupling(name, kind, LinearCoordinate(first.unit, row, coordinate.places), constant)
+
+
+class OpenReaction(Record, frozen=True):
+    """The part of a joint's reaction that couplings leave open.
+
+    Attributes:
+        couplings: Those that do.
+        wrenches: Wrenches [f; m] at the joint's origin, in its own axes, that span what they may add, shape (k, 6).
+    """
+
+    couplings: tuple[JointRelation, ...]
+    wrenches: Array
+
+    def __str__(self) -> str:
+        named = (f"'{coupling.name}' ({coupling.kind}): {coupling.missing}" for coupling in self.couplings)
+        return "couplings leave it open: " + "; ".join(named)
+
+
+def left_open(model: pin.Model, couplings: Sequence[JointRelation]) -> dict[int, OpenReaction]:
+    """Return the joints whose reactions are open, by their index.
+
+    At a coupled joint all six components are: part of the coupling may be within it. At a joint between, its efforts
+    are known, so that wrenches that do power on its own motion are not open.
+    """
+    found: dict[int, OpenReaction] = {}
+    for coupling in couplings:
+        if coupling.known:
+            continue
+        moved = set(coupling.joints.tolist())
+        coupled = {k for k in range(1, model.njoints) if model.joints[k].idx_v in moved}
+        for joint in _between(model, coupled):
+            others = found[joint].couplings if joint in found else ()
+            wrenches = np.eye(6) if joint in coupled else _without_power(model, joint)
+            if joint in found and len(found[joint].wrenches) > len(wrenches):
+                wrenches = found[joint].wrenches
+            found[joint] = OpenReaction((*others, coupling), wrenches)
+    return found
+
+
+def _between(model: pin.Model, coupled: set[int]) -> list[int]:
+    """Return the joints from the last body that carries all coupled joints up to these."""
+    paths = [{int(j) for j in model.supports[joint]} for joint in coupled]
+    carrying = set.intersection(*(path - {joint} for path, joint in zip(paths, coupled, strict=True)))
+    return sorted(set.union(*paths) - carrying)
+
+
+def _without_power(model: pin.Model, joint: int) -> Array:
+    """Return the wrenches that do no power on a joint's own motion, in its axes, shape (6 - nv, 6)."""
+    own = model.joints[joint]
+    jacobian = pin.computeJointJacobian(model, new_data(model), pin.neutral(model), joint).reshape(6, -1)
+    motions = jacobian[:, own.idx_v : own.idx_v + own.nv]
+    return np.asarray(np.linalg.svd(motions.T)[2][own.nv :])

@@ -15,8 +15,7 @@ from pinarm.mechanics.coordinates import PathLength
 from pinarm.mechanics.geometry.pairs import Tie
 from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
 from pinarm.mechanics.joints import Direction, unit_vector
-from pinarm.mechanics.loops.cable import CableLoop
-from pinarm.mechanics.loops.loop_joints import LoopDefinition
+from pinarm.mechanics.loops.loop_joints import CableLoop, LoopDefinition
 from pinarm.mechanics.loops.lower_pairs import Helical, LowerKind
 from pinarm.mechanics.loops.rolling import KnifeEdge, Rolling
 from pinarm.records import Record

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
 import pinocchio as pin
 
+from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.input.units import Unit
+from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct
+from pinarm.mechanics.coordinates import HeldCoordinate, PathLength
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.pairs import Pair, TiedFrames
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
 
@@ -65,3 +69,38 @@ class LoopDefinition(InputStruct, frozen=True):
             )
         kind = str(self.__struct_config__.tag)
         return LoopJoint(first, second, self.pair(), name=name, kind=kind, rolling=self.rolling)
+
+
+class CableLoop(HeldCoordinate, frozen=True, kw_only=True):
+    """A cable of one mechanism: the constraint ``w(q) = length`` of its path, which can only be shorter.
+
+    The multiplier lam pushes the points apart: the tension is ``-lam``.
+
+    Attributes:
+        coordinate: The length of its path.
+        length: [m].
+        opens: What happens where it opens, in words.
+    """
+
+    coordinate: PathLength
+    length: float
+    kind: str = "cable"
+    side: float = -1.0
+    opens: str = "it goes slack"
+
+    @property
+    def path(self) -> PathLength:
+        return self.coordinate
+
+    def gap(self, state: Kinematics) -> Array:
+        return np.array([self.coordinate.value(state) - self.length])
+
+    def push(self, q: Array, lam: Array) -> Array:
+        return -lam
+
+    def push_unit(self) -> Unit:
+        return unit("N")
+
+    def whereabouts(self, q: Array) -> str:
+        """Return nothing: the instant tells."""
+        return ""

@@ -19,7 +19,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import sampled
 from pinarm.engine.checks.residuals import residual_figures
-from pinarm.engine.mechanism_variants import (
+from pinarm.engine.mechanism import (
     alike_variants,
     mechanism_variants,
     require_joint_forces,

@@ -16,8 +16,7 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.mechanism_variants import some_variants
+from pinarm.engine.mechanism import Mechanism, some_variants
 from pinarm.engine.motion.outcome import SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities

@@ -163,7 +163,7 @@ def _drawn_as(element: ForceElement | Constraint) -> tuple[ConnectionKind, Seque
     from pinarm.mechanics.forces.along_coordinate import TautSpring
     from pinarm.mechanics.forces.bushing import LinearBushing
     from pinarm.mechanics.forces.points import TwoPointSpring
-    from pinarm.mechanics.loops.cable import CableLoop
+    from pinarm.mechanics.loops.loop_joints import CableLoop
 
     if isinstance(element, TwoPointSpring):
         return "spring" if element.stiffness > 0.0 and element.force >= 0.0 else "cylinder", element.points

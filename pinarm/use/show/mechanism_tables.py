@@ -12,8 +12,7 @@ from pinarm.engine.constraints.self_stresses import joint_kind
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.joints import RADIAN, Joint, moved_links, screw_of
-from pinarm.mechanics.loops.cable import CableLoop
-from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.use.show.document import ReportTable, number, unit_text
 

@@ -21,11 +21,9 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import MESH_MASSES
 from pinarm.errors import LISTED, InputError, several
 from pinarm.input.yaml.document import Values
-from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.couplings.coupling import JointRelation, left_open
 from pinarm.mechanics.loading.pinocchio_layout import FLOATING
-from pinarm.mechanics.loops.cable import CableLoop
-from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace

@@ -8,7 +8,7 @@ import pytest
 import pinarm
 from pinarm.engine.checks.balance import variant_energies
 from pinarm.engine.kernel.library import absence
-from pinarm.engine.mechanism_variants import alike_variants
+from pinarm.engine.mechanism import alike_variants
 from pinarm.engine.motion.integrated_motion import IntegratedMotion
 from pinarm.engine.motion.variants import FreeMotion, IntegratedVariants
 from pinarm.records import replace

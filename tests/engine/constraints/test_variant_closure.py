@@ -8,7 +8,7 @@ import pytest
 from pinarm import Mechanism
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.variant_motion import VariantClosure
-from pinarm.engine.mechanism_variants import mechanism_variants
+from pinarm.engine.mechanism import mechanism_variants
 
 MODELS = Path(__file__).parents[3] / "models"
 ROUNDING = 1e-12

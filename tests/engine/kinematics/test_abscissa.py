@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.engine.kinematics.abscissa import instant, running
+from pinarm.engine.kinematics.singular import instant, running
 from pinarm.errors import AssemblyError
 from pinarm.input.units import unit
 

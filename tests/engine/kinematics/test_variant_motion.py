@@ -11,7 +11,7 @@ from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
-from pinarm.engine.mechanism_variants import mechanism_variants
+from pinarm.engine.mechanism import mechanism_variants
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.laws.elementary import ConstantSpeed
 from pinarm.mechanics.laws.motion_law import Grid

@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.kinematics.variant_motion import VariantClosure
-from pinarm.engine.mechanism_variants import alike_variants, mechanism_variants
+from pinarm.engine.mechanism import alike_variants, mechanism_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.motion.variants import DrivesOfVariants, PrescribedVariants
 from pinarm.mechanics.coordinates import LinearCoordinate

@@ -11,7 +11,7 @@ import pytest
 from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Measured, Time, convert, quantity, reading_from
-from pinarm.mechanics.couplings.gear import Gear
+from pinarm.mechanics.couplings.kinds import Gear
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.mechanics.laws import Polynomial

@@ -10,8 +10,7 @@ from motions import driven, free
 from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
-from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.couplings.coupling import Coupling, left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.use.mechanism import Mechanism

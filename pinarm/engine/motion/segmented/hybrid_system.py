@@ -21,8 +21,8 @@ from pinarm.engine.dynamics.mass_matrix import mass_matrix, require_masses
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Interval
-from pinarm.engine.kinematics.abscissa import running
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
+from pinarm.engine.kinematics.singular import running
 from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held, Separation
 from pinarm.engine.motion.segmented.stop_shares import StopShares
 from pinarm.engine.motion.systems import Initial, System, system_of

@@ -31,8 +31,7 @@ from pinarm.mechanics.loading.values import direction, numbers
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.gear import Gear
-    from pinarm.mechanics.couplings.kinds import CouplingDefinition
+    from pinarm.mechanics.couplings.kinds import CouplingDefinition, Gear
     from pinarm.mechanics.loops.kinds import Loop
 
 GEARBOX = "gearbox"
@@ -279,7 +278,7 @@ def gear_of(joint: Element, frames: Frames, version: tuple[int, int], hinges: It
         ModelError: No revolute joint of the tree joins one of its links to the reference body about its axis, or the
             ratio is 0.
     """
-    from pinarm.mechanics.couplings.gear import Gear
+    from pinarm.mechanics.couplings.kinds import Gear
 
     where = f"joint '{joint.get('name')}'"
     place = frames.placement(str(joint.get("name")), where)
@@ -341,7 +340,7 @@ class SpanningTree:
         self.links[child] = None
         self.hung.append(joint)
         if joint.lead:
-            from pinarm.mechanics.couplings.screw import Screw
+            from pinarm.mechanics.couplings.kinds import Screw
 
             self.couplings[joint.name] = Screw(joints=(joint.name, f"{joint.name}.slide"), lead=joint.lead)
         return child

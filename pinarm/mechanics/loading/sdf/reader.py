@@ -22,7 +22,7 @@ from pinarm.mechanics.loading.values import numbers, solid_inertia, symmetric
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.gear import Gear
+    from pinarm.mechanics.couplings.kinds import Gear
 
 MOMENTS = ("ixx", "iyy", "izz")
 
