@@ -25,8 +25,7 @@ FLOOR_PLAN = {
     "mechanics": "geometry joints laws limited_states motors coordinates control rotors ball_joints loops "
     "forces couplings loading friction points perturbation planar description",
     "engine": "series labelled_array kernel integration constraints dynamics mesh_inertias "
-    "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_parts "
-    "mechanism_loading",
+    "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_loading",
     "problems": "time_grid accuracy joint_values weights laws loads drives control declaration events "
     "position_bands equilibria inverse kinematics linear states recorded forward simplify",
     "use": "progress result workers cases assessments scenario accuracy output show store views mechanism facade "

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -11,35 +12,32 @@ from typing import TYPE_CHECKING, Any, Literal
 import pinocchio as pin
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.mechanism_parts import (
-    NamedParts,
-    arguments_of,
-    couplings_of,
-    forces_of,
-    frictions_of,
-    loaded,
-    marked,
-    named_parts,
-    naming_arguments,
-    only_joints,
-    symbols_of,
-    tying,
-)
 from pinarm.engine.model_source import RobotReader, numeric, read_robot, robot_of_model
-from pinarm.errors import InputError, Place, nowhere, within
-from pinarm.input.xacro.expansion import check_declared
+from pinarm.errors import InputError, Key, Place, nowhere, within
+from pinarm.input.formulas.expressions import Expression
+from pinarm.input.numbers import argument_word
+from pinarm.input.units import Unit, unit
+from pinarm.input.xacro.expansion import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document, Values, varied
-from pinarm.mechanics.coordinates import Coordinate, coordinate_of, sum_of
-from pinarm.mechanics.couplings.coupling import mimic_coupling
+from pinarm.input.yaml.schema import Measured, check_unit, quantity
+from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of, unit_of
+from pinarm.mechanics.coordinates import Coordinate, coordinate_of, coordinates_of, sum_of
+from pinarm.mechanics.couplings.coupling import JointRelation, mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words
-from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
+from pinarm.mechanics.loading.pinocchio_model import RobotModel
 from pinarm.mechanics.loops.closing_frames import proposals
-from pinarm.records import replace
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint_rows import Constraint
-    from pinarm.mechanics.points import Payload
+    from pinarm.mechanics.friction.contact import FrictionContact
+    from pinarm.mechanics.loops.kinds import Loop
+    from pinarm.mechanics.loops.loop_joints import CableLoop
+    from pinarm.mechanics.points import Payload, PointDefinition
+    from pinarm.mechanics.rotors import Drive, DriveTrain
 
 
 def mechanism_document(file: Path) -> Document:
@@ -104,14 +102,7 @@ def read_mechanism(
 
 
 def mechanism_of_data(data: Mapping[str, Any], acted: Sequence[str] = ()) -> Mechanism:
-    """Return the mechanism of plain data, such as a mechanism file would hold; its paths start in the current folder.
-
-    ``acted`` are coordinates along which something acts that these data do not say.
-
-    Raises:
-        InputError: It has a mistake.
-        ModelError: The model has one.
-    """
+    """Return the mechanism of plain data, such as a mechanism file has; its paths start in the current folder."""
     return _described(Document.of_data(data, "mechanism"), Path(), {}, acted=acted)
 
 
@@ -163,12 +154,14 @@ def _build(
         *counters, *geared_rotors(joints, description, coordinates),
     )  # fmt: skip
     frictions = frictions_of(robot, description, model, joints, constraints, here)
+    slipping = [friction.coupling for friction in frictions if friction.replaces]  # belts that friction alone ties
+    ties = tuple(tie for tie in constraints if tie not in slipping)
     symbols = symbols_of(description, here)
     mount_drives(model, joints, description, here)
     forces = forces_of(robot, description, model, joints, coordinates, here)
     forces |= elastic_gears(model, description, coordinates, here)
     return Mechanism(
-        description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
+        description.title or model.name, model, robot.xml, joints, balls, coordinates, ties,
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried,
         (*robot.notes, *proposals(model, only_joints(loops))), frictions, tuple(description.control),
@@ -187,15 +180,7 @@ def counted_angles(
 ) -> list[str]:
     """Return the angles whose turns are to be counted: those that are told up to whole turns, and matter beyond these.
 
-    Args:
-        description: The mechanism file.
-        model: Pinocchio's model.
-        parts: What has a name in it.
-        acted: Coordinates along which something acts that the mechanism file does not say.
-        here: Gives errors their place.
-
-    Raises:
-        InputError: There is no angle of a name under ``turns``.
+    ``acted`` are coordinates along which something acts that the mechanism file does not say.
     """
     for k, name in enumerate(description.turns):
         with here("turns", k):
@@ -208,13 +193,7 @@ def counted_angles(
 
 
 def counting(model: pin.Model, parts: NamedParts, angles: Sequence[str]) -> tuple[NamedParts, list[Constraint]]:
-    """Return parts of a model with counters whose coordinates are those of the counters, and what ties these to angles.
-
-    Args:
-        model: With the joints of ``with_counters``.
-        parts: What has a name in it.
-        angles: Names of the angles.
-    """
+    """Return parts of a model with counters whose coordinates are those of the counters, and what ties these."""
     if not angles:
         return parts, []
     from pinarm.mechanics.rotors import GearedRotor, counter_name
@@ -228,11 +207,7 @@ def counting(model: pin.Model, parts: NamedParts, angles: Sequence[str]) -> tupl
 
 
 def mount_drives(model: pin.Model, joints: Mapping[str, Joint], description: MechanismDescription, here: Place) -> None:
-    """Give the inertias of rotors to the joints of their drives.
-
-    Raises:
-        InputError: A joint does not exist, or has a drive already.
-    """
+    """Give the inertias of rotors to the joints of their drives."""
     mounted: dict[str, str] = {}
     armature: Any = model.armature
     for name, drive in description.drives.items():
@@ -250,11 +225,7 @@ def mount_drives(model: pin.Model, joints: Mapping[str, Joint], description: Mec
 def rotors_along(
     model: pin.Model, description: MechanismDescription, coordinates: Mapping[str, Coordinate], here: Place
 ) -> pin.Model:
-    """Return the model with a joint for the rotor of every drive that turns one of its own; itself without any.
-
-    Raises:
-        InputError: A coordinate does not exist, or is a joint's own.
-    """
+    """Return the model with a joint for the rotor of every drive that turns one of its own; itself without any."""
     turning = {name: drive for name, drive in description.drives.items() if drive.turns_rotor}
     if not turning:
         return model
@@ -273,41 +244,254 @@ def rotors_along(
         return with_rotors(model, turning, coordinates)
 
 
+def _trains(
+    description: MechanismDescription, coordinates: Mapping[str, Coordinate]
+) -> Iterator[tuple[str, Drive, DriveTrain]]:
+    """Yield the drives whose rotor is a joint of its own, with the joints between rotor and load."""
+    for name, drive in description.drives.items():
+        if drive.turns_rotor:
+            from pinarm.mechanics.rotors import DriveTrain
+
+            yield name, drive, DriveTrain.of(name, drive, coordinates[drive.coordinate])
+
+
 def geared_rotors(
     joints: Mapping[str, Joint], description: MechanismDescription, coordinates: Mapping[str, Coordinate]
 ) -> list[Constraint]:
     """Return what ties the joints of drives to each other, and to what the drives act along."""
-    turning = {name: drive for name, drive in description.drives.items() if drive.turns_rotor}
-    if not turning:
-        return []
-    from pinarm.mechanics.rotors import DriveTrain
-
-    return [
-        tie
-        for name, drive in turning.items()
-        for tie in DriveTrain.of(name, drive, coordinates[drive.coordinate]).ties(drive, joints, coordinates)
-    ]
+    trains = _trains(description, coordinates)
+    return [tie for _, drive, train in trains for tie in train.ties(drive, joints, coordinates)]
 
 
 def elastic_gears(
     model: pin.Model, description: MechanismDescription, coordinates: Mapping[str, Coordinate], here: Place
 ) -> dict[str, ForceElement]:
-    """Return the elasticities between rotors and what their drives act along, by name.
-
-    Raises:
-        InputError: A unit is another.
-    """
-    elastic = {name: drive for name, drive in description.drives.items() if drive.elasticity is not None}
-    if not elastic:
-        return {}
-    from pinarm.mechanics.forces.along_coordinate import elastic_gear
-    from pinarm.mechanics.rotors import DriveTrain
-
+    """Return the elasticities between rotors and what their drives act along, by name."""
     found = dict[str, ForceElement]()
-    for name, drive in elastic.items():
-        assert drive.elasticity is not None
-        with here("drives", name):
-            train = DriveTrain.of(name, drive, coordinates[drive.coordinate])
-            deflection = train.deflection(drive, coordinates)
-            found[f"elasticity of {name}"] = elastic_gear(model, deflection, drive.elasticity, drive.backlash)
+    for name, drive, train in _trains(description, coordinates):
+        if drive.elasticity is not None:
+            from pinarm.mechanics.forces.along_coordinate import elastic_gear
+
+            with here("drives", name):
+                deflection = train.deflection(drive, coordinates)
+                found[f"elasticity of {name}"] = elastic_gear(model, deflection, drive.elasticity, drive.backlash)
     return found
+
+
+def frictions_of(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
+    constraints: Sequence[Constraint], here: Place,
+) -> tuple[FrictionContact, ...]:  # fmt: skip
+    """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
+    if description.friction == "none" or not (robot.friction or description.friction):
+        return ()
+    from pinarm.mechanics.friction.definition import Friction
+
+    others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | JointRelation)]
+    contacts: list[FrictionContact] = []
+    for name, definition in description.friction.items():
+        with here("friction", name):
+            contacts.extend(definition.bind(name, model, joints, others))
+    for name, friction in robot.friction.items():
+        if name not in description.friction:
+            contacts.extend(Friction(constant=friction).bind(name, model, joints, ()))
+    return tuple(contacts)
+
+
+class NamedParts(Record, frozen=True):
+    """What has a name in a model and may move.
+
+    Attributes:
+        joints: Joints with one coordinate.
+        balls: Ball joints.
+        loops: Joints that close loops, and cables.
+        coordinates: Coordinates of all of these, and those defined beside them.
+    """
+
+    joints: dict[str, Joint]
+    balls: dict[str, Ball]
+    loops: list[LoopJoint | CableLoop]
+    coordinates: dict[str, Coordinate]
+
+
+def named_parts(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, key: str, here: Place
+) -> NamedParts:
+    """Return joints, loop joints and coordinates by name.
+
+    ``key`` of the mechanism file names the drawing or the model; ``here`` gives errors their place.
+    """
+    joints, balls = joints_of(model), balls_of(model)
+    check_start(description, joints, balls, here)
+    turns = {**ball_coordinates(balls), **ball_angles(balls)}
+    loops = loop_joints_of(model, key, robot.loops, description.loops, here)
+    if description.closures:
+        from pinarm.mechanics.loops.closing_frames import closures_of
+
+        with here("closures"):
+            loops += closures_of(model, description.closures, only_joints(loops))
+    turns |= loop_coordinates_of(model, only_joints(loops), {*joints, *turns}, here)
+    with here("coordinates"):
+        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
+    return NamedParts(joints, balls, loops, coordinates)
+
+
+def loop_coordinates_of(
+    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Place
+) -> dict[str, Coordinate]:
+    """Return the coordinates of loop joints."""
+    if not loops:
+        return {}
+    from pinarm.mechanics.loops.relative import loop_coordinates
+
+    coordinates = loop_coordinates(model, loops)
+    for name in coordinates:
+        if name in known:
+            with here("loops", name.rpartition(".")[0]):
+                raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
+    return coordinates
+
+
+def check_start(
+    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Place
+) -> None:
+    """Check names and units of the joint coordinates near which the loops close."""
+    known = positions_of(joints, balls)
+    for name, value in description.start.items():
+        with here("start", Key(name)):
+            measured = unit_of(name, known)
+        with here("start", name):
+            check_unit(value, measured)
+
+
+def loop_joints_of(
+    model: pin.Model, key: str, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Place
+) -> list[LoopJoint | CableLoop]:
+    """Return the loop joints and cables of a drawing or a model's file, and those that the mechanism file says."""
+    with here(key):
+        loops: list[LoopJoint | CableLoop] = [loop.bind(model, name) for name, loop in drawn.items()]
+    for name, loop in said.items():
+        with here("loops", name):
+            if name in drawn:
+                raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
+            loops.append(loop.bind(model, name))
+    return loops
+
+
+def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:
+    """Return the loop joints, without cables."""
+    return [loop for loop in loops if isinstance(loop, LoopJoint)]
+
+
+def arguments_of(
+    description: MechanismDescription, arguments: Mapping[str, float | str], here: Place, caller: Place
+) -> tuple[dict[str, Unit], dict[str, float | str]]:
+    """Return the units of the model's arguments and the given values, numbers in SI."""
+    units, given = dict[str, Unit](), dict[str, float | str]()
+    for name, text in description.arguments.items():
+        with here("arguments", name):
+            units[name] = written = unit(text)
+            if written.factor != 1.0:  # in a default of another unit the number would be wrong
+                raise InputError(
+                    f"the model is given numbers in SI, and {written} is no unit of it", expected=str(written.si),
+                    hint=f"in the model the argument in {written.si}; scenarios may give it in any unit, in {written} "
+                    "too",
+                )  # fmt: skip
+    for name, value in arguments.items():
+        with caller("arguments", name):
+            given[name] = _argument(name, value, units.get(name))
+    return units, given
+
+
+@contextmanager
+def naming_arguments(place: Place) -> Iterator[None]:
+    """Place arguments that the model does not have at their keys."""
+    try:
+        yield
+    except UnknownArgument as error:
+        with place("arguments", Key(error.name)):
+            raise
+
+
+def _argument(name: str, value: float | str, expected: Unit | None) -> float | str:
+    """Return an argument: a word, or a number in SI, its dimension checked where the mechanism file gives its unit."""
+    if expected is None and (word := argument_word(value)) is not None:
+        return word
+    unitless = expected is None or str(expected) == "1" or not isinstance(value, str | Measured)
+    kind = quantity(str(expected)) if expected else Measured
+    try:
+        return float(kind.read(value, bare=unitless))
+    except InputError as error:
+        raise type(error)(f"the argument {name}: {error.message}", expected=error.expected, hint=error.hint) from None
+
+
+def loaded(
+    model: pin.Model, own: Mapping[str, Payload], given: Mapping[str, Payload], here: Place, caller: Place
+) -> tuple[pin.Model, dict[str, Payload]]:
+    """Return the model with the payloads of its file and of the caller, and all of them by name."""
+    carried: dict[str, Payload] = {}
+    if not own and not given:
+        return model, carried
+    from pinarm.mechanics.points import with_payloads
+
+    for place, payloads in ((here, own), (caller, given)):
+        for name, payload in payloads.items():
+            with place("payloads", name):
+                if name in carried:
+                    raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
+                model, carried[name] = with_payloads(model, [payload]), payload
+    return model, carried
+
+
+def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Place) -> pin.Model:
+    """Return the model with the points of its mechanism file."""
+    if not points:
+        return model
+    from pinarm.mechanics.points import with_points
+
+    for name, point in points.items():
+        with here("points", name):
+            model = with_points(model, [(name, point)])
+    return model
+
+
+def couplings_of(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint], key: str,
+    here: Place,
+) -> list[JointRelation]:  # fmt: skip
+    """Return the couplings, those of the model and those of the mechanism file; see ``named_parts``."""
+    with here(key):
+        drawn = [definition.bind(joints, model, name) for name, definition in robot.couplings.items()]
+    couplings: list[JointRelation] = [*drawn]
+    for name, definition in description.couplings.items():
+        with here("couplings", name):
+            if name in description.loops or name in robot.loops:
+                raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
+            if name in robot.couplings:
+                raise InputError(f"the model has a coupling '{name}' already", expected="a name of its own")
+            couplings.append(definition.bind(joints, model, name))
+    return couplings
+
+
+def forces_of(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
+    coordinates: Mapping[str, Coordinate], here: Place,
+) -> dict[str, ForceElement]:  # fmt: skip
+    """Return the force elements by name, those of the model and those of the mechanism file."""
+    forces = dict(robot.forces)
+    if description.forces:
+        from pinarm.mechanics.forces.kinds import bound
+    for name, definition in description.forces.items():
+        with here("forces", name):
+            check_new(name, forces)
+            forces[name] = bound(definition, model, joints, coordinates)
+    return forces
+
+
+def symbols_of(description: MechanismDescription, here: Place) -> dict[str, Expression]:
+    """Return the formulas of the published symbols."""
+    symbols = {}
+    for name, text in description.symbols.items():
+        with here("symbols", name):
+            symbols[name] = Expression.parse(text)
+    return symbols
