@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine import mechanism
 from pinarm.engine.mechanism_loading import load_mechanism, mechanism_of_model
-from pinarm.errors import require_map, require_path
+from pinarm.errors import InputError, require_map, require_path
 from pinarm.input.yaml.document import Values
 from pinarm.records import public_face
 
@@ -166,6 +166,70 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         from pinarm.engine.quantities import state_arrays
 
         return state_arrays.rates(self, values)
+
+    @overload
+    def close(
+        self, positions: Mapping[str, ArrayLike], *, start: Mapping[str, float] | ArrayLike | None = None,
+        unreached: Literal["refused", "nan"] = "refused",
+    ) -> Array: ...  # fmt: skip
+
+    @overload
+    def close(
+        self, positions: Mapping[str, ArrayLike], velocities: Mapping[str, ArrayLike], *,
+        start: Mapping[str, float] | ArrayLike | None = None, unreached: Literal["refused", "nan"] = "refused",
+    ) -> tuple[Array, Array]: ...  # fmt: skip
+
+    @overload
+    def close(
+        self, positions: Mapping[str, ArrayLike], velocities: Mapping[str, ArrayLike],
+        accelerations: Mapping[str, ArrayLike], *, start: Mapping[str, float] | ArrayLike | None = None,
+        unreached: Literal["refused", "nan"] = "refused",
+    ) -> tuple[Array, Array, Array]: ...  # fmt: skip
+
+    def close(
+        self, positions: Mapping[str, ArrayLike], velocities: Mapping[str, ArrayLike] | None = None,
+        accelerations: Mapping[str, ArrayLike] | None = None, *, start: Mapping[str, float] | ArrayLike | None = None,
+        unreached: Literal["refused", "nan"] = "refused",
+    ) -> Array | tuple[Array, ...]:  # fmt: skip
+        """Return closed states in which coordinates, points or frames have given values: inverse kinematics.
+
+        ==============================  ============  ============================================================
+        name                            position      velocity, and acceleration as its derivative
+        ==============================  ============  ============================================================
+        ``knee``, ``L.angle``           (...)         rate of a coordinate: of a joint, of a loop joint, or defined
+        ``point.hand.position.x``       (...)         rate of one component of a link's origin [m/s]
+        ``point.hand``                  (..., 3)      velocity of a link's origin [m/s], shape (..., 3)
+        ``hand``, ``joint.knee``        (..., 4, 4)   of a link or a joint's frame: velocity of its origin, then
+                                                      angular velocity, shape (..., 6), as ``jacobian`` has them
+        ==============================  ============  ============================================================
+
+        A placement is what ``frame`` returns, or a ``pin.SE3``; all axes are those of the world. Every state is reached
+        from the start, while its coordinates go straight to their values and frames turn about one axis: the start
+        chooses the branch, such as elbow up or down. Motions that the values leave free rest as far as they can. Loops
+        are closed, and values met, to rounding.
+
+        Args:
+            positions: Name -> values [rad or m], arrays with the same leading axes (...), or those of one state.
+            velocities: Name -> velocities, of names that have positions; 0 where one is left out.
+            accelerations: Name -> accelerations, likewise.
+            start: Rough joint coordinates near which the loops are closed first, as of a scenario, ``{"knee": 0.5}``,
+                or a configuration, shape (nq,). The mechanism file's own where it is left out.
+            unreached: ``nan`` returns NaN in states that are not reached straight from the start.
+
+        Returns:
+            q, shape (..., nq); with velocities q and v, with accelerations q, v and a, v and a of shape (..., nv).
+
+        Raises:
+            InputError: A name does not exist, shapes do not fit, a state is reached from other starts only, or rates do
+                not go together or leave a motion open.
+            AssemblyError: A state is out of reach, or rates are asked for in a singular position.
+        """
+        from pinarm.engine.quantities import closing
+
+        if unreached not in ("refused", "nan"):
+            raise InputError(f"unreached: {unreached!r}", expected="refused or nan")
+        found = closing.close(self, positions, velocities, accelerations, start, partly=unreached == "nan")
+        return found if len(found) > 1 else found[0]
 
     def at(
         self, q: Array, v: Array | None = None, a: Array | None = None, tau: Array | None = None, *,

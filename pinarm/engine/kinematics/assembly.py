@@ -266,11 +266,11 @@ class _Part:
     def _kept(self, begun: Array, direct: Array | None) -> list[StateFunction] | None:
         """Return coordinates that keep what prescribed ones leave free; ``None`` where the start is singular."""
         rows = self.solver.rows(self.closure.state(begun))
-        free = _null_space(rows)
+        free = null_space(rows)
         if not len(free):
             return []
         ends = [rows, *([] if direct is None else [self.solver.rows(self.closure.state(direct))])]
-        own = min(len(_null_space(each[: self.closure.size])) for each in ends)
+        own = min(len(null_space(each[: self.closure.size])) for each in ends)
         if len(free) != own - len(self.w):
             return None
         directions = np.zeros((len(free), self.model.nv))
@@ -286,7 +286,7 @@ class _Part:
         for q in map(self._turned_back, chain(known, (q for q in others if q is not None))):
             if all(self._apart(q, other) > APART for other in found):
                 found.append(q)
-                if not self.beyond(q, drawn) and len(_null_space(self.solver.rows(self.closure.state(q)))):
+                if not self.beyond(q, drawn) and len(null_space(self.solver.rows(self.closure.state(q)))):
                     return [q]
         return found
 
@@ -345,8 +345,7 @@ class _Part:
     def _undecided(self, chosen: Sequence[Array], way: _Way) -> InputError:
         words = " or ".join(map(self._words, chosen[:2]))
         return InputError(
-            f"{len(chosen)} assemblies have the first values of the motion, and none is reached from the start: "
-            f"{way.fault}",
+            f"{len(chosen)} assemblies have the prescribed values, and none is reached from the start: {way.fault}",
             expected=f"joint coordinates near the one that is meant, such as {words}",
             hint="limits of joints in the model, which choose where they leave one",
         )
@@ -411,7 +410,7 @@ def _distance(start: Array, way: Array) -> StateFunction:
     )
 
 
-def _null_space(rows: Array) -> Array:
+def null_space(rows: Array) -> Array:
     """Return the motions that rows leave free, orthonormal, shape (f, nv)."""
     _, values, ways = np.linalg.svd(rows)
     return np.asarray(ways[np.count_nonzero(values > SINGULAR * values.max(initial=0.0)) :])

@@ -16,7 +16,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import EvaluatedRows
 from pinarm.engine.constraints.nullspace import independent_rows
 from pinarm.engine.kinematics.newton import CLOSED, CONTRACTION
-from pinarm.engine.kinematics.singular import ENOUGH
+from pinarm.engine.kinematics.singular import ENOUGH, on_branch
 from pinarm.records import Record
 
 REGULAR = 1e-4
@@ -24,6 +24,10 @@ REGULAR = 1e-4
 
 ROUNDING = 1e-15
 """Correction that would change nothing any more [rad or m]."""
+
+
+NEAR, ITERATIONS = 0.1, 5
+"""Largest correction of a prediction that is accepted [rad or m], and most corrections."""
 
 
 class Solution(NamedTuple):
@@ -56,6 +60,24 @@ class Rates(NamedTuple):
     a: Array
     size: Array
     sense: Array
+
+
+class Corrected(NamedTuple):
+    """Solutions near predictions.
+
+    Attributes:
+        q: Configurations, shape (n, nv).
+        rates: Their velocities and accelerations.
+        correction: Size of the first correction, shape (n,).
+        near: Where the chosen rows are closed, surely on the branch of the prediction, shape (n,).
+        closed: Where all rows are closed, shape (n,).
+    """
+
+    q: Array
+    rates: Rates
+    correction: Array
+    near: Flags
+    closed: Flags
 
 
 class BatchClosing(Record, frozen=True):
@@ -129,6 +151,22 @@ class BatchClosing(Record, frozen=True):
             if done.all():
                 break
         return Solution(q, first, steady, done)
+
+    def corrected(self, predicted: Array, slope: Array, h: Array, laws: Array) -> Corrected:
+        """Return the solutions near predictions.
+
+        Args:
+            predicted: Configurations, shape (n, nv).
+            slope: Predicted velocities, shape (n, nv).
+            h: Times of the predictions [s], shape (n,).
+            laws: Prescribed coordinates and their two derivatives, shape (3, n, k).
+        """
+        solution = self.solve(predicted, laws[0], ITERATIONS)
+        measured = self.at(solution.q)
+        rates = self.rates(measured, laws[1], laws[2])
+        near = solution.done & solution.steady & (solution.correction <= NEAR)
+        near &= on_branch(h[:, None] * (rates.v - slope), solution.correction)
+        return Corrected(solution.q, rates, solution.correction, near, self.closed(measured, laws[0]))
 
     def rates(self, measured: EvaluatedRows, dw: Array, ddw: Array) -> Rates:
         """Return v with ``J v = (0, dw)`` and a with ``J a = (0, ddw) - J' v``; dw and ddw of shape (.., k)."""

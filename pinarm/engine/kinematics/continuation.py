@@ -19,7 +19,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.batch_closing import BatchClosing, Rates
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.kinematics.singular import instant, on_branch
+from pinarm.engine.kinematics.singular import instant
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -30,17 +30,14 @@ if TYPE_CHECKING:
 SHORTEST = 4
 """Smallest number of rows that is tried at once."""
 
-NEAR, WANTED = 0.1, 1e-2
-"""Largest correction of a prediction that is accepted, and the one that the length of sweeps aims at [rad or m]."""
+WANTED = 1e-2
+"""Correction of a prediction that the length of sweeps aims at [rad or m]."""
 
 NOTHING: tuple[Array, ...] = (np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)))
 """No rows of q, v and a."""
 
 KNOWN = 3
 """Accelerations that a prediction is made of: of the rows before, as many as there are since the laws last jumped."""
-
-ITERATIONS = 5
-"""Most corrections of predicted rows."""
 
 WORSE = 10.0
 """Largest entry of J^-1, over that where rows of J were chosen, up to which they serve."""
@@ -91,29 +88,24 @@ class Ahead:
             return NOTHING
         with np.errstate(all="ignore"):  # beyond the branch anything may come out: it is not accepted
             predicted, slope = _predicted(h[:, None], q, v, before, a)
-            solution = chosen.solve(predicted, wanted[0], ITERATIONS)
-            measured = chosen.at(solution.q)
-            rates = chosen.rates(measured, wanted[1], wanted[2])
-            good = solution.done & solution.steady & (solution.correction <= NEAR) & chosen.closed(measured, wanted[0])
-            good &= on_branch(h[:, None] * (rates.v - slope), solution.correction)
-            n = self._leading(chosen, rates, good)
-            self._length = _next_length(n, solution.correction, 2 + len(a))
-        return solution.q[1:n], rates.v[1:n], rates.a[1:n]
+            found = chosen.corrected(predicted, slope, h, wanted)
+            n = self._leading(chosen, found.rates, found.near & found.closed)
+            self._length = _next_length(n, found.correction, 2 + len(a))
+        return found.q[1:n], found.rates.v[1:n], found.rates.a[1:n]
 
     def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, ...]:
         """Return v and a, shape (m, nv), at as many of the first configurations as surely are regular.
 
         Args:
             q: Closed configurations, shape (n, nv).
-            dw: Velocities of the prescribed coordinates, shape (k,).
-            ddw: Their accelerations, shape (k,).
+            dw: Velocities of the prescribed coordinates, shape (n, k).
+            ddw: Their accelerations, shape (n, k).
         """
         if (chosen := self._chosen_at(q[0])) is None:
             return NOTHING[1:]
-        block = q[:BLOCK]
         with np.errstate(all="ignore"):
-            rates = chosen.rates(chosen.at(block), *(np.broadcast_to(x, (len(block), len(x))) for x in (dw, ddw)))
-            n = self._leading(chosen, rates, np.ones(len(block), dtype=bool))
+            rates = chosen.rates(chosen.at(q[:BLOCK]), dw[:BLOCK], ddw[:BLOCK])
+            n = self._leading(chosen, rates, np.ones(len(rates.v), dtype=bool))
         return rates.v[:n], rates.a[:n]
 
     def _chosen_at(self, q: Array) -> BatchClosing | None:
@@ -207,14 +199,15 @@ def branch_rates(
 ) -> tuple[Array, Array]:
     """Return velocities and accelerations of the joints, shape (n, nv), at closed configurations, shape (n, nq).
 
-    The velocities dw and accelerations ddw of the coordinates, shape (k,), are the same at every row.
+    The velocities dw and accelerations ddw of the coordinates have the shape (k,), or (n, k) where they differ.
     """
     solver, sweep = NewtonSolver(mechanism.closure, prescribed), Ahead.of(mechanism.closure, prescribed)
     (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
+    dw, ddw = (np.broadcast_to(x, (len(q), len(prescribed.names))) for x in (dw, ddw))
     while row < len(q):
-        dq, ddq = sweep.rates(q[row:], dw, ddw) if sweep else NOTHING[1:]
+        dq, ddq = sweep.rates(q[row:], dw[row:], ddw[row:]) if sweep else NOTHING[1:]
         if not len(dq):
-            dq, ddq = (x[None] for x in solver.rates(q[row], dw, ddw, float(row)))
+            dq, ddq = (x[None] for x in solver.rates(q[row], dw[row], ddw[row], float(row)))
         rows = slice(row, row + len(dq))
         v[rows], a[rows], row = dq, ddq, rows.stop
     return v, a

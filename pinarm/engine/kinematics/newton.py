@@ -19,7 +19,16 @@ from pinarm.engine.constraints.closure import SMALL, Closure
 from pinarm.engine.constraints.constraint_rows import JointTie, joint_ties
 from pinarm.engine.constraints.nullspace import MANY, RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.kinematics.singular import ENOUGH, check_rank, end_of_travel, instant, on_branch, part_of_leap
+from pinarm.engine.kinematics.singular import (
+    ENOUGH,
+    at,
+    check_rank,
+    end_of_travel,
+    instant,
+    is_in_states,
+    on_branch,
+    part_of_leap,
+)
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -342,7 +351,7 @@ class NewtonSolver:
         if left.max(initial=0.0) > AGREED * (terms.max(initial=0.0) + SHORT * square):
             torn = dict.fromkeys(name for name, part in zip(self.names, left, strict=True) if part > 0.1 * left.max())
             raise AssemblyError(
-                f"the position at {instant(t)} is singular: {', '.join(torn)} can move that way for an instant only",
+                f"the position{at(t)} is singular: {', '.join(torn)} can move that way for an instant only",
                 expected="a motion on which the loops stay closed",
                 hint="a position beside it, or no velocity there",
                 t=t, q=None,
@@ -400,11 +409,13 @@ class NewtonSolver:
         beside = f", and with it {others}" if others else ""
         what = f"the motion is out of reach at {instant(t)}" if self.coordinates else "the loops do not close"
         wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
+        if self.coordinates and is_in_states():
+            what, wanted = "the values are out of reach", "values that the mechanism can take"
         still = "" if worst in owners[self.closure.size :] else f", with {worst[0]} still open,"
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
             expected=f"{wanted}{followed}; the closest it comes{still} is {format_configuration(self.model, q)}",
-            hint=f"other values of the law, or another start that chooses the branch{self._beyond()}"
+            hint=f"other values, or another start that chooses the branch{self._beyond()}"
             f"{self._out_of_line(gap)}",
             t=t, q=q, gap=gap,
         )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.nullspace import RANK
 from pinarm.errors import AssemblyError
-from pinarm.input.units import Unit
+from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.mechanics.joints import RADIAN
 
 if TYPE_CHECKING:
@@ -35,6 +35,26 @@ def running(name: str, measured: Unit) -> Iterator[None]:
         yield
     finally:
         _running.reset(token)
+
+
+@contextmanager
+def in_states() -> Iterator[None]:
+    """Let messages of the block name no instants: every row is a state of its own."""
+    token = _running.set(("", DIMENSIONLESS))
+    try:
+        yield
+    finally:
+        _running.reset(token)
+
+
+def is_in_states() -> bool:
+    """Tell whether every row is a state of its own."""
+    return _running.get() == ("", DIMENSIONLESS)
+
+
+def at(value: float) -> str:
+    """Return a value [SI] as `` at t = 0.5 s``; nothing in states of their own."""
+    return "" if is_in_states() else f" at {instant(value)}"
 
 
 def instant(value: float) -> str:
@@ -138,7 +158,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], st
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
         found = tied(rows, min(len(rows), nv), names)
         raise AssemblyError(
-            f"the position is singular at {instant(t)}: {why()}{dependent(found)} there",
+            f"the position is singular{at(t)}: {why()}{dependent(found)} there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",

@@ -24,8 +24,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure, extents, unit_of_length
 from pinarm.engine.constraints.constraint_rows import Constraint, ConstraintRows
 from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, of_one_rank
-from pinarm.engine.kinematics.batch_closing import BatchClosing, Rates
-from pinarm.engine.kinematics.continuation import NEAR
+from pinarm.engine.kinematics.batch_closing import NEAR, BatchClosing, Rates
 from pinarm.engine.kinematics.newton import ITERATIONS, NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import on_branch

@@ -40,8 +40,8 @@ def jacobian(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
         element = rest if word in COORDINATES and of not in mechanism.coordinates else of
         return leading.unfold(_of_coordinate(mechanism, element, rows))
     link, part = (rest, TWISTS[word]) if word in TWISTS and rest else (of, slice(0, 6))
-    frame = _frame(mechanism, link)
-    turn = _frame(mechanism, axes) if axes else UNIVERSE
+    frame = frame_named(mechanism, link)
+    turn = frame_named(mechanism, axes) if axes else UNIVERSE
     matrices = np.empty((len(rows), 6, mechanism.model.nv))
     for matrix, row in zip(matrices, rows, strict=True):
         matrix[:] = _of_frame(Kinematics.at(mechanism.model, row), frame, turn)
@@ -57,7 +57,7 @@ def mass_matrices(mechanism: Mechanism, q: ArrayLike) -> Array:
 def placements(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
     """Return the placement of a link or a joint in the world; see ``Mechanism.frame``."""
     leading, rows = _configurations(mechanism, q)
-    frame = _frame(mechanism, name)
+    frame = frame_named(mechanism, name)
     matrices = [Kinematics.at(mechanism.model, row).data.oMf[frame].homogeneous for row in rows]
     return leading.unfold(np.array(matrices).reshape(-1, 4, 4))
 
@@ -121,7 +121,7 @@ def _is_link(frame: pin.Frame) -> bool:
     return bool(frame.type == pin.FrameType.BODY)
 
 
-def _frame(mechanism: Mechanism, name: str) -> int:
+def frame_named(mechanism: Mechanism, name: str) -> int:
     """Return the index of the frame of a link, or of a joint where it begins with ``joint.``.
 
     Raises:

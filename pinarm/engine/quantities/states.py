@@ -38,6 +38,8 @@ OPENED = 1e-9
 PER_TIME = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
 SINGULAR = ", whatever the efforts: the position is singular, or so near one that it is not told from it"
 
+CLOSING = "q, v, a = mechanism.close({'knee': 0.5}, {'knee': 1.0}), which closes the loops"
+
 NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
 
 
@@ -293,7 +295,7 @@ def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a:
         InputError: Says which, in which row, and by how much.
     """
     for tear in _tears(closure, leading, q, v, a):
-        raise InputError(tear.said, expected="states that the loops and couplings allow")
+        raise InputError(tear.said, expected="states that the loops and couplings allow", hint=CLOSING)
 
 
 def _check_found(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
@@ -308,7 +310,7 @@ def _check_found(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: 
     for tear in _tears(closure, leading, q, v, a):
         if tear.what == "accelerations":
             raise InputError(tear.said + SINGULAR, expected="velocities along one of the motions that meet there")
-        raise InputError(tear.said, expected="states that the loops and couplings allow")
+        raise InputError(tear.said, expected="states that the loops and couplings allow", hint=CLOSING)
 
 
 def _tears(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> Iterator[_Tear]:

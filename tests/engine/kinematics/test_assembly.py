@@ -155,7 +155,7 @@ class TestOtherStarts:
 
     def test_two_assemblies_are_refused_with_both_and_start_chooses(self):
         """At the dead centre that is drawn the piston tells nothing of the side to which the crank turns."""
-        with pytest.raises(InputError, match=r"2 assemblies have the first values.*singular position") as caught:
+        with pytest.raises(InputError, match=r"2 assemblies have the prescribed values.*singular position") as caught:
             run(one(), PRESSED)
         assert f"O: {math.degrees(self.crank()):.6g} deg" in caught.value.expected
         assert f"O: -{math.degrees(self.crank()):.6g} deg" in caught.value.expected

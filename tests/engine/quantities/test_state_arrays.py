@@ -75,5 +75,5 @@ def test_the_state_that_tears_a_loop_is_told_by_its_place():
     q[2, 1, 0] += 1e-5
     with pytest.raises(InputError, match=r"^state \(2, 1\): the positions tear"):
         mechanism.forward(q, v)
-    with pytest.raises(InputError, match=r"^the state: the positions tear"):
+    with pytest.raises(InputError, match=r"(?s)^the state: the positions tear.*mechanism\.close"):
         mechanism.inverse(q[2, 1], v[2, 1], a[2, 1], drives=drives)
