@@ -88,7 +88,7 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool) 
             "Mechanism",
             tag("div", "\n".join(pictures), "pair"),
             tag("p", text(mobility_words(result))),
-            *mechanism_tables(mechanism),
+            *mechanism_tables(mechanism, result.presentation),
         ),
         part("Motion and curves", replay, *map(figure, _curves(result))),
         *(_part(section, result.presentation) for section in result.shown_sections.values()),
@@ -176,7 +176,8 @@ def _curves(result: Result) -> Iterator[str]:
 def _part(section: Section, how: Presentation) -> str:
     tables = [_section_table(table, section.key) for table in section.tables]
     printed = {cell for table in tables for row in table.rows for cell in row}
-    others = {name: series for name, series in section.numbers.items() if _cell(series) not in printed}
+    numbers = {name: how.shown(series) for name, series in section.numbers.items()}
+    others = {name: series for name, series in numbers.items() if _cell(series) not in printed}
     rows = [[name, unit_text(series.unit), _cell(series)] for name, series in others.items()]
     more = ReportTable(["Number", "unit", "value"], rows, range(2))
     pictures = [figure(graph(drawn, how).svg()) for drawn in section.graphs]

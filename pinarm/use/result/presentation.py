@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 
 from msgspec import field
 
@@ -21,6 +21,14 @@ DEGREE = unit("deg")
 
 FOR_PEOPLE = {"rad": DEGREE}
 """Unit, as text -> the unit that people are shown it in where a scenario says nothing."""
+
+UNIT_KINDS: Mapping[str, Sequence[str]] = {
+    "length": ("m",), "angle": ("rad",), "time": ("s",), "mass": ("kg",), "inertia": ("kg*m^2",),
+    **dict.fromkeys(("speed", "velocity"), ("rad/s", "m/s")), "acceleration": ("rad/s^2", "m/s^2"),
+    "force": ("N",), **dict.fromkeys(("torque", "moment"), ("N*m",)), "pressure": ("Pa",), "energy": ("J",),
+    "power": ("W",), "current": ("A",), "voltage": ("V",),
+}  # fmt: skip
+"""Word for all quantities of a kind -> the SI units that they have. ``speed`` is that of which the unit is one."""
 
 ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302", "bar": "\u0304", "tilde": "\u0303"}
 """Commands of TeX for accents, and the marks of Unicode that combine with the letter before them."""
@@ -38,10 +46,21 @@ class Presentation(ValueRecord, frozen=True):
     Attributes:
         units: Quantity -> the unit that it is shown in.
         labels: Quantity -> what stands for its name, as text, or as TeX where it has a backslash.
+        kinds: SI unit, as text -> the unit that all other quantities that have it are shown in.
     """
 
     units: Mapping[str, Unit] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
+    kinds: Mapping[str, Unit] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, units: Mapping[str, str], labels: Mapping[str, str]) -> Presentation:
+        """Read units by quantity or by a word of ``UNIT_KINDS``, as files have them."""
+        kinds, read = dict[str, Unit](), {name: unit(text) for name, text in units.items()}
+        for word in UNIT_KINDS.keys() & read.keys():
+            kinds |= {text: read[word] for text in UNIT_KINDS[word] if unit(text).dimension == read[word].dimension}
+        named = {name: one for name, one in read.items() if not (name in UNIT_KINDS and one in kinds.values())}
+        return cls(named, labels, kinds)
 
     def unit(self, series: Series) -> Unit | None:
         """Return the unit that a quantity is shown in to people; ``None`` where it has an unknown one."""
@@ -73,8 +92,10 @@ class Presentation(ValueRecord, frozen=True):
         if series.name in self.units:
             return self.units[series.name]
         chosen = self.units.get(parts(series.name, self.units)[1])
-        fits = chosen is not None and series.unit is not None and chosen.dimension == series.unit.dimension
-        return chosen if fits else None
+        if series.unit is None:
+            return None
+        fits = chosen is not None and chosen.dimension == series.unit.dimension
+        return chosen if fits else self.kinds.get(str(series.unit.si))
 
 
 def parts(name: str, known: Container[str]) -> tuple[str, str, str]:

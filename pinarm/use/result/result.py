@@ -195,7 +195,8 @@ class Result(Run, frozen=True):
         chosen: dict[str, set[Unit]] = {}
         for name, unit in self.presentation.units.items():
             chosen.setdefault(str(self.quantities[name].unit), set()).add(unit)
-        return {own: next(iter(units)) for own, units in chosen.items() if len(units) == 1}
+        alone = {own: next(iter(units)) for own, units in chosen.items() if len(units) == 1}
+        return {**self.presentation.kinds, **alone}
 
     def section(self, key: str) -> Section:
         """Return one section, evaluated when it is first asked for; others are left alone.

@@ -23,6 +23,7 @@ from pinarm.engine.mechanism_loading import acted_along, mechanism_document, mec
 from pinarm.engine.motion.guards import acting_on_angles, between, require_turns, turned_between
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, Key, MethodError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
@@ -38,6 +39,7 @@ from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
 from pinarm.use.result.failures import failures_in_words, is_too_large, overflow
 from pinarm.use.result.measures import Figures
+from pinarm.use.result.presentation import UNIT_KINDS, Presentation
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import (
     GIVEN,
@@ -523,9 +525,9 @@ class Scenario(Record, frozen=True):
         for name in self.content.labels:
             with self.document.locating("labels", Key(name)):
                 quantities[name]
-        for name in self.content.units:
+        for name in presentation.units:
             with self.document.locating("units", Key(name)):
-                series = quantities[name]
+                series = _shown_quantity(name, quantities, presentation)
             with self.document.locating("units", name):
                 presentation.written(series)
 
@@ -598,6 +600,22 @@ class ScenarioSource(Record, frozen=True):
         """
         read = self.kind.of(self.document, self.folder)
         return replace(read, seed=self.seed, given=self.given, functions=self.functions)
+
+
+def _shown_quantity(name: str, quantities: Quantities, presentation: Presentation) -> Series:
+    """Return a quantity that is to be shown in another unit.
+
+    Raises:
+        InputError: There is none of that name; of a word for a kind, that the unit is none of it.
+    """
+    try:
+        return quantities[name]
+    except InputError as error:
+        if name in UNIT_KINDS:
+            expected = f"a unit such as {' or '.join(UNIT_KINDS[name])}"
+            raise InputError(f"'{presentation.units[name]}' is no unit of '{name}'", expected=expected) from None
+        expected = f"{error.expected}; or a kind: {', '.join(UNIT_KINDS)}"
+        raise InputError(error.message, expected=expected, hint=error.hint) from None
 
 
 def _with_digits(document: Document) -> Document:

@@ -111,9 +111,9 @@ class ScenarioFile(InputStruct, frozen=True):
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
-        units: Quantity -> the unit that it is shown in, such as ``{N_m: rpm, F: kN}``: in the terminal, plots, replays,
-            reports, checks, CSV files and tables of pandas. Without it angles are shown to people in degrees, all else
-            in SI.
+        units: Quantity -> the unit that it is shown in, such as ``{N_m: rpm, F: kN}``, or a kind of quantities, such as
+            ``{length: mm, force: kN, speed: rpm}``: in the terminal, plots, drawings, replays, reports, checks, CSV
+            files and tables of pandas. Without it angles are shown to people in degrees, all else in SI.
         labels: Quantity -> what stands for its name in plots, replays and the terminal: text, or TeX, such as ``{psid:
             \dot\psi}``.
         numbers: Numbers of the run to print, such as ``[C_B @ rms, loads.B.life.time]``: a quantity at a place or as a
@@ -191,7 +191,7 @@ class ScenarioFile(InputStruct, frozen=True):
     @property
     def presentation(self) -> Presentation:
         """In which units, and by which labels, quantities are shown."""
-        return Presentation({name: unit(text) for name, text in self.units.items()}, self.labels)
+        return Presentation.of(self.units, self.labels)
 
     @property
     def assessments(self) -> dict[str, Assessment]:

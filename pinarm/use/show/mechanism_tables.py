@@ -10,11 +10,15 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.self_stresses import joint_kind
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.series import Series
+from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.joints import RADIAN, Joint, moved_links, screw_of
+from pinarm.mechanics.joints import Joint, moved_links, screw_of
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
-from pinarm.use.show.document import ReportTable, number, unit_text
+from pinarm.use.result.presentation import DEGREE, Presentation
+from pinarm.use.show.document import ReportTable, number, unit_text, with_unit
+from pinarm.use.show.labels import PLAIN
 
 FRAME = "frame"
 """Name of the ground."""
@@ -26,9 +30,9 @@ WITHIN = 1e-12
 """Part of a unit vector that is rounding."""
 
 
-def mechanism_tables(mechanism: Mechanism) -> list[ReportTable]:
-    """Return the tables of a mechanism, without those that would be empty."""
-    tables = [_bodies(mechanism), _joints(mechanism), _constraints(mechanism), _acting(mechanism)]
+def mechanism_tables(mechanism: Mechanism, how: Presentation = PLAIN) -> list[ReportTable]:
+    """Return the tables of a mechanism, in the units of a presentation, without those that would be empty."""
+    tables = [_bodies(mechanism, how), _joints(mechanism, how), _constraints(mechanism), _acting(mechanism)]
     return [table for table in tables if table.rows]
 
 
@@ -37,29 +41,38 @@ def body_name(model: pin.Model, index: int) -> str:
     return moved_links(model, index)[0] if index else FRAME
 
 
-def _bodies(mechanism: Mechanism) -> ReportTable:
+def _bodies(mechanism: Mechanism, how: Presentation) -> ReportTable:
     model = mechanism.model
-    rows = [_body(model, index) for index in range(1, model.njoints)]
-    total = sum(inertia.mass for inertia in list(model.inertias)[1:])
-    headings = ["Body", "fixed to it", "mass [kg]", *(f"{x} [m]" for x in "xyz"), *(f"I{x}{x} [kg·m²]" for x in "xyz")]
+    (kg, mass), (m, length), (kg_m2, inertia) = (how.scale(Series("", unit(text), np.zeros(0))) for text in MEASURES)
+    rows = [_body(model, index, np.array([kg, m, m, m, kg_m2, kg_m2, kg_m2])) for index in range(1, model.njoints)]
+    total = kg * sum(inertia.mass for inertia in list(model.inertias)[1:])
+    headings = ["Body", "fixed to it", with_unit("mass", mass), *(with_unit(x, length) for x in "xyz"),
+                *(with_unit(f"I{x}{x}", inertia) for x in "xyz")]  # fmt: skip
     centre = "Centre of mass in the axes of the body's joint; moments of inertia about it, in the same axes."
-    return ReportTable(headings, rows, range(2), "Bodies", f"Mass that moves: {number(total)} kg. {centre}")
+    return ReportTable(
+        headings, rows, range(2), "Bodies", f"Mass that moves: {number(total)} {unit_text(mass)}. {centre}"
+    )
 
 
-def _body(model: pin.Model, index: int) -> Sequence[str]:
+MEASURES = ("kg", "m", "kg*m^2")
+"""SI units of masses, places and moments of inertia."""
+
+
+def _body(model: pin.Model, index: int, scales: Array) -> Sequence[str]:
     first, *others = moved_links(model, index)
     more = [f"{len(others) - NAMED} more"] if len(others) > NAMED else []
     inertia = model.inertias[index]
-    numbers = [number(float(x)) for x in (inertia.mass, *inertia.lever, *np.diag(inertia.inertia))]
+    values = scales * np.array([inertia.mass, *inertia.lever, *np.diag(inertia.inertia)])
+    numbers = [number(x) for x in values.tolist()]
     return [first, ", ".join([*others[:NAMED], *more]), *(numbers if inertia.mass else ["0", *[""] * 6])]
 
 
-def _joints(mechanism: Mechanism) -> ReportTable:
+def _joints(mechanism: Mechanism, how: Presentation) -> ReportTable:
     model, rows = mechanism.model, []
     for index in range(1, model.njoints):
         name, screw = model.names[index], screw_of(model.joints[index])
         bodies = body_name(model, model.parents[index]), body_name(model, index)
-        way = (_direction(screw[1]) if screw else "", _range(model, mechanism.joints.get(name)))
+        way = (_direction(screw[1]) if screw else "", _range(model, mechanism.joints.get(name), how))
         rows.append([name, joint_kind(model, index), *bodies, *way])
     headings = ["Joint", "kind", "from", "to", "axis", "range"]
     return ReportTable(headings, rows, range(6), "Joints", "Axes in those of the joint.")
@@ -74,15 +87,16 @@ def _direction(axis: Array) -> str:
     return " ".join(f"{x + 0.0:.4g}" for x in axis)
 
 
-def _range(model: pin.Model, joint: Joint | None) -> str:
-    """Return the limits of a joint with one coordinate, angles in degrees."""
+def _range(model: pin.Model, joint: Joint | None, how: Presentation) -> str:
+    """Return the limits of a joint with one coordinate."""
     if joint is None:
         return ""
     low, high = model.lowerPositionLimit[joint.q], model.upperPositionLimit[joint.q]
     if not (np.isfinite(low) or np.isfinite(high)):
         return "unlimited"
-    factor, unit = (180.0 / np.pi, "°") if joint.unit == RADIAN else (1.0, f" {unit_text(joint.unit)}")
-    return f"{low * factor:.6g} to {high * factor:.6g}{unit}"
+    factor, measured = how.scale(Series("", joint.unit, np.zeros(0)))
+    shown = "°" if measured == DEGREE else f" {unit_text(measured)}"
+    return f"{low * factor:.6g} to {high * factor:.6g}{shown}"
 
 
 def _constraints(mechanism: Mechanism) -> ReportTable:

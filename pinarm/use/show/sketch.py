@@ -10,10 +10,12 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.series import Series
+from pinarm.mechanics.joints import METRE
 from pinarm.records import Record
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.bodies import BodyPoint, Connection, placed
-from pinarm.use.show.labels import PLAIN, plain, shown, symbol
+from pinarm.use.show.labels import PLAIN, axis_label, plain, shown, symbol
 from pinarm.use.show.picture import COLOURS, Note, Picture, drawing, label, legend_below, write
 from pinarm.use.show.scene import Scene, names_of, scene
 
@@ -138,7 +140,7 @@ class _Sketch:
 
     def __init__(self, mechanism: Mechanism, seen: Scene, how: Presentation) -> None:
         self.seen, self.view, self.names = seen, seen.framing.view(), names_of(mechanism, seen, how)
-        self.flat = seen.framing.normal is not None
+        self.flat, self.how = seen.framing.normal is not None, how
         lengths = sorted(float(np.linalg.norm(stick.points[-1])) for stick in seen.figure.rods)
         typical = lengths[len(lengths) // 2] if lengths else seen.framing.size
         self.thickness = float(np.clip(LINKS * typical / seen.framing.size, THINNEST, 1.0))
@@ -282,7 +284,12 @@ class _Sketch:
         self.axis.grid(visible=False)
         names = ["xyz"[k] for direction in self.view.axes for k in range(3) if direction[k] > 1.0 - EVEN]
         if self.flat and len(names) == 2:
-            self.axis.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]")
+            scale, measured = shown(Series("", METRE, np.zeros(0)), self.how)
+            self.axis.set(
+                **{f"{axis}label": axis_label(name, measured) for axis, name in zip("xy", names, strict=True)}
+            )
+            for ticks in (self.axis.xaxis, self.axis.yaxis) if scale != 1.0 else ():
+                ticks.set_major_formatter(lambda place, _: f"{place / scale:.6g}".replace("-", "−"))
         else:
             self.axis.set_axis_off()
         return per

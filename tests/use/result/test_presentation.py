@@ -14,6 +14,7 @@ import pinarm
 from pinarm.errors import InputError, UnitError
 from pinarm.use.report.report import report as document
 from pinarm.use.result.presentation import unicode_text
+from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import ranges, report
 from pinarm.use.study.answers.verdict_table import rows as verdicts
 
@@ -76,7 +77,7 @@ def test_plots_replay_check_and_report_have_them(chosen: Any) -> None:
     page = chosen.replay().html
     assert json.dumps("M_α [kN·mm]") in page
     cells = verdicts(pinarm.check(chosen.scenario))
-    assert [row[3] for row in cells] == ["1 rad", f"{RPM:.9g} rpm"]
+    assert [row[4] for row in cells] == ["1 rad", f"{RPM:.9g} rpm"]
     assert "rpm" in document(chosen).html
 
 
@@ -97,3 +98,38 @@ def test_mistakes_are_told_with_their_place(
 ])  # fmt: skip
 def test_labels_without_tex(label: str, text: str) -> None:
     assert unicodedata.normalize("NFC", unicode_text(label)) == unicodedata.normalize("NFC", text)
+
+
+KINDS = "units: {length: mm, angle: rad, torque: kN*m, speed: rpm, time: ms, mass: g, alpha: deg}\n"
+
+
+def test_a_kind_of_quantities_is_shown_in_its_unit_everywhere(scenario: Callable[..., Any], tmp_path: Path) -> None:
+    """By factors written by hand; a quantity's own unit goes before that of its kind, and npz stays in SI."""
+    outputs = "outputs: [M, alpha, joint.pivot.velocity, point.tip.position.x, joint.pivot.position]"
+    result = scenario(
+        "inverse", KINDS + "numbers: [M @ max, joint.pivot.velocity @ range]\n", (OUTPUTS[0], outputs)
+    ).run()
+    factors = {"t": 1e3, "M": 1e-3, "alpha": 180 / np.pi, "joint.pivot.velocity": RPM, "point.tip.position.x": 1e3,
+               "joint.pivot.position": 1.0}  # fmt: skip
+    units = ["ms", "kN*m", "deg", "rpm", "mm", "rad"]
+    headings = [f"{name} [{unit}]" for name, unit in zip(factors, units, strict=True)]
+    table = result.to_dataframe()
+    assert list(table) == headings
+    folder = result.save(tmp_path / "out", plots=False)
+    assert (folder / "trajectory.csv").read_text().splitlines()[0].split(",") == headings
+    for (name, factor), heading, row in zip(factors.items(), headings, [None, *ranges(result)[1:]], strict=True):
+        assert table[heading].to_numpy() == pytest.approx(factor * result[name].values, rel=1e-14)
+        assert row is None or float(row[4]) == pytest.approx(factor * result[name].values.max(), rel=1e-6)
+    with np.load(folder / "trajectory.npz") as stored:
+        assert np.array_equal(stored["point.tip.position.x"], result["point.tip.position.x"].values)
+    assert f"joint.pivot.velocity @ range: {RPM:.7g} rpm" in report(result)
+    assert "[mm]" in sketch(result).axes[0].get_xlabel()
+    assert "mass [g]" in document(result).html
+
+
+@pytest.mark.parametrize(
+    ("units", "said"), [("{length: kg}", "'kg' is no unit of 'length'"), ("{len: mm}", "a kind: length")]
+)
+def test_a_unit_of_no_kind_is_refused(scenario: Callable[..., Any], units: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        scenario("inverse", f"units: {units}\n").validate()
