@@ -107,7 +107,8 @@ _TABLE: dict[str, tuple[float, Dimension]] = {
     "A": (1.0, (0, 0, 0, 1)), "mA": (1e-3, (0, 0, 0, 1)), "V": (1.0, _VOLTAGE), "mV": (1e-3, _VOLTAGE),
     "ohm": (1.0, _RESISTANCE), "mohm": (1e-3, _RESISTANCE), "H": (1.0, _INDUCTANCE), "mH": (1e-3, _INDUCTANCE),
     "rad": (1.0, (0, 0, 0, 0)), "mrad": (1e-3, (0, 0, 0, 0)), "deg": (math.pi / 180, (0, 0, 0, 0)),
-    "°": (math.pi / 180, (0, 0, 0, 0)), "rev": (2 * math.pi, (0, 0, 0, 0)), "rpm": (2 * math.pi / 60, (0, 0, -1, 0)),
+    "°": (math.pi / 180, (0, 0, 0, 0)), "rev": (2 * math.pi, (0, 0, 0, 0)),
+    "tr": (2 * math.pi, (0, 0, 0, 0)), "U": (2 * math.pi, (0, 0, 0, 0)), "rpm": (2 * math.pi / 60, (0, 0, -1, 0)),
     "1": (1.0, (0, 0, 0, 0)), "%": (1e-2, (0, 0, 0, 0)),
 }  # fmt: skip
 
@@ -126,7 +127,7 @@ _PER_SPEED = {(2, 1, -1, 0), (2, 1, -2, -1)}
 
 _ANGULAR: dict[Dimension, str] = {(0, 0, 0, 0): "rad", (0, 0, -1, 0): "rad/s", (0, 0, -2, 0): "rad/s^2"}
 
-ANGLES = ("deg", "°", "rev", "rpm", "rad")
+ANGLES = ("deg", "°", "rev", "rpm", "rad", "tr", "U")
 """Words in units of angles and speeds of rotation."""
 
 MAX_LENGTH = 100
@@ -219,7 +220,10 @@ def read_quantity(text: str) -> tuple[float, Unit | None]:
         expected = "a number and a unit, such as 30 deg or 1.5 N*m"
         raise UnitError(f"'{text[:MAX_LENGTH]}' is not a quantity", expected=expected)
     if parts[1][:1] == "," and parts[1][1:2].isdecimal():
-        raise UnitError(f"'{text}' has a comma in its number", expected="a decimal point, nothing between thousands")
+        raise UnitError(
+            f"'{text}' has a comma in its number",
+            expected="decimals with a point, such as 0.6 kg; nothing between thousands",
+        )
     read = HERTZ if parts[1] == "Hz" else unit(parts[1]) if parts[1] else None
     number = float(parts[0]) * (read.factor if read else 1.0)
     if not math.isfinite(number):

@@ -21,6 +21,7 @@ KNOWN = {
     "W": (1, POWER), "mW": (1e-3, POWER), "kW": (1e3, POWER),
     "rad": (1, NUMBER), "mrad": (1e-3, NUMBER), "deg": (0.017453292519943295, NUMBER),
     "°": (0.017453292519943295, NUMBER), "rev": (6.283185307179586, NUMBER),
+    "tr": (2 * math.pi, NUMBER), "U": (2 * math.pi, NUMBER),
     "rpm": (0.10471975511965977, (0, 0, -1, 0)), "1": (1, NUMBER), "%": (0.01, NUMBER),
     "A": (1, (0, 0, 0, 1)), "mA": (1e-3, (0, 0, 0, 1)), "V": (1, VOLTAGE), "mV": (1e-3, VOLTAGE),
     "ohm": (1, (2, 1, -3, -2)), "mohm": (1e-3, (2, 1, -3, -2)), "H": (1, (2, 1, -2, -2)), "mH": (1e-3, (2, 1, -2, -2)),
@@ -76,7 +77,13 @@ def test_a_near_miss_gets_a_suggestion(wrong: str, right: str) -> None:
 def test_a_comma_in_a_number_is_told(text: str) -> None:
     with pytest.raises(UnitError, match="comma in its number") as caught:
         read_quantity(text)
-    assert "decimal point" in caught.value.expected
+    assert "decimals with a point" in caught.value.expected
+
+
+@pytest.mark.parametrize("text", ["rev/min", "tr/min", "U/min"])
+def test_turns_in_other_languages(text: str) -> None:
+    assert unit(text) == unit("rpm")
+    assert str(unit(text).si) == "rad/s"
 
 
 @pytest.mark.parametrize("text", ["h^99", "1/um^99"])

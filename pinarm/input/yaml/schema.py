@@ -178,6 +178,12 @@ Gain, IntegralGain, RateGain = (
 )  # fmt: skip
 
 
+class Frequency(Measured):
+    """Cycles over time, in Hz: in rad/s or rpm it would be a pulsation."""
+
+    expected, examples = HERTZ, "2 Hz"
+
+
 class Readable:
     """A type that files may give in several forms, which it reads from plain data by itself."""
 

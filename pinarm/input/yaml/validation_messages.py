@@ -67,6 +67,8 @@ def explain(
         return mistake
     if match := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
         expected, hint = choices(match[1], keys_at(struct, data, path), most=40)
+        if leading_number(match[1]):  # a comma in {mass: 0,6 kg} ends the value
+            hint = f"decimals with a point, such as 0.{match[1]}"
         return InputError(f"unknown key '{match[1]}'", expected=expected, hint=hint)
     if match := re.fullmatch(r"Object missing required field `(.*)`", message):
         if match[1] not in _tags(struct, data, path):

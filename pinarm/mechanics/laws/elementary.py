@@ -6,9 +6,19 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar, Literal
 
-from pinarm.errors import InputError
-from pinarm.input.yaml.schema import Abscissa, Angle, Extent, Level, Pulsation, Rate, SecondRate, ThirdRate
-from pinarm.mechanics.laws.motion_law import FILE_KEYS, ROUNDING, MotionLaw, Piece, PowerSeries, Wave, polynomial
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit
+from pinarm.input.yaml.schema import Abscissa, Angle, Extent, Frequency, Level, Pulsation, Rate, SecondRate, ThirdRate
+from pinarm.mechanics.laws.motion_law import (
+    FILE_KEYS,
+    ROUNDING,
+    SECOND,
+    MotionLaw,
+    Piece,
+    PowerSeries,
+    Wave,
+    polynomial,
+)
 
 
 class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=FILE_KEYS):
@@ -67,19 +77,33 @@ class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=F
     Attributes:
         amplitude: Half of the range of the value.
         pulsation: Angular frequency, such as ``2 rad/s``; over an angle in rad/rad.
+        frequency: In place of the pulsation, of which it is a 2 pi-th: cycles over time, such as ``2 Hz``.
         mean: Mean of the value.
         phase: Angle at ``begin``.
         begin: Instant at which the angle is ``phase``, such as ``0.5 s``.
     """
 
     amplitude: Level
-    pulsation: Pulsation
+    pulsation: Pulsation | None = None
     mean: Level = 0.0
     phase: Angle = 0.0
     begin: Abscissa = 0.0
+    frequency: Frequency | None = None
+
+    def check(self) -> None:
+        if (self.pulsation is None) == (self.frequency is None):
+            raise InputError("an oscillation is as fast as its pulsation or its frequency says",
+                             expected="one of both, such as pulsation: 2 rad/s, or frequency: 2 Hz")  # fmt: skip
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        super().check_units(of, along)
+        if self.frequency is not None and along != SECOND:
+            with within("frequency"):
+                raise InputError("a frequency counts cycles over time", hint="pulsation: 1 rad/rad")
 
     def pieces(self) -> Sequence[Piece]:
-        function = Wave(self.mean, self.amplitude, 0.0, self.pulsation, self.phase, self.begin)
+        pulsation = self.pulsation if self.pulsation is not None else 2.0 * math.pi * (self.frequency or 0.0)
+        function = Wave(self.mean, self.amplitude, 0.0, pulsation, self.phase, self.begin)
         return [Piece(-math.inf, math.inf, function)]
 
 

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from pinarm.errors import UnitError
+from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured, measured_fields, reading_from
 from pinarm.mechanics.laws import (
@@ -208,7 +208,7 @@ def test_fields_accept_the_unit_of_their_derivative_only(base):
 
 def test_every_law_says_which_derivative_its_fields_are():
     nested = {"points", "speeds", "segments", "file", "column", "times", "values", "measured"}
-    plain = {"law", "begin", "duration", "degree", "pulsation", "phase"} | nested
+    plain = {"law", "begin", "duration", "degree", "pulsation", "frequency", "phase"} | nested
     assert {(type(law), name) for law, name, _ in marked_fields()} == {
         (member, name) for member in MEMBERS for name in member.__struct_fields__ if name not in plain
     }
@@ -304,3 +304,17 @@ class TestGrid:
             1e6 + np.linspace(0.3, 0.8, 6), [Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=1e6 + 0.1 + 0.2)]
         )
         assert len(late.cuts) == 2
+
+
+def test_an_oscillation_is_as_fast_as_its_frequency_says() -> None:
+    """Two cycles a second: the same law as with a pulsation of 4 pi rad/s; over an angle there is no frequency."""
+    law, same = Harmonic(amplitude=0.3, frequency="2 Hz"), Harmonic(amplitude=0.3, pulsation=4.0 * math.pi)
+    t = np.linspace(0.0, 1.0, 9)
+    assert np.allclose(law.on(0.0, 1.0)(t), same.on(0.0, 1.0)(t), atol=1e-14)
+    for both in ({}, {"pulsation": 1.0, "frequency": 2.0}):
+        with pytest.raises(InputError, match="its pulsation or its frequency"):
+            Harmonic(amplitude=0.3, **both)
+    with pytest.raises(InputError, match="cycles over time"):
+        law.check_units(unit("m"), unit("rad"))
+    with pytest.raises(InputError, match="not a unit of this quantity"):
+        Harmonic(amplitude=0.3, frequency="2 rad/s")

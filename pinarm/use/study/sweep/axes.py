@@ -217,6 +217,9 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
                 f"'{given[:SHOWN]}' are no values", expected="20:100:81 kg, 20, 40 kg, or normal(40, 2) kg",
                 hint="the unit once, at the end",
             )  # fmt: skip
+        if re.fullmatch(r"0,[0-9]+\s*[^,]*", given):
+            one, two = given[:SHOWN].replace(",", "."), given[:SHOWN].replace(",", ", ")
+            raise InputError(f"'{given[:SHOWN]}' may be one number or two", expected=f"{one}, with a point; or {two}")
         if _THOUSANDS.search(given):
             raise InputError(
                 f"'{given[:SHOWN]}' has a comma between thousands, or a number that begins with 0",

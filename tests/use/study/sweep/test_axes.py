@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import pinarm
 from pinarm import PinarmError
 from pinarm.use.cases.case_table import Column
 from pinarm.use.study.sweep.axes import Axis, Cases, Distribution, draw, read_axis, read_cases
@@ -137,3 +138,23 @@ def test_a_latin_hypercube_has_one_value_in_each_part_of_equal_probability() -> 
     column = draw([normal, Distribution("b", "uniform", 0.0, 1.0)], 100, 3, "latin").columns[0]
     parts = np.floor(stats.norm(5, 2).cdf(np.array(column.values)) * 100)
     assert sorted(parts.tolist()) == list(range(100))
+
+
+def test_a_decimal_comma_is_no_list() -> None:
+    """Neither of two values without a blank, nor in a flow map of a file, where a comma ends the value."""
+    with pytest.raises(PinarmError, match="may be one number or two") as caught:
+        values("mass", "0,6 kg")
+    assert "0.6 kg" in caught.value.expected
+    assert len(values("mass", "0, 6 kg")) == 2
+    assert len(values("x", "0,1,2")) == 3
+    with pytest.raises(PinarmError, match="unknown key '6 kg'") as caught:
+        pinarm.load(
+            {
+                "pinarm": 1,
+                "mechanism": "panda",
+                "problem": {},
+                "outputs": ["t"],
+                "gravity": {"direction": [0, 1, 0], "6 kg": None},
+            }
+        )
+    assert "0.6 kg" in caught.value.hint
