@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pinarm.use.start.new import new
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.answers.selftest import SelfTest, selftest
+    from pinarm.use.study.equations import equations
     from pinarm.use.study.explain import explain
     from pinarm.use.study.quantities import quantities
     from pinarm.use.study.recorded import result
@@ -37,6 +38,7 @@ _HOMES = {
     "Batch": "pinarm.use.study.sweep.batches",
     "batch": "pinarm.use.study.sweep.batches",
     "check": "pinarm.use.study.answers.check",
+    "equations": "pinarm.use.study.equations",
     "examples": "pinarm.use.start.examples",
     "explain": "pinarm.use.study.explain",
     "Result": "pinarm.use.facade",
@@ -62,8 +64,8 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "examples", "explain", "file_root", "load", "new", "quantities", "replay", "report", "restore",
-    "result", "run", "schema", "selftest", "sweep", "tradeoff", "validate",
+    "batch", "check", "equations", "examples", "explain", "file_root", "load", "new", "quantities", "replay", "report",
+    "restore", "result", "run", "schema", "selftest", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -29,7 +29,7 @@ FLOOR_PLAN = {
     "problems": "time_grid accuracy joint_values weights laws loads drives control declaration events "
     "position_bands equilibria inverse kinematics linear states recorded forward simplify",
     "use": "progress result workers cases assessments scenario accuracy output show store views mechanism facade "
-    "start study report",
+    "start letters study report",
     "cli": "options streams commands main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""

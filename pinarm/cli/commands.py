@@ -237,6 +237,7 @@ def _validated(path: Path, values: Sequence[str]) -> str:
     return f"valid mechanism file: keys, names, units and the model are right, {loops}{mobility}"
 
 
+SMALL_TEXT = "print them for small deviations from such values, from 0 for coordinates that are left out"
 DRAW_TEXT = "draw the mechanism with the names of its parts, joints and loops, as .svg, .png or .pdf"
 
 
@@ -245,18 +246,38 @@ DRAW_TEXT = "draw the mechanism with the names of its parts, joints and loops, a
     "scenario.yaml; mechanism.yaml --draw mechanism.svg; arm.urdf; panda",
     PATH,
     arg("--draw", type=Path, metavar="FILE", help=DRAW_TEXT),
+    flag("--equations", "print the equations of motion in the model's symbols instead"),
+    arg("--small", nargs="*", metavar="NAME=VALUE", help=SMALL_TEXT),
     DPI,
     VALUES,
 )
 def _explain(options: Namespace) -> int:
     from pinarm.use.study.explain import explain
 
+    if options.equations or options.small is not None:
+        return _equations(options)
     explained = explain(options.path, options.values)
     show(options, explained.summary() if options.json else {}, str(explained))
     if options.draw is not None:
         explained.draw(options.draw, dpi=options.dpi)
         print(f"written to {options.draw}", file=sys.stderr if options.json else sys.stdout)
     return OK
+
+
+def _equations(options: Namespace) -> int:
+    from pinarm.use.study.equations import equations
+
+    small = None if options.small is None else dict(map(_pair, options.small))
+    written = equations(options.path, options.values, small=small)
+    show(options, written.summary() if options.json else {}, str(written))
+    return OK
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise InputError(f"'{text}' is no coordinate with its value", expected="NAME=VALUE, such as theta='90 deg'")
+    return name, value
 
 
 LIKE_TEXT = "part of a name or of a meaning, such as force"

@@ -83,7 +83,7 @@ class Expressions(ValueRecord, frozen=True):
 
 def _applied(function: Callable[..., Any], *operands: Any, symbol: str = "") -> Any:
     for operand in operands:
-        if type(operand) is Column:
+        if isinstance(operand, Column):
             return operand.rows.applied(partial(_applied, function), operands, symbol)
     try:
         value = function(*operands)

@@ -1,0 +1,1 @@
+"""Equations of motion in the symbols of a mechanism, by SymPy."""

@@ -1,0 +1,240 @@
+"""Equations of motion and of closure in letters, as a person would write them.
+
+They are compared with the numeric equations at random states before anybody reads them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import sympy
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.laws import Constant, ConstantSpeed
+from pinarm.records import Record, ValueRecord
+from pinarm.use.letters.bodies import lettered_tree
+from pinarm.use.letters.coordinates import LetteredCoordinates, lettered_coordinates, named_symbols
+from pinarm.use.letters.forces import LetteredForce, joint_damping, lettered_forces
+from pinarm.use.letters.projection import LetteredLoop, Letters
+from pinarm.use.letters.proof import STATES, Proof
+from pinarm.use.letters.traced_model import exact, letter
+from pinarm.use.letters.writing import compact, latex, shortest, written
+
+if TYPE_CHECKING:
+    from pinarm.use.facade import Scenario
+
+FREE = ("forward", "equilibria", "linear")
+"""Kinds of problems in which only prescribed coordinates carry efforts."""
+
+AT_REST = ("statics", "equilibria")
+"""Kinds of problems in which nothing moves."""
+
+
+class Equation(ValueRecord, frozen=True):
+    """An equation ``left = right``, and what it is of."""
+
+    left: sympy.Expr
+    right: sympy.Expr
+    of: str
+
+
+class Equations(Record, frozen=True):
+    """Equations of a mechanism in letters.
+
+    Attributes:
+        title: Of which mechanism.
+        symbols: What symbols stand for.
+        closure: What closes the loops.
+        motion: An equation for each joint or coordinate.
+        momenta: Momenta that stay as they are.
+        dots: Symbol of a velocity or an acceleration -> its LaTeX.
+        difference: Largest difference from the numeric equations, relative to the largest term.
+    """
+
+    title: str
+    symbols: Mapping[str, str]
+    closure: tuple[Equation, ...]
+    motion: tuple[Equation, ...]
+    momenta: tuple[Equation, ...]
+    dots: Mapping[sympy.Symbol, str]
+    difference: float
+
+    def __str__(self) -> str:
+        """Return them as text."""
+        width = max(map(len, self.symbols), default=0)
+        lines = [f"Equations of {self.title}", *(f"  {name:{width}}  {words}" for name, words in self.symbols.items())]
+        for heading, equations in self._parts():
+            lines += [heading, *(f"  {e.of}:  {written(e.left)} = {written(e.right)}" for e in equations)]
+        lines.append(f"at {STATES} random states they differ from the numeric ones by {self.difference:.1e}")
+        return "\n".join(lines)
+
+    def _repr_latex_(self) -> str:
+        """Return them for notebooks."""
+        rows = [f"{latex(e.left, self.dots)} &= {latex(e.right, self.dots)}" for _, some in self._parts() for e in some]
+        return r"$\begin{aligned}" + r"\\ ".join(rows) + r"\end{aligned}$"
+
+    def summary(self) -> dict[str, Any]:
+        """Return them as plain data."""
+        parts = {heading: [[e.of, written(e.left), written(e.right)] for e in some] for heading, some in self._parts()}
+        return {"title": self.title, "symbols": dict(self.symbols), **parts, "difference": self.difference}
+
+    def _parts(self) -> list[tuple[str, tuple[Equation, ...]]]:
+        parts = (("closure", self.closure), ("motion", self.motion), ("constant momenta", self.momenta))
+        return [(heading, equations) for heading, equations in parts if equations]
+
+
+class Question(ValueRecord, frozen=True):
+    """What a scenario says of a motion.
+
+    Attributes:
+        prescribed: Coordinates that laws prescribe.
+        constant: Those whose value, or whose rate, laws keep constant, with these; ``None`` for what varies.
+        driven: Joints that may carry an effort; ``None`` for all.
+        at_rest: Whether nothing moves.
+        loads: Forces beside those of the mechanism.
+    """
+
+    prescribed: tuple[str, ...] = ()
+    constant: Mapping[str, tuple[float | None, float]] = {}
+    driven: frozenset[str] | None = None
+    at_rest: bool = False
+    loads: Mapping[str, Any] = {}
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Question:
+        problem: Any = scenario.problem
+        laws, driven = getattr(problem, "motion", None) or {}, None
+        if problem.kind in FREE:
+            about = getattr(problem, "about", None)
+            driven = frozenset((*laws, *about.hold, *about.steady) if about else laws)
+        elif scenario.mechanism.constraints and getattr(problem, "drives", ()):
+            driven = frozenset(problem.drives)
+        constant: dict[str, tuple[float | None, float]] = {}
+        for name, law in laws.items():
+            if isinstance(law, Constant | ConstantSpeed):
+                constant[name] = (law.value, 0.0) if isinstance(law, Constant) else (None, float(law.speed))
+        return cls(tuple(laws), constant, driven, problem.kind in AT_REST, getattr(problem, "loads", {}))
+
+    def known(self, coordinates: LetteredCoordinates) -> dict[sympy.Symbol, sympy.Expr]:
+        """Return symbols that are 0: of values, velocities and accelerations."""
+        zeros: list[sympy.Symbol] = []
+        for c in coordinates.chosen:
+            value, rate = self.constant.get(c.name, (None, None))
+            zeros += [c.value] if value == 0.0 else []
+            zeros += [c.rate] if rate == 0.0 or self.at_rest else []
+            zeros += [c.second] if rate is not None or self.at_rest else []
+        return dict.fromkeys(zeros, sympy.Integer(0))
+
+
+def equations_of(mechanism: Mechanism, question: Question, small: Mapping[str, float] | None = None) -> Equations:
+    """Return the equations of a mechanism under what a scenario says.
+
+    Args:
+        mechanism: The mechanism.
+        question: What the scenario says.
+        small: Coordinate -> value [rad or m] about which the equations are linear, 0 for those left out; ``None`` for
+            equations that are not linear.
+
+    Raises:
+        InputError: Something of the mechanism is not written in letters.
+        DynamicsError: The equations differ from the numeric ones.
+    """
+    coordinates = lettered_coordinates(mechanism, question.prescribed)
+    letters = Letters(mechanism, lettered_tree(mechanism), coordinates, question.prescribed)
+    forces, loops = lettered_forces(letters, question.loads), letters.loops()
+    needed = letters.inertial_efforts()
+    for efforts in (joint_damping(letters), *(force.efforts for force in forces)):
+        needed |= {joint: needed[joint] - effort for joint, effort in efforts.items()}
+    proof = Proof(letters, forces)
+    difference = proof.efforts(needed)
+    proof.loops(loops)
+    form, zero = _Form(letters, question, small), sympy.Integer(0)
+    closure = tuple(Equation(zero, form.reduced(gap), f"loop {loop.name}") for loop in loops for gap in loop.gaps)
+    motion = form.motion({name: needed[name] - sum(loop.effort(name) for loop in loops) for name in needed})
+    damped = any(joint.damping != 0 for joint in letters.tree.joints)
+    momenta = form.momenta() if not (forces or loops or damped or small is not None) else ()
+    meanings, dots = _meanings(letters, forces, loops), _dots(coordinates)
+    return Equations(mechanism.title, meanings, closure, motion, momenta, dots, difference)
+
+
+class _Form:
+    """How equations are written under what a scenario says.
+
+    Args:
+        letters: The symbolic mechanics.
+        question: What a scenario says.
+        small: Values about which equations are linear; ``None`` where they are not.
+    """
+
+    def __init__(self, letters: Letters, question: Question, small: Mapping[str, float] | None) -> None:
+        self.letters, self.question, self.small = letters, question, small
+        self.coordinates = letters.coordinates
+        self.zeros = question.known(self.coordinates)
+
+    def reduced(self, formula: sympy.Expr) -> sympy.Expr:
+        """Return a formula without what is 0, linear in deviations where that is asked for."""
+        plain = sympy.sympify(formula).subs(self.zeros)
+        if self.small is None:
+            return shortest(plain)
+        size, values = sympy.Symbol("size"), {}
+        for c in self.coordinates.chosen:
+            values[c.value] = exact(self.small.get(c.name, 0.0)) + size * c.value
+            values |= {c.rate: size * c.rate, c.second: size * c.second}
+        moved = plain.subs(values, simultaneous=True)
+        return shortest(moved.subs(size, 0) + moved.diff(size).subs(size, 0))
+
+    def motion(self, needed: Mapping[str, sympy.Expr]) -> tuple[Equation, ...]:
+        """Return the equation of each coordinate: of its joint, or along it where no other effort is in it."""
+        efforts, equations = {name: self._effort(name) for name in needed}, []
+        for c, name in zip(self.coordinates.chosen, self.letters.motions, strict=False):
+            shares = {joint: value.diff(c.value) for joint, value in self.coordinates.joints.items()}
+            if any(efforts[joint] != 0 for joint, share in shares.items() if share and joint != name):
+                shares = {name: sympy.Integer(1)}
+            left, right = (
+                sympy.Add(*(share * terms[joint] for joint, share in shares.items())) for terms in (efforts, needed)
+            )
+            equations.append(Equation(left, self._by_rates(right), c.name if len(shares) > 1 else name))
+        return tuple(equations)
+
+    def _by_rates(self, formula: sympy.Expr) -> sympy.Expr:
+        if self.small is not None:
+            return self.reduced(formula)
+        seconds, rates = zip(*((c.second, c.rate) for c in self.coordinates.chosen), strict=True)
+        return compact(formula.subs(self.zeros), seconds, rates)
+
+    def _effort(self, joint: str) -> sympy.Expr:
+        """Return the symbol of the effort at a joint, 0 where nothing drives it."""
+        if self.question.driven is not None and joint not in self.question.driven:
+            return sympy.Integer(0)
+        return letter(named_symbols(self.letters.mechanism).get(f"joint.{joint}.effort", f"tau_{joint}"))
+
+    def momenta(self) -> tuple[Equation, ...]:
+        """Return momenta of coordinates on which the energy does not depend, where nothing drives the mechanism."""
+        if self.question.driven is None or self.question.driven:
+            return ()
+        kinetic, potential = self.letters.energy()
+        equations, rates = [], [c.rate for c in self.coordinates.chosen]
+        for c in self.coordinates.chosen:
+            if not sympy.trigsimp(sympy.expand((kinetic - potential).diff(c.value))):
+                momentum = compact(kinetic.diff(c.rate), rates, [])
+                equations.append(Equation(letter(f"p_{c.value}"), momentum, c.name))
+        return tuple(equations)
+
+
+def _meanings(letters: Letters, forces: Sequence[LetteredForce], loops: Sequence[LetteredLoop]) -> dict[str, str]:
+    """Return what symbols stand for, but for the arguments of the model."""
+    meanings: dict[str, str] = {}
+    for c in letters.coordinates.chosen:
+        kind = "joint" if c.name in letters.mechanism.joints else "coordinate"
+        meanings[str(c.value)] = f"{kind} {c.name}; velocity {c.rate}, acceleration {c.second}"
+    for force in forces:
+        meanings |= {symbol: words for symbol, (words, _) in force.symbols.items()}
+    return meanings | {str(force): loop.meaning for loop in loops for force in loop.forces}
+
+
+def _dots(coordinates: LetteredCoordinates) -> dict[sympy.Symbol, str]:
+    dots: dict[sympy.Symbol, str] = {}
+    for c in coordinates.chosen:
+        dots |= {c.rate: rf"\dot{{{sympy.latex(c.value)}}}", c.second: rf"\ddot{{{sympy.latex(c.value)}}}"}
+    return dots

@@ -1,0 +1,53 @@
+"""Formulas as a person would write them: short, by accelerations, velocities and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import sympy
+from sympy.simplify.fu import TR8, TR10i
+
+LARGEST = 20
+"""Largest denominator of a fraction that is printed as one; others are printed as decimals."""
+
+
+def shortest(formula: sympy.Expr) -> sympy.Expr:
+    """Return the shortest of some ways to write a formula."""
+    plain = sympy.expand(formula)
+    if not plain.free_symbols:
+        return plain
+    reduced = sympy.trigsimp(plain)
+    ways = [plain, reduced, sympy.expand(TR8(plain)), TR10i(plain)]
+    ways += [sympy.factor_terms(way) for way in ways] + [sympy.factor(reduced)]
+    return min(ways, key=lambda way: (way.count_ops(), len(str(way))))
+
+
+def compact(formula: sympy.Expr, seconds: Sequence[sympy.Symbol], rates: Sequence[sympy.Symbol]) -> sympy.Expr:
+    """Return a formula that is linear in accelerations as a sum by these, products of velocities and the rest."""
+    plain = sympy.expand(formula)
+    terms = []
+    for second in seconds:
+        terms.append(shortest(plain.coeff(second, 1)) * second)
+        plain = plain.coeff(second, 0)
+    products = sympy.Poly(plain, *rates).terms() if rates else [((), plain)]
+    for powers, coefficient in products:
+        product = sympy.Mul(*(rate**power for rate, power in zip(rates, powers, strict=True)))
+        terms.append(shortest(coefficient) * product)
+    whole = sympy.Add(*terms)
+    return min((whole, shortest(whole)), key=lambda way: way.count_ops())
+
+
+def decimals(formula: sympy.Expr) -> sympy.Expr:
+    """Return a formula whose fractions with large denominators are decimals."""
+    long = {number: sympy.Float(number, 15) for number in formula.atoms(sympy.Rational) if number.q > LARGEST}
+    return formula.xreplace(long)
+
+
+def written(formula: sympy.Expr) -> str:
+    """Return a formula as text that formulas of files can take."""
+    return str(sympy.sstr(decimals(formula), full_prec=False))
+
+
+def latex(formula: sympy.Expr, names: Mapping[sympy.Symbol, str]) -> str:
+    """Return a formula in LaTeX, some symbols under other names."""
+    return str(sympy.latex(decimals(formula), symbol_names=dict(names)))
