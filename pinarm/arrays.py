@@ -18,6 +18,12 @@ Complex = np.ndarray[tuple[Any, ...], np.dtype[np.complex128]]
 Indices = np.ndarray[tuple[Any, ...], np.dtype[np.intp]]
 Flags = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 
+STEP = 1e-30
+"""Imaginary step h of complex steps: its square vanishes beside 1, and no difference is taken."""
+
+AT_KINK = 1e-9
+"""Change of a state in SI, rad or N, that would bring a size to 0: it is rounding of one that is 0."""
+
 
 def real(x: ArrayLike, name: str) -> Array:
     """Return an array of real numbers; in SI, where something with a unit is given.
@@ -43,8 +49,29 @@ def continued(function: Callable[[Array], Sequence[Array]], x: Array) -> Array:
 
 
 def magnitude(x: Array) -> Array:
-    """Return ``|x|``; complex steps continue it to first order, away from 0."""
-    return np.asarray(np.abs(x) if np.isrealobj(x) else x * np.sign(np.real(x)))
+    """Return ``|x|``; complex steps continue it to first order, and are refused at 0: see ``length``."""
+    if np.isrealobj(x):
+        return np.asarray(np.abs(x))
+    _require_no_kink(np.abs(np.real(x)), np.abs(np.imag(x)))
+    return np.asarray(x * np.sign(np.real(x)))
+
+
+def length(vectors: Array) -> Array:
+    """Return lengths of vectors, shape (.., 3) to (..,); complex steps continue them to first order.
+
+    Raises:
+        FloatingPointError: A complex step changes a vector that is 0: its length has a kink there.
+    """
+    if np.isrealobj(vectors):
+        return np.asarray(np.linalg.norm(vectors, axis=-1))
+    _require_no_kink(*(np.linalg.norm(part, axis=-1) for part in (np.real(vectors), np.imag(vectors))))
+    return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
+
+
+def _require_no_kink(sizes: Array, steps: Array) -> None:
+    change = steps / STEP
+    if ((sizes <= AT_KINK * change) & (change > AT_KINK)).any():
+        raise FloatingPointError("the size of what is 0 has a kink")
 
 
 def vecmat(x: Array, matrices: Array) -> Array:

@@ -140,8 +140,13 @@ class Drive(InputStruct, frozen=True):
             direction: Sign of the joint's motion: of its velocity, at standstill of the motion about to begin or just
                 ended, 0 at rest; shape (n,).
             a: Joint acceleration [rad/s^2], shape (n,).
+
+        Raises:
+            FloatingPointError: The losses have a kink in a complex step: no power passes the gear.
         """
-        gear = np.where(effort * direction < 0.0, self.efficiency, 1.0 / self.efficiency)
+        if self.efficiency < 1.0 and np.iscomplexobj(effort) and not (np.real(effort) * direction).all():
+            raise FloatingPointError("the losses of a gear have a kink where it passes no power")
+        gear = np.where(np.real(effort) * direction < 0.0, self.efficiency, 1.0 / self.efficiency)
         return np.asarray(gear * effort / self.ratio + self.rotor_inertia * self.ratio * a)
 
     def holding(self, low: Array, high: Array) -> tuple[Array, Array]:

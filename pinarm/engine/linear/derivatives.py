@@ -22,15 +22,12 @@ from contextlib import contextmanager
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import STEP, Array
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.records import Record
-
-STEP = 1e-30
-"""Imaginary step h: its square vanishes beside 1, and no difference is taken."""
 
 MOST_VELOCITIES = 250
 """Largest number of velocities: Pinocchio's whole buffers take about 60 nv^3 bytes, 1 GB."""

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import STEP, Array, Flags, length
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
 from pinarm.engine.friction.columns import friction_columns
-from pinarm.engine.linear.derivatives import STEP, complex_kept
+from pinarm.engine.linear.derivatives import complex_kept
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError, InputError
@@ -29,9 +29,6 @@ AT_REST = 1e-9
 
 AT_LIMIT = 1e-6
 """Part of its limit by which friction at rest has to be away from it, to be said to hold."""
-
-VANISHED = 1e-9
-"""Normal force, relative to the reaction, that is rounding of none: its length has no derivative there."""
 
 
 class FrictionState(Record, frozen=True):
@@ -149,18 +146,11 @@ def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
         if contact.law.loaded:
             wrench = contact.transmitted(reactions.links, reactions.joints, lam)
             normals = np.matvec(contact.bearing.parts, wrench[..., None, :])
-            _require_contact(contact, normals, wrench)
-            found[:, k] = np.sqrt((normals * normals).sum(axis=-1)) @ contact.bearing.levers + contact.bearing.preload
+            try:
+                found[:, k] = length(normals) @ contact.bearing.levers + contact.bearing.preload
+            except FloatingPointError:
+                raise InputError(
+                    f"the friction of {contact.name} has a kink here: a normal force of its bearing is 0",
+                    expected="a state in which the bearing is loaded, or friction without a load: constant",
+                ) from None
     return found
-
-
-def _require_contact(contact: FrictionContact, normals: Array, wrench: Array) -> None:
-    """Raise where a normal force, shape (n, p, 3), is 0 but for rounding and changes by complex steps."""
-    size = np.abs(np.real(normals)).max(axis=-1, initial=0.0)
-    change = np.abs(np.imag(normals)).max(axis=-1, initial=0.0) / STEP
-    none = size <= VANISHED * np.abs(np.real(wrench)).max(axis=-1, keepdims=True, initial=0.0)
-    if (none & (change > VANISHED * change.max(initial=0.0))).any():
-        raise InputError(
-            f"the friction of {contact.name} has a kink here: a normal force of its bearing is 0",
-            expected="a state in which the bearing is loaded, or friction without a load: constant",
-        )

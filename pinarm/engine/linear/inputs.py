@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
-from pinarm.engine.linear.derivatives import STEP
+from pinarm.arrays import STEP, Array
 from pinarm.errors import InputError, choices
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate

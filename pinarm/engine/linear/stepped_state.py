@@ -13,15 +13,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import STEP, Array, Flags
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.linear.derivatives import (
-    STEP,
-    EquationDerivatives,
-    complex_kept,
-    equation_derivatives,
-)
+from pinarm.engine.linear.derivatives import EquationDerivatives, complex_kept, equation_derivatives
 from pinarm.engine.linear.friction import FrictionState, friction_slopes, friction_state, with_friction
 from pinarm.engine.linear.inputs import force_load, stepped_force
 from pinarm.engine.linear.linearisation import DEPENDENT, LinearMotion, Rows, linear_motion
@@ -167,6 +162,7 @@ class SteppedState(Record, frozen=True):
             q=state.q[0] + 1j * STEP * (tangent @ q).T, v=state.v[0] + 1j * STEP * v.T,
             a=state.a[0] + 1j * STEP * a.T, tau=state.tau[0] + 1j * STEP * (tau + driven).T,
             lam=Multipliers.known(np.asarray(state.lam)[0] + 1j * STEP * np.vstack([lam[:own], guides]).T, own),
+            directions=np.sign(np.broadcast_to(state.v, (count, model.nv))),
             **changes,
         )  # fmt: skip
         return with_friction(found, state.friction[0] + 1j * STEP * f.T)
@@ -238,6 +234,9 @@ def _slopes(steps: Trajectory, names: Sequence[str]) -> Array:
         try:
             with complex_kept():
                 found[k] = np.imag(values[name].values) / STEP
+        except FloatingPointError:
+            raise InputError(f"'{name}' has a kink here: it depends on the size of something that is 0 in this state",
+                             expected="its components, or a state in which it is not 0") from None  # fmt: skip
         except (TypeError, np.exceptions.ComplexWarning):  # of Pinocchio, and of functions of real numbers
             raise InputError(f"the linear analysis has no derivatives of '{name}'", expected="another output") from None
     return found

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, length
 from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.evaluation import Evaluation
@@ -198,13 +198,6 @@ def _rate_unit(base: Unit, order: int) -> Unit:
     if base == METRE:
         return METRE / SECOND**order if order else METRE
     return ANGULAR[order]
-
-
-def length(vectors: Array) -> Array:
-    """Return lengths of vectors, shape (n,); of complex steps, their derivatives as well."""
-    if np.iscomplexobj(vectors):
-        return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
-    return np.asarray(np.linalg.norm(vectors, axis=-1))
 
 
 def _split(vectors: Array, axes: Array, part: str) -> Array:

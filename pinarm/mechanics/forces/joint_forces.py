@@ -112,11 +112,11 @@ class SpringDamper(AbstractRecord, ForceElement, frozen=True):
 
     def potential_energy(self, q: Array) -> Array:
         moved = q[..., self._places[0]] - self.rest
-        return np.asarray(0.5 * np.vecdot(self.stiffness * moved, moved))
+        return np.asarray(0.5 * (self.stiffness * moved * moved).sum(axis=-1))
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         rates = v[..., self._places[1]]
-        return np.asarray(np.vecdot(self.damping * rates, rates))
+        return np.asarray((self.damping * rates * rates).sum(axis=-1))
 
     @property
     def conservative(self) -> bool:

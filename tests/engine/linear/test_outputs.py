@@ -10,6 +10,7 @@ from pinarm.errors import InputError
 BODY = {"mass": 2.0, "com": "0.1 0.05 -0.4", "inertia": (0.03, 0.04, 0.02)}
 TREE = {
     "forces": {
+        "mount": {"kind": "joint_spring", "joint": "a", "stiffness": "7 N*m/rad", "damping": "0.4 N*m*s/rad"},
         "bush": {
             "kind": "bushing",
             "between": ["base", "end"],
@@ -97,7 +98,23 @@ def allowed(made, q, index, rate):
     return free / free[index] * rate
 
 
-@pytest.mark.parametrize("kind", [tree, loop])
+def shafts(mechanism):
+    """A motor behind a gear with losses, a belt and a rack."""
+    turned = {name: link(name, "base", "0 0 1", at=at, **BODY) for name, at in (("in", "0 0 0"), ("out", "0.3 0 0"))}
+    xml = robot(*turned.values(), link("bar", "base", "0 1 0", at="0.4 0 0", kind="prismatic", **BODY))
+    made = mechanism(
+        xml,
+        couplings={
+            "belt": {"kind": "belt", "joints": ["in", "out"], "radii": ["50 mm", "100 mm"], "pretension": "30 N"},
+            "rack": {"kind": "rack", "joints": ["out", "bar"], "radius": "0.1 m"},
+        },
+        drives={"motor": {"joint": "bar", "ratio": 20, "efficiency": 0.7, "rotor_inertia": "1e-4 kg*m^2"}},
+    )
+    q = closed(made, np.array([0.3, 0.2, 0.1])[: made.model.nq])
+    return made, q, allowed(made, q, 0, -1.3)
+
+
+@pytest.mark.parametrize("kind", [tree, loop, shafts])
 def test_every_quantity_has_the_slopes_of_its_values(kind, mechanism, differentiate):
     made, q, v = kind(mechanism)
     tau = 0.5 * np.sin(np.arange(1.0, made.model.nv + 1.0))
@@ -133,3 +150,25 @@ def test_every_quantity_has_the_slopes_of_its_values(kind, mechanism, differenti
         assert not wrong.any(), [
             (name, a, b) for name, a, b, bad in zip(found, slopes, wanted, wrong, strict=True) if bad
         ]
+
+
+@pytest.mark.parametrize("name", ["point.end.velocity.norm", "joint.b.moment.norm"])
+def test_the_size_of_what_is_0_has_a_kink(name, mechanism):
+    """Of a pendulum that hangs at rest: its derivative would be that to one side."""
+    hung = {"mass": 2.0, "com": "0 0 -0.4"}
+    arms = link("a", "base", "0 1 0", **hung), link("b", "a_link", "0 1 0", at="0 0 -0.4", **hung)
+    at = mechanism(robot(*arms, tip("end", "b_link", "0 0 -0.4"))).linearise(np.zeros(2)).at
+    with pytest.raises(InputError, match=f"'{name}' has a kink here"):
+        at.slopes([name])
+    assert at.slopes(["point.end.velocity.x", "joint.b.force.norm"])[0, 2] == pytest.approx(-0.8)
+
+
+def test_the_tight_strand_of_an_unloaded_belt_has_a_kink(mechanism):
+    """Which strand is tight changes with the sign of the torque."""
+    shafts = robot(*(link(name, "base", "0 0 1", at=at, **BODY) for name, at in (("in", "0 0 0"), ("out", "0.3 0 0"))))
+    belt = {"kind": "belt", "joints": ["in", "out"], "radii": ["50 mm", "100 mm"], "pretension": "30 N"}
+    made = mechanism(shafts, gravity="none", couplings={"C": belt})
+    with pytest.raises(InputError, match=r"'coupling\.C\.tight' has a kink here"):
+        made.linearise(np.zeros(2)).at.slopes(["coupling.C.tight"])
+    loaded = made.linearise(np.zeros(2), tau=np.array([1.0, -2.0])).at
+    assert loaded.slopes(["coupling.C.tight"])[0, 2] == pytest.approx(-loaded.slopes(["coupling.C.slack"])[0, 2])

@@ -157,6 +157,9 @@ def test_complex_steps_give_the_derivatives_of_the_load(force, model, joints, di
         of_v = differentiate(lambda x, way=way: load(element, 0.37, q, v + x * way), 0.0, h=2e-3)
         assert by_q[:, k] == pytest.approx(of_q, abs=1e-8)  # rounding of loads of 100 N over the step
         assert by_v[:, k] == pytest.approx(of_v, abs=1e-8)
+        for power in (element.potential_energy, lambda x: element.dissipated_power(0.37, x, x - q + v)):
+            of_both = differentiate(lambda x, way=way, power=power: power(q + x * way), 0.0, h=2e-3)
+            assert power(q + 1e-30j * way).imag / 1e-30 == pytest.approx(of_both, abs=1e-8)
 
 
 def test_load_acts_at_the_named_joint_only(model, joints):

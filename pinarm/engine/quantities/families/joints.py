@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, length
 from pinarm.engine.quantities.family import (
     ALONG_AXIS,
     AXES,
@@ -22,7 +22,6 @@ from pinarm.engine.quantities.family import (
     Offered,
     WrenchFamily,
     acts,
-    length,
 )
 from pinarm.engine.quantities.reactions import tree_axis
 from pinarm.engine.series import Series
