@@ -139,13 +139,14 @@ class MotionTable(Record, frozen=True):
 
 
 @lru_cache(maxsize=64)
-def read_table(name: str, column: str | None, stamp: Stamp) -> MotionTable:
+def read_table(name: str, column: str | None, stamp: Stamp, *, jumps: bool = False) -> MotionTable:
     """Read the first column of a CSV file and one more.
 
     Args:
         name: The file, as an absolute path that may be read.
         column: Name in the heading of the other column; ``None`` for the second, if it alone has a unit.
         stamp: Of the file; part of the cache key, so that a changed file is read again.
+        jumps: Whether two rows may have the same value in the first column.
 
     Raises:
         InputError: The file cannot be read, has no heading, a cell is not a finite number or lies beyond the heading,
@@ -160,7 +161,7 @@ def read_table(name: str, column: str | None, stamp: Stamp) -> MotionTable:
     first, second = array("d"), array("d")  # a quarter of the memory of lists
     for line, row in below:
         t, value = (_number(row, k, heads[k], file, line) for k in (0, place))
-        if first and not t * along.factor > first[-1]:
+        if first and not (t * along.factor > first[-1] or (jumps and t * along.factor == first[-1])):
             raise in_line(file, line, row, "the first column does not increase", "each larger than the one before")
         first.append(t * along.factor)
         second.append(value * measured.factor)

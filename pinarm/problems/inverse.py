@@ -103,7 +103,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     ) -> PrescribedTable:
         motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
         laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
-        grid = grid_of(mechanism, motion, self.time.instants(), laws)
+        grid = grid_of(mechanism, motion, self.time.instants(), laws, forces.values())
         known = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
         with place("motion"):
             return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from pinarm.arrays import Array
     from pinarm.engine.kinematics.free_pull import Posture
     from pinarm.input.units import Unit
+    from pinarm.mechanics.couplings.coupling import JointRelation
+    from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.mechanics.joints import Joint
 
 
@@ -88,20 +90,26 @@ def _settle(
         found[name] = law.along(found[law.of], *span)
 
 
-def grid_of(mechanism: Mechanism, motion: JointMotion, t: Array, laws: Sequence[MotionLaw]) -> Grid:
-    """Return the grid of instants, shape (n,), cut where laws have breakpoints and cams pass those of their profiles.
+def grid_of(
+    mechanism: Mechanism, motion: JointMotion, t: Array, laws: Sequence[MotionLaw],
+    forces: Iterable[ForceElement] = (),
+) -> Grid:  # fmt: skip
+    """Return the grid of instants, shape (n,), cut where laws have breakpoints, and cams and loads jump.
 
-    Where a cam passes one there is a row on either side: the acceleration of its follower may jump in between.
+    Where a cam passes a breakpoint of its profile there is a row on either side: the acceleration of its follower may
+    jump in between. Likewise where a load jumps with the position of a joint that follows a law.
 
     Args:
         mechanism: The mechanism.
         motion: How its joints follow laws.
         t: Instants [s].
         laws: Laws of the motion and of loads.
+        forces: The loads.
     """
     joints = motion.prescribed.joint_laws
     start, end = float(t[0]), float(t[-1])
-    kinks = [x for one in mechanism.relations for x in one.passages(joints, start, end) if start < x < end]
+    jumping: list[JointRelation | ForceElement] = [*mechanism.relations, *forces]
+    kinks = [x for one in jumping for x in one.passages(joints, start, end) if start < x < end]
     near = [x + side * BESIDE * (end - start) for x in kinks for side in (-1.0, 1.0)]
     rows = np.unique([*t, *(x for x in near if start < x < end)]) if near else t
     return Grid.cover(rows, laws, kinks=kinks)

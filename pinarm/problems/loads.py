@@ -11,7 +11,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, nowhere
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Deferred
-from pinarm.mechanics.forces.force_element import ForceElement, check_new
+from pinarm.mechanics.forces.force_element import ForceElement, LawElement, check_new
 from pinarm.mechanics.laws import Constant
 from pinarm.records import replace
 
@@ -23,14 +23,22 @@ LOADS: Deferred = {"loads": ("pinarm.mechanics.forces.kinds", "Force")}
 """The field of a problem that holds its loads."""
 
 
-def bind_constant_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
-    """Return the force elements of states without time; see ``bind_loads``.
+def bind_constant_loads(
+    mechanism: Mechanism, loads: Mapping[str, Force], place: Place, *, moving: bool = False
+) -> dict[str, ForceElement]:
+    """Return the force elements of states without time, at rest or moving; see ``bind_loads``.
 
     Raises:
-        InputError: A load names something that does not exist, or changes with time.
+        InputError: A load names something that does not exist, changes with time, or at rest acts in one direction of
+            motion only.
     """
     forces = bind_loads(mechanism, loads, place)
     require_constant(forces, place)
+    for name, force in forces.items():
+        if not moving and isinstance(force, LawElement) and force.condition and force.condition.gates:
+            with place("loads", name):
+                raise InputError(f"the force '{name}' acts in one direction of motion, and at rest there is none",
+                                 expected="the load without while, as it is in the stroke that is meant")  # fmt: skip
     return forces
 
 

@@ -121,7 +121,7 @@ class StateByState:
                     rates[order, prescribed.names.index(name)] = value
         drives = drives_of(mechanism, self.drives, prescribed.names, self.share, place)
         check_levels(mechanism, self.start, place, "start")
-        forces = bind_constant_loads(mechanism, self.loads, place)
+        forces = bind_constant_loads(mechanism, self.loads, place, moving=bool(rates[0].any()))
         return prescribed, drives, forces, (rates[0], rates[1])
 
     def table(

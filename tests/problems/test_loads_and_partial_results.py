@@ -14,6 +14,7 @@ from pinarm.mechanics.laws import (
     ConstantSpeed,
     Cycloidal,
     Harmonic,
+    PiecewiseLinear,
     Polynomial,
     SCurve,
     Segment,
@@ -133,12 +134,11 @@ LEAP = Steps(points=[(0.0, 0.0), (1.0, 4.0)])
     [
         Inverse(time=TIME, motion={"arm": LEAP}),
         Forward(time=TIME, motion={"arm": LEAP}),
-        Inverse(time=TIME, motion={"arm": Constant(value=0.4)},
-                loads={"torque": JointEffort(joint="arm", effort=LEAP, over="arm")}),
+        Inverse(time=TIME, motion={"arm": PiecewiseLinear(points=[(1.0, 0.0), (2.0, 0.4)])}),
     ],
-)  # fmt: skip
-def test_positions_and_what_goes_by_positions_do_not_jump(arm, refused):
-    with pytest.raises(InputError, match=r"the value jumps at 1 (s|rad)"):
+)
+def test_positions_do_not_jump_and_have_no_corners(arm, refused):
+    with pytest.raises(InputError, match=r"jumps at (1 s|the points, the first at 1 s)"):
         refused.solve(arm, Accuracy(), place)
 
 

@@ -71,6 +71,17 @@ def excesses(run: Trajectory, highest: Highest | None = None) -> list[Excess]:
     return [*limits, *_openings(run, highest or partial(highest_row, run)), *_slack_belts(run), *_flaws(run)]
 
 
+def beyond_points(run: Trajectory) -> list[str]:
+    """Return a note for each load that is used beyond the points of its law: there it goes on with its last slope."""
+    from pinarm.mechanics.forces.force_element import LawElement
+
+    return [
+        f"the law of the force '{name}' leaves its points: {said}, beyond them with its last slope"
+        for name, force in run.dynamics.forces.items()
+        if isinstance(force, LawElement) and (said := force.beyond(run.grid.t, run.q))
+    ]
+
+
 def _of_joint(run: Trajectory, joint: Joint) -> Iterator[Excess]:
     model, q, v = run.mechanism.model, run.q[:, joint.q], run.v[:, joint.v]
     low, high = model.lowerPositionLimit[joint.q], model.upperPositionLimit[joint.q]

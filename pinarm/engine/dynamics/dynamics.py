@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics import mass_matrix
-from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
+from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad, LawElement
 from pinarm.mechanics.geometry.kinematics import WIDE, cached_by_model, new_data, require_depth_first
 from pinarm.mechanics.geometry.link_placements import speeding, summed_wrenches
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
@@ -227,6 +227,25 @@ class Dynamics(Record, frozen=True):
     def on(self, start: float, end: float) -> Dynamics:
         """Return the dynamics as it is on an interval of time in which no load jumps; buffers are shared."""
         return self._on(start, end) if self._changes else self
+
+    @cached_property
+    def _leaping(self) -> dict[str, LawElement]:
+        return {name: force for name, force in self.forces.items() if isinstance(force, LawElement) and force.leaps}
+
+    def entered(self, q: Array, v: Array) -> Dynamics:
+        """Return the dynamics from a state to the next jump of a load; see ``ForceElement.entered``."""
+        leaping = {name: force.entered(q, v) for name, force in self._leaping.items()}
+        return replace(self, forces={**self.forces, **leaping}) if leaping else self
+
+    def recording(self) -> Dynamics:
+        """Return the dynamics of a motion that begins, whose loads are noted as they jump."""
+        fresh = {name: force.recording() for name, force in self._leaping.items()}
+        return replace(self, forces={**self.forces, **fresh}) if fresh else self
+
+    def note(self, t: float, entered: Dynamics) -> None:
+        """Note what loads that jump are from an instant on [s]."""
+        for name, force in self._leaping.items():
+            force.note(t, entered._leaping[name])
 
     @cached_property
     def _changes(self) -> bool:

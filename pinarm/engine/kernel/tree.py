@@ -353,7 +353,8 @@ class CompiledTree(Record, frozen=True):
         from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, SpringDamper
         from pinarm.mechanics.forces.points import TwoPointSpring
 
-        efforts = [Followed(one.v, EFFORT, one.function) for one in changing if isinstance(one, AppliedEffort)]
+        applied = [one for one in changing if isinstance(one, AppliedEffort) and one.condition is None]
+        efforts = [Followed(one.v, EFFORT, one.function) for one in applied]
         springs = [one for one in changing if isinstance(one, SpringDamper)]
         balls = [(one.q, one.v, one.stiffness) for one in changing if isinstance(one, BallSpring)]
         lines = [self._between_points(one) for one in changing if isinstance(one, TwoPointSpring)]

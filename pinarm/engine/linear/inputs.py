@@ -121,12 +121,12 @@ def _amplitude_unit(mechanism: Mechanism, force: ForceElement, name: str) -> Uni
     Raises:
         InputError: The element follows no law.
     """
-    if isinstance(force, AppliedWrench):
+    if isinstance(force, AppliedWrench) and force.condition is None:
         pushes, turns = force.wrench[:3].any(), force.wrench[3:].any()
         return DIMENSIONLESS if pushes and turns else unit("N*m" if turns else "N")
-    if isinstance(force, EffortAlong):
+    if isinstance(force, EffortAlong) and force.condition is None:
         return effort_unit(force.coordinate)
-    if isinstance(force, AppliedEffort):
+    if isinstance(force, AppliedEffort) and force.condition is None:
         return effort_unit(next(joint for joint in mechanism.joints.values() if joint.v == force.v))
     raise InputError(f"the force '{name}' has no amplitude: it follows no law over time",
                      expected="a wrench, joint_effort or coordinate_effort")  # fmt: skip

@@ -66,7 +66,7 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
 
     def _table(self, grid: Grid, motion: CompletedStates) -> Trajectory:
         """Return completed states as a table, with what controllers did and with events."""
-        rows = states(self.mechanism, self.hybrid, grid, motion)
+        rows = replace(states(self.mechanism, self.hybrid, grid, motion), dynamics=self.motion.dynamics)
         if self.hybrid.controls:
             rows = self._controlled(rows, self.hybrid.controls)
         alike = np.zeros(len(grid.t), dtype=np.intp)
@@ -75,12 +75,12 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
 
     def _controlled(self, rows: Trajectory, controls: Controls) -> Trajectory:
         """Return states with the efforts of the controllers as those of drives, and their columns."""
-        from pinarm.engine.motion.segmented.recorded_control import control_rows
+        from pinarm.engine.motion.segmented.recorded_control import control_rows, without_control
 
         efforts, columns = control_rows(self.motion, rows.grid, rows.q, rows.v)
         return replace(
             driven_by(controls, rows), tau=rows.tau + efforts, columns={**rows.columns, **columns},
-            dynamics=controls.free,
+            dynamics=without_control(self.motion.dynamics),
         )  # fmt: skip
 
     def _directed(self, rows: Trajectory) -> Trajectory:

@@ -14,18 +14,16 @@ from pinarm.arrays import Array, Flags
 from pinarm.errors import within
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, Damping, InputStruct, NotNegative, Span, Stiffness, check_unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate, PathLength, coordinate_of
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PathLength, coordinate_of
 from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement, LawElement, Pieces
-from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys
+from pinarm.mechanics.forces.measured_coordinate import MeasuredCoordinate
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, Joint, effort_unit
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
-from pinarm.records import AbstractRecord
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.geometry.frame_pairs import FramePairs
-    from pinarm.mechanics.geometry.pairs import TiedFrames
     from pinarm.mechanics.rotors import Elasticity
 
 TOUCHING = 1e-13
@@ -33,18 +31,8 @@ TOUCHING = 1e-13
 work, though rounding may leave it open there."""
 
 
-class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
-    """An effort along a coordinate w with the row J, ``load = J^T effort``.
-
-    Attributes:
-        model: Pinocchio's model.
-        coordinate: The coordinate.
-    """
-
-    unshown = ("model",)
-
-    model: pin.Model
-    coordinate: Coordinate
+class AlongCoordinate(MeasuredCoordinate, ForceElement, frozen=True):
+    """An effort along a coordinate w with the row J, ``load = J^T effort``; fields as in ``MeasuredCoordinate``."""
 
     def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
         """Return the effort [N*m or N] for values w and their rates, each of shape (n,)."""
@@ -52,7 +40,7 @@ class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T effort`` to ``tau``."""
-        w, rate, rows = self._moving(q, v)
+        w, rate, rows = self.moving(q, v)
         tau += np.asarray(self.effort(t, w, rate))[..., None] * rows
 
     def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
@@ -63,66 +51,8 @@ class AlongCoordinate(AbstractRecord, ForceElement, frozen=True):
         return {"effort": ElementQuantity(effort_unit(self.coordinate), self.efforts)}
 
     def efforts(self, t: Array, q: Array, v: Array) -> Array:
-        w, rate, _ = self._moving(q, v)
+        w, rate, _ = self.moving(q, v)
         return np.broadcast_to(self.effort(t, w, rate), w.shape)
-
-    def _edge(self, value: Callable[[Array, Array], Array], counts: Callable[[Array], Flags] | None = None) -> Edge:
-        """Return an edge at zeros of a function of w and its rate, which count where another one of w says so."""
-        return Edge(
-            lambda t, q, v: value(*self._moving(q, v)[:2]), counts and (lambda t, q, v: counts(self._values(q)))
-        )  # fmt: skip
-
-    def _values(self, q: Array) -> Array:
-        return self._evaluated(q)[0]
-
-    def _moving(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return w and its rate, shape (...), and J, shape (..., nv)."""
-        w, rows = self._evaluated(q)
-        return w, (rows * v).sum(axis=-1), rows
-
-    def _evaluated(self, q: Array) -> tuple[Array, Array]:
-        """Return w, shape (...), and J, shape (..., nv)."""
-        if isinstance(self.coordinate, LinearCoordinate):
-            weights = self.coordinate.weights
-            values = np.asarray(q[..., self.coordinate.places] @ weights)
-            return values, np.broadcast_to(weights, (*values.shape, len(weights)))
-        states = q.reshape(-1, q.shape[-1])
-        if len(states) == 1 and np.isrealobj(q):
-            w, rows = self._of_state(Kinematics.at(self.model, states[0]))
-        else:
-            w, rows = self._of_frames(states)
-        return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
-
-    def _of_state(self, state: Kinematics) -> tuple[Array, Array]:
-        if not isinstance(self.coordinate, PairCoordinate):
-            return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
-        w, rows = self.coordinate.way.measured(state)
-        return w + self.coordinate.missing_turns(w, state.q), rows
-
-    def _of_frames(self, states: Array) -> tuple[Array, Array]:
-        """Return w, shape (n,), and J, shape (n, nv), by the motions of the frames that the coordinate measures."""
-        w, rows = np.zeros(len(states), states.dtype), np.zeros((self.model.nv, len(states)), states.dtype)
-        for way, frames in self._ways:
-            motion = frames.at_configurations(states)
-            w += way.pair.gap(*motion.flat)[0]
-            rows[frames.velocities[:, 0]] += motion.rows(way.pair)[0, :, 0]
-        if isinstance(self.coordinate, PairCoordinate):
-            w += self.coordinate.missing_turns(w, states)
-        return w, rows.T
-
-    @cached_property
-    def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:
-        """The pairs of frames that the coordinate measures."""
-        from pinarm.mechanics.ball_joints import BallCoordinate
-        from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
-
-        along = self.coordinate
-        if isinstance(along, BallCoordinate):
-            ways: tuple[TiedFrames, ...] = (along.way(self.model),)
-        else:
-            assert isinstance(along, PairCoordinate | PathLength)
-            ways = along.ways
-        return [(way, FramePairs.between(self.model, way.first, way.second)) for way in ways]
 
 
 class SpringAlong(AlongCoordinate, frozen=True):
@@ -146,13 +76,13 @@ class SpringAlong(AlongCoordinate, frozen=True):
         return np.asarray(-self.stiffness * (w - self.rest) - self.damping * rate - self.force)
 
     def potential_energy(self, q: Array) -> Array:
-        stretched = self._values(q) - self.rest
+        stretched = self.values(q) - self.rest
         return np.asarray(0.5 * self.stiffness * stretched**2 + self.force * stretched)
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         if not self.damping:
             return np.zeros(q.shape[:-1])
-        return np.asarray(self.damping * self._moving(q, v)[1] ** 2)
+        return np.asarray(self.damping * self.moving(q, v)[1] ** 2)
 
     @property
     def conservative(self) -> bool:
@@ -196,11 +126,11 @@ class StopSpring(AlongCoordinate, frozen=True):
 
     def potential_energy(self, q: Array) -> Array:
         """Return ``k d^2 / 2`` of the compression d of a side."""
-        return np.asarray(0.5 * self.stiffness * self._compression(self._values(q)) ** 2)
+        return np.asarray(0.5 * self.stiffness * self._compression(self.values(q)) ** 2)
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return ``-(effort + k d) w'``: of the damper, and of a side that is left before it has sprung back."""
-        w, rate, _ = self._moving(q, v)
+        w, rate, _ = self.moving(q, v)
         stored = self.stiffness * self._side(w) * self._compression(w)
         return np.asarray(-(self.effort(t, w, rate) + stored) * rate)
 
@@ -213,17 +143,17 @@ class StopSpring(AlongCoordinate, frozen=True):
         return [edge for side in self.sides for edge in self._edges_of(side)]
 
     def _edges_of(self, side: float) -> list[Edge]:
-        met = self._edge(lambda w, rate: side * w - self.half)
+        met = self.edge(lambda w, rate: side * w - self.half)
         if not self.damping:
             return [met]
-        return [met, self._edge(lambda w, rate: self._push(side, w, rate), lambda w: self._touches(side, w))]
+        return [met, self.edge(lambda w, rate: self._push(side, w, rate), lambda w: self._touches(side, w))]
 
     @property
     def in_pieces(self) -> bool:
         return len(self.sides) > 1
 
     def passed(self, q: Array, v: Array) -> bool:
-        return self._pieces.passed(self._values(q))
+        return self._pieces.passed(self.values(q))
 
     @cached_property
     def _pieces(self) -> Pieces:
@@ -244,7 +174,7 @@ class TautSpring(StopSpring, frozen=True):
 
     def measures(self) -> Mapping[str, ElementQuantity]:
         return {
-            "length": ElementQuantity(METRE, lambda t, q, v: self._values(q)),
+            "length": ElementQuantity(METRE, lambda t, q, v: self.values(q)),
             "tension": ElementQuantity(unit("N"), lambda t, q, v: -self.efforts(t, q, v)),
         }
 
@@ -254,17 +184,21 @@ class TautSpring(StopSpring, frozen=True):
 
 
 class EffortAlong(AlongCoordinate, LawElement, frozen=True):
-    """A torque or force that follows a law of time; all of its power is supplied.
+    """A torque or force that follows a law; all of its power is supplied.
 
     Attributes:
-        law: The effort [N*m or N] over time.
+        law: The effort [N*m or N] over time, or a factor over time of that of the condition.
     """
 
     law: MotionLaw
     function: Callable[[Array], Values] | None = None
+    condition: LoadCondition | None = None
 
-    def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
-        return self.law_at(t)
+    def efforts(self, t: Array, q: Array, v: Array) -> Array:
+        return np.broadcast_to(self.law_at(t, q, v), q.shape[:-1])
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        tau += np.asarray(self.law_at(t, q, v))[..., None] * self.moving(q, v)[2]
 
 
 class CoordinateSpring(InputStruct, frozen=True, tag_field="kind", tag="coordinate_spring"):
@@ -293,12 +227,12 @@ class CoordinateSpring(InputStruct, frozen=True, tag_field="kind", tag="coordina
         return SpringAlong(model, along, float(self.stiffness), float(self.damping), float(self.rest))
 
 
-class CoordinateEffort(InputStruct, frozen=True, tag_field="kind", tag="coordinate_effort"):
-    """Torque or force along a coordinate, such as ``L.angle`` of a loop joint L, over time.
+class CoordinateEffort(LoadKeys, frozen=True, tag_field="kind", tag="coordinate_effort"):
+    """Torque or force along a coordinate, such as ``L.angle`` of a loop joint L.
 
     Attributes:
         coordinate: The coordinate.
-        effort: The law.
+        effort: The law, over time or over a coordinate.
     """
 
     coordinate: str
@@ -307,9 +241,8 @@ class CoordinateEffort(InputStruct, frozen=True, tag_field="kind", tag="coordina
     def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> ForceElement:
         with within("coordinate"):
             along = coordinate_of(model, coordinates, self.coordinate)
-        with within("effort"):
-            self.effort.check_units(effort_unit(along))
-        return EffortAlong(model, along, self.effort)
+        law, condition = self.acting("effort", effort_unit(along), model, coordinates)
+        return EffortAlong(model, along, law=law, condition=condition)
 
 
 class ElasticCable(InputStruct, frozen=True, tag_field="kind", tag="cable"):

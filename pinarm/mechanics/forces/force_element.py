@@ -18,6 +18,7 @@ from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.coordinates import PairCoordinate
+    from pinarm.mechanics.forces.load_conditions import LoadCondition
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 
@@ -74,10 +75,12 @@ class Edge(NamedTuple):
         value: ``(t, q, v) ->`` the value of n states, shape (n,).
         counts: ``(t, q, v) ->`` whether a zero at these states counts, shape (n,); all do where it is ``None``. One at
             which the load stays smooth must not: the step that begins there sees nothing but what lies beyond the next.
+        direction: -1 where only falling values count, 0 where all do.
     """
 
     value: Callable[[Array, Array, Array], Array]
     counts: Callable[[Array, Array, Array], Flags] | None = None
+    direction: int = 0
 
 
 class ElementQuantity(ValueRecord, frozen=True):
@@ -177,9 +180,25 @@ class ForceElement(ABC):
         """Return when the load passes points of its pieces where joints follow laws, by their index in v [s]."""
         return []
 
+    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when the load jumps with the positions of joints that follow laws, by their index in v [s]."""
+        return []
+
     def edges(self) -> Sequence[Edge]:
         """Return where the load stops being smooth, if these instants are to be located: steps end there."""
         return ()
+
+    @property
+    def leaps(self) -> bool:
+        """Whether the load may jump at edges: motions then take it as it is from one edge to the next; see ``entered``.
+
+        Such an element notes in a motion what it is from an instant on.
+        """
+        return False
+
+    def entered(self, q: Array, v: Array) -> ForceElement:
+        """Return the element as it is from a state, shapes (nq,) and (nv,), to the next edge, and smooth beyond it."""
+        return self
 
     def within(self, kept_q: Indices, kept_v: Indices) -> ForceElement | None:
         """Return the element as it acts on a part of the mechanism, whose other joints are at rest.
@@ -232,27 +251,72 @@ class ForceElement(ABC):
 
 
 class LawElement(ForceElement):
-    """An element whose load follows a law of time.
+    """An element whose load follows a law of time, times what a condition says of the state.
 
     Attributes:
         law: The law.
         function: The smooth piece of the law on the present interval.
+        condition: What of the load depends on the state; ``None`` where nothing does.
     """
 
     law: MotionLaw
     function: Callable[[Array], Values] | None
+    condition: LoadCondition | None
 
     def laws(self) -> list[MotionLaw]:
         return [self.law]
 
     def on(self, start: float, end: float) -> ForceElement:
-        return replace(self, function=self.law.on(start, end))
+        condition = self.condition and self.condition.on(start, end)
+        return replace(self, function=self.law.on(start, end), condition=condition)
 
-    def law_at(self, t: Array | float) -> Array:
-        """Return the values of the law."""
+    def law_at(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the values of the law in states."""
         if self.function is None:
             raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
-        return np.asarray(self.function(np.asarray(t, float))[0])
+        value = np.asarray(self.function(np.asarray(t, float))[0])
+        return value if self.condition is None else value * self.condition.factor(q, v)
+
+    @property
+    def in_pieces(self) -> bool:
+        return bool(self.condition and self.condition.profile)
+
+    def passed(self, q: Array, v: Array) -> bool:
+        return bool(self.condition and self.condition.passed(q))
+
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        return self.condition.marked(laws, start, end) if self.condition else []
+
+    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        return self.condition.passages(laws, start, end) if self.condition else []
+
+    def edges(self) -> Sequence[Edge]:
+        return self.condition.edges() if self.condition else ()
+
+    @property
+    def leaps(self) -> bool:
+        return bool(self.condition and self.condition.leaps)
+
+    def entered(self, q: Array, v: Array) -> LawElement:
+        return replace(self, condition=self.condition.entered(q, v)) if self.condition and self.leaps else self
+
+    def beyond(self, t: Array, q: Array) -> str:
+        """Return what to say of instants and configurations beyond the points of a law; mostly nothing."""
+        if self.condition and (said := self.condition.beyond(q)):
+            return said
+        first, last = self.law.ends
+        if self.law.may_jump or not len(t) or (t.min() >= first and t.max() <= last):
+            return ""
+        return f"its points go from {first:.6g} to {last:.6g} s, and it is used from {t.min():.6g} to {t.max():.6g} s"
+
+    def recording(self) -> LawElement:
+        """Return the element without notes of another motion."""
+        return replace(self, condition=self.condition and replace(self.condition, history=[]))
+
+    def note(self, t: float, entered: LawElement) -> None:
+        """Note what the element is from an instant on [s]."""
+        if self.condition and entered.condition:
+            self.condition.history.append((t, entered.condition))
 
 
 def refusals(forces: Mapping[str, ForceElement], q: Array) -> str:

@@ -13,12 +13,13 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices, continued
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import AnyQuantity, Extent, InputStruct, NotNegative, Positive, check_each, check_unit
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, NotNegative, Positive, check_each, check_unit
+from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.forces.force_element import ForceElement, LawElement, Pieces
+from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys
 from pinarm.mechanics.joints import Joint, effort_unit, joint_of
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, PowerSeries, Values
-from pinarm.mechanics.laws.over_coordinate import Profile
 from pinarm.records import AbstractRecord
 
 CREEP = 1e-3
@@ -201,63 +202,43 @@ class DryFriction(AbstractRecord, ForceElement, frozen=True):
         tau[..., self.v] -= self.friction * np.tanh(v[..., self.v] / self.creep)
 
 
-class JointEffort(InputStruct, frozen=True, tag_field="kind", tag="joint_effort"):
-    """Torque or force at a joint, over time or over the coordinate of a joint.
+class JointEffort(LoadKeys, frozen=True, tag_field="kind", tag="joint_effort"):
+    """Torque or force at a joint, over time or over a coordinate, such as a turning-moment diagram.
 
     Attributes:
         joint: Joint that it acts on.
         effort: The law.
-        over: Joint whose coordinate stands for the time of the law: ``duration: 90 deg``; over time where none is
-            given.
-        period: After which a law over a coordinate repeats, such as ``720 deg``: what it says from 0 to there holds
-            for every turn.
     """
 
     joint: str
     effort: Law
-    over: str | None = None
-    period: Extent | None = None
 
-    def check(self) -> None:
-        """Refuse a period of a law over time."""
-        if self.period is not None and self.over is None:
-            with within("period"):
-                raise InputError("a law over time has no period", expected="over: the joint whose turns are meant")
-
-    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+    def bind(
+        self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate] | None = None
+    ) -> ForceElement:
         joint = _joint(joints, self.joint)
-        if self.over is None:
-            with within("effort"):
-                self.effort.check_units(effort_unit(joint))
-            return AppliedEffort(joint.v, self.effort)
-        with within("over"):
-            along = joint_of(joints, self.over)
-        with within("effort"):
-            self.effort.check_units(effort_unit(joint), along.unit)
-            self.effort.require_continuous(along.unit)
-        with within("period"):
-            check_unit(self.period or 0.0, along.unit)
-            profile = Profile.of(self.effort, self.period)
-            profile.check_repeated(kinks=True)
-        return ProfiledEffort(joint.v, along.q, along.v, profile)
+        known = coordinates or coordinates_of(model, joints, {})
+        law, condition = self.acting("effort", effort_unit(joint), model, known)
+        return AppliedEffort(joint.v, law, condition=condition)
 
 
 class AppliedEffort(AbstractRecord, LawElement, frozen=True):
-    """A torque or force at a joint that follows a law of time; all of its power is supplied.
+    """A torque or force at a joint that follows a law; all of its power is supplied, also where it could be a spring.
 
     Attributes:
         v: Index in v.
-        law: The effort [N*m or N] over time.
+        law: The effort [N*m or N] over time, or a factor over time of that of the condition.
     """
 
     v: int
     law: MotionLaw
     function: Callable[[Array], Values] | None = None
+    condition: LoadCondition | None = None
 
     @property
     def constant(self) -> float | None:
         """The effort [N*m or N] on the present interval if it is constant."""
-        if not isinstance(self.function, PowerSeries) or len(self.function.coefficients) > 1:
+        if self.condition or not isinstance(self.function, PowerSeries) or len(self.function.coefficients) > 1:
             return None
         return self.function.coefficients[0]
 
@@ -267,43 +248,7 @@ class AppliedEffort(AbstractRecord, LawElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         constant = self.constant
-        tau[..., self.v] += self.law_at(t) if constant is None else constant
-
-
-class ProfiledEffort(AbstractRecord, ForceElement, frozen=True):
-    """A torque or force at a joint that depends on the coordinate of a joint, such as of gas on a crank.
-
-    All of its power is supplied, also where it could be called a spring. Forward problems step over the profile's
-    breakpoints, where their accuracy is that of a kink, but over no whole piece, nor over the way from one point of a
-    spline or table to the next.
-
-    Attributes:
-        v: Index in v of the joint that it acts on.
-        q: Index in q of the joint that it depends on.
-        along: Index in v of that joint.
-        profile: The effort [N*m or N] over that joint's coordinate.
-    """
-
-    v: int
-    q: int
-    along: int
-    profile: Profile
-    in_pieces: ClassVar[bool] = True
-
-    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
-        tau[..., self.v] += continued(lambda w: self.profile(w)[:2], q[..., self.q])
-
-    def passed(self, q: Array, v: Array) -> bool:
-        return self._pieces.passed(q[..., self.q])
-
-    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when the coordinate passes breakpoints and knots of the profile, where it follows a law."""
-        law = laws.get(self.along)
-        return [] if law is None else self.profile.marked(law, start, end)
-
-    @cached_property
-    def _pieces(self) -> Pieces:
-        return Pieces(self.profile.marks, self.profile.period)
+        tau[..., self.v] += self.law_at(t, q, v) if constant is None else constant
 
 
 class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"):

@@ -42,6 +42,8 @@ def bound(
         return force.bind(model, coordinates)
     if isinstance(force, JointSpring | JointEffort) and force.joint not in joints:
         _refuse_coordinate(force, coordinates)
+    if isinstance(force, JointEffort | Wrench):
+        return force.bind(model, joints, coordinates)
     return force.bind(model, joints)
 
 

@@ -14,9 +14,10 @@ from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
-from pinarm.mechanics.coordinates import PairCoordinate, distance
+from pinarm.mechanics.coordinates import Coordinate, PairCoordinate, coordinates_of, distance
 from pinarm.mechanics.forces.along_coordinate import SpringAlong
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement, LawElement
+from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed, joined
@@ -33,7 +34,7 @@ MANY = 8
 
 
 class AppliedWrench(AbstractRecord, LawElement, frozen=True):
-    """A force and moment at a link's origin, constant in the axes of a frame, times a law of time.
+    """A force and moment at a link's origin, constant in the axes of a frame, times a law.
 
     All of its power is supplied; the potential of a constant force is not counted as energy of the mechanism.
 
@@ -42,7 +43,7 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
         frame: Index of the frame at whose origin it acts.
         axes: Index of the frame in whose axes it is given.
         wrench: [force; moment] [N, N*m], shape (6,).
-        law: Factor over time.
+        law: Factor over time, beside that of the condition.
     """
 
     unshown = ("model",)
@@ -53,6 +54,7 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
     wrench: Array
     law: MotionLaw
     function: Callable[[Array], Values] | None = None
+    condition: LoadCondition | None = None
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T w`` to ``tau``."""
@@ -60,13 +62,13 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
             state = Kinematics.at(self.model, q)
             turn, parts = state.data.oMf[self.axes].rotation, self.wrench.reshape(2, 3)
             jacobian = pin.getFrameJacobian(self.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
-            tau += self.law_at(t) * ((parts @ turn.T).ravel() @ jacobian.reshape(6, -1))
+            tau += self.law_at(t, q, v) * ((parts @ turn.T).ravel() @ jacobian.reshape(6, -1))
             return
         flat = q.reshape(-1, q.shape[-1])
         point, axes = (frames.at_configurations(flat) for frames in self._frame_pairs)
         force, moment = (np.tensordot(part, axes.turn, (0, 1)) for part in (self.wrench[:3], self.wrench[3:]))
         efforts = point.efforts(force, moment)[:, 0].T.reshape(*q.shape[:-1], -1)
-        tau[..., point.pairs.velocities[:, 0]] += self.law_at(t)[..., None] * efforts
+        tau[..., point.pairs.velocities[:, 0]] += self.law_at(t, q, v)[..., None] * efforts
 
     @cached_property
     def _frame_pairs(self) -> tuple[FramePairs, FramePairs]:
@@ -83,7 +85,7 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
     def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
         turns, points = links.frame(self.axes)[0], links.frame(self.frame)[1]
         force, moment = (np.matvec(turns, part) for part in (self.wrench[:3], self.wrench[3:]))
-        whole = self.law_at(t)[..., None] * joined(force, moment + crossed(points, force))
+        whole = self.law_at(t, links.q, v)[..., None] * joined(force, moment + crossed(points, force))
         return {self.model.frames[self.frame].parentJoint: whole}
 
 
@@ -110,7 +112,7 @@ class TwoPointSpring(SpringAlong, frozen=True):
 
     def measures(self) -> Mapping[str, ElementQuantity]:
         return {
-            "length": ElementQuantity(METRE, lambda t, q, v: self._values(q)),
+            "length": ElementQuantity(METRE, lambda t, q, v: self.values(q)),
             "tension": ElementQuantity(unit("N"), lambda t, q, v: -self.efforts(t, q, v)),
         }
 
@@ -123,7 +125,7 @@ class TwoPointSpring(SpringAlong, frozen=True):
         return " and ".join(self.model.frames[frame].name for frame in self.points)
 
 
-class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
+class Wrench(LoadKeys, frozen=True, tag_field="kind", tag="wrench"):
     """Force and moment at the origin of a link.
 
     Attributes:
@@ -131,7 +133,7 @@ class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
         force: Components [N].
         moment: Components [N*m], such as ``[0 N*m, 0 N*m, 5 N*m]``.
         axes: ``world``, or the link in whose axes the components are given.
-        factor: Law over time that multiplies them.
+        factor: Law that multiplies them, over time or over a coordinate.
     """
 
     point: str
@@ -140,15 +142,16 @@ class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
     axes: str = "world"
     factor: Law = msgspec.field(default_factory=lambda: Constant(value=1.0))
 
-    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+    def bind(
+        self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate] | None = None
+    ) -> ForceElement:
         with within("axes"):
             axes = 0 if self.axes == "world" else frame_of(model, self.axes)
         with within("point"):
             frame = frame_of(model, self.point)
-        with within("factor"):
-            self.factor.check_units(DIMENSIONLESS)
+        law, condition = self.acting("factor", DIMENSIONLESS, model, coordinates or coordinates_of(model, joints, {}))
         wrench = np.array([*self.force, *self.moment], float)
-        return AppliedWrench(model, frame, axes, wrench, self.factor)
+        return AppliedWrench(model, frame, axes, wrench, law, condition=condition)
 
 
 class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"):

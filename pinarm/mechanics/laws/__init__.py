@@ -13,10 +13,11 @@ from pinarm.mechanics.laws.elementary import (
     SCurve,
     Trapezoid,
 )
-from pinarm.mechanics.laws.interpolated import SpeedPoints, Spline, Steps, Table
+from pinarm.mechanics.laws.interpolated import PiecewiseLinear, SpeedPoints, Spline, Steps, Table
 from pinarm.mechanics.laws.over_coordinate import Motion, Over
 
 __all__ = [
-    "Constant", "ConstantAcceleration", "ConstantSpeed", "Cycloidal", "Harmonic", "Law", "Motion", "Over", "Polynomial",
-    "SCurve", "Segment", "SpeedPoints", "Spline", "Steps", "Succession", "Table", "Trapezoid",
+    "Constant", "ConstantAcceleration", "ConstantSpeed", "Cycloidal", "Harmonic", "Law", "Motion", "Over",
+    "PiecewiseLinear", "Polynomial", "SCurve", "Segment", "SpeedPoints", "Spline", "Steps", "Succession",
+    "Table", "Trapezoid",
 ]  # fmt: skip

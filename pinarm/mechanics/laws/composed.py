@@ -23,7 +23,7 @@ from pinarm.mechanics.laws.elementary import (
     SCurve,
     Trapezoid,
 )
-from pinarm.mechanics.laws.interpolated import SpeedPoints, Spline, Steps, Table
+from pinarm.mechanics.laws.interpolated import PiecewiseLinear, SpeedPoints, Spline, Steps, Table
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
 
 
@@ -149,6 +149,7 @@ Law = (
     | Harmonic
     | SpeedPoints
     | Steps
+    | PiecewiseLinear
     | Spline
     | Table
     | Succession

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
@@ -83,6 +83,42 @@ class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
         levels = [polynomial(0.0, float(value)) for _, value in self.points]
         return [Piece(start, end, level) for (start, end), level in zip(pairwise(bounds), levels, strict=True)]
 
+    @property
+    def may_jump(self) -> bool:
+        return True
+
+
+class PiecewiseLinear(MotionLaw, frozen=True, tag_field="law", tag="piecewise_linear"):
+    """Straight lines through points, for efforts and forces, such as a turning-moment diagram; constant beyond them.
+
+    Two points at one place are a jump. Motions take a ``spline`` or ``speed_points``: their speed must not jump.
+
+    Attributes:
+        points: Instants, or places, and values, such as ``[[0 deg, 0 N*m], [90 deg, 40 N*m], [90 deg, -10 N*m]]``.
+    """
+
+    points: list[tuple[Abscissa, Level]]
+
+    def check(self) -> None:
+        """Refuse an empty list, and instants that decrease."""
+        check_ascending([t for t, _ in self.points], 1, jumps=True)
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        """Check every point; see ``MotionLaw.check_units``."""
+        check_points(self.points, along, of)
+
+    def require_continuous(self, along: Unit = SECOND) -> None:
+        """Refuse it as a motion; see ``MotionLaw.require_continuous``."""
+        refuse_corners(self.points[0][0], along)
+
+    def pieces(self) -> Sequence[Piece]:
+        points = np.array(self.points, float)
+        return linear_pieces(points[:, 0], points[:, 1])
+
+    @property
+    def may_jump(self) -> bool:
+        return True
+
 
 class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_KEYS):
     """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them.
@@ -110,11 +146,15 @@ class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_
         points = np.array(self.points, float)
         return spline_pieces(points[:, 0], points[:, 1], self.speeds)
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        return float(self.points[0][0]), float(self.points[-1][0])
+
 
 class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
     """The spline through the rows of a CSV file: a heading such as ``t [s],theta [deg]``, then two numbers a row.
 
-    Columns whose headings have no unit are notes.
+    Columns whose headings have no unit are notes. Loads may be ``linear`` between the rows, as ``piecewise_linear``.
 
     Attributes:
         file: The table, relative to the file that names it.
@@ -122,11 +162,13 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
             and the second is not called like another coordinate.
         speeds: At the first and the last row, and beyond them, such as ``[0 rad/s, 2 rad/s]``; 0 by default, which
             distorts a motion that does not rest there.
+        interpolation: ``spline``, or of loads ``linear``; two rows at one place are then a jump.
     """
 
     file: str
     column: str | None = None
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
+    interpolation: Literal["spline", "linear"] = "spline"
 
     def check(self) -> None:
         """Read the table, so that its errors are reported with those of the file that names it."""
@@ -134,11 +176,15 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
         with within("file"):
             path = contained_file((folder / self.file).absolute(), root_of(folder))
             msgspec.structs.force_setattr(self, "file", str(path))
-            cached_table(self.file, self.column)
+            self._table  # noqa: B018  which reads it
+
+    @property
+    def _table(self) -> MotionTable:
+        return cached_table(self.file, self.column, jumps=self.interpolation == "linear")
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""
-        table = cached_table(self.file, self.column)
+        table = self._table
         values = f"'{table.heading}'" if self.column else "2"
         for column, written, wanted in zip(("1", values), table.units, (along, of), strict=True):
             if written.dimension != wanted.dimension:
@@ -150,7 +196,7 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
 
     def check_follower(self, name: str, names: Collection[str]) -> None:
         """Refuse values whose heading names another coordinate; see ``MotionLaw.check_follower``."""
-        heading = cached_table(self.file, self.column).heading
+        heading = self._table.heading
         meant = [other for other in names if other != name for form in HEADINGS if form.format(other) == heading]
         if self.column is None and meant:
             with within("file"):
@@ -159,9 +205,25 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
                     expected=f"a heading such as {name}", hint=f"column: {heading}, if it is meant",
                 )  # fmt: skip
 
+    def require_continuous(self, along: Unit = SECOND) -> None:
+        """Refuse straight lines as a motion; see ``MotionLaw.require_continuous``."""
+        if self.interpolation == "linear":
+            refuse_corners(self.ends[0], along)
+
     def pieces(self) -> Sequence[Piece]:
-        times, values = cached_table(self.file, self.column).columns
-        return spline_pieces(np.array(times), np.array(values), self.speeds)
+        times, values = map(np.array, self._table.columns)
+        if self.interpolation == "linear":
+            return linear_pieces(times, values)
+        return spline_pieces(times, values, self.speeds)
+
+    @property
+    def may_jump(self) -> bool:
+        return self.interpolation == "linear"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        times = self._table.columns[0]
+        return float(times[0]), float(times[-1])
 
 
 class ClampedSpline(Record, frozen=True):
@@ -220,11 +282,11 @@ def _slopes(h: Array, chord: Array, ends: tuple[float, float]) -> Array:
     return np.array(slopes[::-1])
 
 
-def cached_table(path: str, column: str | None = None) -> MotionTable:
-    """Return two columns of a table; cached until the file changes."""
+def cached_table(path: str, column: str | None = None, *, jumps: bool = False) -> MotionTable:
+    """Return two columns of a table, the first ascending, or with jumps not descending; cached until it changes."""
     from pinarm.input.csv_tables import read_table
 
-    return read_table(path, column, stamp_of(Path(path).stat()))
+    return read_table(path, column, stamp_of(Path(path).stat()), jumps=jumps)
 
 
 def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> list[Piece]:
@@ -246,6 +308,29 @@ def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> l
     ]
 
 
+def linear_pieces(x: Array, y: Array) -> list[Piece]:
+    """Return straight lines through points, x ascending, and constants beyond them; a piece from jump to jump."""
+    bounds = [0, *(np.flatnonzero(np.diff(x) == 0.0) + 1).tolist(), len(x)]
+    pieces = [Piece(-math.inf, float(x[0]), polynomial(0.0, float(y[0])))]
+    for first, end in pairwise(bounds):
+        t, values = x[first:end], y[first:end]
+        if len(t) > 1:
+            slopes, none = np.diff(values) / np.diff(t), np.zeros(len(t) - 1)
+            lines = ClampedSpline(t, np.array([values[:-1], slopes, none, none]))
+            pieces.append(Piece(float(t[0]), float(t[-1]), lines, tuple(t[1:-1].tolist())))
+    return [*pieces, Piece(float(x[-1]), math.inf, polynomial(0.0, float(y[-1])))]
+
+
+def refuse_corners(first: float, along: Unit) -> None:
+    """Refuse straight lines between points as a motion.
+
+    Raises:
+        InputError: Always; it names the first point.
+    """
+    raise InputError(f"the speed jumps at the points, the first at {first:.6g} {along}: no body can follow",
+                     expected="spline, or speed_points; straight lines are for loads")  # fmt: skip
+
+
 def check_points(points: Sequence[tuple[float, float]], along: Unit, of: Unit) -> None:
     """Check the units of points.
 
@@ -257,8 +342,8 @@ def check_points(points: Sequence[tuple[float, float]], along: Unit, of: Unit) -
             check_each(point, along, of)
 
 
-def check_ascending(times: Sequence[float], least: int) -> None:
-    """Raise where there are too few points, or their instants do not increase.
+def check_ascending(times: Sequence[float], least: int, *, jumps: bool = False) -> None:
+    """Raise where there are too few points, or their instants do not increase, or where jumps are allowed decrease.
 
     Raises:
         InputError: Names the first point that does not.
@@ -266,6 +351,6 @@ def check_ascending(times: Sequence[float], least: int) -> None:
     if len(times) < least:
         raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")
     for row, (before, after) in enumerate(pairwise(times)):
-        if not after > before:
+        if not (after > before or (jumps and after == before)):
             raise InputError(f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})",
                              expected="each further on than the one before")  # fmt: skip

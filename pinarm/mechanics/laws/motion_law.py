@@ -151,6 +151,16 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
     def pieces(self) -> Sequence[Piece]:
         """Return the smooth pieces in order, which together cover ``-inf`` to ``inf``."""
 
+    @property
+    def may_jump(self) -> bool:
+        """Whether it is meant for loads, which may jump."""
+        return False
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The first and the last place of what it is given by; infinite where it has a formula for all places."""
+        return -math.inf, math.inf
+
     @cached_property
     def smooth_pieces(self) -> Sequence[Piece]:
         """The pieces, computed once."""

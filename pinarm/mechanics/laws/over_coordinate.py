@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +20,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, check_unit
 from pinarm.mechanics.laws.composed import CONTINUOUS, Law
-from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, Values
+from pinarm.mechanics.laws.motion_law import JUMP, MotionLaw, Piece, Values
 from pinarm.records import ValueRecord
 
 SAMPLES, MOST_SAMPLES = 2049, 2**20 + 1
@@ -69,14 +70,18 @@ class Profile(ValueRecord, frozen=True):
         """Return how it is made again: from the law."""
         return Profile.of, (self.law, None if self.period == math.inf else self.period)
 
-    def __call__(self, w: Array, toward: Array | float = 0.0) -> Values:
+    def __call__(
+        self, w: Array, toward: Array | float = 0.0, stretch: tuple[float, float] = (-math.inf, math.inf)
+    ) -> Values:
         """Return f, f' and f'' at values w of the coordinate, each of the shape of w.
 
         Args:
             w: The values.
             toward: Which side counts on a breakpoint: 1 for greater values, -1 for lesser ones.
+            stretch: Values beyond it are those of the pieces at its ends, continued; see ``stretch``.
         """
-        near = np.asarray(w, float) + toward * ON_BREAKPOINT * np.maximum(1.0, np.abs(w))
+        slack = ON_BREAKPOINT * np.maximum(1.0, np.abs(w))
+        near = np.clip(np.asarray(w, float) + toward * slack, stretch[0] + slack, stretch[1] - slack)
         x = self._folded(near)
         values = np.empty((3, *x.shape))
         place = np.searchsorted([piece.end for piece in self.pieces[:-1]], x)
@@ -116,6 +121,26 @@ class Profile(ValueRecord, frozen=True):
         """Where pieces begin, ascending; those of the first period where it repeats."""
         return [piece.start for piece in self.pieces if math.isfinite(piece.start)]
 
+    @cached_property
+    def leaps(self) -> list[float]:
+        """Where f itself jumps, ascending; those of the first period, from 0 on, where it repeats."""
+        met = [*pairwise(self.pieces), *([(self.pieces[-1], self.pieces[0])] if self.period < math.inf else [])]
+        return sorted(after.start for before, after in met if _leaps(before, after))
+
+    def stretch(self, w: float, toward: float = 0.0) -> tuple[float, float]:
+        """Return the jumps of f below and above a value of the coordinate, infinite where there are none.
+
+        Args:
+            w: The value.
+            toward: Which stretch counts on a jump: 1 for the one of greater values, -1 for that of lesser ones.
+        """
+        near, leaps = w + toward * ON_BREAKPOINT * max(1.0, abs(w)), np.array(self.leaps)
+        if self.period < math.inf:
+            turn = self.period * math.floor(near / self.period)
+            leaps = np.concatenate([turn - self.period + leaps, turn + leaps, turn + self.period + leaps])
+        below, above = leaps[leaps <= near], leaps[leaps > near]
+        return float(below.max(initial=-math.inf)), float(above.min(initial=math.inf))
+
     def _repeated(self, places: Sequence[float] | Array, low: float, high: float, most: int) -> Array:
         """Return places of the first period in every one between two values, ascending.
 
@@ -139,6 +164,14 @@ class Profile(ValueRecord, frozen=True):
             InputError: There are more than ``MANY``.
         """
         return self._passed(self.starts, drive, start, end, MANY)
+
+    def jumped(self, drive: MotionLaw, start: float, end: float) -> list[float]:
+        """Return the instants at which a law over time passes jumps of f between two instants, ascending [s].
+
+        Raises:
+            InputError: There are more than ``MANY``.
+        """
+        return self._passed(self.leaps, drive, start, end, MANY)
 
     def marked(self, drive: MotionLaw, start: float, end: float) -> list[float]:
         """Return the instants at which a law over time passes breakpoints or knots, ascending [s].
@@ -172,11 +205,11 @@ class Profile(ValueRecord, frozen=True):
         values[:, inside] = piece.function(x[inside])
         return values[0], values[1], values[2]
 
-    def check_repeated(self, *, kinks: bool = False) -> None:
+    def check_repeated(self, *, load: bool = False) -> None:
         """Refuse a profile that has points beyond its period, or that differs between its beginning and its end.
 
         Args:
-            kinks: Whether its slope may differ there.
+            load: Whether its slope may differ there, and of a law that may jump its value too.
 
         Raises:
             InputError: Names the point, or both values.
@@ -193,7 +226,7 @@ class Profile(ValueRecord, frozen=True):
         first = np.array(self.pieces[0].function(np.array([0.0])))[:, 0]
         last = np.array(self.pieces[-1].function(np.array([self.period])))[:, 0]
         size = np.max([piece.size() for piece in self.pieces], axis=0)
-        looked_at = ("value",) if kinks else ("value", "slope")
+        looked_at = (() if self.law.may_jump else ("value",)) if load else ("value", "slope")
         for what, begin, end, scale in zip(looked_at, first, last, size, strict=False):
             if abs(end - begin) > CONTINUOUS * scale:
                 raise InputError(f"the profile does not close: its {what} is {begin:.6g} at 0 and {end:.6g} after a "
@@ -206,8 +239,14 @@ class Profile(ValueRecord, frozen=True):
         return [x for piece in pieces for x in (piece.start, *piece.knots) if math.isfinite(x)]
 
 
+def _leaps(before: Piece, after: Piece) -> bool:
+    """Return whether a value jumps from the end of one piece to the start of another."""
+    left, right = before.function(np.array([before.end]))[0], after.function(np.array([after.start]))[0]
+    return bool(abs(right - left)[0] > JUMP * max(before.size()[0], after.size()[0]))
+
+
 class Driven(MotionLaw, frozen=True):
-    """A profile along a law over time, by its pieces.
+    """A law over time by its pieces, such as a profile along another law.
 
     Attributes:
         parts: The pieces.

@@ -17,7 +17,7 @@ from msgspec import field
 from msgspec.structs import asdict
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.limits import Excess, excesses, highest_row
+from pinarm.engine.checks.limits import Excess, beyond_points, excesses, highest_row
 from pinarm.engine.motion.outcome import open_notes
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series
@@ -443,6 +443,7 @@ class Result(Run, frozen=True):
         missed = unreached(self.quantities, self.content.expect)
         undecided = [note for note in open_notes(self.outcome.decisions) if note not in self.no_bound]
         said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *coarse, *self._periods()]
+        said += beyond_points(run)
         said += [] if self.errors else unexplained_notes(self.figures)  # a bound of the error covers them
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 

@@ -32,6 +32,8 @@ SAMPLES = {
         JointEffort(joint="slide", effort=Trapezoid(start=-2.0, end=5.0, acceleration=4.0)),
         JointEffort(joint="turn", over="turn", effort=Spline(points=[(-1.0, 4.0), (0.3, -6.0), (1.2, 9.0)])),
         JointEffort(joint="slide", over="turn", period=np.pi, effort=Harmonic(amplitude=8.0, pulsation=6.0)),
+        JointEffort(joint="slide", over="apart", effort=Harmonic(amplitude=8.0, pulsation=6.0)),
+        JointEffort(joint="turn", while_={"across": "decreasing"}, effort=Constant(value=8.0)),
     ],
     RegularisedFriction: [
         RegularisedFriction(joint="turn", friction=3.0, creep=0.4),
@@ -62,6 +64,8 @@ SAMPLES = {
         Wrench(point="turn_link", moment=(1.0, 2.0, 7.0), axes="post"),
         Wrench(point="slide_link", force=(3.0, -8.0, 5.0), axes="turn_link",
                factor=Harmonic(mean=1.0, amplitude=0.7, pulsation=5.0)),
+        Wrench(point="slide_link", force=(3.0, -8.0, 5.0), over="across",
+               factor=Harmonic(amplitude=2.0, pulsation=3.0)),
     ],
     CoordinateSpring: [
         CoordinateSpring(coordinate="apart", stiffness=90.0, damping=7.0, rest=0.4),
@@ -71,6 +75,7 @@ SAMPLES = {
     CoordinateEffort: [
         CoordinateEffort(coordinate="across", effort=Harmonic(mean=1.0, amplitude=9.0, pulsation=2.0)),
         CoordinateEffort(coordinate="apart", effort=Constant(value=8.0)),
+        CoordinateEffort(coordinate="apart", over="turn", effort=Harmonic(amplitude=8.0, pulsation=6.0)),
     ],
 }  # fmt: skip
 ALONG = {"apart": Distance(between=("post", "slide_link")), "across": PointCoordinate("slide_link", (1.0, 2.0, 1.0))}
@@ -207,16 +212,15 @@ def test_unknown_links_are_refused(force, names, model, joints):
 class TestEffortOverACoordinate:
     def test_it_is_the_law_at_the_place_of_the_other_joint_and_repeats(self, model, joints):
         law = SpeedPoints(points=[(0.0, 2.0), (0.5 - 5e-10, 2.0), (0.5 + 5e-10, -2.0)])  # a saw of height 1
-        push = JointEffort(joint="slide", effort=law, over="turn", period=1.0).bind(model, joints)
+        push = JointEffort(joint="slide", effort=law, over="turn", period=1.0).bind(model, joints).on(0.0, 1.0)
         turn = np.array([0.0, 0.2, 0.5, 0.75, 1.25, -0.25, -3.8])
         q = np.stack([turn, np.full(7, 9.0)], axis=1)
         tau = load(push, 0.0, q, np.zeros((7, 2)))
         assert tau[:, 0].tolist() == [0.0] * 7
         assert tau[:, 1] == pytest.approx([0.0, 0.4, 1.0, 0.5, 0.5, 0.5, 0.4], abs=1e-8)
-        assert push.laws() == []
 
     @pytest.mark.parametrize(("given", "message", "path"), [
-        ({"over": "trun"}, "no joint 'trun'", ("over",)),
+        ({"over": "trun"}, "no coordinate 'trun'", ("over",)),
         ({"over": "slide", "effort": Harmonic(amplitude="1 N*m", pulsation="1 rad/s")}, "'rad/s' is not a unit",
          ("effort", "pulsation")),
         ({"over": "slide", "effort": Constant(value="1 N")}, "'N' is not a unit", ("effort", "value")),

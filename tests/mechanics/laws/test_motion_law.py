@@ -16,6 +16,7 @@ from pinarm.mechanics.laws import (
     Cycloidal,
     Harmonic,
     Law,
+    PiecewiseLinear,
     Polynomial,
     SCurve,
     Segment,
@@ -76,6 +77,10 @@ SAMPLES = {
         "speed points": SpeedPoints(start=0.2, points=[(0.3, 0.0), (1.1, 0.8), (2.0, 0.8), (2.5, -0.4)]),
         "one speed point": SpeedPoints(start=0.2, points=[(0.3, 0.7)]),
     },
+    PiecewiseLinear: {
+        "lines": PiecewiseLinear(points=[(0.3, 0.2), (0.9, 1.0), (1.4, -0.7)]),
+        "lines with jumps": PiecewiseLinear(points=[(0.3, 0.0), (0.3, 0.2), (0.9, 1.0), (0.9, 0.4), (1.4, -0.7)]),
+    },
     Steps: {"steps": Steps(points=[(0.3, 0.2), (0.9, 1.0), (1.4, -0.7)])},
     Spline: {
         "spline": Spline(points=[(0.3, 0.2), (0.9, 1.0), (1.4, 0.7), (2.2, 1.5)], speeds=(0.4, -0.6)),
@@ -99,7 +104,7 @@ JUMPS = {
     "triangle below its limit": [0.25, 0.25 + math.sqrt(0.6), 0.25 + math.sqrt(2.4)],
     "polynomial 3": [0.3, 1.9], "speed points": [0.3, 1.1, 2.0, 2.5],
     "steps": [0.9, 1.4], "spline": [0.3, 2.2], "spline of two points": [0.3, 1.9], "table": [0.3, 2.0],
-    "succession": [0.3, 0.8, 1.3, 1.9, 2.7],
+    "succession": [0.3, 0.8, 1.3, 1.9, 2.7], "lines": [0.3, 1.4], "lines with jumps": [0.3, 0.9, 1.4],
 }  # fmt: skip
 ROUNDING = 5e-13
 """Coefficients of the polynomial of degree 7 reach 100, and its derivatives multiply them by 7 and 42."""
@@ -139,13 +144,14 @@ def test_pieces_stand_end_to_end_over_all_times():
 
 @every_law
 def test_pieces_meet_but_for_the_jumps_of_the_law(law):
-    """Value and speed everywhere, the acceleration but at jumps; ``steps`` jumps in value."""
-    assert bool(law.value_jumps()) == isinstance(law, Steps)
+    """Value and speed everywhere, the acceleration but at jumps; laws of loads jump in value and speed."""
+    assert law.may_jump or not law.value_jumps()
     for before, after in zip(law.pieces(), law.pieces()[1:], strict=False):
         t = np.array([after.start])
         left, right = np.array(before.function(t)), np.array(after.function(t))
         if after.start not in law.value_jumps():
-            assert left[:2] == pytest.approx(right[:2], abs=ROUNDING)
+            alike = slice(1 if law.may_jump else 2)
+            assert left[alike] == pytest.approx(right[alike], abs=ROUNDING)
         if after.start not in law.jumps():
             assert left[2] == pytest.approx(right[2], abs=ROUNDING)
 
@@ -207,7 +213,7 @@ def test_fields_accept_the_unit_of_their_derivative_only(base):
 
 
 def test_every_law_says_which_derivative_its_fields_are():
-    nested = {"points", "speeds", "segments", "file", "column", "times", "values", "measured"}
+    nested = {"points", "speeds", "segments", "file", "column", "times", "values", "measured", "interpolation"}
     plain = {"law", "begin", "duration", "degree", "pulsation", "frequency", "phase"} | nested
     assert {(type(law), name) for law, name, _ in marked_fields()} == {
         (member, name) for member in MEMBERS for name in member.__struct_fields__ if name not in plain

@@ -90,7 +90,7 @@ def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
         IntegrationError: It could not be followed to its end; ``partial`` is the motion until then.
         Interrupted: The user interrupted it; likewise.
     """
-    integration = _Integration(hybrid, SegmentedMotion(hybrid.dynamics))
+    integration = _Integration(hybrid, SegmentedMotion(hybrid.dynamics.recording()))
     if hybrid.controls is None:
         return integration.follow(q, v)
     from pinarm.engine.motion.segmented.recorded_control import recorded
@@ -161,7 +161,8 @@ class _Integration(Record, frozen=True):
 
         Where something is held a segment ends with its interval: a load that jumps may set it in motion.
         """
-        hybrid, controls = self.hybrid, self.hybrid.controls
+        hybrid, controls = self.hybrid.entered(q, v), self.hybrid.controls
+        self.motion.dynamics.note(t, hybrid.dynamics)
         touched, spans = self._at_rest(t, q, v), self._spans(mode, t)
         tied = hybrid.tied(mode.held, touched, q)
         stops = hybrid.rested(mode.held | tied)
@@ -178,7 +179,7 @@ class _Integration(Record, frozen=True):
         )  # fmt: skip
         watches = [of_mechanism(deciding(hybrid, watch), system) for _, watch in ends]
         try:
-            solution = self._solution(system, spans, watches, q, v)
+            solution = self._solution(hybrid, system, spans, watches, q, v)
         except (IntegrationError, Interrupted) as error:
             if error.partial and error.partial.steps:
                 self.motion.add(segment(solution=error.partial))
@@ -222,10 +223,11 @@ class _Integration(Record, frozen=True):
         return watch if passes else replace(watch, begins=t)
 
     def _solution(
-        self, system: System, spans: Sequence[tuple[float, float]], watches: Sequence[Watch], q: Array, v: Array
-    ) -> Solution:
+        self, hybrid: HybridSystem, system: System, spans: Sequence[tuple[float, float]], watches: Sequence[Watch],
+        q: Array, v: Array,
+    ) -> Solution:  # fmt: skip
         """Return the states of a segment, until a watch ends it."""
-        hybrid, work = self.hybrid, self.motion.work
+        work = self.motion.work
         with_integrals = getattr(system, "with_integrals", None)
         q, v = with_integrals(q, v) if with_integrals else (q, v)
         method = hybrid.method if system.manifold.nv else FixedStep(hybrid.time[1] - hybrid.time[0])

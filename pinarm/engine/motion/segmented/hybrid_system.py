@@ -97,6 +97,11 @@ class HybridSystem(Record, frozen=True):
             bounds = tuple(replace(bound, size=size) if isinstance(bound, Bound) else bound for bound in bounds)
         return replace(self, size=size, bounds=bounds, max_steps=max_steps)
 
+    def entered(self, q: Array, v: Array) -> HybridSystem:
+        """Return the same with the loads that jump as they are from a state on."""
+        dynamics = self.dynamics.entered(q, v)
+        return self if dynamics is self.dynamics else replace(self, dynamics=dynamics)
+
     def system(self, held: Held = frozenset()) -> System:
         """Return the equations while joints rest on the given stops.
 

@@ -50,6 +50,11 @@ def recorded(controls: Controls, motion: SegmentedMotion) -> SegmentedMotion:
     return replace(motion, dynamics=dynamics, segments=[_under(part, dynamics, efforts) for part in motion.segments])
 
 
+def without_control(dynamics: Dynamics) -> Dynamics:
+    """Return an equation of motion without the efforts of controllers."""
+    return replace(dynamics, forces={name: force for name, force in dynamics.forces.items() if name != CONTROL})
+
+
 def record_of(motion: SegmentedMotion) -> RecordedEfforts:
     """Return the efforts of the controllers of a motion as they have been; see ``recorded``."""
     record = motion.dynamics.forces[CONTROL]

@@ -70,7 +70,9 @@ def watched(
         watches.append((("hit", k), Watch(gap, -1, stops=True, what=begins, unit=str(bound.unit))))
     edges = [edge for force in hybrid.dynamics.forces.values() for edge in force.edges()]
     edges += [edge for relation in hybrid.profiled for edge in relation.edges()]
-    watches += [(("edge", k), Watch(edge.value, 0, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)]
+    watches += [
+        (("edge", k), Watch(edge.value, edge.direction, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)
+    ]
     if hybrid.rubbing(mode.held):
         switches = hybrid.friction(mode.held).watches(mode.slip, system)  # type: ignore[arg-type]
         watches += [(("slip", index), watch) for index, watch in switches]

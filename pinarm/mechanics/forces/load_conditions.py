@@ -1,0 +1,254 @@
+"""Loads over a coordinate, in one direction of motion, and for a limited time: the keys that loads with a law share.
+
+Loads may jump where positions must not. A motion is integrated from jump to jump: in between the load is continued
+smoothly, and its jumps are located as events.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from msgspec import field
+
+from pinarm.arrays import Array, Flags, continued
+from pinarm.errors import InputError, Key, within
+from pinarm.input.units import Unit
+from pinarm.input.yaml.schema import Extent, InputStruct, Time, check_unit
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, coordinate_of
+from pinarm.mechanics.forces.force_element import Edge, Pieces
+from pinarm.mechanics.forces.measured_coordinate import MeasuredCoordinate
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, polynomial
+from pinarm.mechanics.laws.over_coordinate import Driven, Profile, reversals
+from pinarm.records import Record, replace
+
+SENSES = {"increasing": 1.0, "decreasing": -1.0}
+"""Directions of motion, and the signs of their rates."""
+
+
+BEYOND = 1e-9
+"""Part of the range of points by which a coordinate may leave it: rounding of typed angles."""
+
+
+class Gate(Record, frozen=True):
+    """A direction of motion in which a load acts.
+
+    Attributes:
+        along: The coordinate.
+        sense: 1 where the load acts while it increases, -1 while it decreases.
+        is_open: Whether it acts until the next edge; ``None`` where the rate tells.
+    """
+
+    along: MeasuredCoordinate
+    sense: float
+    is_open: bool | None = None
+
+    def acts(self, q: Array, v: Array) -> Flags:
+        """Return whether the load acts in states, shape (...); at rest it does not."""
+        rate = self.sense * np.real(self.along.moving(q, v)[1])
+        return np.asarray(rate > 0.0) if self.is_open is None else np.full(rate.shape, self.is_open)
+
+    @property
+    def edge(self) -> Edge:
+        """Where the load begins or ceases to act."""
+        side = -self.sense if self.is_open is False else self.sense
+        return self.along.edge(lambda w, rate: side * rate)._replace(direction=0 if self.is_open is None else -1)
+
+
+class LoadCondition(Record, frozen=True):
+    """The part of a load that depends on the state: a factor f(w) of a coordinate w, and directions of motion.
+
+    Attributes:
+        profile: f; ``None`` for 1.
+        along: w.
+        gates: The load acts while all of these directions hold.
+        stretch: Values of w between the jumps of f that hold until the next edge; ``None`` where w tells.
+        history: The condition in a motion from instants on [s].
+    """
+
+    profile: Profile | None = None
+    along: MeasuredCoordinate | None = None
+    gates: tuple[Gate, ...] = ()
+    stretch: tuple[float, float] | None = None
+    history: list[tuple[float, LoadCondition]] = field(default_factory=list)
+
+    def factor(self, q: Array, v: Array) -> Array:
+        """Return f in states, 0 where the load does not act, shape (...)."""
+        factor = np.ones(q.shape[:-1])
+        if self.profile and self.along:
+            w, rate, _ = self.along.moving(q, v)
+            side = np.sign(np.real(rate)) if self.stretch is None else 0.0
+            factor = continued(lambda x: self._values(x, side), w)
+        for gate in self.gates:
+            factor = np.where(gate.acts(q, v), factor, 0.0)
+        return factor
+
+    def _values(self, w: Array, side: Array | float) -> tuple[Array, Array]:
+        assert self.profile
+        return self.profile(w, side, self.stretch or (-math.inf, math.inf))[:2]
+
+    @property
+    def leaps(self) -> bool:
+        return bool(self.gates or (self.profile and self.profile.leaps))
+
+    def entered(self, q: Array, v: Array) -> LoadCondition:
+        """Return the condition from a state to the next edge; see ``ForceElement.entered``."""
+        gates = tuple(replace(gate, is_open=bool(gate.acts(q, v))) for gate in self.gates)
+        if not (self.profile and self.along):
+            return replace(self, gates=gates)
+        w, rate, _ = self.along.moving(q, v)
+        return replace(self, gates=gates, stretch=self.profile.stretch(float(w), float(np.sign(rate))))
+
+    def on(self, start: float, end: float) -> LoadCondition:
+        """Return the condition as it was in a motion on an interval between its edges."""
+        place = bisect_right(self.history, 0.5 * (start + end), key=lambda change: change[0])
+        return self.history[max(place - 1, 0)][1] if self.history else self
+
+    def edges(self) -> list[Edge]:
+        """Return where f jumps, and where the load begins or ceases to act."""
+        edges = [gate.edge for gate in self.gates]
+        if not (self.profile and self.along and self.profile.leaps):
+            return edges
+        if self.stretch is None:
+            return [*edges, self.along.edge(lambda w, rate: self._margins(w))]
+        below, above = self.stretch
+        ends = [(1.0, below), (-1.0, above)]
+        return [*edges, *(self._end(side, place) for side, place in ends if math.isfinite(place))]
+
+    def _end(self, side: float, place: float) -> Edge:
+        assert self.along
+        return self.along.edge(lambda w, rate: side * (w - place))._replace(direction=-1)
+
+    def _margins(self, w: Array) -> Array:
+        """Return the distances of values of w, shape (n,), from the next jump of f."""
+        assert self.profile
+        return np.array([np.abs(np.subtract(self.profile.stretch(x), x)).min() for x in w.tolist()])
+
+    def passed(self, q: Array) -> bool:
+        """Return whether a step goes past a piece of f; see ``ForceElement.passed``."""
+        return bool(self.along and self._pieces.passed(self.along.values(q)))
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        assert self.profile
+        return Pieces(self.profile.marks, self.profile.period)
+
+    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when joints that follow laws pass breakpoints and knots of f, and turn back [s]."""
+        law = _law_of(self.along, laws)
+        marks = self.profile.marked(law, start, end) if self.profile and law else []
+        return [*marks, *self._turns(laws, start, end)]
+
+    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        """Return when joints that follow laws pass jumps of f, and turn back [s]."""
+        law = _law_of(self.along, laws)
+        jumps = self.profile.jumped(law, start, end) if self.profile and law else []
+        return [*jumps, *self._turns(laws, start, end)]
+
+    def _turns(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
+        known = [law for gate in self.gates if (law := _law_of(gate.along, laws))]
+        return [t for law in known for t in reversals(law, start, end)]
+
+    def beyond(self, q: Array) -> str:
+        """Return what to say of configurations, shape (n, nq), at which w is beyond the points of f; mostly nothing."""
+        if not (self.profile and self.along) or self.profile.period < math.inf or self.profile.law.may_jump:
+            return ""
+        (first, last), w, unit = self.profile.law.ends, self.along.values(q), self.along.coordinate.unit
+        slack = BEYOND * (last - first)
+        if not len(w) or not (w.min() < first - slack or w.max() > last + slack):
+            return ""
+        used = f"{w.min():.6g} to {w.max():.6g} {unit}"
+        return f"its points go from {first:.6g} to {last:.6g} {unit}, and it is used from {used}"
+
+
+def _law_of(along: MeasuredCoordinate | None, laws: Mapping[int, MotionLaw]) -> MotionLaw | None:
+    """Return the law that the joint follows whose coordinate is measured; ``None`` of other coordinates."""
+    coordinate = along.coordinate if along else None
+    joint = coordinate.joint if isinstance(coordinate, LinearCoordinate) else None
+    return None if joint is None else laws.get(joint)
+
+
+class LoadKeys(
+    InputStruct, frozen=True, kw_only=True, rename={"while_": "while", "start": "from", "end": "until"}
+):  # fmt: skip
+    """The keys that loads with a law share.
+
+    Attributes:
+        over: Joint or other coordinate that takes the place of time in the law, such as ``crank``; over time where it
+            is left out.
+        period: After which a law over a coordinate repeats, such as ``720 deg``: what it says from 0 to there holds
+            for every turn.
+        while_: Coordinate -> ``increasing`` or ``decreasing``, ``while`` in files: the load acts only while it moves
+            that way, such as ``{x: decreasing}``.
+        start: Instant from which on the load acts, ``from`` in files, such as ``0.5 s``.
+        end: Instant until which it acts, ``until`` in files, such as ``1.5 s``.
+    """
+
+    over: str | None = None
+    period: Extent | None = None
+    while_: dict[str, Literal["increasing", "decreasing"]] = {}
+    start: Time | None = None
+    end: Time | None = None
+
+    def check(self) -> None:
+        """Refuse a period of a law over time, and an end that is not after the start."""
+        if self.period is not None and self.over is None:
+            with within("period"):
+                raise InputError("a law over time has no period", expected="over: the joint whose turns are meant")
+        if self.start is not None and self.end is not None and not self.start < self.end:
+            with within("until"):
+                raise InputError(f"{self.end:g} s is not after {self.start:g} s", expected="an instant after from")
+
+    def acting(
+        self, key: str, measured: Unit, model: pin.Model, coordinates: Mapping[str, Coordinate]
+    ) -> tuple[MotionLaw, LoadCondition | None]:
+        """Return the law over time of a load, and the part that depends on the state.
+
+        Args:
+            key: The key of the law.
+            measured: Unit of its values.
+            model: Pinocchio's model.
+            coordinates: Coordinates of the mechanism, by name.
+
+        Raises:
+            InputError: A coordinate does not exist, a unit is another, or the profile does not fit its period.
+        """
+        law: MotionLaw = getattr(self, key)
+        gates = tuple(
+            Gate(_measured(model, coordinates, name, "while", Key(name)), SENSES[way])
+            for name, way in self.while_.items()
+        )
+        if self.over is None:
+            with within(key):
+                law.check_units(measured)
+            return self._limited(law), LoadCondition(gates=gates) if gates else None
+        along = _measured(model, coordinates, self.over, "over")
+        with within(key):
+            law.check_units(measured, along.coordinate.unit)
+        with within("period"):
+            check_unit(self.period or 0.0, along.coordinate.unit)
+            profile = Profile.of(law, self.period)
+            profile.check_repeated(load=True)
+        return self._limited(Constant(value=1.0)), LoadCondition(profile, along, gates)
+
+    def _limited(self, law: MotionLaw) -> MotionLaw:
+        """Return a law over time that is 0 before ``from`` and after ``until``."""
+        if self.start is None and self.end is None:
+            return law
+        low, high = -math.inf if self.start is None else self.start, math.inf if self.end is None else self.end
+        inside = [piece.between(low, high) for piece in law.smooth_pieces if piece.end > low and piece.start < high]
+        nothing = polynomial(0.0, 0.0)
+        before = [Piece(-math.inf, low, nothing)] if low > -math.inf else []
+        after = [Piece(high, math.inf, nothing)] if high < math.inf else []
+        return Driven(parts=(*before, *inside, *after))
+
+
+def _measured(model: pin.Model, coordinates: Mapping[str, Coordinate], name: str, *path: str) -> MeasuredCoordinate:
+    with within(*path):
+        return MeasuredCoordinate(model, coordinate_of(model, coordinates, name))
