@@ -141,13 +141,8 @@ def _parts(whole: _Part) -> list[_Part]:
         own = [one for one in constraints if not isinstance(one, GuidedCoordinate)]
         some = [places[one.name] for one in constraints if isinstance(one, GuidedCoordinate)]
         moving = np.flatnonzero(guided.groups == guided.groups[joints[0]])
-        found.append(_Part(Closure.of(closure.model, own), _some(prescribed, some), whole.w[some], whole.t, moving))
+        found.append(_Part(Closure.of(closure.model, own), prescribed.picked(some), whole.w[some], whole.t, moving))
     return found
-
-
-def _some(prescribed: PrescribedCoordinates, places: list[int]) -> PrescribedCoordinates:
-    names, coordinates = prescribed.names, prescribed.coordinates
-    return PrescribedCoordinates(tuple(names[k] for k in places), tuple(coordinates[k] for k in places), ())
 
 
 class _Way(Record, frozen=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -105,30 +105,21 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         if len(self.names) != mobility:
             raise self.miscounted(mechanism, mobility)
 
-    def check_redundant(self, mechanism: Mechanism, mobility: int) -> None:
-        """Raise where the coordinates leave no freedom.
-
-        Raises:
-            InputError: They are as many as the degrees of freedom, or more.
-        """
-        if len(self.names) == mobility:
-            raise InputError(
-                f"{mobility} coordinates follow a law and determine the motion: nothing is left to resolve",
-                expected="fewer laws than degrees of freedom", hint="resolve left out",
-            )  # fmt: skip
-        if len(self.names) > mobility:
-            raise self.miscounted(mechanism, mobility)
-
     def miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
         """Return that they are not as many as the degrees of freedom: which could be added, or how many are wanted."""
         missing = mobility - len(self.names)
         if missing > 0:
             own = [*mechanism.joints, *ball_coordinates(mechanism.balls)]
             free = [name for name in own if name not in self.names]
+            elastic = ", ".join(name for name, drive in mechanism.drives.items() if drive.elasticity is not None)
+            hint = elastic and (
+                f"the rotors of {elastic} move by themselves, which needs the derivatives of the efforts: a problem of "
+                "the kind forward with a controller, or drives without elasticity"
+            )
             return InputError(
                 f"{mobility} coordinates have to follow a law and {len(self.names)} do",
                 expected=f"laws for {missing} more, such as of the joints {several(free, LISTED)}",
-                hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else _elastic(mechanism),
+                hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else hint,
             )
         return InputError(
             f"{len(self.names)} coordinates follow a law, but the mechanism has only {mobility} "
@@ -141,50 +132,38 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         straight = all(isinstance(one, LinearCoordinate) for one in self.coordinates)
         return straight and all(isinstance(one, Coupling) for one in closure.constraints) and not closure.redundant
 
+    def picked(self, places: Sequence[int]) -> PrescribedCoordinates:
+        """Return some of the coordinates, those with laws with theirs."""
+        names, coordinates = (tuple(self.names[k] for k in places), tuple(self.coordinates[k] for k in places))
+        return PrescribedCoordinates(names, coordinates, tuple(self.laws[k] for k in places if self.laws))
+
     def linear_last(self) -> tuple[PrescribedCoordinates, int]:
         """Return the same coordinates with those of joints, and sums of them, last; and how many others there are."""
         is_linear = [isinstance(coordinate, LinearCoordinate) for coordinate in self.coordinates]
-        places = sorted(range(len(is_linear)), key=is_linear.__getitem__)
-        ordered = PrescribedCoordinates(
-            tuple(self.names[k] for k in places),
-            tuple(self.coordinates[k] for k in places),
-            tuple(self.laws[k] for k in places),
-        )
-        return ordered, is_linear.count(False)
+        return self.picked(sorted(range(len(is_linear)), key=is_linear.__getitem__)), is_linear.count(False)
 
     def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
         """Return ``t -> w, w', w''`` of all coordinates on an interval without jumps, each of shape (k,)."""
-        functions = [law.on(start, end) for law in self.laws]
+        targets = self.along(start, end)
 
         def target(t: float) -> tuple[Array, Array, Array]:
-            instant = np.array([t])
-            values = [function(instant) for function in functions]
-            w, dw, ddw = np.ascontiguousarray(np.array(values).reshape(len(values), 3).T)
-            return w, dw, ddw
+            w, dw, ddw = targets(np.array([t]))
+            return w[0], dw[0], ddw[0]
 
         return target
-
-    def first(self, grid: Grid) -> Array:
-        """Return the values of all coordinates at the first of some rows, shape (k,)."""
-        begin, end, _ = grid.intervals()[0]
-        return self.on(begin, end)(float(grid.t[0]))[0]
 
     def along(self, start: float, end: float) -> Callable[[Array], tuple[Array, Array, Array]]:
         """Return the same at many instants: ``t -> w, w', w''``, shape (n,) to (n, k)."""
         functions = [law.on(start, end) for law in self.laws]
 
         def targets(t: Array) -> tuple[Array, Array, Array]:
-            values = [function(t) for function in functions]
-            w, dw, ddw = (np.array([value[k] for value in values]).T for k in range(3))
+            values = np.array([function(t) for function in functions]).reshape(len(functions), 3, len(t))
+            w, dw, ddw = np.ascontiguousarray(values.transpose(1, 2, 0))
             return w, dw, ddw
 
         return targets
 
-
-def _elastic(mechanism: Mechanism) -> str:
-    """Return what to try where rotors behind elastic gears have no laws; empty where there are none."""
-    elastic = [name for name, drive in mechanism.drives.items() if drive.elasticity is not None]
-    if not elastic:
-        return ""
-    return (f"the rotors of {', '.join(elastic)} move by themselves, which needs the derivatives of the efforts: a "
-            "problem of the kind forward with a controller, or drives without elasticity")  # fmt: skip
+    def first(self, grid: Grid) -> Array:
+        """Return the values of all coordinates at the first of some rows, shape (k,)."""
+        begin, end, _ = grid.intervals()[0]
+        return self.on(begin, end)(float(grid.t[0]))[0]

@@ -18,7 +18,7 @@ from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory, 
 from pinarm.engine.kinematics.newton import NewtonSolver, Target
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.singular import SINGULAR, dependent, instant, tied
-from pinarm.errors import AssemblyError
+from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
@@ -317,7 +317,13 @@ class NearestMotion(JointMotion, frozen=True):
         prescribed, closure = PrescribedCoordinates.bound(mechanism, motion), mechanism.closure
         q = generic_near(mechanism, {})
         mobility = closure.split(closure.rows(closure.state(q))).free.shape[1]
-        prescribed.check_redundant(mechanism, mobility)
+        if len(prescribed.names) == mobility:
+            raise InputError(
+                f"{mobility} coordinates follow a law and determine the motion: nothing is left to resolve",
+                expected="fewer laws than degrees of freedom", hint="resolve left out",
+            )  # fmt: skip
+        if len(prescribed.names) > mobility:
+            raise prescribed.miscounted(mechanism, mobility)
         return cls(mechanism, prescribed, posture, mobility)
 
     @cached_property
