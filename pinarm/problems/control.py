@@ -118,7 +118,7 @@ class MechanismPlant:
 
     @cached_property
     def _start(self) -> Array:
-        from pinarm.engine.kinematics.closed_configurations import generic_near
+        from pinarm.engine.kinematics.assembly import generic_near
 
         return generic_near(self.mechanism, self.mechanism.start)
 
@@ -140,8 +140,8 @@ class MechanismPlant:
             return InverseOfTree(self.dynamics, np.array([joint.v for joint in joints]))
         guided = [*self.laws, *names]
         rows = closure.with_guides(guided, [mechanism.coordinate(name) for name in guided])
-        here = rows.split(rows.rows(rows.state(self._start)))
-        own = closure.split(closure.rows(closure.state(self._start)))
+        here = rows.split_at(self._start)
+        own = closure.split_at(self._start)
         if here.rank < own.rank + len(guided):
             raise InputError(f"{', '.join(guided)} do not move independently",
                              expected="as many drives as move independently")  # fmt: skip

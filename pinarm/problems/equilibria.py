@@ -75,7 +75,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         drives = along(mechanism, self.hold)
         row = schema_row(mechanism, self.starts[0], self.loads, ROW, unit("1"), drives)
         own = mechanism.closure
-        units = _units(mechanism, own.split(own.rows(own.state(row.q[0]))).free.shape[1] - len(self.hold))
+        units = _units(mechanism, own.split_at(row.q[0]).free.shape[1] - len(self.hold))
         columns = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, columns=columns, separate=True)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import msgspec
 from msgspec.structs import replace as replace_fields
 
-from pinarm.engine.kinematics.closed_configurations import generic_near
+from pinarm.engine.kinematics.assembly import generic_near
 from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.prescribed_motion import KINEMATIC, PrescribedTable, Prescription

@@ -9,8 +9,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.assembly import start_near
-from pinarm.engine.kinematics.closed_configurations import determining
+from pinarm.engine.kinematics.assembly import determining, start_near
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, Place, within
@@ -236,7 +235,7 @@ def joint_motion(
             prescribed = determining(mechanism, motion)
         if not rolls:
             return DeterminedMotion(mechanism, prescribed)
-        from pinarm.engine.kinematics.rolled_motion import RolledMotion
+        from pinarm.engine.kinematics.joint_motion import RolledMotion
 
         return RolledMotion(mechanism, prescribed)
     if rolls:

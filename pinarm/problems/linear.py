@@ -300,7 +300,7 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
 def _most(mechanism: Mechanism, row: Trajectory) -> int:
     """Return the largest number of modes: that of free states."""
     closures = mechanism.closure, mechanism.closure.holonomic
-    return sum(int(one.split(one.rows(one.state(row.q[0]))).free.shape[1]) for one in closures)
+    return sum(int(one.split_at(row.q[0]).free.shape[1]) for one in closures)
 
 
 def _measures(linear: Linearisation, count: int) -> Array:

@@ -80,7 +80,7 @@ def schema_row(
     Raises:
         InputError: A load names something that does not exist.
     """
-    from pinarm.engine.kinematics.closed_configurations import generic_near
+    from pinarm.engine.kinematics.assembly import generic_near
 
     forces = bind_loads(mechanism, loads, nowhere)
     row = Trajectory.schema_row(mechanism, generic_near(mechanism, start), parameter, measured, drives.closure)

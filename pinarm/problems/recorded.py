@@ -13,7 +13,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
-from pinarm.engine.kinematics.closed_configurations import generic_near
+from pinarm.engine.kinematics.assembly import generic_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows, Recording
 from pinarm.engine.motion.trajectory import Trajectory

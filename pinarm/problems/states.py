@@ -11,8 +11,7 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
-from pinarm.engine.kinematics.assembly import start_near
-from pinarm.engine.kinematics.closed_configurations import determining
+from pinarm.engine.kinematics.assembly import determining, start_near
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism

@@ -185,6 +185,10 @@ class Closure(Record, frozen=True):
         """Return G, shape (m, nv), decomposed."""
         return split_rows(rows, self.reach)
 
+    def split_at(self, q: Array) -> SplitRows:
+        """Return G at a configuration, shape (nq,), decomposed."""
+        return self.split(self.rows(self.state(q)))
+
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own; the last ones are kept."""
         if not names:

@@ -163,7 +163,7 @@ class SlipEquation:
     def require_determined(self, q: Array) -> None:
         """Raise where the load of a bearing is not determined by rigid bodies; see ``BearingReactions``."""
         if self.loaded and self.closure.size:
-            rows = self.closure.split(self.closure.rows(self.closure.state(q)))
+            rows = self.closure.split_at(q)
             BearingReactions(self.contacts, self.closure, self.dynamics).require_determined(rows, q)
 
 

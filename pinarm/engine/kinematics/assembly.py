@@ -9,10 +9,12 @@ of several none is. Parts of a mechanism that do not depend on one another are a
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -27,10 +29,11 @@ from pinarm.errors import LISTED, AssemblyError, InputError, several
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.joints import RADIAN
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import Record, replace
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.laws.motion_law import MotionLaw
 
 STARTS = 20
 """Number of other starts that are tried where the way from the drawing does not lead to the first position."""
@@ -49,13 +52,7 @@ OPEN = PrescribedCoordinates((), (), ())
 def start_near(
     mechanism: Mechanism, start: Mapping[str, float], prescribed: PrescribedCoordinates, grid: Grid
 ) -> Array:
-    """Return the configuration from which the first position is looked for, shape (nq,).
-
-    Args:
-        mechanism: The mechanism.
-        start: Joint coordinates at the first row; see ``start_configuration``.
-        prescribed: What follows laws.
-        grid: Instants of the laws.
+    """Return the configuration, shape (nq,), near which the first position is wanted, from joint coordinates there.
 
     Raises:
         InputError: A joint does not exist.
@@ -127,9 +124,8 @@ def closed_drawing(closure: Closure, drawn: Array) -> Assembly:
     Raises:
         AssemblyError: The loops do not close.
     """
-    nothing = np.zeros(0)
-    found = first_position(closure, OPEN, nothing, 0.0, drawn)
-    return replace(found, q=assembled(closure, OPEN, found.q, nothing, 0.0))
+    found = first_position(closure, OPEN, np.zeros(0), 0.0, drawn)
+    return replace(found, q=assembled(closure, OPEN, found.q, np.zeros(0), 0.0))
 
 
 def _parts(whole: _Part) -> list[_Part]:
@@ -145,11 +141,11 @@ def _parts(whole: _Part) -> list[_Part]:
     return found
 
 
-class _Way(Record, frozen=True):
+class _Way(NamedTuple):
     """The way along which an assembly is followed from the drawing.
 
     Attributes:
-        begun: Whether the loops close near the drawing, within the limits of joints and not in a singular position.
+        begun: Whether the loops close near the drawing, within limits and not in a singular position.
         end: Where it leads, shape (nq,); ``None`` where it does not reach the first position.
         fault: Why its end is not simply taken; empty where it is.
     """
@@ -198,8 +194,7 @@ class _Part:
 
     def beyond(self, q: Array, start: Array) -> list[str]:
         """Return the joints that are beyond their limits; not those that a given start, other than 0, has there."""
-        low, high = self.model.lowerPositionLimit, self.model.upperPositionLimit
-        found = []
+        low, high, found = self.model.lowerPositionLimit, self.model.upperPositionLimit, []
         for joint, _, place in self._singles:
             slack = ROUNDING * max(1.0, abs(q[place]))
             trusted = start[place] and not low[place] <= start[place] <= high[place]
@@ -409,3 +404,95 @@ def null_space(rows: Array) -> Array:
     """Return the motions that rows leave free, orthonormal, shape (f, nv)."""
     _, values, ways = np.linalg.svd(rows)
     return np.asarray(ways[np.count_nonzero(values > SINGULAR * values.max(initial=0.0)) :])
+
+
+BESIDE, STEP = 4, 0.2
+"""Number of closed configurations that are compared with the first one, and how far each is from the one before
+[rad, or units of length]."""
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+"""Its multiples, but for whole numbers, are spread evenly over 0 to 1 and never repeat (``numpy.random`` is slow to
+import)."""
+
+
+def closed_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
+    """Return a closed configuration, shape (nq,), near rough joint coordinates; see ``closed_drawing``."""
+    return closed_drawing(mechanism.closure, start_configuration(mechanism, start)).q
+
+
+def generic_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
+    """Return a closed configuration of no special kind, shape (nq,), near rough joint coordinates if there is one.
+
+    Where the loops cannot be closed at all it is the rough one: what is solved says what stays open.
+    """
+    try:
+        return closed_generic(mechanism, start)
+    except AssemblyError:
+        return start_configuration(mechanism, start)
+
+
+def closed_generic(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
+    """Return the same, shape (nq,), of a mechanism that has to close; see ``closed_near``."""
+    q = closed_near(mechanism, start)
+    return generic(mechanism, beside(mechanism, q)) if mechanism.closure.size else q
+
+
+def mobility_when_closed(mechanism: Mechanism) -> int:
+    """Return the degrees of freedom in closed configurations of no special kind; see ``closed_near``."""
+    closure = mechanism.closure
+    return int(closure.split_at(closed_generic(mechanism, mechanism.start)).free.shape[1])
+
+
+def determining(mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
+    """Return the prescribed coordinates of a mechanism all of whose joints are to follow.
+
+    Checked here: that they are not fewer than coordinates less constraint rows, and not more than coordinates. The rest
+    is checked once the mechanism is assembled.
+
+    Raises:
+        InputError: A coordinate does not exist, or there are too few or too many.
+        AssemblyError: There are too many, and loops that cannot be closed.
+    """
+    prescribed, closure = PrescribedCoordinates.bound(mechanism, motion), mechanism.closure
+    least = mechanism.model.nv - closure.size  # redundant rows leave more freedom than this says
+    if len(prescribed.names) < least:
+        with suppress(AssemblyError):
+            least = mobility_when_closed(mechanism)
+        raise prescribed.miscounted(mechanism, least)
+    if len(prescribed.names) > mechanism.model.nv - int(closure.ties):
+        check_excess(mechanism, prescribed)
+    return prescribed
+
+
+def check_excess(mechanism: Mechanism, prescribed: PrescribedCoordinates) -> None:
+    """Raise where coordinates are more than the degrees of freedom: their values do not fit one another."""
+    mobility = mobility_when_closed(mechanism)
+    if len(prescribed.names) > mobility:
+        raise prescribed.miscounted(mechanism, mobility)
+
+
+def beside(mechanism: Mechanism, q: Array) -> list[Array]:
+    """Return a closed configuration, shape (nq,), and others on its branch, each a step along free motions further."""
+    closure, found, nv = mechanism.closure, [q], mechanism.model.nv
+    for step in range(BESIDE if closure.size else 0):
+        free = closure.split_at(found[-1]).free
+        spread = 2.0 * np.remainder(GOLDEN * np.arange(1 + step * nv, 1 + (step + 1) * nv), 1.0) - 1.0
+        way = free @ (free.T @ (closure.scale * spread))
+        size = float(np.abs(way / closure.scale).max(initial=0.0))
+        if not size:
+            break
+        try:
+            beside = pin.integrate(mechanism.model, found[-1], STEP / size * way)
+            found.append(assembled(closure, OPEN, beside, np.zeros(0), 0.0))
+        except AssemblyError:  # the step was too long, as next to the end of a reach
+            break
+    return found
+
+
+def generic(mechanism: Mechanism, q: Sequence[Array]) -> Array:
+    """Return the first of some closed configurations, shape (nq,), whose rank most of them have."""
+    closure = mechanism.closure
+    ranks = [closure.split_at(configuration).rank for configuration in q]
+    counted = Counter(ranks)
+    usual = max(counted, key=lambda rank: (counted[rank], rank))
+    return q[ranks.index(usual)]

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import SMALL, Closure
-from pinarm.engine.constraints.constraint_rows import JointTie, joint_ties
+from pinarm.engine.constraints.constraint_rows import joint_ties
 from pinarm.engine.constraints.nullspace import MANY, RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import (
@@ -126,7 +126,9 @@ class NewtonSolver:
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
         self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
         threads = [hasattr(one, "helical") and one.helical(row) for one, row in owners]
-        self.following = [tie for tie in joint_ties(closure.constraints) if not self._prescribes(tie)]
+        sums = [one.weights for one in self.coordinates if isinstance(one, LinearCoordinate)]
+        ties = joint_ties(closure.constraints)
+        self.following = [tie for tie in ties if not any(weights[tie.rotor.v] for weights in sums)]
         self.untied = np.ones(len(self.names))
         for tie in self.following:
             self.untied[closure.slices[tie.name]] = 0.0
@@ -183,11 +185,6 @@ class NewtonSolver:
         if not self.closed(self.closure.state(closest), gap, w):
             raise self.unreachable(closest, gap, t)
         return closest
-
-    def _prescribes(self, tie: JointTie) -> bool:
-        """Tell whether a prescribed coordinate says where a joint without a body is."""
-        sums = (one for one in self.coordinates if isinstance(one, LinearCoordinate))
-        return any(bool(one.weights[tie.rotor.v]) for one in sums)
 
     def _followed(self, q: Array) -> Array:
         """Return a configuration, shape (nq,), with joints without a body where what they are tied to has them."""
@@ -330,7 +327,7 @@ class NewtonSolver:
                 moves that way for an instant only.
         """
         rows, still = self.rows(self.closure.state(q)), np.zeros(self.closure.size)
-        check_rank(rows, self.names, t, lambda: _and(end_of_travel(self, q)))
+        check_rank(rows, self.names, t, lambda: (end := end_of_travel(self, q)) and f"{end}; ")
         x = self.agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
         v = self.spread(x)
         state = self.closure.state(q, v)
@@ -456,7 +453,3 @@ def _solve(rows: Array, right: Array) -> Array:
     if rows.shape[0] == rows.shape[1]:
         return np.asarray(np.linalg.solve(rows, right))
     return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
-
-
-def _and(said: str) -> str:
-    return f"{said}; " if said else ""

@@ -101,7 +101,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
             InputError: Says which could be added, or how many are too many.
         """
         closure = mechanism.closure
-        mobility = closure.split(closure.rows(closure.state(q))).free.shape[1]
+        mobility = closure.split_at(q).free.shape[1]
         if len(self.names) != mobility:
             raise self.miscounted(mechanism, mobility)
 

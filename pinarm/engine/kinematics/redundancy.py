@@ -312,11 +312,11 @@ class NearestMotion(JointMotion, frozen=True):
     @classmethod
     def of(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw], posture: Posture) -> NearestMotion:
         """Return the motion of a mechanism under laws, which are fewer than its degrees of freedom."""
-        from pinarm.engine.kinematics.closed_configurations import generic_near
+        from pinarm.engine.kinematics.assembly import generic_near
 
         prescribed, closure = PrescribedCoordinates.bound(mechanism, motion), mechanism.closure
         q = generic_near(mechanism, {})
-        mobility = closure.split(closure.rows(closure.state(q))).free.shape[1]
+        mobility = closure.split_at(q).free.shape[1]
         if len(prescribed.names) == mobility:
             raise InputError(
                 f"{mobility} coordinates follow a law and determine the motion: nothing is left to resolve",

@@ -14,8 +14,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.assembly import null_space
-from pinarm.engine.kinematics.batch_closing import BatchClosing
-from pinarm.engine.kinematics.continuation import BLOCK, SIZES
+from pinarm.engine.kinematics.continuation import BLOCK, SIZES, BatchClosing
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.input.units import DIMENSIONLESS

@@ -24,7 +24,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure, extents, unit_of_length
 from pinarm.engine.constraints.constraint_rows import Constraint, ConstraintRows
 from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, of_one_rank
-from pinarm.engine.kinematics.batch_closing import NEAR, BatchClosing, Rates
+from pinarm.engine.kinematics.continuation import NEAR, BatchClosing, Rates
 from pinarm.engine.kinematics.newton import ITERATIONS, NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import on_branch
@@ -252,9 +252,9 @@ class VariantMotion(Record, frozen=True):
     def _solved(self, laws: Array, near: Array) -> tuple[Array, Rates, Flags]:
         """Return configurations near given ones, their rates, and where they are closed, shape (n, k)."""
         (w, dw, ddw), closing = map(self._spread, laws), self.closing
-        solution = closing.solve(self._spread(near), w, STEPS)
-        measured = closing.at(solution.q)
-        return solution.q, closing.rates(measured, dw, ddw), solution.done & closing.closed(measured, w)
+        q, _, _, done = closing.solve(self._spread(near), w, STEPS)
+        measured = closing.at(q)
+        return q, closing.rates(measured, dw, ddw), done & closing.closed(measured, w)
 
     def _moving(self, near: Array, laws: Array) -> tuple[Array, Array, Array]:
         """Return q, v and a of one row near configurations, each of shape (k, nv)."""

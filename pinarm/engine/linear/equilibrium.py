@@ -203,7 +203,7 @@ class ForceBalance(Record, frozen=True):
 
     def split(self, q: Array) -> SplitRows:
         """Return the rows of what is held, taken apart at a configuration."""
-        return self.rows.split(self.rows.rows(self.rows.state(q)))
+        return self.rows.split_at(q)
 
     def basis(self, q: Array, like: Array | None = None) -> Array:
         """Return the free motions at q, shape (nv, nu): orthonormal, and turned to those of another configuration.

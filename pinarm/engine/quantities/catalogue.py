@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, NamedTuple
 
 from pinarm.engine.constraints.nullspace import one_blas_thread
-from pinarm.engine.kinematics.closed_configurations import generic_near
+from pinarm.engine.kinematics.assembly import generic_near
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.families import FAMILIES, family
 from pinarm.engine.quantities.names import Quantities

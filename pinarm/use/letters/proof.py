@@ -9,7 +9,7 @@ import pinocchio as pin
 import sympy
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.closed_configurations import closed_generic
+from pinarm.engine.kinematics.assembly import closed_generic
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.kinds import bound
 from pinarm.mechanics.geometry.kinematics import Kinematics

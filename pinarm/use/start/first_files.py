@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.closed_configurations import closed_generic
+from pinarm.engine.kinematics.assembly import closed_generic
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, PinarmError

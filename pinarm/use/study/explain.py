@@ -14,8 +14,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.self_stresses import Loosening, Mobility, joint_kind, mobility_of
 from pinarm.engine.kernel.library import absence
-from pinarm.engine.kinematics.assembly import closed_drawing
-from pinarm.engine.kinematics.closed_configurations import beside, generic
+from pinarm.engine.kinematics.assembly import beside, closed_drawing, generic
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import MESH_MASSES
@@ -150,7 +149,7 @@ class Explanation:
         lines = [f"mobility {found.mobility} {self.where}: {counted}"]
         if (closure := self.mechanism.closure).rolls:
             held = closure.holonomic
-            free = held.split(held.rows(held.state(self.q))).free.shape[1]
+            free = held.split_at(self.q).free.shape[1]
             lines.append(f"{free} positions may be chosen: rolling binds velocities alone")
         if found.rows:
             lines.append(f"regularity {found.regularity:.2g} in this position: smallest singular value of the rows "

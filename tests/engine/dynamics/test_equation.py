@@ -15,7 +15,7 @@ from pinarm import Mechanism
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
-from pinarm.engine.kinematics.closed_configurations import closed_near
+from pinarm.engine.kinematics.assembly import closed_near
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 CLOSED = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.kinematics.closed_configurations import beside, closed_near, generic, generic_near
+from pinarm.engine.kinematics.assembly import beside, closed_near, generic, generic_near
 from pinarm.errors import InputError
 from pinarm.records import replace
 from pinarm.use.mechanism import Mechanism

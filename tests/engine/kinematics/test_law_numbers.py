@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.kinematics.closed_configurations import determining
+from pinarm.engine.kinematics.assembly import determining
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.errors import AssemblyError, InputError

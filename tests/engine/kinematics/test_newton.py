@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import pinarm
-from pinarm.engine.kinematics.closed_configurations import determining
+from pinarm.engine.kinematics.assembly import determining
 from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates

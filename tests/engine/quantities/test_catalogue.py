@@ -6,7 +6,7 @@ import pytest
 from quantities_page import PAGE, page
 
 import pinarm
-from pinarm.engine.kinematics.closed_configurations import generic_near
+from pinarm.engine.kinematics.assembly import generic_near
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.families import FAMILIES
 from pinarm.engine.quantities.names import Quantities
