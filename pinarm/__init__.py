@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pinarm.use.study.answers.selftest import SelfTest, selftest
     from pinarm.use.study.equations import equations
     from pinarm.use.study.explain import explain
+    from pinarm.use.study.lab import Sheet, lab
     from pinarm.use.study.quantities import quantities
     from pinarm.use.study.recorded import result
     from pinarm.use.study.restore import replay, restore
@@ -45,6 +46,8 @@ _HOMES = {
     "Scenario": "pinarm.use.facade",
     "Sweep": "pinarm.use.study.sweep.sweep",
     "Tradeoff": "pinarm.use.study.tradeoff",
+    "Sheet": "pinarm.use.study.lab",
+    "lab": "pinarm.use.study.lab",
     "load": "pinarm.use.facade",
     "new": "pinarm.use.start.new",
     "replay": "pinarm.use.study.restore",
@@ -63,9 +66,9 @@ _HOMES = {
 }
 
 __all__ = [
-    "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "equations", "examples", "explain", "file_root", "load", "new", "quantities", "replay", "report",
-    "restore", "result", "run", "schema", "selftest", "sweep", "tradeoff", "validate",
+    "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sheet", "Sweep", "Tradeoff",
+    "Trajectory", "batch", "check", "equations", "examples", "explain", "file_root", "lab", "load", "new", "quantities",
+    "replay", "report", "restore", "result", "run", "schema", "selftest", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -280,6 +280,21 @@ def _pair(text: str) -> tuple[str, str]:
     return name, value
 
 
+@command(
+    "a notebook with the questions of an answer key, for students",
+    "scenario.yaml -o sheet.ipynb",
+    PATH,
+    arg("-o", "--output", type=Path, metavar="FILE", help="the notebook (default: NAME-lab.ipynb)"),
+    VALUES,
+)
+def _lab(options: Namespace) -> int:
+    from pinarm.use.study.lab import lab
+
+    file = lab(options.path, options.output, options.values)
+    show(options, {"file": str(file)}, f"written to {file}")
+    return OK
+
+
 LIKE_TEXT = "part of a name or of a meaning, such as force"
 
 

@@ -112,6 +112,10 @@ class Mechanism(Record, frozen=True):
         description = replace_fields(self.description, forces=forces)
         return replace(self, model=perturbed(self.model, seed), description=description)._bound()
 
+    def with_model(self, model: pin.Model) -> Mechanism:
+        """Return the mechanism with other numbers in its model."""
+        return replace(self, model=model)._bound()
+
     def _bound(self) -> Mechanism:
         """Return the mechanism with the forces of its description bound to its model."""
         from pinarm.mechanics.forces.kinds import bound

@@ -128,6 +128,7 @@ JSON = {
     "explain": "explain a.yaml", "quantities": "quantities a.yaml", "report": "report out", "replay": "replay out",
     "sweep": "sweep a.yaml --over problem.over.pivot.to='90, 180 deg' --no-plots -j 1",
     "tradeoff": "tradeoff soft.yaml --no-plots", "schema": "schema", "examples": "examples", "selftest": "selftest",
+    "lab": "lab a.yaml -o sheet.ipynb",
 }  # fmt: skip
 
 

@@ -19,7 +19,7 @@ def commands() -> set[str]:
 
 
 def test_every_command_is_a_call() -> None:
-    known = "new run check validate explain quantities sweep tradeoff replay report schema examples selftest"
+    known = "new run check validate explain lab quantities sweep tradeoff replay report schema examples selftest"
     assert commands() == set(known.split())
     assert commands() <= set(pinarm.__all__)
     with pytest.raises(InputError, match="no schema of 'result'"):

@@ -24,11 +24,12 @@ from pinarm.input.units import Unit, half_last_digit
 from pinarm.input.yaml.document import Values
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import replace
-from pinarm.use.facade import Given, Result
+from pinarm.use.facade import Given
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.natural_sizes import ZERO, natural_sizes
 from pinarm.use.result.numbers import RunNumber, measured, names_number, read_number
+from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
 from pinarm.use.study.run import run, scenarios
 
@@ -151,9 +152,9 @@ def compare(result: Result, expectation: Expectation) -> Finding:
 
     What is allowed is one number for all rows: of a formula relative to its largest size over these.
     """
-    quantities, series, slack = _computed(result, expectation)
+    quantities, series, slack = computed_rows(result, expectation)
     rounding = ZERO * natural_sizes(result.trajectory)(series.unit)
-    wanted, tolerance = _wanted(quantities, expectation, series.unit, rounding)
+    wanted, tolerance = wanted_rows(quantities, expectation, series.unit, rounding)
     scale = 0.0 if wanted is None else float(np.abs(wanted).max())
     if not np.isfinite(scale):
         return Finding(result.name, expectation, series.unit, np.nan, None, None, None, "MISS",
@@ -194,7 +195,7 @@ def _where(result: Result, quantities: Quantities, expectation: Expectation, row
     return f"{along.name} = {along.values[row]:.9g}{unit}"
 
 
-def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Series, float]:
+def computed_rows(result: Result, expectation: Expectation) -> tuple[Quantities, Series, float]:
     """Return the rows that an expectation is about, what was computed there, and the error of its quadrature."""
     at, quantity = expectation.at, expectation.quantity
     expectation.check_place(result.quantities)
@@ -212,7 +213,7 @@ def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Ser
         return result.lookup.at(place, quantity), replace(described, name=quantity, values=np.array([value])), error
 
 
-def _wanted(
+def wanted_rows(
     quantities: Quantities, expectation: Expectation, measured: Unit | None, rounding: float
 ) -> tuple[Array | None, float]:
     """Return the independent value at every row, and how far from it the computed one may be in any row.

@@ -1,0 +1,228 @@
+"""Sheets for a lab: a notebook that asks the questions of an answer key, and tells what is wrong with an answer."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from os.path import relpath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinarm.errors import InputError, PinarmError
+from pinarm.input.formulas.expressions import Expression
+from pinarm.input.yaml.document import Values
+from pinarm.records import replace
+from pinarm.use.facade import Scenario, load
+from pinarm.use.result.expectation import Expectation
+from pinarm.use.result.result import Result
+from pinarm.use.study.answers.check import compare, computed_rows, wanted_rows
+from pinarm.use.study.answers.mistakes import likely_mistake
+
+NUMBER, FORMULA = 0.01, 1e-6
+"""Difference of an answer that is right, a number or a formula, relative to the largest value."""
+
+RANDOM, SPREAD = 2, 0.1
+"""Runs with random arguments in which a formula must hold too, and how far these are from the file's, relatively."""
+
+
+COMPUTED = ("effort", "force", "moment", "torque", "energy", "power")
+"""Words of quantities that are no answer, but what is asked for."""
+
+
+class Sheet:
+    """The questions of a scenario's answer key, and answers to them.
+
+    Args:
+        path: The scenario.
+        values: Other values than those of the file; see ``pinarm.load``.
+
+    Raises:
+        InputError: The scenario has no answer key.
+    """
+
+    def __init__(self, path: str | Path, values: Values | None = None) -> None:
+        self._scenario: Scenario = load(path, values)
+        self._key = [entry for entry in self._scenario.content.expect if entry.value or entry.formula]
+        if not self._key:
+            raise InputError(f"{path} has no answer key", expected="a list 'expect', with values or formulas")
+
+    @property
+    def questions(self) -> list[str]:
+        """The questions, in words."""
+        return [_question(self._result, entry) for entry in self._key]
+
+    def check(self, number: int, answer: str | float) -> str:
+        """Return what is to be said of an answer.
+
+        Args:
+            number: Of the question, from 1.
+            answer: A number with its unit, such as ``1.47 N*m``, or a formula of symbols, arguments and quantities.
+
+        Raises:
+            InputError: There is no such question.
+        """
+        if not 1 <= number <= len(self._key):
+            raise InputError(f"there is no question {number}", expected=f"1 to {len(self._key)}")
+        text = str(answer).strip()
+        if not text or text == "...":
+            return "no answer yet"
+        entry = self._key[number - 1]
+        try:
+            return self._judged(entry, text)
+        except PinarmError as error:
+            return f"This cannot be compared: {error.message}" + (f" ({error.expected})" if error.expected else "")
+
+    def explore(self, *names: str) -> Any:
+        """Return sliders for the numbers of the model, and a plot that follows them.
+
+        Args:
+            names: Quantities to plot; the outputs of the scenario where none is given.
+
+        Raises:
+            InputError: ipywidgets is not installed.
+        """
+        try:
+            import ipywidgets
+        except ModuleNotFoundError:
+            raise InputError("ipywidgets is not installed", hint="pip install 'pinarm[lab]'") from None
+        from IPython.display import display
+
+        def plotted(**numbers: float) -> None:
+            display(self._changed(numbers).solve().plot(*names))  # type: ignore[no-untyped-call]
+
+        sliders = {name: ipywidgets.FloatSlider(**_slider(name, value)) for name, value in self._numbers.items()}
+        return ipywidgets.interactive(plotted, **sliders)
+
+    @cached_property
+    def _result(self) -> Result:
+        return self._scenario.solve()
+
+    @property
+    def _numbers(self) -> dict[str, float]:
+        """Arguments of the model that are numbers, but for 0."""
+        mechanism = self._scenario.mechanism
+        return {name: mechanism.arguments[name] for name in mechanism.argument_units if mechanism.arguments.get(name)}
+
+    def _changed(self, numbers: Mapping[str, float]) -> Scenario:
+        units = self._scenario.mechanism.argument_units
+        return self._scenario.varied(
+            {f"arguments.{name}": f"{value!r} {units[name].si}" for name, value in numbers.items()}
+        )
+
+    def _judged(self, entry: Expectation, text: str) -> str:
+        is_number = text[0] in "+-.0123456789" and " " in text and not set("*/()") & set(text.split(" ", 1)[0])
+        if not is_number:
+            self._require_derived(entry, text)
+        answer = replace(entry, value=text if is_number else None, formula=None if is_number else text, published=None,
+                         published_formula=None, because=None, verdict="agrees", erratum="", atol=None,
+                         rtol=NUMBER if is_number else FORMULA)  # fmt: skip
+        quantities, series, _ = computed_rows(self._result, answer)
+        given, _ = wanted_rows(quantities, answer, series.unit, 0.0)
+        assert given is not None
+        if compare(self._result, answer).ok:
+            return self._generally(answer) if not is_number else "Right."
+        mistake = likely_mistake(
+            given, series.values, self._result, entry.quantity, lambda run: computed_rows(run, answer)[1].values,
+            NUMBER if is_number else FORMULA,
+        )  # fmt: skip
+        return f"Not right: {mistake}." if mistake else "Not right."
+
+    def _require_derived(self, entry: Expectation, text: str) -> None:
+        """Refuse a formula that only names what the program computes.
+
+        Raises:
+            InputError: It has the quantity that is asked for in it, or an effort, a force, an energy or a power.
+        """
+        symbols = self._scenario.mechanism.symbols
+        names = Expression.parse(text).names
+        asked = {entry.quantity, *Expression.parse(entry.quantity).names} - {*self._numbers}
+        for name in names:
+            meant = symbols[name].text if name in symbols else name
+            if name in asked or any(word in COMPUTED for word in meant.split(".")):
+                expected = "lengths, masses, coordinates and their rates"
+                raise InputError(f"'{name}' is what the program computes", expected=expected)
+
+    def _generally(self, answer: Expectation) -> str:
+        """Return whether a formula that holds for the file's numbers does so for others."""
+        random = np.random.default_rng(0)
+        for _ in range(RANDOM):
+            numbers = {name: value * (1.0 + random.uniform(-SPREAD, SPREAD)) for name, value in self._numbers.items()}
+            try:
+                run = self._changed(numbers).solve()
+            except PinarmError:  # a loop may not close with these
+                continue
+            if not compare(run, answer).ok:
+                return "Right for these numbers, but not for others: a number stands in it where a symbol belongs."
+        return "Right."
+
+
+def _slider(name: str, value: float) -> dict[str, Any]:
+    low, high = sorted((0.5 * value, 1.5 * value))
+    settings = {"readout_format": ".4g", "continuous_update": False, "step": abs(value) / 50.0}
+    return {"value": value, "min": low, "max": high, "description": name, **settings}
+
+
+def _question(result: Result, entry: Expectation) -> str:
+    unit = computed_rows(result, entry)[1].unit
+    if entry.at == "all":
+        place = ""
+    elif isinstance(entry.at, dict):
+        place = " at " + ", ".join(f"{name} = {value}" for name, value in entry.at.items())
+    else:
+        place = f", {entry.at} of the run"
+    wanted = "a formula, or a number if it is constant" if entry.at == "all" else "a number with its unit, or a formula"
+    return f"{entry.quantity}{place}: {wanted} [{unit or '1'}]"
+
+
+def lab(path: str | Path, file: str | Path | None = None, values: Values | None = None) -> Path:
+    """Write a notebook with the questions of a scenario's answer key left blank, and return its file.
+
+    It has sliders for the numbers of the model, and a cell for each question that tells whether an answer is right and
+    what kind of mistake it looks like. The key is not in it: right is what the scenario gives.
+
+    Args:
+        path: The scenario, beside the notebook for those who work on it.
+        file: The notebook; ``NAME-lab.ipynb`` in the working folder where it is left out.
+        values: Other values than those of the file; see ``pinarm.load``.
+
+    Raises:
+        InputError: The scenario has no answer key, or the file ends otherwise than in ``.ipynb``.
+        PinarmError: It has a mistake, or cannot be solved.
+    """
+    target = Path(file) if file is not None else Path(f"{Path(path).stem}-lab.ipynb")
+    if target.suffix != ".ipynb":
+        raise InputError(f"'{target.name}' is no notebook", expected="a file that ends in .ipynb")
+    sheet = Sheet(path, values)
+    shown, changes = (
+        Path(relpath(path, target.parent)).as_posix(),
+        f", {dict(values)!r}" if isinstance(values, Mapping) else "",
+    )
+    cells = [
+        ("markdown", f"# {sheet._scenario.content.title or sheet._scenario.name}"),
+        ("code", f'import pinarm\n\nsheet = pinarm.Sheet("{shown}"{changes})'),
+        ("markdown", "Move the sliders: how do the results depend on the numbers of the model?"),
+        ("code", "sheet.explore()"),
+    ]
+    for number, question in enumerate(sheet.questions, 1):
+        cells += [("markdown", f"**Question {number}.** {question}"), ("code", f'sheet.check({number}, "...")')]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(json.dumps(_notebook(cells), indent=1) + "\n", encoding="utf-8")
+    return target
+
+
+def _notebook(cells: list[tuple[str, str]]) -> dict[str, Any]:
+    """Return a notebook as Jupyter stores it."""
+    blank: dict[str, Any] = {"execution_count": None, "outputs": []}
+    return {
+        "cells": [
+            {"cell_type": kind, "id": f"cell-{k}", "metadata": {}, "source": text.splitlines(keepends=True),
+             **(blank if kind == "code" else {})}
+            for k, (kind, text) in enumerate(cells)
+        ],
+        "metadata": {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}},
+        "nbformat": 4,
+        "nbformat_minor": 5,
+    }  # fmt: skip
