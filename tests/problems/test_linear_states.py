@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from urdf_links import link, robot
+from urdf_links import link, robot, tip
 
 import pinarm
 from pinarm.errors import DynamicsError, InputError
@@ -207,3 +207,16 @@ def test_a_cable_that_carries_nothing_is_refused(solve):
     lifted = {"lifting": {"kind": "joint_effort", "joint": "lift", "effort": {"law": "constant", "value": "15 N"}}}
     with pytest.raises(InputError, match="cable 'rope' carries no load here"):
         solve(xml, {}, hung, loads=lifted)
+
+
+def test_springs_that_hold_each_other_balance_to_rounding(solve):
+    """Without weights, what is left of their loads is rounding of these, and not all that acts."""
+    arm = link("arm", "base", "0 1 0", mass=2.0, com="0 0 -0.5")
+    xml = robot(arm, tip("post", "base", "0.4 0 0.1"), tip("end", "arm_link", "0.1 0 -0.3"))
+    springs = {
+        "one": {"kind": "joint_spring", "joint": "arm", "stiffness": "900 N*m/rad", "rest": "0.3 rad"},
+        "other": {"kind": "point_spring", "between": ["post", "end"], "stiffness": "500 N/m"},
+    }
+    result = solve(xml, {}, {"gravity": "none", "forces": springs})
+    assert max(result.figures[name] for name in ("equilibrium", "return trip")) < 1e-13
+    assert result.notes() == []

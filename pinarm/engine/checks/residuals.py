@@ -164,11 +164,12 @@ class _FreeRows(Record, frozen=True):
         run = self.run
         t, q, v, still = run.grid.t, run.q, run.v, np.zeros_like(run.a)
         resisting = run.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], still[part]))
+        sizes = run.gather(lambda dynamics, part: dynamics.load_sizes(t[part], q[part], v[part]))
         supplied = run.tau + run.friction_loads + self.guided
         pull = run.mechanism.gravity * np.sqrt(LinkTree.of(run.mechanism.model).mass)
         levers = np.sqrt(np.maximum(self.mass.diagonal(axis1=-2, axis2=-1), 0.0))
         left = supplied - resisting - np.matvec(self.mass, self.particular)
-        most = np.abs(supplied) + np.abs(resisting) + (pull + self._turning())[..., None] * levers
+        most = np.abs(supplied) + np.abs(resisting) + sizes + (pull + self._turning())[..., None] * levers
         back, bound = self._responses(left, most)
         return _largest(self.particular + back - run.a), np.maximum(_largest(run.a), _largest(bound))
 

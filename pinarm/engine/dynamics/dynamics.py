@@ -211,6 +211,15 @@ class Dynamics(Record, frozen=True):
             force.add_load(t, q, v, tau)
         return tau
 
+    def load_sizes(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the sum of the sizes of the loads of all force elements [N*m or N], shape (..., nv)."""
+        sizes = np.zeros((*q.shape[:-1], self.model.nv))
+        for force in self.forces.values():
+            load = np.zeros_like(sizes)
+            force.add_load(t, q, v, load)
+            sizes += np.abs(load)
+        return sizes
+
     @cached_property
     def _lasting(self) -> tuple[Array | float, tuple[ForceElement, ...]]:
         """The sum of the steady loads, and the other elements; of variants, each of which has its own, all elements."""

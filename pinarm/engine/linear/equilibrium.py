@@ -234,9 +234,7 @@ class ForceBalance(Record, frozen=True):
         size = weight_terms(model, self.dynamics.data, q)
         sizes = np.triu(np.outer(self.turns, size))  # a turn of the joint before moves what the one after lifts
         sizes += np.triu(sizes, 1).T + at.terms_q
-        for load in self._loads.values():
-            size = size + np.abs(load.loads(0.0, q, still))
-        return at.force_q, sizes, size
+        return at.force_q, sizes, size + self.dynamics.load_sizes(0.0, q, still)
 
     @cached_property
     def _loads(self) -> dict[str, Dynamics]:

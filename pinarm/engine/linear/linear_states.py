@@ -22,6 +22,7 @@ from pinarm.engine.linear.steady import state_row
 from pinarm.engine.linear.stepped_state import Drives, SteppedState
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities import states
+from pinarm.engine.quantities.state_arrays import LeadingAxes
 from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.ball_joints import coordinate_name
@@ -163,10 +164,10 @@ def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array |
 def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None, t: float) -> Linearisation:
     """Return the linearised motion; see ``Mechanism.linearise``."""
     q, v, _, tau = _one_state(mechanism, q, v=v, a=None, tau=tau)
-    if mechanism.constraints:
-        states.forward(mechanism, q, v, tau, t)  # refuses open loops, and one-sided constraints that would pull
     dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
-    return linearised(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
+    found = linearised(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
+    states.check_found(mechanism.closure, LeadingAxes(()), q[None], v[None], found.acceleration[None])
+    return found
 
 
 def linearised_row(row: Trajectory, prescribed: Sequence[str]) -> Linearisation:

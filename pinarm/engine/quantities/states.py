@@ -95,7 +95,7 @@ def _quantities(
     friction, others = _frictions(mechanism, dynamics, t, q, v, tau)
     loads = _friction_loads(mechanism, q, friction)
     a = given.get("a", still) if tau is None else _forward(mechanism, dynamics, t, q, v, tau + loads)
-    check = _check_closed if tau is None else _check_found
+    check = _check_closed if tau is None else check_found
     check(closure, leading, q, v, a)
     run = _rows(mechanism, t, q, v, a)
     demand = dynamics.inverse(t, q, v, a)
@@ -212,7 +212,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     tau = rows["tau"] if "tau" in rows else np.zeros_like(v)
     friction = _frictions(mechanism, dynamics, t, q, v, tau)[0]
     a = _forward(mechanism, dynamics, t, q, v, tau + _friction_loads(mechanism, q, friction))
-    _check_found(mechanism.closure, leading, q, v, a)
+    check_found(mechanism.closure, leading, q, v, a)
     if one_sided(mechanism.constraints):
         demand = dynamics.inverse(t, q, v, a)
         run = _under(replace(_rows(mechanism, t, q, v, a), tau=tau), demand - tau, friction, [])
@@ -298,7 +298,7 @@ def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a:
         raise InputError(tear.said, expected="states that the loops and couplings allow", hint=CLOSING)
 
 
-def _check_found(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
+def check_found(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
     """Raise as ``_check_closed`` does, where accelerations have been found of efforts.
 
     These tear loops at singular positions only, where velocities are not along one of the motions that meet there, and
