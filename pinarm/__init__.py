@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.answers.selftest import SelfTest, selftest
     from pinarm.use.study.equations import equations
-    from pinarm.use.study.explain import explain
+    from pinarm.use.study.explain import explain, isolate
     from pinarm.use.study.lab import Sheet, lab
     from pinarm.use.study.quantities import quantities
     from pinarm.use.study.recorded import result
@@ -48,6 +48,7 @@ _HOMES = {
     "Tradeoff": "pinarm.use.study.tradeoff",
     "Sheet": "pinarm.use.study.lab",
     "lab": "pinarm.use.study.lab",
+    "isolate": "pinarm.use.study.explain",
     "load": "pinarm.use.facade",
     "new": "pinarm.use.start.new",
     "replay": "pinarm.use.study.restore",
@@ -67,8 +68,8 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sheet", "Sweep", "Tradeoff",
-    "Trajectory", "batch", "check", "equations", "examples", "explain", "file_root", "lab", "load", "new", "quantities",
-    "replay", "report", "restore", "result", "run", "schema", "selftest", "sweep", "tradeoff", "validate",
+    "Trajectory", "batch", "check", "equations", "examples", "explain", "file_root", "isolate", "lab", "load", "new",
+    "quantities", "replay", "report", "restore", "result", "run", "schema", "selftest", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

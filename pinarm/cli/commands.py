@@ -241,25 +241,39 @@ SMALL_TEXT = "print them for small deviations from such values, from 0 for coord
 DRAW_TEXT = "draw the mechanism with the names of its parts, joints and loops, as .svg, .png or .pdf"
 
 
+FOR_TEXT = (
+    "which bodies to isolate, and by which theorem, for an effort, a component of a reaction or a law of motion, such "
+    "as C_B, joint.B.force.x, or theta"
+)
+AT_TEXT = "instant of its numbers, such as t='1.5 s' or max (default: where the unknown is largest)"
+
+
 @command(
-    "coordinates, mobility, loops, redundancy, and a drawing",
-    "scenario.yaml; mechanism.yaml --draw mechanism.svg; arm.urdf; panda",
+    "coordinates, mobility, loops, redundancy, and a drawing; or the isolation that gives an unknown",
+    "scenario.yaml; scenario.yaml --for C_B --at phi='0 deg'; mechanism.yaml --draw mechanism.svg; arm.urdf; panda",
     PATH,
+    arg("--for", dest="wanted", default="", metavar="NAME", help=FOR_TEXT, complete=names),
+    arg("--at", default="", metavar="PLACE", help=AT_TEXT),
     arg("--draw", type=Path, metavar="FILE", help=DRAW_TEXT),
+    flag("--graph", "with --draw: draw the graph of links in place of the mechanism"),
     flag("--equations", "print the equations of motion in the model's symbols instead"),
     arg("--small", nargs="*", metavar="NAME=VALUE", help=SMALL_TEXT),
     DPI,
     VALUES,
 )
 def _explain(options: Namespace) -> int:
-    from pinarm.use.study.explain import explain
+    from pinarm.use.study.explain import explain, isolate
 
     if options.equations or options.small is not None:
         return _equations(options)
+    if options.wanted:
+        found = isolate(options.path, options.wanted, options.values, at=options.at)
+        show(options, found.summary() if options.json else {}, str(found))
+        return OK
     explained = explain(options.path, options.values)
     show(options, explained.summary() if options.json else {}, str(explained))
     if options.draw is not None:
-        explained.draw(options.draw, dpi=options.dpi)
+        explained.draw(options.draw, dpi=options.dpi, graph=options.graph)
         print(f"written to {options.draw}", file=sys.stderr if options.json else sys.stdout)
     return OK
 

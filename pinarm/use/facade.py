@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from pinarm.use.assessments.sensitivity.sensitivity import Sensitivity
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
+    from pinarm.use.method.isolation import Isolation
+    from pinarm.use.method.torsors import Torsor
     from pinarm.use.scenario.scenario_file import Assessment
     from pinarm.use.show.picture import Picture
     from pinarm.use.show.replay.page import Replay
@@ -71,6 +73,40 @@ class Result(results.Result, frozen=True):
         from pinarm.use.result.vibrations import state_space
 
         return state_space(self)
+
+    def torsor(self, of: str, at: str = "", along: str = "", kind: str = "") -> Torsor:
+        """Return a torsor over the rows of the run, which prints as two columns, resultant and moment.
+
+        Args:
+            of: A joint, loop joint or coupling: its action, of the parent on the child or of the first link on the
+                second, or with ``kind="kinematic"`` the motion of one in the other; or a link.
+            at: Point of the moment: a link or point, a joint or a loop joint; its own origin where it is left out.
+            along: Link in whose axes components are; the world's where it is left out.
+            kind: ``static``, ``kinematic``, ``kinetic`` or ``dynamic``; static of joints and kinematic of links where
+                it is left out.
+
+        Raises:
+            InputError: There is no such thing, or the run has no efforts.
+        """
+        from pinarm.use.method.torsors import torsor
+
+        return torsor(self, of, at, along, kind)
+
+    def isolate(self, wanted: str, at: str = "") -> Isolation:
+        """Return which bodies to isolate, and by which theorem, for an effort, a reaction or a law of motion.
+
+        Args:
+            wanted: A quantity such as ``joint.B.effort`` or ``loop.D.force.x``, a symbol or a formula of one, or a
+                coordinate, whose law of motion is wanted.
+            at: Instant of the numbers, such as ``phi=0 deg``, ``t=1.5 s, side=left`` or ``max``; where it is left out
+                the row in which the unknown is largest, or of laws of motion the one in the middle.
+
+        Raises:
+            InputError: It is nothing that an equation can give, or the run does not come to the instant.
+        """
+        from pinarm.use.method.derivation import isolation_in_run
+
+        return isolation_in_run(self, wanted, at)
 
     def plot(self, *names: str, against: str | None = None) -> Picture:
         """Return a figure with one axis per quantity.

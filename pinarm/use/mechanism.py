@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pinarm.engine.quantities.catalogue import QuantityCatalogue
     from pinarm.engine.quantities.states import States
     from pinarm.use.facade import Result
+    from pinarm.use.method.isolation import Isolation
 
 
 class Mechanism(mechanism.Mechanism, frozen=True):
@@ -383,6 +384,32 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         from pinarm.engine.quantities import matrices
 
         return matrices.pinocchio_data(self, q, v, a)
+
+    def isolate(
+        self, wanted: str, q: Array | None = None, v: Array | None = None, a: Array | None = None,
+        tau: Array | None = None, *, drives: Sequence[str] = (), t: float = 0.0,
+    ) -> Isolation:  # fmt: skip
+        """Return which bodies to isolate, and by which theorem, for an effort, a reaction or a law of motion.
+
+        The derivation holds in all configurations; see docs/method.md. It has numbers where a state is given.
+
+        Args:
+            wanted: A quantity such as ``joint.B.effort`` or ``loop.D.force.x``, a symbol or a formula of one, or a
+                coordinate, whose law of motion is wanted.
+            q: Configuration, shape (nq,); without numbers where it is left out.
+            v: Velocity, shape (nv,); 0 where it is left out.
+            a: Acceleration, shape (nv,); 0 where neither it nor efforts are given.
+            tau: Efforts of the drives [N*m or N], shape (nv,), in place of accelerations.
+            drives: Coordinates along which unknown efforts act; every joint of an open chain, and of other mechanisms
+                the wanted one, where none is named.
+            t: Instant at which forces that follow laws are taken [s].
+
+        Raises:
+            InputError: It is nothing that an equation can give, or the state does not fit; see ``at``.
+        """
+        from pinarm.use.method.derivation import isolation_of
+
+        return isolation_of(self, wanted, (q, v, a, tau), drives, t)
 
     def quantities(self, like: str = "") -> QuantityCatalogue:
         """Return what can be asked by name of a mechanism in motion: names, units, meanings.

@@ -331,6 +331,10 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         forces = self.trajectory.dynamics.forces
         return {*self.trajectory.mechanism.dotted_names, *(name for name in forces if "." in name)}
 
+    def asked(self, name: str) -> Asked:
+        """Return the words of the name of a quantity, after that of its family."""
+        return Asked(name, tuple(self._words(name.partition(".")[2])))
+
     def _words(self, text: str) -> list[str]:
         """Return the words of a name between its dots, those of a joint's or link's own name together."""
         words, joined = text.split("."), []

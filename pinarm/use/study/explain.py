@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.constraint_rows import joint_ties
 from pinarm.engine.constraints.self_stresses import Loosening, Mobility, joint_kind, mobility_of
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.assembly import beside, closed_drawing, generic
@@ -27,6 +28,7 @@ from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.facade import Scenario
+from pinarm.use.mechanism import with_methods
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.show.terminal import counted
 from pinarm.use.study.quantities import Subject, subject
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.problems.control import ControlOfRun
     from pinarm.problems.linear import Linear
+    from pinarm.use.method.isolation import Isolation
     from pinarm.use.show.picture import Picture
 
 
@@ -68,7 +71,8 @@ class Explanation:
 
     def __str__(self) -> str:
         """Return it as text, a heading a paragraph."""
-        parts = (self._joints(), self._ties(), self._mobility(), self._acting(), self.modes, self._modelled())
+        counted = [*self._mobility(), *self._counted()]
+        parts = (self._joints(), self._ties(), counted, self._acting(), self.modes, self._modelled())
         return "\n".join([self.mechanism.title, *(line for part in parts for line in part)])
 
     def summary(self) -> dict[str, Any]:
@@ -86,12 +90,19 @@ class Explanation:
 
         return structure(self.mechanism, self.q, f"mobility {self.mobility.mobility} {self.where}")
 
-    def draw(self, file: str | Path, *, dpi: int = 200) -> Path:
+    def graph(self) -> Picture:
+        """Return the graph of links: bodies, and the joints, loop joints and couplings between them."""
+        from pinarm.use.show.link_graph import link_graph
+
+        return link_graph(self.mechanism)
+
+    def draw(self, file: str | Path, *, dpi: int = 200, graph: bool = False) -> Path:
         """Write the drawing to a file and return its path.
 
         Args:
             file: Its suffix says the format: ``.svg``, ``.png`` or ``.pdf``.
             dpi: Pixels per inch of PNG.
+            graph: Whether it is the graph of links in place of the drawing.
 
         Raises:
             InputError: It has another suffix, or cannot be written.
@@ -101,7 +112,7 @@ class Explanation:
 
         path = Path(file)
         form = picture_format(path.suffix[1:], dpi)
-        write_file(path, [self.sketch().encoded(form, dpi)])
+        write_file(path, [(self.graph() if graph else self.sketch()).encoded(form, dpi)])
         return path
 
     def _repr_html_(self) -> str:
@@ -169,6 +180,25 @@ class Explanation:
         alone = {name: str(one).removeprefix(name) for name, one in best.items() if len(one.changes) == 1}
         looser = [*_together(alone.items()), *(f"  {one}" for name, one in best.items() if name not in alone)]
         return [*lines, *(["what could be loosened without more mobility, one at a time:", *looser] if best else [])]
+
+    def _counted(self) -> list[str]:
+        """Return how the degree of hyperstatism follows from numbers of bodies, joints and freedoms, line by line."""
+        mechanism, model, found = self.mechanism, self.mechanism.model, self.mobility
+        idle = {tie.rotor.index for tie in joint_ties(mechanism.constraints)}
+        moving = [model.joints[k].nv for k in range(1, model.njoints) if k not in idle]
+        closing = [6 - one.size for one in mechanism.constraints if isinstance(one, LoopJoint | CableLoop)]
+        if not closing and not mechanism.relations:
+            return []
+        joints, freedoms, ties = len(moving) + len(closing), sum(moving) + sum(closing), len(mechanism.relations)
+        loops, added = joints - len(moving), (f" + {ties}" if ties else "")
+        return [
+            "counted from the graph of links:",
+            f"  bodies without the ground: {len(moving)}; joints between them: {joints}; "
+            f"independent loops: {joints} - {len(moving)} = {loops}",
+            f"  freedoms of the joints: {freedoms}" + (f"; couplings: {ties}" if ties else ""),
+            f"  degree of hyperstatism: mobility + 6 * loops - freedoms{' + couplings' if ties else ''} = "
+            f"{found.mobility} + {6 * loops} - {freedoms}{added} = {found.mobility + 6 * loops - freedoms + ties}",
+        ]
 
     def _left_open(self) -> list[str]:
         """Return a line for every joint whose reaction depends on how couplings transmit their forces."""
@@ -265,6 +295,29 @@ def explain(path: Subject, values: Values | None = None) -> Explanation:
     found = _explained(meant.mechanism, _positions(meant), "where the motion begins", removals)
     modes = _modes(meant) if meant.problem.kind == "linear" else ()
     return replace(found, control=getattr(meant.problem, "control", ()), modes=modes)
+
+
+def isolate(path: Subject, wanted: str, values: Values | None = None, *, at: str = "") -> Isolation:
+    """Return which bodies to isolate, and by which theorem, for an effort, a reaction or a law of motion.
+
+    A scenario is solved, and the equations have numbers at an instant; those of a mechanism have none. See
+    ``Result.isolate`` and ``Mechanism.isolate``.
+
+    Args:
+        path: A scenario or a mechanism, or the file or the data of either; a model file, or the name of a robot.
+        wanted: A quantity such as ``joint.B.effort``, a symbol or a formula of one, or a coordinate.
+        values: Other values than those of the file; see ``pinarm.load`` and ``Mechanism.load``.
+        at: Instant of the numbers, such as ``phi=0 deg``; see ``Result.isolate``.
+
+    Raises:
+        PinarmError: The file has a mistake, or it is nothing that an equation can give.
+    """
+    meant = subject(path, values)
+    if not isinstance(meant, Mechanism):
+        return meant.run().isolate(wanted, at)
+    if at:
+        raise InputError("an instant is given, and a mechanism without a motion", expected="a scenario")
+    return with_methods(meant).isolate(wanted)
 
 
 def _modes(scenario: Scenario) -> list[str]:

@@ -1,0 +1,331 @@
+"""Unknown actions on the bodies of a mechanism: what joints transmit, multipliers of couplings, efforts of drives.
+
+Each unknown is a wrench per unit on every body that it acts on, so that inside a group of bodies it cancels, and at its
+border it is left. A body without mass between two joints passes wrenches on: both joints transmit what either can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.constraint_rows import Constraint, joint_ties
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.couplings.coupling import JointRelation
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.vectors import moved
+from pinarm.mechanics.joints import moved_links
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import Record
+
+SAME = 1e-9
+"""Sine of the angle between a wrench and a space of wrenches below which it is in the space: rounding, of numbers near
+1."""
+
+LARGE = 2.0**30
+"""Multiplier at which a coupling's wrenches are taken per unit, beyond the pretension of belts [N or N*m]."""
+
+
+class Carrier(Record, frozen=True):
+    """Something that transmits unknown actions.
+
+    Attributes:
+        name: Name of the joint, loop joint, coupling, or of the coordinate that a drive acts along.
+        kind: ``joint``, ``loop``, ``coupling``, ``drive``, or ``law`` of a coordinate whose effort is known.
+        bodies: The bodies that it acts on, by joint index; 0 is the ground.
+        columns: Its unknowns among all.
+    """
+
+    name: str
+    kind: str
+    bodies: tuple[int, ...]
+    columns: slice
+
+    @property
+    def count(self) -> int:
+        """Number of its unknowns."""
+        return int(self.columns.stop - self.columns.start)
+
+    def is_cut(self, group: Flags) -> bool:
+        """Tell whether it acts between bodies inside and outside of a group, shape (njoints,)."""
+        inside = group[list(self.bodies)]
+        return bool(inside.any() and not inside.all())
+
+
+class Actions(Record, frozen=True):
+    """The unknown actions of a mechanism at c configurations.
+
+    Attributes:
+        mechanism: The mechanism.
+        links: Where its links are.
+        carriers: What transmits the unknowns.
+        wrenches: Wrench per unit of each of K unknowns on every body, [f; m] at the world's origin, world axes, shape
+            (c, njoints, K, 6).
+        efforts: Efforts at joints per unit of those that act as such, shape (c, K, nv).
+    """
+
+    mechanism: Mechanism
+    links: LinkPlacements
+    carriers: tuple[Carrier, ...]
+    wrenches: Array
+    efforts: Array
+
+    @cached_property
+    def bodies(self) -> list[int]:
+        """Joint indices of the bodies: joints of rotors and counters move none."""
+        return bodies_of(self.mechanism)
+
+    def carrier(self, name: str, kind: str) -> Carrier | None:
+        """Return the carrier of a name and a kind; ``None`` where there is none."""
+        return next((one for one in self.carriers if (one.name, one.kind) == (name, kind)), None)
+
+    def on(self, groups: Flags) -> Array:
+        """Return what unknowns do to groups of bodies, shape (g, njoints), as an array of shape (g, c, K, 6)."""
+        return np.asarray(np.einsum("gb,cbkw->gckw", groups.astype(float), self.wrenches))
+
+
+def bodies_of(mechanism: Mechanism) -> list[int]:
+    """Return the joint indices of the bodies of a mechanism."""
+    idle = {tie.rotor.index for tie in joint_ties(mechanism.constraints)}
+    return [index for index in range(1, mechanism.model.njoints) if index not in idle]
+
+
+def body_name(model: pin.Model, body: int) -> str:
+    """Return the name of a body: its first link."""
+    return moved_links(model, body)[0] if body else "ground"
+
+
+def unknown_actions(
+    mechanism: Mechanism, q: Array, efforts: Mapping[str, Coordinate], balls: Iterable[str], law: str = "",
+    senses: Mapping[str, float] | None = None,
+) -> Actions:  # fmt: skip
+    """Return the unknown actions.
+
+    Args:
+        mechanism: The mechanism.
+        q: Configurations, shape (c, nq).
+        efforts: Coordinates along which unknown efforts act, by name.
+        balls: Ball joints with drives.
+        law: Which of the coordinates has a known effort, and is asked for its law of motion; empty for none.
+        senses: Sign of the multipliers of couplings in the state of the numbers; others have an unknown for each sign.
+    """
+    links = LinkPlacements.at(mechanism.model, q)
+    parts = list[_Part]()
+    for body, space in _joint_spaces(mechanism, links, efforts, set(balls)).items():
+        parts.append(_Part(str(mechanism.model.names[body]), "joint", _on_both(mechanism, body, space)))
+    for one in mechanism.constraints:
+        if isinstance(one, LoopJoint):
+            parts.append(_Part(one.name, "loop", _per_unit(one, links, 1.0)))
+        elif not hasattr(one, "rotor"):
+            parts.append(_of_coupling(mechanism, one, links, (senses or {}).get(one.name, 0.0)))
+    for name, along in efforts.items():
+        parts.append(_of_drive(mechanism, name, "law" if name == law else "drive", along, links))
+    for name in balls:
+        joint = mechanism.model.joints[mechanism.balls[name].index]
+        unit = np.eye(mechanism.model.nv)[joint.idx_v : joint.idx_v + joint.nv]
+        parts.append(_at_joints(mechanism, name, "drive", unit[None], links))
+    return _assembled(mechanism, links, parts)
+
+
+class _Part(NamedTuple):
+    """A carrier: its name, its kind, wrenches per unit on bodies, shape (c, k, 6), and efforts, shape (c, k, nv)."""
+
+    name: str
+    kind: str
+    acting: dict[int, Array]
+    efforts: Array | None = None
+
+
+def _assembled(mechanism: Mechanism, links: LinkPlacements, parts: Sequence[_Part]) -> Actions:
+    """Return the actions of all carriers."""
+    carriers, start, wrenches, efforts = list[Carrier](), 0, [], []
+    c, bodies, nv = len(links.q), mechanism.model.njoints, mechanism.model.nv
+    for name, kind, acting, own in parts:
+        count = next((wrench.shape[1] for wrench in acting.values()), 0)
+        block = np.zeros((c, bodies, count, 6))
+        for body, wrench in acting.items():
+            block[:, body] += wrench
+        carriers.append(Carrier(name, kind, tuple(sorted(acting)), slice(start, start + count)))
+        wrenches.append(block)
+        efforts.append(np.zeros((c, count, nv)) if own is None else np.broadcast_to(own, (c, count, nv)))
+        start += count
+    every = np.concatenate([np.zeros((c, bodies, 0, 6)), *wrenches], axis=2)
+    return Actions(mechanism, links, tuple(carriers), every, np.concatenate([np.zeros((c, 0, nv)), *efforts], axis=1))
+
+
+def _at_joints(mechanism: Mechanism, name: str, kind: str, efforts: Array, links: LinkPlacements) -> _Part:
+    """Return a carrier whose unknowns are efforts at joints, shape (c or 1, k, nv)."""
+    efforts = np.broadcast_to(efforts, (len(links.q), *efforts.shape[1:]))
+    return _Part(name, kind, joint_efforts(mechanism, links, efforts), efforts)
+
+
+def _on_both(mechanism: Mechanism, body: int, wrenches: Array) -> dict[int, Array]:
+    """Return wrenches of the parent on the child as they act on both, shape (c, k, 6)."""
+    return {int(mechanism.model.parents[body]): -wrenches, body: wrenches}
+
+
+def motions(mechanism: Mechanism, links: LinkPlacements, body: int) -> Array:
+    """Return the wrenches of unit efforts along the motions of a joint, shape (c, nv, 6)."""
+    joint = mechanism.model.joints[body]
+    subspace = LinkTree.of(mechanism.model).subspace[:, joint.idx_v : joint.idx_v + joint.nv]
+    return _placed(links, body, np.asarray(np.linalg.pinv(subspace), float))
+
+
+def _placed(links: LinkPlacements, body: int, wrenches: Array) -> Array:
+    """Return wrenches in the axes of a link at its origin, shape (k, 6), at the world's origin, shape (c, k, 6)."""
+    turn, place = links.turns[:, body], links.places[:, body]
+    parts = np.einsum("cab,kpb->ckpa", turn, wrenches.reshape(-1, 2, 3))
+    return moved(parts.reshape(len(turn), -1, 6), place[:, None, :])
+
+
+def _held(subspace: Array) -> Array:
+    """Return wrenches that do no work in motions, shape (6, nv): forces and moments apart where these are, (k, 6)."""
+    slides, turns = subspace[:3].any(axis=0), subspace[3:].any(axis=0)
+    if (slides & turns).any():
+        return np.asarray(np.linalg.svd(subspace.T)[2][subspace.shape[1] :])
+    forces, moments = _normal(subspace[:3, slides]), _normal(subspace[3:, turns])
+    return np.block([[forces, np.zeros_like(forces)], [np.zeros_like(moments), moments]])
+
+
+def _normal(vectors: Array) -> Array:
+    """Return unit vectors normal to independent ones, shape (3, k), as an array of shape (3 - k, 3)."""
+    if vectors.shape[1] == 1 and np.count_nonzero(vectors) == 1:
+        return np.asarray(np.eye(3)[vectors[:, 0] == 0.0])
+    return np.asarray(np.linalg.svd(vectors.T)[2][vectors.shape[1] :]) if vectors.size else np.eye(3)
+
+
+def _per_unit(one: Constraint, links: LinkPlacements, size: float) -> dict[int, Array]:
+    found: dict[int, list[Array]] = {}
+    for row in np.eye(one.size) * size:
+        for body, wrench in one.wrenches(links, np.broadcast_to(row, (len(links.q), one.size))).items():
+            found.setdefault(body, []).append(wrench / size)
+    return {body: np.stack(each, axis=1) for body, each in found.items()}
+
+
+def _of_coupling(mechanism: Mechanism, one: Constraint, links: LinkPlacements, sense: float) -> _Part:
+    """Return the unknowns of a coupling, whose wrenches may differ from one sense to the other, or of a cable."""
+    if not isinstance(one, JointRelation):
+        return _Part(one.name, "coupling", _per_unit(one, links, 1.0))
+    if not one.known:
+        return _at_joints(mechanism, one.name, "coupling", one.rows_at(links.q)[:, None], links)
+    ways = [_per_unit(one, links, size) for size in ((sense * LARGE,) if sense else (LARGE, -LARGE))]
+    return _Part(one.name, "coupling", {body: np.concatenate([way[body] for way in ways], axis=1) for body in ways[0]})
+
+
+def joint_efforts(mechanism: Mechanism, links: LinkPlacements, efforts: Array) -> dict[int, Array]:
+    """Return what generalised efforts at joints, shape (c, k, nv), do to links, shape (c, k, 6)."""
+    found: dict[int, Array] = {}
+    for body in bodies_of(mechanism):
+        joint = mechanism.model.joints[body]
+        own = efforts[..., joint.idx_v : joint.idx_v + joint.nv]
+        if own.any():
+            wrench = own @ motions(mechanism, links, body)
+            for link, part in _on_both(mechanism, body, wrench).items():
+                found[link] = found.get(link, 0.0) + part
+    return found
+
+
+def _of_drive(mechanism: Mechanism, name: str, kind: str, along: Coordinate, links: LinkPlacements) -> _Part:
+    """Return the unknown effort along a coordinate."""
+    if isinstance(along, LinearCoordinate):
+        return _at_joints(mechanism, name, kind, along.weights[None, None], links)
+    acting = along.wrenches(links, np.ones(len(links.q)))
+    return _Part(name, kind, {body: wrench[:, None] for body, wrench in acting.items()})
+
+
+def _joint_spaces(
+    mechanism: Mechanism, links: LinkPlacements, efforts: Mapping[str, Coordinate], balls: set[str]
+) -> dict[int, Array]:
+    """Return what each joint of the tree can transmit beside efforts along it, shape (c, k, 6), by joint index."""
+    tree, model = LinkTree.of(mechanism.model), mechanism.model
+    spaces = {}
+    for body in bodies_of(mechanism):
+        joint = model.joints[body]
+        held = _held(tree.subspace[:, joint.idx_v : joint.idx_v + joint.nv])
+        spaces[body] = _placed(links, body, held)
+    whole = dict(spaces)
+    driven = _driven(mechanism, efforts, balls)
+    for body in whole:
+        joint = model.joints[body]
+        if driven[joint.idx_v : joint.idx_v + joint.nv].any():
+            whole[body] = np.concatenate([whole[body], motions(mechanism, links, body)], axis=1)
+    pushed = {body for along in efforts.values() for body in along.wrenches(links, np.ones(len(links.q)))}
+    for before, after in _passing(mechanism, pushed):
+        if after in spaces:
+            whole[before] = _common(whole[before], whole[after])
+            spaces[before] = whole[before] if not _acts(driven, model, before) else spaces[before]
+    return spaces
+
+
+def _acts(driven: Flags, model: pin.Model, body: int) -> bool:
+    joint = model.joints[body]
+    return bool(driven[joint.idx_v : joint.idx_v + joint.nv].any())
+
+
+def _driven(mechanism: Mechanism, efforts: Mapping[str, Coordinate], balls: set[str]) -> Flags:
+    """Return at which velocities efforts act, known ones too: of springs, couplings, rotors and friction."""
+    model = mechanism.model
+    driven: Flags = np.asarray(model.armature) != 0.0
+    for along in efforts.values():
+        if isinstance(along, LinearCoordinate):
+            driven = driven | (along.weights != 0.0)
+    for name in balls:
+        joint = model.joints[mechanism.balls[name].index]
+        driven[joint.idx_v : joint.idx_v + joint.nv] = True
+    return driven
+
+
+def _passing(mechanism: Mechanism, pushed: set[int]) -> Iterator[tuple[int, int]]:
+    """Yield joints with the next one, where the body between has no mass and nothing else acts on it, outermost first.
+
+    Forces, couplings, friction and rotors anywhere are taken to act everywhere: bodies then pass nothing on.
+
+    Args:
+        mechanism: The mechanism.
+        pushed: Bodies that efforts along other coordinates than those of joints act on.
+    """
+    model = mechanism.model
+    if mechanism.forces or mechanism.frictions or any(not isinstance(one, LoopJoint) for one in mechanism.constraints):
+        return
+    tied = {model.frames[frame].parentJoint for one in mechanism.constraints if isinstance(one, LoopJoint)
+            for frame in (one.first, one.second)}  # fmt: skip
+    for body in reversed(bodies_of(mechanism)):
+        beyond = [k for k in range(1, model.njoints) if model.parents[k] == body]
+        light = not model.inertias[body].mass and not np.any(model.inertias[body].inertia)
+        if light and len(beyond) == 1 and body not in tied | pushed:
+            yield body, beyond[0]
+
+
+def _common(one: Array, other: Array) -> Array:
+    """Return a basis of the wrenches that two spaces share, shape (c, k, 6), of the least k among the configurations.
+
+    Both are spanned by the rows of arrays of shape (c, k, 6).
+    """
+    found = []
+    for first, second in zip(one, other, strict=True):
+        a, b = (_basis(space) for space in (first, second))
+        left, values, _ = np.linalg.svd(a @ b.T)
+        found.append(left.T[: np.count_nonzero(values > 1.0 - SAME)] @ a)
+    least = min(map(len, found))
+    return np.stack([basis[:least] for basis in found])
+
+
+def _basis(space: Array) -> Array:
+    """Return orthonormal rows that span those of a matrix, shape (k, 6)."""
+    _, values, right = np.linalg.svd(space, full_matrices=False)
+    return right[values > SAME * max(float(values.max(initial=0.0)), SAME)]
+
+
+def rows_along(mechanism: Mechanism, along: Coordinate, q: Array) -> Array:
+    """Return the rows of a coordinate at configurations, shape (c, nq), as an array of shape (c, nv)."""
+    if isinstance(along, LinearCoordinate):
+        return np.broadcast_to(along.weights, (len(q), mechanism.model.nv))
+    return np.array([along.row(Kinematics.at(mechanism.model, x)) for x in q])

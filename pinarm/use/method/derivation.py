@@ -1,0 +1,387 @@
+"""The search for one wanted unknown, with names for the bodies, theorems and terms that it finds, and their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.kinematics.assembly import GOLDEN, generic_near
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.quantities.states import quantities as state_quantities
+from pinarm.engine.series import Series
+from pinarm.engine.statics.actuation import along, everywhere
+from pinarm.errors import InputError
+from pinarm.input.units import unit
+from pinarm.mechanics.geometry.vectors import crossed, moved
+from pinarm.mechanics.joints import METRE
+from pinarm.records import Record, replace
+from pinarm.use.method.actions import Actions, Carrier, body_name, motions, unknown_actions
+from pinarm.use.method.balance import Source, forces_of, sources
+from pinarm.use.method.isolation import ROLES, WORDS, Equation, Isolation, Term
+from pinarm.use.method.search import NOTHING, Chain, Search, Step, configurations
+from pinarm.use.method.theorems import Landmarks, motion_of_whole
+from pinarm.use.method.wanted import Wanted, component, efforts_of, function_of, own_wrenches, wanted_of
+from pinarm.use.result.numbers import RunNumber
+from pinarm.use.result.run import Run
+
+ALTERNATIVES = 3
+"""Other derivations that are named."""
+
+AGREE = 1e-9
+"""Difference of the equations from the full solution, relative to their largest term, that rounding and tolerances of
+solvers explain."""
+
+ROUNDED = 1e-13
+"""Size of a term, relative to the largest of its equation, that is rounding."""
+
+ALIKE = 1e2 * NOTHING
+"""Distance of rows and directions of length 1 below which they are the same."""
+
+
+class Derivation(Record, frozen=True):
+    """The search for a wanted unknown.
+
+    Attributes:
+        quantities: Quantities of the mechanism, whose run says which drives act.
+        wanted: What is wanted.
+        start: A closed configuration, shape (nq,), near which those are at which ranks are taken.
+        senses: Signs of the multipliers of couplings in the state of the numbers.
+    """
+
+    quantities: Quantities
+    wanted: Wanted
+    start: Array
+    senses: Mapping[str, float] = {}
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism."""
+        return self.quantities.trajectory.mechanism
+
+    @cached_property
+    def _acting(self) -> tuple[Any, ...]:
+        return efforts_of(self.quantities.trajectory, self.wanted)
+
+    def _actions(self, q: Array) -> Actions:
+        efforts, balls, law = self._acting
+        return unknown_actions(self.mechanism, q, efforts, balls, law, self.senses)
+
+    @cached_property
+    def search(self) -> Search:
+        """The search at configurations of no special kind."""
+        actions = self._actions(configurations(self.mechanism, self.start))
+        function = function_of(self.wanted, actions, self.quantities)
+        if not np.abs(function).max(initial=0.0) > NOTHING:
+            raise InputError(f"'{self.wanted.name}': no unknown of '{self.wanted.of}' acts along it: it is 0, or known",
+                             expected="a component that the joint transmits")  # fmt: skip
+        return Search(actions, Landmarks.at(self.mechanism, actions.links), function)
+
+    @cached_property
+    def whole(self) -> tuple[str, Step] | None:
+        """The power of the whole: ``whole``, the theorem of kinetic energy, or ``power``; ``None`` without such."""
+        search, (efforts, balls, _) = self.search, self._acting
+        if self.wanted.kind not in ("effort", "law") or balls or not self.mechanism.closure.size:
+            return None
+        if (found := motion_of_whole(self.mechanism, search.actions.links.q, efforts, self.wanted.of)) is None:
+            return None
+        twists, alone = found
+        group = np.isin(np.arange(twists.shape[1]), search.actions.bodies) & (np.abs(twists).max(axis=(0, 2)) > NOTHING)
+        step = search.step(group, None, twists)
+        left = [one.name for one in step.unknowns(search.actions)]
+        return ("whole" if alone else "power", step) if left == [self.wanted.of] else None
+
+    @cached_property
+    def chains(self) -> list[tuple[str, Chain]]:
+        """Derivations with the key of their verdict, the shortest first."""
+        found = [("alone", Chain((step,))) for step in self.search.single()]
+        whole = [(self.whole[0], Chain((self.whole[1],)))] if self.whole else []
+        energy = [one for one in whole if one[0] == "whole"]
+        chain = None
+        if not found and (self.search.complete or not energy):
+            chain = self.search.chain()
+        key = "screw" if self.search.possible else "chain" if self.search.complete else "tried"
+        rest = [one for one in whole if one not in energy]
+        return [*found, *energy, *([(key, chain)] if chain else []), *rest]
+
+    def isolation(self, state: Quantities | None, where: str = "") -> Isolation:
+        """Return the derivation, with numbers in a state, a row with efforts, where there is one."""
+        title = self.mechanism.title
+        if not self.chains:
+            return Isolation(self.wanted, title, WORDS["nothing"].format(wanted=self.wanted.symbol))
+        key, chain = self.chains[0]
+        others = tuple(self._told(*other) for other in self.chains[1 : 1 + ALTERNATIVES])
+        equations = tuple(self._equation(step, chain) for step in chain.steps)
+        found = Isolation(self.wanted, title, self._verdict(key, chain), equations, others)
+        return found if state is None else self._in_numbers(found, chain, state, where)
+
+    def _verdict(self, key: str, chain: Chain) -> str:
+        names = {"wanted": self.wanted.symbol, "opened": ", ".join(one.name for one in chain.opened)}
+        return WORDS[key].format(groups=len(self.search.groups), count=len(chain.steps), **names)
+
+    def _told(self, key: str, chain: Chain) -> str:
+        if len(chain.steps) > 1:
+            return self._verdict(key, chain)
+        [step] = chain.steps
+        return WORDS["isolate"].format(bodies=" + ".join(self._bodies(step)), theorem=self._theorem(step))
+
+    def _bodies(self, step: Step) -> tuple[str, ...]:
+        return tuple(body_name(self.mechanism.model, body) for body in np.flatnonzero(step.group).tolist())
+
+    def _theorem(self, step: Step) -> str:
+        marks = self.search.landmarks
+        if step.screw is None:
+            key = "energy" if self.whole and self.whole[0] == "whole" else "virtual"
+            return WORDS[key].format(wanted=self.wanted.of)
+        axis = marks.directions[step.screw.direction]
+        way = marks.directions * np.sign((marks.directions * axis).sum(axis=-1, keepdims=True) + TINY)
+        direction = self._named(way, marks.direction_names, step.screw.direction, step)
+        if step.screw.point is None:
+            return WORDS["resultant"].format(direction=direction)
+        across = crossed(marks.points / marks.extent, axis)  # the same for all points on one axis
+        point = self._named(across, marks.point_names, step.screw.point, step)
+        return WORDS["moment"].format(point=point, direction=direction)
+
+    def _named(self, vectors: Array, names: Sequence[str], place: int, step: Step) -> str:
+        """Return the name of a point or direction: that of a joint that is cut, where it has the same."""
+        alike = np.flatnonzero(np.abs(vectors - vectors[place]).max(axis=(1, 2)) < NOTHING).tolist()
+        cut = {one.name for one in self.search.actions.carriers if one.is_cut(step.group)}
+        return min((names[k] for k in alike), key=lambda name: name.removeprefix("axis of ") not in cut)
+
+    def _equation(self, step: Step, chain: Chain) -> Equation:
+        """Return an equation without numbers."""
+        carriers, left = self.search.actions.carriers, step.unknowns(self.search.actions)
+        vanishing = [(WORDS[one.kind].format(name=one.name), WORDS[self._reason(one, step)])
+                     for one in carriers if step.screw and one not in left and one.is_cut(step.group)]  # fmt: skip
+        opened = [self._component(one, step) for one in chain.opened if one in left]
+        given = WORDS["gives" if len(opened) == 1 else "ties"].format(of=" and ".join(opened))
+        gives = "" if step is chain.steps[-1] else given
+        perfect = [] if step.screw else [("", WORDS["perfect"])]
+        return Equation(self._bodies(step), self._theorem(step), gives, (*vanishing, *perfect), self._terms(step))
+
+    def _reason(self, one: Carrier, step: Step) -> str:
+        """Return the key of why what something transmits to the group has no part in the equation."""
+        marks, screw = self.search.landmarks, step.screw
+        if screw is None or screw.point is None:
+            return "no force along"
+        wrenches = self.search.actions.on(step.group[None])[0, 0, one.columns]
+        axis, place = marks.directions[screw.direction, 0], marks.place(one.name)
+        if place is None or np.abs(moved(wrenches, -place)[:, 3:] @ axis).max() > NOTHING * marks.extent:
+            return "no work"
+        if np.abs(np.cross(place - marks.points[screw.point, 0], axis)).max() < NOTHING * marks.extent:
+            return "meets"
+        return "parallel" if np.abs(np.cross(wrenches[:, :3], axis)).max() < NOTHING else "meets or parallel"
+
+    def _component(self, one: Carrier, step: Step) -> str:
+        """Return which component of an opened joint an equation has, in words, or its symbol."""
+        place, actions = self.search.landmarks.place(one.name), self.search.actions
+        if place is None:
+            return one.name
+        body = next(body for body in reversed(one.bodies) if step.group[body])
+        wrenches, twist = moved(actions.wrenches[0, body, one.columns], -place), step.twists[0, body]
+        velocity = twist[:3] + np.cross(twist[3:], place)
+        ways = {"force": (wrenches[:, :3], velocity), "moment": (wrenches[:, 3:], twist[3:])}
+        acting = [part for part, (held, way) in ways.items() if np.abs(held @ way).max() > NOTHING]
+        if len(acting) != 1:
+            return WORDS["relation"].format(of=one.name)
+        held, way = ways[acting[0]]
+        along = held.T @ np.linalg.pinv(held.T) @ way  # what the joint transmits of it
+        return self._along(acting[0], one, along / np.linalg.norm(along))
+
+    def _along(self, part: str, one: Carrier, way: Array) -> str:
+        marks = self.search.landmarks
+        apart = np.linalg.norm(np.cross(marks.directions[:, 0], way), axis=1)
+        names = [marks.direction_names[k] for k in np.flatnonzero(apart < ALIKE)]
+        for axis, _, link in (name.partition(" of ") for name in names):
+            quantity = f"{one.kind}.{one.name}.{part}.{f'along.{link}.' if link else ''}{axis}"
+            if symbol := self._symbols.get(quantity):
+                return symbol
+        return WORDS[f"{part} of" if names else "relation"].format(of=one.name, direction=names[0] if names else "")
+
+    @cached_property
+    def _symbols(self) -> Mapping[str, str]:
+        """Symbols that stand for one quantity, by its name."""
+        known = {**self.mechanism.symbols, **self.quantities.symbols}
+        return {expression.text.strip(): name for name, expression in known.items()}
+
+    @cached_property
+    def _known(self) -> list[Source]:
+        """What forces, frictions and rotors do in some motion, to tell in which equations they are."""
+        model, q = self.mechanism.model, self.search.actions.links.q[:1]
+        columns = {one.quantity: Series(one.quantity, None, np.ones(1)) for one in self.mechanism.frictions}
+        moving = np.remainder(GOLDEN * np.arange(1.0, 1.0 + model.nv), 1.0)[None]
+        row = Trajectory.schema_row(self.mechanism, q[0], "t", unit("s"))
+        return list(forces_of(replace(row, v=moving, a=moving, columns=columns)))
+
+    def _terms(self, step: Step) -> tuple[Term, ...]:
+        """Return the terms of an equation without numbers."""
+        model = self.mechanism.model
+        heavy = [body_name(model, body) for body in np.flatnonzero(step.group).tolist()
+                 if model.inertias[body].mass or np.any(model.inertias[body].inertia)]  # fmt: skip
+        unknown = [Term(self._label(one.name, one.kind, step), "unknown") for one in step.unknowns(self.search.actions)]
+        known = [Term(self._label(one.name, one.kind, step), "known") for one in self._known
+                 if abs(one.power(step.twists[0])) > ROUNDED * one.size(step.twists[0])]  # fmt: skip
+        roles = ("weight", "inertia") if np.any(model.gravity.linear) else ("inertia",)
+        return *unknown, *known, *(Term(WORDS[role].format(name=name), role, name) for role in roles for name in heavy)
+
+    def _valued(self, step: Step, acting: Sequence[Source]) -> tuple[Term, ...]:
+        """Return the terms of an equation with numbers: all that acts."""
+        unknown = {(one.name, one.kind) for one in step.unknowns(self.search.actions)}
+        size, terms = _size(acting, step), []
+        for one in acting:
+            role = "unknown" if (one.name, one.kind) in unknown else one.kind if one.kind in ROLES else "known"
+            value = one.power(step.twists[0])
+            if role == "unknown" or abs(value) > ROUNDED * size:
+                terms.append(Term(self._label(one.name, one.kind, step), role, one.name.partition(",")[0], value))
+        return tuple(sorted(terms, key=lambda term: ROLES.index(term.role)))
+
+    def _label(self, name: str, kind: str, step: Step) -> str:
+        """Return the name of a term, with symbols of the mechanism where there are any."""
+        if kind in ("drive", "law"):
+            own = self.wanted.symbol if (name, self.wanted.kind) == (self.wanted.of, "effort") else ""
+            return own or self._symbols.get(f"joint.{name}.effort") or WORDS[kind].format(name=name)
+        function = self.search.wanted
+        along = (step.rows * function).sum(axis=1) / (function**2).sum(axis=1)
+        own_row = np.abs(step.rows - along[:, None] * function).max() < ALIKE * np.abs(step.rows).max()
+        if kind in ("joint", "loop", "coupling") and name == self.wanted.of and own_row:
+            sign = {1.0: "", -1.0: "-"}.get(round(float(along[0]), 9)) if np.ptp(along) < ALIKE else None
+            return WORDS["lever"].format(of=self.wanted.symbol) if sign is None else sign + self.wanted.symbol
+        return WORDS[kind].format(name=name)
+
+    def _in_numbers(self, found: Isolation, chain: Chain, state: Quantities, where: str) -> Isolation:
+        """Return a derivation with the terms of its equations in a state, and the unknown that follows from them."""
+        row = state.trajectory
+        actions = self._actions(row.q)
+        acting = sources(state, actions, split=self.wanted.kind == "law")
+        steps = [self._placed(step, row.q, Landmarks.at(row.mechanism, actions.links)) for step in chain.steps]
+        inner = np.any([step.left for step in steps], axis=0)
+        rows = np.array([np.einsum("bkw,bw->k", actions.wrenches[0], step.twists[0])[inner] for step in steps])
+        function = function_of(self.wanted, actions, state)[0, inner]
+        weights = np.linalg.lstsq(rows.T, function, rcond=None)[0]
+        rest = [_rest(acting, step, actions) for step in steps]
+        solution, value = self._solution(state), float(weights @ rest) + self._offset(state, actions, acting)
+        scale = max(float(np.abs(weights) @ [_size(acting, step) for step in steps]), abs(solution), TINY)
+        if not abs(value - solution) <= AGREE * scale:
+            raise InputError(f"'{self.wanted.name}': the equations give {value:.9g}, the full solution {solution:.9g}: "
+                             "something acts that isolations do not tell, such as losses of a drive",
+                             expected="the derivation without numbers: Mechanism.isolate(name)")  # fmt: skip
+        equations = tuple(
+            replace(one, terms=self._valued(step, acting), unit=self._unit(step), scale=_size(acting, step))
+            for one, step in zip(found.equations, steps, strict=True)
+        )
+        measured = self._unit(None) if self.wanted.kind == "law" else str(state[self.wanted.quantity].unit)
+        found = replace(found, equations=equations, where=where, unit=measured)
+        return replace(found, value=value, solution=solution, scale=scale)
+
+    def _placed(self, step: Step, q: Array, marks: Landmarks) -> Step:
+        """Return an equation with the motion of its bodies at another configuration, shape (1, nq)."""
+        if step.screw is not None:
+            return replace(step, twists=step.group[None, :, None] * marks.twists([step.screw])[0][:, None])
+        if (moving := motion_of_whole(self.mechanism, q, self._acting[0], self.wanted.of)) is None:
+            raise InputError(f"'{self.wanted.of}' does not move the mechanism here: a dead point",
+                             expected="another instant")  # fmt: skip
+        return replace(step, twists=moving[0])
+
+    def _unit(self, step: Step | None) -> str:
+        if step is None or step.screw is None:
+            return "N" if self.mechanism.coordinates[self.wanted.of].unit == METRE else "N*m"
+        return "N" if step.screw.point is None else "N*m"
+
+    def _solution(self, state: Quantities) -> float:
+        """Return the wanted unknown in the full solution; of a law the known effort along the coordinate."""
+        if self.wanted.kind != "law":
+            return float(state[self.wanted.quantity].values[0])
+        effort, joint = state.trajectory.effort_along(self.wanted.of), self.mechanism.joints.get(self.wanted.of)
+        given = 0.0 if joint is None else state.trajectory.tau[0, joint.v]
+        return float(given if effort is None else effort[0])
+
+    def _offset(self, state: Quantities, actions: Actions, acting: Sequence[Source]) -> float:
+        """Return what of a wanted reaction known efforts in the joint itself make up, such as those of springs."""
+        if self.wanted.kind != "reaction":
+            return 0.0
+        row, place, of = state.trajectory, own_wrenches(self.wanted, actions)[1][0], self.wanted.of
+        if self.wanted.quantity.startswith("loop."):
+            lam = np.asarray(row.lam)[:, row.closure.slices[of]]
+            known = state.reactions.loop(of)[0] - state.reactions.loops[of].wrench(actions.links, lam)[0]
+        else:
+            body = (row.mechanism.joints.get(of) or row.mechanism.balls[of]).index
+            joint, held = row.mechanism.model.joints[body], np.zeros(6)
+            for one in acting:
+                if one.efforts is not None and one.kind != "tie":
+                    own = one.efforts[joint.idx_v : joint.idx_v + joint.nv]
+                    held += own @ motions(row.mechanism, actions.links, body)[0]
+                if (one.name, one.kind) == (of, "joint"):
+                    held += one.wrenches[body]
+            known = state.reactions.joints[0, body] - moved(held, -place)
+        return float(component(self.wanted, state, row.q[0], known[None], place)[0])
+
+
+TINY = float(np.finfo(float).tiny)
+
+
+def _size(acting: Sequence[Source], step: Step) -> float:
+    """Return the size of the largest term of an equation, or of its parts."""
+    return max((one.size(step.twists[0]) for one in acting), default=0.0)
+
+
+def _rest(acting: Sequence[Source], step: Step, actions: Actions) -> float:
+    """Return what the unknowns of an equation are, together: inertias less what is known."""
+    left = {(one.name, one.kind) for one in step.unknowns(actions)}
+    known = (one for one in acting if (one.name, one.kind) not in left)
+    return sum((1.0 if one.kind == "inertia" else -1.0) * one.power(step.twists[0]) for one in known)
+
+
+def _senses(state: Quantities) -> dict[str, float]:
+    """Return the signs of the multipliers of couplings in one row."""
+    run, lam = state.trajectory, np.asarray(state.trajectory.lam)[0]
+    return {one.name: float(np.sign(lam[run.closure.slices[one.name].start])) for one in run.mechanism.relations}
+
+
+def isolation_in_run(result: Run, name: str, at: str = "") -> Isolation:
+    """Return the derivation of a wanted unknown, with numbers at an instant of a run; see ``Result.isolate``."""
+    quantities, run = result.quantities, result.trajectory
+    wanted = wanted_of(quantities, name)
+    if at:
+        state = result.lookup.at(RunNumber.read(f"{wanted.quantity} @ {at}").at, wanted.quantity)
+    else:
+        middle = wanted.kind == "law"
+        row = len(run) // 2 if middle else int(np.nanargmax(np.abs(quantities[wanted.quantity].values)))
+        state = quantities.of(run.some(np.array([row])))
+    where = f"at {run.parameter} = {state.trajectory.grid.t[0]:.6g} {run.unit}"
+    return Derivation(quantities, wanted, state.trajectory.q[0], _senses(state)).isolation(state, where)
+
+
+def isolation_of(
+    mechanism: Mechanism, name: str, states: Sequence[Array | None], drives: Sequence[str], t: float
+) -> Isolation:
+    """Return the derivation of a wanted unknown of a mechanism; see ``Mechanism.isolate``.
+
+    Args:
+        mechanism: The mechanism.
+        name: What is wanted.
+        states: q, v, a and tau of the state of the numbers, as far as they are given.
+        drives: Coordinates that drives act along.
+        t: Instant [s].
+    """
+    q, v, a, tau = states
+    start = generic_near(mechanism, mechanism.start) if q is None else np.asarray(q, float)
+    row = Trajectory.schema_row(mechanism, start, "t", unit("s"))
+    wanted = wanted_of(Quantities(row), name)
+    every = () if wanted.kind == "law" else everywhere(mechanism)
+    if not drives and wanted.kind == "effort" and every is None:
+        drives = [wanted.of]
+    if q is None:
+        acting = along(mechanism, drives) if drives else every
+        driven, names = (acting.driven, (*acting.coordinates(mechanism),)) if acting else (None, ())
+        return Derivation(Quantities(replace(row, driven=driven, drives=names)), wanted, start).isolation(None)
+    if wanted.kind == "law" and not drives and a is None and tau is None:
+        tau = np.zeros(mechanism.model.nv)
+    found = state_quantities(mechanism, start, v, a, tau, drives, t).rows
+    state = None if found.trajectory.no_efforts else found
+    senses, where = ({}, "") if state is None else (_senses(state), "in the given state")
+    return Derivation(found, wanted, start, senses).isolation(state, where)

@@ -1,0 +1,338 @@
+"""Search for the groups of bodies and the theorems whose equation has the wanted unknown and no other.
+
+Each group and test motion give one equation: the row of powers of all unknowns. The wanted unknown is a row f of the
+same length. One isolation gives it where a row is a multiple of f; several do where f is a combination of theirs. Both
+are told by ranks at several closed configurations of no special kind, so that they hold in all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.kinematics.assembly import GOLDEN, beside
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.records import Record
+from pinarm.use.method.actions import Actions, Carrier
+from pinarm.use.method.theorems import Landmarks, Screw
+
+WHOLE = 12
+"""Bodies up to which all connected groups are looked at, at most 4095; of more the single bodies, and all that is
+beyond a joint."""
+
+NOTHING = 1e-9
+"""Power of a unit unknown in a unit motion, lengths relative to the extent, that is rounding."""
+
+SPREAD = 3
+"""Configurations of no special kind at which rows are compared."""
+
+
+class Step(Record, frozen=True):
+    """One equation: a group of bodies and a theorem.
+
+    Attributes:
+        group: Which bodies are isolated, shape (njoints,).
+        screw: The test motion; ``None`` of the motion of the whole.
+        rows: Powers of all unknowns in it, shape (c, K).
+        left: Which unknowns are left in it, shape (K,).
+        twists: The motion that it gives the bodies, [linear; angular] at the world's origin, shape (c, njoints, 6).
+    """
+
+    group: Flags
+    screw: Screw | None
+    rows: Array
+    left: Flags
+    twists: Array
+
+    def unknowns(self, actions: Actions) -> list[Carrier]:
+        """Return the carriers of unknowns that are left in the equation."""
+        return [one for one in actions.carriers if self.left[one.columns].any()]
+
+
+class Chain(Record, frozen=True):
+    """Equations that give the wanted unknown together.
+
+    Attributes:
+        steps: The equations, those of other unknowns first.
+        opened: What they have as unknowns beside the wanted one.
+    """
+
+    steps: tuple[Step, ...]
+    opened: tuple[Carrier, ...] = ()
+
+
+class Search(Record, frozen=True):
+    """The groups of a mechanism with its unknowns.
+
+    Attributes:
+        actions: The unknowns at c configurations.
+        landmarks: Points and directions there.
+        wanted: The wanted unknown as a function f of all, shape (c, K).
+    """
+
+    actions: Actions
+    landmarks: Landmarks
+    wanted: Array
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism."""
+        return self.actions.mechanism
+
+    @cached_property
+    def groups(self) -> Flags:
+        """Connected groups of bodies, the smallest first, shape (g, njoints)."""
+        return connected_groups(self.mechanism, self.actions)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all connected groups are looked at."""
+        return len(self.actions.bodies) <= WHOLE
+
+    @cached_property
+    def _scale(self) -> Array:
+        """Factors that make lengths relative to the extent, of motions, shape (6,)."""
+        return np.repeat([1.0, 1.0 / self.landmarks.extent], 3)
+
+    @cached_property
+    def _unknowns(self) -> Array:
+        """What unknowns of the length 1 do to all groups, shape (g, c, K, 6)."""
+        sized = self.actions.wrenches * self._scale / self.sizes[:, None, :, None]
+        return np.asarray(np.einsum("gb,cbkw->gckw", self.groups.astype(float), sized))
+
+    @cached_property
+    def sizes(self) -> Array:
+        """Lengths of the unknowns' wrenches where they act most, shape (c, K)."""
+        lengths = np.linalg.norm(self.actions.wrenches * self._scale, axis=-1).max(axis=1)
+        return np.where(lengths > 0.0, lengths, 1.0)
+
+    @cached_property
+    def _wanted(self) -> Array:
+        """The wanted function of unknowns of the length 1, of the length 1 itself, shape (c, K)."""
+        function = self.wanted / self.sizes
+        return np.asarray(function / np.linalg.norm(function, axis=-1, keepdims=True))
+
+    @cached_property
+    def _twists(self) -> Array:
+        """Unit motions of all screws, shape (s, c, 6)."""
+        twists = self.landmarks.twists(self.landmarks.screws) / self._scale
+        return np.asarray(twists / np.linalg.norm(twists, axis=-1, keepdims=True))
+
+    @cached_property
+    def possible(self) -> list[int]:
+        """Groups for which some motion leaves the wanted unknown alone, whether by a theorem of ``Screw`` or not."""
+        rows, wanted = self._unknowns, np.broadcast_to(self._wanted[None, :, :, None], (*self._unknowns.shape[:3], 1))
+        best = np.linalg.pinv(rows, rcond=NOTHING) @ wanted
+        missed = np.abs(rows @ best - wanted).max(axis=(1, 2, 3))
+        return np.flatnonzero(missed < NOTHING).tolist()
+
+    def single(self) -> list[Step]:
+        """Return the isolations that give the wanted unknown alone, those with the fewest bodies with mass first."""
+        found = []
+        for place in self.possible:
+            rows = np.einsum("ckw,scw->sck", self._unknowns[place], self._twists)
+            along = np.einsum("sck,ck->sc", rows, self._wanted)
+            left = np.abs(rows - along[..., None] * self._wanted).max(axis=(1, 2))
+            alone = (left < NOTHING) & (np.abs(along).min(axis=1) > NOTHING)
+            found += [self._step(place, int(k)) for k in np.flatnonzero(alone)]
+        return sorted(found, key=self.cost)
+
+    def _step(self, place: int, screw: int) -> Step:
+        group, motion = self.groups[place], self.landmarks.screws[screw]
+        return self.step(group, motion, group[None, :, None] * self.landmarks.twists([motion])[0][:, None])
+
+    def step(self, group: Flags, motion: Screw | None, twists: Array) -> Step:
+        """Return the equation of a group and the motions of its bodies, shape (c, njoints, 6)."""
+        rows = np.einsum("cbkw,cbw->ck", self.actions.wrenches, twists)
+        size = np.linalg.norm(twists / self._scale, axis=-1).max(axis=1, keepdims=True)
+        return Step(group, motion, rows, np.abs(rows / (self.sizes * size)).max(axis=0, initial=0.0) > NOTHING, twists)
+
+    def cost(self, step: Step) -> tuple[int, int, int, int]:
+        """Return what ranks an equation: unknowns, bodies with mass, bodies, and whether its axis is that of a cut."""
+        left = int(step.left.sum())
+        massive = sum(bool(self.mechanism.model.inertias[body].mass) for body in np.flatnonzero(step.group).tolist())
+        return left, massive, int(step.group.sum()), self._distance(step)
+
+    def _distance(self, step: Step) -> int:
+        """Return how far down the list of names the theorem's point and direction are, those of cut ties first."""
+        if step.screw is None:
+            return 0
+        cut = {one.name for one in self.actions.carriers if one.is_cut(step.group)}
+        names = self.landmarks.direction_names[step.screw.direction].removeprefix("axis of "), (
+            "" if step.screw.point is None else self.landmarks.point_names[step.screw.point])  # fmt: skip
+        return step.screw.direction + (step.screw.point or 0) - 1000 * sum(name in cut for name in names)
+
+    def chain(self) -> Chain | None:
+        """Return equations that give the wanted unknown together; ``None`` where nothing does: it is not determined.
+
+        Joints are opened one at a time, those with the fewest unknowns first, then the loop joints together: open
+        there, what is left is a tree.
+        """
+        free = [one for one in self.actions.carriers if one.kind in ("joint", "loop", "coupling")]
+        ordered = sorted(free, key=lambda one: (one.count, one.kind == "joint"))
+        ties = tuple(one for one in free if one.kind != "joint")
+        alone = [(one,) for one in ordered] if self.complete and self.mechanism.closure.size else []
+        for opened in (*alone, ties):
+            if opened and (found := self._through(opened)):
+                return found
+        return None
+
+    def _through(self, opened: tuple[Carrier, ...]) -> Chain | None:
+        """Return the equations with these unknowns and the wanted one that give the latter; ``None`` without such."""
+        inner = np.zeros(self.wanted.shape[1], dtype=bool)
+        for one in opened:
+            inner[one.columns] = True
+        steps = list(self._equations(inner))
+        if not steps:
+            return None
+        rows = np.array([self._reduced(step.rows, inner) for step in steps])  # (e, c, 1 + k)
+        unit = self._reduced(self.wanted, inner)
+        chosen = _fewest(rows, unit)
+        return Chain(self._ordered([steps[k] for k in chosen], inner), opened) if chosen else None
+
+    def _reduced(self, rows: Array, inner: Flags) -> Array:
+        """Return rows as powers of the wanted unknown and of the opened ones, shape (c, 1 + k)."""
+        rows, wanted = rows / self.sizes, self.wanted / self.sizes
+        outside = np.where(inner, 0.0, wanted)
+        square = np.maximum((outside**2).sum(axis=-1), NOTHING**2)
+        part = (rows * outside).sum(axis=-1) / square
+        return np.concatenate([part[:, None], rows[:, inner]], axis=1)
+
+    def _equations(self, inner: Flags) -> Iterator[Step]:
+        """Yield equations without other unknowns than some and the wanted one, the simplest first, none twice."""
+        outer, wanted = self._unknowns[:, :, ~inner], self._wanted[:, ~inner]
+        length = np.linalg.norm(wanted, axis=-1, keepdims=True)
+        unit = wanted / np.where(length > 0.0, length, 1.0)
+        others = outer - np.einsum("ck,gclw,cl->gckw", unit, outer, unit)
+        values = np.linalg.svd(others, compute_uv=False)
+        sizes = values.shape[-1]
+        ranks = (values > NOTHING).sum(axis=-1).max(axis=1) if sizes else np.zeros(len(others), int)
+        found = []
+        for place in np.flatnonzero(ranks < 6).tolist():
+            left = np.einsum("ckw,scw->sck", others[place], self._twists)
+            row = np.einsum("ckw,scw->sck", self._unknowns[place], self._twists)
+            size, any_left = np.abs(left).max(axis=(1, 2), initial=0.0), np.abs(row).max(axis=2).min(axis=1)
+            found += [self._step(place, int(k)) for k in np.flatnonzero((size < NOTHING) & (any_left > NOTHING))]
+        kept: list[Array] = []
+        for step in sorted(found, key=self.cost):
+            row = self._reduced(step.rows, inner).ravel()
+            row = row / np.linalg.norm(row)
+            if all(min(np.abs(row - one).max(), np.abs(row + one).max()) > NOTHING for one in kept):
+                kept.append(row)
+                yield step
+
+    def _ordered(self, steps: Sequence[Step], inner: Flags) -> tuple[Step, ...]:
+        """Return equations so that each has the fewest unknowns that those before do not give; the wanted one last."""
+        rest, known = list(steps), np.zeros((0, int(inner.sum())))
+        last = max(range(len(rest)), key=lambda k: abs((rest[k].rows / self.sizes)[0] @ self._wanted[0]))
+        final, found = rest.pop(last), list[Step]()
+        while rest:
+
+            def fresh(step: Step, known: Array = known) -> tuple[int, ...]:
+                row = step.rows[0, inner] / self.sizes[0, inner]
+                new = row - known.T @ (known @ row)
+                return int((np.abs(new) > NOTHING).sum()), *self.cost(step)
+
+            best = min(rest, key=fresh)
+            rest.remove(best)
+            found.append(best)
+            rows = np.array([step.rows[0, inner] / self.sizes[0, inner] for step in found])
+            _, values, right = np.linalg.svd(rows, full_matrices=False)
+            known = right[values > NOTHING]
+        return *found, final
+
+
+def _fewest(rows: Array, wanted: Array) -> list[int]:
+    """Return the places of few rows, shape (e, c, k), of which the wanted one, shape (c, k), is a combination.
+
+    Rows come simplest first: each one with the wanted unknown in turn, completed by the simplest that are independent.
+    Empty where they do not give it.
+    """
+    best: list[int] = []
+    heads = np.flatnonzero(np.abs(rows[:, :, 0]).min(axis=1) > NOTHING).tolist()
+    for head in heads or range(len(rows)):
+        basis = [head]
+        for k in range(len(rows)):
+            if k != head and np.linalg.matrix_rank(rows[[*basis, k], 0], tol=NOTHING) > len(basis):
+                basis.append(k)
+        weights = np.linalg.lstsq(rows[basis, 0].T, wanted[0], rcond=None)[0]
+        chosen = [place for place, weight in zip(basis, weights, strict=True) if abs(weight) > NOTHING]
+        if chosen and (not best or len(chosen) < len(best)) and _give(rows[chosen], wanted):
+            best = chosen
+    return best
+
+
+def _give(rows: Array, wanted: Array) -> bool:
+    """Tell whether rows give the wanted one at all configurations."""
+    missed = []
+    for k, one in enumerate(wanted):
+        weights = np.linalg.lstsq(rows[:, k].T, one, rcond=None)[0]
+        missed.append(np.abs(rows[:, k].T @ weights - one).max())
+    return bool(max(missed) < NOTHING * 1e2 * max(1.0, float(np.abs(wanted).max())))
+
+
+def connected_groups(mechanism: Mechanism, actions: Actions) -> Flags:
+    """Return connected groups of bodies, the smallest first, shape (g, njoints); see ``WHOLE``."""
+    bodies, near = actions.bodies, _near(mechanism, actions)
+    if len(bodies) <= WHOLE:
+        masks = {mask for mask in range(1, 1 << len(bodies)) if _spread(mask & -mask, mask, near) == mask}
+    else:
+        beyond = ([int(k) for k in mechanism.model.subtrees[body]] for body in bodies)
+        subtrees = {sum(1 << bodies.index(k) for k in each if k in bodies) for each in beyond}
+        masks = subtrees | {1 << k for k in range(len(bodies))}
+    ordered = sorted(masks, key=lambda mask: (mask.bit_count(), mask))
+    found = np.zeros((len(ordered), mechanism.model.njoints), dtype=bool)
+    for row, mask in zip(found, ordered, strict=True):
+        row[[body for k, body in enumerate(bodies) if mask >> k & 1]] = True
+    return found
+
+
+def _near(mechanism: Mechanism, actions: Actions) -> list[int]:
+    """Return the bodies that joints, loop joints and couplings tie to each body, as masks of bits."""
+    found = [0] * len(actions.bodies)
+    for pair in _ties(mechanism, actions):
+        if 0 not in pair:
+            one, two = (actions.bodies.index(body) for body in pair)
+            found[one] |= 1 << two
+            found[two] |= 1 << one
+    return found
+
+
+def _spread(start: int, within: int, near: Sequence[int]) -> int:
+    """Return the bodies of a set that are tied to a first one inside of it; sets are masks of bits."""
+    reached = border = start
+    while border:
+        around = 0
+        for k, tied in enumerate(near):
+            around |= tied if border >> k & 1 else 0
+        border = around & within & ~reached
+        reached |= border
+    return reached
+
+
+def _ties(mechanism: Mechanism, actions: Actions) -> list[tuple[int, int]]:
+    """Return pairs of bodies that joints, loop joints and couplings tie; 0 is the ground."""
+    model = mechanism.model
+    found = [(int(model.parents[body]), body) for body in actions.bodies]
+    for one in mechanism.constraints:
+        if isinstance(one, LoopJoint):
+            found.append((int(model.frames[one.first].parentJoint), int(model.frames[one.second].parentJoint)))
+    found += [pair for one in actions.carriers if one.kind == "coupling" for pair in combinations(one.bodies, 2)]
+    return found
+
+
+def configurations(mechanism: Mechanism, start: Array) -> Array:
+    """Return closed configurations of no special kind, shape (c, nq), near one, shape (nq,)."""
+    if mechanism.closure.size:
+        return np.array(beside(mechanism, start)[-SPREAD:])
+    found, model = [], mechanism.model
+    for step in range(SPREAD):
+        way = 2.0 * np.remainder(GOLDEN * np.arange(1 + step * model.nv, 1 + (step + 1) * model.nv), 1.0) - 1.0
+        found.append(pin.integrate(model, start, mechanism.closure.scale * way))
+    return np.array(found)

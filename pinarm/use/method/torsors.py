@@ -1,0 +1,266 @@
+"""Torsors of a run: static, kinematic, kinetic and dynamic, at any point and in any basis, with the shape of the joint.
+
+A torsor has a resultant R and a moment M(P) at a point: ``M(Q) = M(P) + QP x R``. The comoment of two, ``R1 . M2 + R2 .
+M1`` at one point, does not depend on it; that of a static and a kinematic torsor is a power.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.checks.figures import sampled
+from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, choices
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.geometry.vectors import joined, moved, rotated
+from pinarm.mechanics.joints import frame_of, links_of
+from pinarm.records import Record, replace
+from pinarm.use.method.actions import unknown_actions
+from pinarm.use.result.run import Run
+
+LETTERS: Mapping[str, tuple[Sequence[str], str, str]] = {
+    "static": ("XYZLMN", "N", "N*m"),
+    "kinematic": ("pqruvw", "rad/s", "m/s"),
+    "kinetic": (("P_x", "P_y", "P_z", "σ_x", "σ_y", "σ_z"), "kg*m/s", "kg*m^2/s"),
+    "dynamic": (("D_x", "D_y", "D_z", "δ_x", "δ_y", "δ_z"), "N", "N*m"),
+}
+"""Letters of the six components, and the units of resultant and moment, of every kind."""
+
+SAMPLE = 5
+"""Rows at most in which a joint's shape is looked at: it belongs to the structure."""
+
+NOTHING = 1e-12
+"""Component, relative to the largest of the run, that is rounding."""
+
+
+class Torsor(Record, frozen=True):
+    """A torsor over the rows of a run.
+
+    Attributes:
+        of: Of the joint, loop joint, coupling or link.
+        kind: ``static``, ``kinematic``, ``kinetic`` or ``dynamic``.
+        point: Name of the point of the moment.
+        basis: Name of the link in whose axes components are.
+        parameter: What runs along the rows.
+        parts: [R; M], world axes, shape (n, 6).
+        place: The point [m], world axes, shape (n, 3).
+        turn: Columns are the axes of the basis, shape (n, 3, 3).
+        possible: Wrenches that the joint can transmit in some rows, of which zeros of the shape follow, as ``parts``,
+            shape (k, s, 6).
+        rows: These rows, shape (s,).
+        added: What self-stresses of a hyperstatic mechanism add, shape (k, n, 6).
+        extent: Length of the longest branch of links [m], which compares moments with forces.
+    """
+
+    unshown = ("parts", "place", "turn", "possible", "added", "parameter")
+
+    of: str
+    kind: str
+    point: str
+    basis: str
+    parameter: Series
+    parts: Array
+    place: Array
+    turn: Array
+    possible: Array
+    rows: Indices
+    added: Array
+    extent: float
+
+    def __repr__(self) -> str:
+        return f"<{self.kind} torsor of '{self.of}' at {self.point}, axes of {self.basis}: {' '.join(self.shape)}>"
+
+    @property
+    def units(self) -> tuple[Unit, Unit]:
+        """Units of the resultant and of the moment."""
+        _, resultant, moment = LETTERS[self.kind]
+        return unit(resultant), unit(moment)
+
+    @property
+    def components(self) -> Array:
+        """Components of R and M in the basis [SI], shape (n, 6); NaN where rigid bodies do not determine them."""
+        return np.where(self.undetermined, np.nan, self._in_basis(self.parts))
+
+    @property
+    def resultant(self) -> Array:
+        """Components of R in the basis [SI], shape (n, 3)."""
+        return self.components[:, :3]
+
+    @property
+    def moment(self) -> Array:
+        """Components of M in the basis [SI], shape (n, 3)."""
+        return self.components[:, 3:]
+
+    @property
+    def undetermined(self) -> Flags:
+        """Which components self-stresses change, shape (6,)."""
+        return np.asarray(np.abs(self._in_basis(self.added)).max(axis=(0, 1), initial=0.0) > ACTS)
+
+    @property
+    def shape(self) -> tuple[str, ...]:
+        """Letters of the components; ``0`` of those that the joint cannot transmit, or a run does not have."""
+        scale = np.repeat([1.0, 1.0 / self.extent], 3)
+        each = (self._in_basis(self.possible, self.rows).reshape(-1, 6), self._in_basis(self.parts))
+        sizes = [np.abs(values * scale).max(axis=0, initial=0.0) for values in each]
+        free = np.any([size > NOTHING * size.max() for size in sizes], axis=0)
+        return tuple(letter if there else "0" for letter, there in zip(LETTERS[self.kind][0], free, strict=True))
+
+    def _in_basis(self, parts: Array, rows: Indices | slice = slice(None)) -> Array:
+        back = self.turn[rows].swapaxes(-1, -2)
+        return joined(rotated(back, parts[..., :3]), rotated(back, parts[..., 3:]))
+
+    def moved_to(self, place: Array, point: str) -> Torsor:
+        """Return the torsor at another point [m], world axes, shape (n, 3) or (3,), with its name."""
+        arm = self.place - place
+        parts, added = (moved(each, np.broadcast_to(arm, each[..., :3].shape)) for each in (self.parts, self.added))
+        possible = moved(self.possible, np.broadcast_to(arm[self.rows], self.possible[..., :3].shape))
+        place = np.broadcast_to(place, self.place.shape)
+        return replace(self, parts=parts, possible=possible, added=added, place=place, point=point)
+
+    def comoment(self, other: Torsor) -> Array:
+        """Return the comoment with another torsor of the same rows, shape (n,): of an action and a motion its power."""
+        there = other.moved_to(self.place, self.point).parts
+        return np.asarray((self.parts[:, :3] * there[:, 3:] + self.parts[:, 3:] * there[:, :3]).sum(axis=1))
+
+    def row(self, value: float | None = None) -> int:
+        """Return the row whose parameter is nearest to a value; the first where it is left out."""
+        return 0 if value is None else int(np.argmin(np.abs(self.parameter.values - value)))
+
+    def table(self, value: float | None = None) -> list[list[str]]:
+        """Return the two columns of the torsor, letters with numbers at a value of the run's parameter."""
+        components, shape, row = self.components, self.shape, self.row(value)
+        cells = []
+        for k, letter in enumerate(shape):
+            number = "undetermined" if self.undetermined[k] else f"{components[row, k]:.6g} {self.units[k // 3]}"
+            cells.append("0" if letter == "0" else f"{letter} = {number}")
+        return [["", "resultant", "moment"], *([axis, cells[k], cells[3 + k]] for k, axis in enumerate("xyz"))]
+
+    def text(self, value: float | None = None) -> str:
+        """Return it as text: shape, then numbers in the row nearest to a value of the run's parameter."""
+        rows = self.table(value)
+        widths = [max(len(row[k]) for row in rows) for k in range(3)]
+        t, row = self.parameter, self.row(value)
+        lines = [f"{self.kind} torsor of {self.of} at {self.point}, axes of {self.basis}, "
+                 f"{t.name} = {t.values[row]:.6g} {t.unit}"]  # fmt: skip
+        return "\n".join([*lines, *("  ".join(map(str.ljust, each, widths)).rstrip() for each in rows)])
+
+    def __str__(self) -> str:
+        """Return it as text, in the first row."""
+        return self.text()
+
+    def _repr_html_(self) -> str:
+        """Return it as a table, for notebooks."""
+        from pinarm.use.show.notebook import blocks, heading, table
+
+        return blocks(heading(self.text().split("\n")[0]), table(self.table()))
+
+
+def torsor(result: Run, of: str, at: str, along: str, kind: str) -> Torsor:
+    """Return a torsor of a run; see ``Result.torsor``."""
+    quantities, run = result.quantities, result.trajectory
+    kind = kind or ("kinematic" if of in links_of(run.mechanism.model) and not _is_tie(quantities, of) else "static")
+    if kind not in LETTERS:
+        raise InputError(f"there is no kind of torsor '{kind}'", expected=", ".join(LETTERS))
+    rows, still = sampled(len(run), SAMPLE), np.broadcast_to(np.eye(3), (len(run), 3, 3))
+    parts, place, added = _static(quantities, of) if kind == "static" else _moving(quantities, of, kind)
+    possible = _possible(run, of, place, rows) if kind == "static" else np.zeros((0, len(rows), 6))
+    own = parts, place, still, possible, rows, added, float(run.mechanism.closure.extent)
+    found = Torsor(of, kind, of, "ground", quantities.parameter, *own)
+    if at:
+        found = found.moved_to(_point(quantities, at), at)
+    return replace(found, basis=along, turn=quantities.evaluation.turn(along)) if along else found
+
+
+def _is_tie(quantities: Quantities, of: str) -> bool:
+    mechanism, reactions = quantities.trajectory.mechanism, quantities.reactions
+    return any(of in names for names in (mechanism.joints, mechanism.balls, reactions.loops, reactions.couplings))
+
+
+def _point(quantities: Quantities, name: str) -> Array:
+    """Return the place of a link, of a joint's origin or of a loop joint's second frame [m], shape (n, 3)."""
+    mechanism, reactions = quantities.trajectory.mechanism, quantities.reactions
+    if name in links_of(mechanism.model):
+        return quantities.evaluation.frame(name)[:, 0]
+    if name in reactions.loops:
+        return reactions.loop_origins(name)
+    joint = mechanism.joints.get(name) or mechanism.balls.get(name)
+    if joint is None:
+        expected, hint = choices(name, [*links_of(mechanism.model), *mechanism.joints, *reactions.loops])
+        raise InputError(f"there is no point '{name}'", expected=expected, hint=hint)
+    return reactions.origins[:, joint.index]
+
+
+def _static(quantities: Quantities, of: str) -> tuple[Array, Array, Array]:
+    """Return the action of the parent, or of the first link, on the other; where; and what self-stresses add."""
+    run, reactions = quantities.trajectory, quantities.reactions
+    if not _is_tie(quantities, of):
+        expected, hint = choices(of, [*run.mechanism.joints, *run.mechanism.balls, *reactions.loops])
+        raise InputError(f"'{of}' transmits nothing: it is no joint", expected=expected, hint=hint)
+    if run.no_efforts:
+        raise InputError(f"the torsor of '{of}': {run.no_efforts}", hint=run.remedy or "kind: inverse")
+    added: Sequence[Array]
+    if of in reactions.couplings:
+        if not reactions.couplings[of].known:
+            raise InputError(f"the wrenches of '{of}' are not known: {reactions.couplings[of].missing}")
+        place, parts, added = reactions.transmitted(of)
+    elif of in reactions.loops:
+        place, parts, added = reactions.loop_origins(of), reactions.loop(of), reactions.stressed_loop(of)
+    else:
+        index = (run.mechanism.joints.get(of) or run.mechanism.balls[of]).index
+        place, parts = reactions.origins[:, index], reactions.joints[:, index]
+        added = [*reactions.stressed_joint(index), *reactions.open_wrenches(index)]
+    if quantities.undetermined == "minimum_norm":
+        added = []
+    return parts, place, np.array(added).reshape(-1, len(run), 6)
+
+
+def _possible(run: Trajectory, of: str, place: Array, rows: Indices) -> Array:
+    """Return the wrenches that a joint can transmit at its place in some rows, shape (k, s, 6)."""
+    actions = unknown_actions(run.mechanism, run.q[rows], {}, ())
+    carrier = actions.carrier(of, "joint") or actions.carrier(of, "loop") or actions.carrier(of, "coupling")
+    assert carrier is not None
+    body = carrier.bodies[-1]
+    wrenches = moved(actions.wrenches[:, body, carrier.columns], -place[rows, None])
+    return np.moveaxis(wrenches, 1, 0)
+
+
+def _moving(quantities: Quantities, of: str, kind: str) -> tuple[Array, Array, Array]:
+    """Return a torsor of a link, or of a joint the motion of the child in the parent; where; and nothing added."""
+    run, mechanism = quantities.trajectory, quantities.trajectory.mechanism
+    nothing = np.zeros((0, len(run), 6))
+    link = of in links_of(mechanism.model)
+    if not link or (kind == "kinematic" and _is_tie(quantities, of)):
+        if kind != "kinematic":
+            raise InputError(f"'{of}' is no link: a joint has no {kind} torsor", expected="a link, or kind: kinematic")
+        place = _point(quantities, of)
+        first, second = _links_of_joint(quantities, of)
+        return _twist(quantities, second, place) - _twist(quantities, first, place), place, nothing
+    frame = quantities.evaluation.frame(of)
+    if kind == "kinematic":
+        return np.concatenate([frame[:, 3], frame[:, 1]], axis=1), frame[:, 0], nothing
+    body = mechanism.model.frames[frame_of(mechanism.model, of)].parentJoint
+    momenta = quantities.evaluation.momenta[("kinetic", "dynamic").index(kind)][:, body]
+    return moved(momenta, -frame[:, 0]), frame[:, 0], nothing
+
+
+def _links_of_joint(quantities: Quantities, of: str) -> tuple[int, int]:
+    """Return the bodies that a joint or loop joint ties, by joint index."""
+    model = quantities.trajectory.mechanism.model
+    if (loop := quantities.reactions.loops.get(of)) is not None:
+        return model.frames[loop.first].parentJoint, model.frames[loop.second].parentJoint
+    index = quantities.trajectory.mechanism.model.getJointId(of)
+    return model.parents[index], index
+
+
+def _twist(quantities: Quantities, body: int, place: Array) -> Array:
+    """Return the kinematic torsor of a body at a place, world axes, shape (n, 6)."""
+    links, twists, _, _ = quantities.trajectory.link_motion
+    turn, origin = links.turns[:, body], links.places[:, body]
+    omega = rotated(turn, twists[:, body, 3:])
+    return joined(omega, rotated(turn, twists[:, body, :3]) + np.cross(omega, place - origin))

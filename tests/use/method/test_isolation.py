@@ -1,0 +1,147 @@
+"""Isolations of the reference mechanisms: those that their publications choose, and terms by their formulas."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.cli.main import main
+from pinarm.errors import InputError
+
+SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
+MODELS = SCENARIOS.parent / "models"
+
+
+@cache
+def run(name: str) -> pinarm.Result:
+    return pinarm.run(SCENARIOS / f"{name}.yaml")
+
+
+AXIS = "moment about {0}, along axis of {0}"
+CHOSEN = [
+    ("gen411_arm_dynamic", "C_B", [("BA", AXIS.format("B"))]),
+    ("gen411_arm_dynamic", "F_Bx", [("BA", "resultant along x")]),
+    ("gen411_arm_dynamic", "F_By", [("BA", "resultant along y")]),
+    ("exoskeleton_leg_knee", "Cr", [("thigh load", AXIS.format("knee"))]),
+    ("exoskeleton_leg_knee", "Cm", [("thigh load", AXIS.format("knee"))]),
+    ("handling_arm_c1", "C1", [("link_1 link_2", AXIS.format("theta"))]),
+    ("gyroscope_free", "theta", [("inner_gimbal rotor", AXIS.format("theta"))]),
+    ("gyroscope_free", "psi", [("outer_gimbal inner_gimbal rotor", AXIS.format("psi"))]),
+    ("gyroscope_free", "phi", [("rotor", AXIS.format("phi"))]),
+    ("rotor_vertical", "A_x", [("tilt_x tilt_y rotor", "moment about B, along y of rotor")]),
+    ("rotor_vertical", "B_y", [("tilt_x tilt_y rotor", "moment about tilt_x, along x of rotor")]),
+    ("manipulator_pressure", "p",
+     [("link_3 arm support cylinder rod", "kinetic energy of the whole, per unit rate of y")]),
+    ("manipulator_operator", "coordinate.P_height.effort",
+     [("link_3 arm support cylinder rod", "kinetic energy of the whole, per unit rate of P_height")]),
+    ("manipulator_falling", "alpha",
+     [("link_3 arm support cylinder rod", "kinetic energy of the whole, per unit rate of alpha")]),
+    ("olive_vibrator_resonance", "X53", [("vibrator rotor", "resultant along axis of X")]),
+    ("olive_vibrator_resonance", "Z53", [("link_2 vibrator rotor", AXIS.format("theta"))]),
+    ("olive_vibrator_resonance", "Y53", [("boom link_2 vibrator rotor", "resultant along axis of Y")]),
+    ("olive_vibrator_resonance", "beta", [
+        ("boom link_2 vibrator rotor", "resultant along axis of Y"), ("vibrator rotor", "resultant along axis of X"),
+        ("link_2 vibrator rotor", AXIS.format("theta")), ("trunk", AXIS.format("beta"))]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("scenario", "wanted", "chosen"), CHOSEN)
+def test_the_isolation_is_that_of_the_publication(scenario: str, wanted: str, chosen: list[tuple[str, str]]) -> None:
+    found = run(scenario).isolate(wanted)
+    assert [(" ".join(one.bodies), one.theorem) for one in found.equations] == chosen
+    assert found.residual < 1e-12
+    assert all(one.residual < 1e-12 for one in found.equations)
+
+
+def test_the_forces_of_an_opened_joint_come_one_by_one() -> None:
+    found = run("olive_vibrator_resonance").isolate("beta", "max(beta)")
+    assert [one.gives for one in found.equations] == ["gives Y53", "gives X53", "gives Z53", ""]
+    assert "17 connected groups" in found.verdict
+
+
+def values(found: object) -> dict[str, float]:
+    return {term.name: term.value for equation in found.equations for term in equation.terms}  # type: ignore[attr-defined]
+
+
+def test_terms_of_the_arm_are_those_of_its_formula() -> None:
+    """``C_B - g l2 cos phi (m_A + m_BA/2) = l2^2 (m_A + m_BA/3) alpha``."""
+    for angle in (-60.0, 0.0, 45.0):
+        terms = values(run("gen411_arm_dynamic").isolate("C_B", f"phi={angle} deg"))
+        assert terms["weight of BA"] == pytest.approx(-9.81 * 0.25 * np.cos(np.radians(angle)) * 0.6, rel=1e-12)
+        assert terms["inertia of BA"] == pytest.approx(0.25**2 * (0.1 + 1.0 / 3.0) * 5.0, rel=1e-12)
+
+
+def test_terms_of_the_gyroscope_are_those_of_its_equation() -> None:
+    """``A theta'' - A psi'^2 sin cos + C psi' (phi' + psi' cos) sin = 0``; sources of velocities and accelerations."""
+    result = run("gyroscope_free")
+    found = result.isolate("theta", "t=0.3 s")
+    terms, row = values(found), int(np.argmin(np.abs(result.parameter.values - 0.3)))
+    theta, psd, thdd, spin = (float(result[name].values[row]) for name in ("theta", "psd", "thdd", "r"))
+    assert terms["inertia of rotor, accelerations"] == pytest.approx(0.02 * thdd, rel=1e-9)
+    turning = -0.02 * psd**2 * np.sin(theta) * np.cos(theta) + 0.035 * psd * spin * np.sin(theta)
+    assert terms["inertia of rotor, velocities"] == pytest.approx(turning, rel=1e-9)
+
+
+def test_the_manipulator_has_the_powers_of_its_key() -> None:
+    """Weights: ``-m1 g (l-d)/2 cos``, ``-m g l cos - m2 g l cos``, ...; air ``p S r cos``; operator ``F l``."""
+    result = run("manipulator_motion")
+    found = result.isolate("joint.alpha.effort", "t=1 s")
+    terms, angle = values(found), float(np.interp(1.0, result.parameter.values, result["alpha"].values))
+    cosine = np.cos(angle)
+    assert terms["weight of link_3"] == pytest.approx(-60 * 9.81 * 1.0 * cosine, rel=1e-9)
+    assert terms["weight of support"] == pytest.approx(-(120 + 600) * 9.81 * 2.0 * cosine, rel=1e-9)
+    assert terms["weight of arm"] == pytest.approx(9.81 * (270 * 1.25 - 100 * 0.375) * cosine, rel=1e-9)
+    assert terms["operator"] == pytest.approx(250 * 2.0, rel=1e-12)
+    assert terms["air_on_rod"] == pytest.approx(9000 * 0.75 * cosine, rel=1e-9)
+    assert found.alternatives  # the chain that opens the loops
+
+
+def test_reasons_name_why_an_action_has_no_part() -> None:
+    found = pinarm.isolate(MODELS / "rotor_in_bearings" / "mechanism.yaml", "A_x")
+    assert found.equations[0].vanishing == (
+        ("action of B", "its force meets the axis, it transmits no moment along it"),
+    )
+    assert not found.where
+    assert np.isnan(found.value)
+
+
+def test_a_joint_with_a_spring_transmits_its_known_effort_too(tmp_path: Path) -> None:
+    """Moment of the joint: effort of the drive and of the spring, as the bodies beyond it ask for."""
+    arm = pinarm.Mechanism.load(
+        MODELS / "handling_arm" / "mechanism.yaml",
+        values={"forces": {"spring": {"kind": "joint_spring", "joint": "phi", "stiffness": "30 N*m/rad"}}},
+    )
+    q, v, a = (arm.rates({"theta": x, "phi": y}) for x, y in ((0.3, 0.7), (1.0, -2.0), (4.0, 5.0)))
+    effort, moment = (arm.isolate(name, q, v, a) for name in ("C2", "joint.phi.moment.z"))
+    assert effort.residual < 1e-12
+    assert moment.residual < 1e-12
+    assert effort.value == pytest.approx(moment.value + 30.0 * 0.7, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "said"),
+    [
+        ("joint.B.force.norm", "length of a vector"), ("joint.B.force.z", "hyperstatic or known"),
+        ("C_B + F_Bx", "depends on"), ("joint.C.effort", "no quantity"), ("A_x", "none of them"),
+    ],
+)  # fmt: skip
+def test_what_no_equation_gives_is_refused(wanted: str, said: str) -> None:
+    if said == "hyperstatic or known":
+        assert run("gen411_arm_dynamic").isolate(wanted).solution == 0.0
+        return
+    with pytest.raises(InputError, match=said):
+        run("gen411_arm_dynamic").isolate(wanted)
+
+
+def test_the_command_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(SCENARIOS / "gen411_arm_dynamic.yaml")
+    assert main(["explain", path, "--for", "C_B", "--at", "phi=0 deg"]) == 0
+    text = capsys.readouterr().out
+    assert "isolate BA: moment about B, along axis of B" in text
+    assert "1.60691667 N*m" in text
+    assert main(["explain", path, "--for", "C_B", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["wanted"]["quantity"] == "joint.B.effort"
+    assert main(["explain", str(MODELS / "gen411_arm" / "mechanism.yaml"), "--for", "C_B", "--at", "t=1 s"]) == 2
