@@ -4,6 +4,9 @@ With x the unknown numbers and r(x) the wanted quantities less their targets ove
 ``|r(x)|^2`` by Levenberg-Marquardt steps (MINPACK; More, Garbow and Hillstrom, ANL-80-74, 1980) with slopes by central
 differences whose widths follow the numbers.
 
+One wanted number of one unknown is bracketed first, by secant steps from the start that grow, and Brent's method closes
+the bracket; where there is none near the start, or it closes around a jump, the search is that above.
+
 Angles may be reported between -180 and 180 degrees, and jump there. A first search takes differences of angles without
 whole turns; where whole turns are left of it, a second one takes them as they are reported.
 """
@@ -24,6 +27,9 @@ ITERATIONS, SETTLED = 200, 1e-13
 
 BARRIER = 1e3
 """Residuals where a run is refused, relative to those at the start: the search turns back."""
+
+PROBE, FARTHER, PROBES = 0.1, 4.0, 12
+"""First step that looks for a bracket, relative to the size of the number; largest growth of a step; most steps."""
 
 MET, BARRED = 1e-9, 1e-3
 """Largest remainder of a wanted quantity that is met, relative to its change from the start to the end; remainder,
@@ -116,6 +122,10 @@ def find_root(search: Find, residuals: Residuals, angles: Collection[str] = ()) 
     return next((end for end in ends if end.met), ends[0])
 
 
+class _NoBracket(Exception):
+    """There are no two values near the start between which a remainder changes its sign."""
+
+
 @dataclass(eq=False)
 class _Search:
     """A search from the start.
@@ -125,6 +135,7 @@ class _Search:
         residuals: Remainders of the wanted quantities.
         turning: Angles whose whole turns do not count.
         largest: Largest sizes of the numbers so far, shape (k,).
+        known: What came of runs, by the bytes of their values.
         refusals: Errors of runs, in their order.
     """
 
@@ -133,6 +144,7 @@ class _Search:
     turning: Collection[str] = ()
     largest: Array | float = 0.0
     refusals: list[Refused] = field(default_factory=list)
+    known: dict[bytes, dict[str, Array] | Refused] = field(default_factory=dict)
 
     def solved(self) -> FoundValues:
         """Return the end of the search; see ``find_root``."""
@@ -141,6 +153,13 @@ class _Search:
         start = self.search.start
         before = self._parts(start)
         first = self._joined(before)
+        if (
+            len(start) == len(first) == 1
+            and first[0]
+            and (root := self._bracketed(float(start[0]), float(first[0]))) is not None
+        ):
+            after = self._parts(root)
+            return FoundValues(root, _worst(after), _worst(before), turned=self._turned(after))
         barrier = BARRIER * np.maximum(np.abs(first), np.linalg.norm(first) or 1.0)
 
         def left(x: Array) -> Array:
@@ -162,12 +181,63 @@ class _Search:
         missed = self._missed(after, self._joined(after) - first, slopes * scale)
         if self.refusals and np.sqrt(2.0 * ended.cost) > BARRED * np.linalg.norm(first):
             raise self.refusals[0]()
-        turned = [name for name in self.turning if name not in missed and (np.abs(after[name]) > np.pi).any()]
+        turned = [name for name in self._turned(after) if name not in missed]
         return FoundValues(ended.x, _worst(after), _worst(before), missed, turned)
+
+    def _turned(self, parts: Mapping[str, Array]) -> list[str]:
+        """Return the angles of which whole turns are left."""
+        return [name for name in self.turning if (np.abs(parts[name]) > np.pi).any()]
+
+    def _bracketed(self, start: float, first: float) -> Array | None:
+        """Return the root between two values at which the remainder of one number has different signs, shape (1,).
+
+        ``None`` where no such values are found, a run on the way is refused, or the remainder jumps between them.
+        """
+        from scipy.optimize import brentq
+
+        def left(x: float) -> float:
+            (found,) = self._left([np.array([x])])
+            if callable(found):
+                raise _NoBracket
+            return float(found[0])
+
+        try:
+            ends = self._signs(left, start, first)
+            x = np.array([brentq(left, *ends, xtol=SETTLED * max(map(abs, ends)), rtol=SETTLED)])
+            reached = abs(left(float(x[0]))) <= MET * abs(first)
+        except _NoBracket:
+            self.refusals.clear()
+            return None
+        return x if reached else None
+
+    def _signs(self, left: Callable[[float], float], start: float, first: float) -> tuple[float, float]:
+        """Return two values with remainders of different signs: by secant steps that go half as far again.
+
+        Raises:
+            _NoBracket: There are none near the start, or the remainder does not change.
+        """
+        x, f = start, first
+        step = PROBE * float(self._sizes(np.array([start]))[0])
+        for _ in range(PROBES):
+            ahead = left(x + step)
+            if f * ahead <= 0.0:
+                return x, x + step
+            slope = (ahead - f) / step
+            if not slope:
+                break
+            secant = -1.5 * ahead / slope
+            x, f, step = x + step, ahead, float(np.clip(secant, -FARTHER * abs(step), FARTHER * abs(step)))
+        raise _NoBracket
+
+    def _run(self, points: Sequence[Array]) -> list[dict[str, Array] | Refused]:
+        """Return what came of runs; those that are known are not run again."""
+        new = {x.tobytes(): x for x in points if x.tobytes() not in self.known}
+        self.known |= zip(new, self.residuals([self.search.case(x) for x in new.values()]), strict=True)
+        return [self.known[x.tobytes()] for x in points]
 
     def _parts(self, x: Array) -> dict[str, Array]:
         """Return the remainder of each quantity at a point that must run."""
-        (parts,) = self.residuals([self.search.case(x)])
+        (parts,) = self._run([x])
         if callable(parts):
             raise parts()
         return parts
@@ -181,10 +251,7 @@ class _Search:
 
     def _left(self, points: Sequence[Array]) -> list[Array | Refused]:
         """Return the remainders at points, or why they cannot be run."""
-        found = [
-            parts if callable(parts) else self._joined(parts)
-            for parts in self.residuals([self.search.case(x) for x in points])
-        ]
+        found = [parts if callable(parts) else self._joined(parts) for parts in self._run(points)]
         self.refusals += [each for each in found if callable(each)]
         return found
 

@@ -146,3 +146,18 @@ def test_an_angle_that_counts_its_turns_is_met_where_it_is_wanted_or_it_is_said(
     assert swings.remarks({}) == ["so_that is met but for whole turns of q"]
     assert swings.residuals["q"] == pytest.approx(2.0 * math.pi)
     assert math.sin(swings.values[0]) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("start", ["1 kg", "3 g", "40 kg"])
+def test_one_number_is_bracketed(start: str) -> None:
+    """The real root of m^3 + m = 10, from both sides and from far away, in a few runs; nothing is run twice."""
+    runs = list[float]()
+    result = found({"m": start}, lambda m: runs.append(m) or m**3 + m - 10.0)  # type: ignore[func-returns-value]
+    assert result.met
+    assert result.values == pytest.approx([2.0], rel=1e-11)
+    assert len(runs) == len(set(runs)) <= 25
+
+
+def test_a_jump_is_no_root() -> None:
+    """The remainder changes its sign at 2 and is 1 on both sides."""
+    assert not found({"m": "1.9 kg"}, lambda m: math.copysign(1.0, m - 2.0) + 0.1 * (m - 2.0)).met
