@@ -19,7 +19,7 @@ from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUA
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
-from pinarm.use.show.document import ReportTable, number, part, sentences, tag, text, unit_text, with_unit
+from pinarm.use.show.document import ReportTable, part, rounded, sentences, tag, text, unit_text, with_unit
 from pinarm.use.show.mechanism_tables import mechanism_tables
 from pinarm.use.show.notebook import frame
 from pinarm.use.show.plot import graph, plot
@@ -128,7 +128,7 @@ def _merits(result: Result, verdicts: ReportTable, missed: Sequence[str]) -> Ite
 
 def _ranges(result: Result) -> ReportTable:
     """Return the ranges of the outputs, as the terminal shows them, with the bound of each one's error."""
-    (_, _, *columns), *rows = ranges(result)
+    (_, _, *columns), *rows = ranges(result, rounded)
     run, remark = result.trajectory, ""
     headings = ["Quantity" if run.numbered else f"Quantity, at {len(run)} rows", "unit"]
     headings += [with_unit(name, run.unit) if name == f"at {run.parameter}" else name for name in columns]
@@ -152,7 +152,7 @@ def _numbers(result: Result) -> ReportTable:
         shown, (scale, _) = result.presentation.shown(series), result.presentation.scale(series)
         bound = global_error(result, read_number(name))
         bounds = [_bound(bound and bound * scale)] if result.errors else []
-        value = [unit_text(shown.unit), number(float(shown.values[0])), f"{error * scale:.1e}" if error else "0"]
+        value = [unit_text(shown.unit), rounded(float(shown.values[0])), f"{error * scale:.1e}" if error else "0"]
         rows.append([name, *value, *bounds])
     errors = ["quadrature error", *(["error below, in 99 of 100 cases"] if result.errors else ())]
     return ReportTable(["Number of the run", "unit", "value", *errors], rows, range(2))
@@ -185,11 +185,13 @@ def _part(section: Section, how: Presentation) -> str:
 
 
 def _cell(series: Series) -> str:
-    return number(float(series.values[0]))
+    return rounded(float(series.values[0]))
 
 
 def _section_table(table: SectionTable, key: str) -> ReportTable:
-    rows = [[cell if isinstance(cell, str) else number(cell) for cell in row] for row in table.rows[:MOST_ROWS]]
+    rows = [
+        [cell if isinstance(cell, str) else rounded(cell) for cell in row] for row in table.cleared().rows[:MOST_ROWS]
+    ]
     if table.row_unit is not None:
         for row in rows:
             row[table.row_unit] = unit_text(row[table.row_unit])

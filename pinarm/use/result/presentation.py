@@ -35,7 +35,7 @@ ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302"
 
 _ACCENT = r"\\(dddot|ddot|dot|hat|bar|tilde)\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|[A-Za-z]))"
 _LETTER = r"\\(var)?([A-Za-z]+)"
-_BEFORE = r"(?:(?:min|max|mean|median|rms|largest|start|end|[0-9.]+ %) )?"
+_BEFORE = r"(?:(?:min|max|mean|median|rms|largest|start|end|±|[0-9.]+ %) )?"
 _NUMBER = rf"(?P<before>{_BEFORE})(?P<quantity>.*?)(?P<after>(?:\.least|\.greatest)?(?: @ .*)?)"
 _GROUP = r"([_^])\{([^{}]*)\}"
 

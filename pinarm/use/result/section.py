@@ -12,6 +12,7 @@ from msgspec import field
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.records import Record, replace
+from pinarm.use.result.measures import SOLVED
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -67,6 +68,28 @@ class SectionTable(Record, frozen=True):
             shown[self.row_unit] = str(units[said])
         return shown
 
+    def cleared(self) -> SectionTable:
+        """Return the table with 0 for numbers that are rounding beside the largest of their column.
+
+        Only columns with a unit hold numbers of one kind. Those of errors are left: these are small by right.
+        """
+
+        def level(column: int) -> float:
+            if self.units[column] is None or "error" in self.columns[column]:
+                return 0.0
+            cells = [row[column] for row in self.rows]
+            return SOLVED * max((abs(x) for x in cells if not isinstance(x, str) and isfinite(x)), default=0.0)
+
+        levels = [level(column) for column in range(len(self.columns))]
+        rows = [
+            [
+                0.0 if not isinstance(cell, str) and abs(cell) < least else cell
+                for cell, least in zip(row, levels, strict=True)
+            ]
+            for row in self.rows
+        ]
+        return replace(self, rows=rows)
+
     def headings(self) -> list[str]:
         """Return the names of the columns with their units."""
         return [f"{name} [{unit}]" if unit is not None and str(unit) != "1" else name
@@ -106,6 +129,8 @@ class Graph(Record, frozen=True):
         below: Curves of a second panel over the same horizontal axis, such as the phase below an amplitude.
         logarithmic: Axes with logarithmic scales: ``x``, or ``xy``, of which the second panel has the horizontal one.
         marks: Vertical lines: places on the horizontal axis [SI], and a short text for each.
+        bars: Names of horizontal bars from top down, whose lengths are the values along the horizontal axis of its one
+            curve; none where it is a graph of curves.
     """
 
     unshown = ("curves", "below")
@@ -117,6 +142,7 @@ class Graph(Record, frozen=True):
     below: Sequence[Curve] = ()
     logarithmic: Scales = ""
     marks: Sequence[tuple[float, str]] = ()
+    bars: Sequence[str] = ()
 
 
 class Section(Record, frozen=True):

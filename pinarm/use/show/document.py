@@ -74,8 +74,13 @@ def part(title: str, *blocks: str | ReportTable) -> str:
     return f"{tag('h3', text(title))}\n{content}" if content.strip() else ""
 
 
+def rounded(value: float) -> str:
+    """Return a result with four digits; whole parts of up to six digits are not cut."""
+    return f"{value:.0f}" if 999.5 <= abs(value) < 999999.5 else f"{value + 0.0:.4g}"
+
+
 def number(value: float) -> str:
-    """Return a number with the digits that a terminal shows of it."""
+    """Return a given number with the digits that a terminal shows of it."""
     return f"{value + 0.0:.7g}"  # -0 becomes 0
 
 

@@ -50,6 +50,9 @@ STYLES = ("-", "--", ":", "-.")
 ENTRY = 0.23
 """Height of a line of a legend below a graph, of more curves than there are colours [inch]."""
 
+BAR = 0.3
+"""Height of a bar with the room around it [inch]."""
+
 FEW = 12
 """Number of separate rows up to which each has its own tick."""
 
@@ -102,6 +105,8 @@ def graph(drawn: Graph, how: Presentation = PLAIN, *, titled: bool = True) -> Pi
     parts, many = [curves for curves in (drawn.curves, drawn.below) if curves], len(drawn.curves) > len(COLOURS)
     across = drawn.curves[0].across
     scale, along = shown(across, how)
+    if drawn.bars:
+        return _bars(drawn, how, plain(drawn.title) if titled else "")
     height = WIDTH * (0.9 if drawn.below else 0.7) + (ENTRY * -(-len(drawn.curves) // 2) if many else 0.0)
     with drawing(WIDTH, height, plain(drawn.title) if titled else "") as picture:
         axes = panels(picture, [""] * len(parts), axis_label(across.name, along, how))
@@ -121,6 +126,19 @@ def graph(drawn: Graph, how: Presentation = PLAIN, *, titled: bool = True) -> Pi
             write_above(axes[0], place / scale, text)
         if many:
             legend_below(picture, axes[0].lines)
+    return picture
+
+
+def _bars(drawn: Graph, how: Presentation, title: str) -> Picture:
+    """Return a picture of horizontal bars with their names."""
+    lengths = drawn.curves[0].across
+    scale, measured = shown(lengths, how)
+    with drawing(WIDTH, HEAD + BAR * len(drawn.bars), title) as picture:
+        [axis] = panels(picture, [""], axis_label(lengths.name, measured, how))
+        axis.barh(range(len(drawn.bars)), lengths.without_rounding().values / scale, 0.6, color=COLOURS[0])
+        axis.set_yticks(range(len(drawn.bars)), [label(plain(name)) for name in drawn.bars])
+        axis.grid(visible=False, axis="y")
+        axis.invert_yaxis()
     return picture
 
 

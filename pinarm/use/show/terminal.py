@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from math import isfinite, isnan
 from typing import TYPE_CHECKING
 
@@ -48,14 +48,27 @@ def report(result: Result) -> str:
     return "\n".join([head, *aligned(ranges(result)), *sections, *remarks(result)])
 
 
-def ranges(result: Result) -> list[list[str]]:
-    """Return a heading and the range of every output; of a few separate rows, all values."""
+def seven_digits(value: float) -> str:
+    """Return a number as terminals show it."""
+    return f"{value + 0.0:.7g}"  # -0 becomes 0
+
+
+def ranges(result: Result, written: Callable[[float], str] = seven_digits) -> list[list[str]]:
+    """Return a heading and the range of every output; of a few separate rows, all values.
+
+    Args:
+        result: The run.
+        written: Writes a number. An output that is 0 but for rounding is 0.
+    """
+    from pinarm.use.result.number_accuracy import rounded_to_zero
+
+    zeros = rounded_to_zero(result)
     run, presentation = result.trajectory, result.presentation
     outputs = [presentation.shown(series) for series in result.columns()[1:]]
     names = [_heading(presentation.label(series.name), series.unit) for series in outputs]
     if run.numbered and len(run) <= FEW:
         rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
-        rows += [[*name, *(f"{_cleared(number, _finest(result, series)):.7g}" for number in series.values)]
+        rows += [[*name, *(written(_cleared(number, _finest(result, series, zeros))) for number in series.values)]
                  for name, series in zip(names, outputs, strict=True)]  # fmt: skip
         return rows
     along = presentation.unit(result.parameter)
@@ -64,19 +77,21 @@ def ranges(result: Result) -> list[list[str]]:
     rows = [["", "unit", "min", at, "max", at]]
     for name, series in zip(names, outputs, strict=True):
         entry = result.headline(series)
-        finest = _finest(result, series)
+        finest = _finest(result, series, zeros)
         least, largest = without_rounding(*(_cleared(entry[end], finest) for end in ("min", "max")))
         numbers = (least, entry["at_min"] / factor, largest, entry["at_max"] / factor)
-        rows.append([*name, *(f"{number:.7g}" for number in numbers)])
+        rows.append([*name, *map(written, numbers)])
     return rows
 
 
-def _finest(result: Result, series: Series) -> float:
-    """Return the size below which an angle or a length is rounding, in the unit that is shown.
+def _finest(result: Result, series: Series, zeros: Container[str]) -> float:
+    """Return the size below which a value is rounding, in the unit that is shown: of ``zeros``, any.
 
     Positions are known to the last digit of 1 rad, and of the extent of the mechanism; for other quantities no such
     size is known.
     """
+    if series.name in zeros:
+        return float("inf")
     if series.unit is None or series.unit.dimension not in (METRE.dimension, RADIAN.dimension):
         return 0.0
     if series.unit.dimension == METRE.dimension:
@@ -109,7 +124,9 @@ def section_lines(section: Section) -> list[str]:
 
 def table_rows(table: SectionTable) -> list[list[str]]:
     """Return a heading and the first rows of a table of a section, as texts."""
-    cells = [[cell if isinstance(cell, str) else f"{cell:.7g}" for cell in row] for row in table.rows[:MOST_ROWS]]
+    cells = [
+        [cell if isinstance(cell, str) else f"{cell:.7g}" for cell in row] for row in table.cleared().rows[:MOST_ROWS]
+    ]
     return [table.headings(), *cells]
 
 

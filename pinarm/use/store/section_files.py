@@ -99,7 +99,13 @@ def _cell(data: Any) -> Cell:
 def _graph(graph: Graph) -> dict[str, Any]:
     plain = {"name": graph.name, "title": graph.title, "curves": _curves(graph.curves), "equal": graph.equal}
     marks = [[_number(place), text] for place, text in graph.marks]
-    return {**plain, "below": _curves(graph.below), "logarithmic": graph.logarithmic, "marks": marks}
+    return {
+        **plain,
+        "below": _curves(graph.below),
+        "logarithmic": graph.logarithmic,
+        "marks": marks,
+        "bars": [*graph.bars],
+    }
 
 
 def _curves(curves: Sequence[Curve]) -> list[dict[str, Any]]:
@@ -115,7 +121,16 @@ def _graph_again(data: Any) -> Graph:
         raise ValueError(f"'{name[:40]}' names no graph")
     marks = [(_number_again(place), str(text)) for place, text in data.get("marks", ())]
     curves, below = (_curves_again(data.get(key, ())) for key in ("curves", "below"))
-    return Graph(name, str(data["title"]), curves, bool(data["equal"]), below, scales, marks)
+    return Graph(
+        name,
+        str(data["title"]),
+        curves,
+        bool(data["equal"]),
+        below,
+        scales,
+        marks,
+        [str(name) for name in data.get("bars", ())],
+    )
 
 
 def _curves_again(data: Any) -> list[Curve]:

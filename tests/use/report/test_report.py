@@ -40,7 +40,7 @@ def row(page: str, *begin: str) -> list[str]:
 
 
 def printed(value: float) -> str:
-    return f"{value:.7g}"
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value + 0.0:.4g}"
 
 
 def test_every_output_is_printed_as_the_summary_has_it(scenario: Callable[..., Any]) -> None:
@@ -52,7 +52,7 @@ def test_every_output_is_printed_as_the_summary_has_it(scenario: Callable[..., A
         scale, unit = (np.pi / 180, "deg") if entry["unit"] == "rad" else (1.0, entry["unit"].replace("*", "·"))
         numbers = [entry["min"] / scale, entry["at_min"], entry["max"] / scale, entry["at_max"]]
         assert row(page, name, unit)[2:] == [printed(value) for value in numbers]
-        assert [float(cell) for cell in row(page, name, unit)[2:]] == pytest.approx(numbers, rel=5e-7)
+        assert [float(cell) for cell in row(page, name, unit)[2:]] == pytest.approx(numbers, rel=5e-4)
 
 
 def test_numbers_and_sections_are_printed_as_the_result_has_them(scenario: Callable[..., Any]) -> None:
@@ -68,7 +68,7 @@ def test_numbers_and_sections_are_printed_as_the_result_has_them(scenario: Calla
     for table in section.tables:
         wanted = [
             [cell.replace("*", "·") if isinstance(cell, str) else printed(cell) for cell in cells]
-            for cells in table.rows
+            for cells in table.cleared().rows
         ]  # fmt: skip
         assert all(cells in rows(page) for cells in wanted)
     told = {cell for cells in rows(page) for cell in cells}

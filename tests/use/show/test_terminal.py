@@ -7,6 +7,9 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
+from pinarm.input.units import unit
+from pinarm.use.result.section import SectionTable
+from pinarm.use.show.document import rounded
 from pinarm.use.show.terminal import counted, ranges, remarks, report, without_rounding
 from pinarm.use.study.restore import restore
 
@@ -150,3 +153,21 @@ def test_the_range_of_rows_is_called_one_of_rows(tmp_path: Path) -> None:
 def test_notes_that_differ_in_numbers_alone_are_printed_once_with_their_count() -> None:
     notes = ["at t = 0.1 s: slips", "the spring F1 is slack", "at t = -2.5e-3 s: slips", "the spring F2 is slack"]
     assert counted(notes) == ["at t = 0.1 s: slips (and 1 more like it)", *notes[1::2]]
+
+
+def test_numbers_that_are_rounding_are_zero() -> None:
+    """A force without a cause, beside weights of 16 N; and in a column of a section, but not in that of errors."""
+    assert [row[2::2] for row in ranges(pinarm.run("scenarios/gen411_arm_static.yaml")) if row[0] == "F_Bx"] == [
+        ["0", "0"]
+    ]
+    rows = [("a", 3e-17, 2e-17, 2e-17), ("b", 2.0, 1e-9, 5.0), ("c", -1e-12, inf, 0.0)]
+    table = SectionTable("t", "", ("", "x", "error of x", "y"), (None, unit("N"), unit("N"), None), rows)
+    assert [tuple(row) for row in table.cleared().rows] == [("a", 0.0, *rows[0][2:]), *rows[1:]]
+
+
+@pytest.mark.parametrize(("value", "text"), [
+    (1.23456, "1.235"), (123456.7, "123457"), (1234567.8, "1.235e+06"), (-0.0, "0"), (0.00012349, "0.0001235"),
+    (1e-9, "1e-09"), (9999.6, "10000"), (1000.0, "1000"),
+])  # fmt: skip
+def test_results_in_reports_have_four_digits(value: float, text: str) -> None:
+    assert rounded(value) == text

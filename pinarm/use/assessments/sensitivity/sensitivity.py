@@ -31,6 +31,7 @@ from pinarm.use.assessments.sensitivity.tables import (
     distribution_table,
     drawn_remarks,
     effect_table,
+    ranking_graph,
     sobol_remarks,
     sobol_table,
 )
@@ -157,8 +158,9 @@ class Sensitivity(InputStruct, frozen=True):
         if any(band.error is None for band in bands):
             remarks.append("numerical errors are not estimated; run --verify bounds them")
         title = "Sensitivity to tolerances"
+        graphs = [*(ranking_graph(band, inputs) for band in bands if band.ranking(inputs)), *drawn.graphs]
         numbers, errors = numbers | drawn.numbers, errors | drawn.errors
-        return Section("sensitivity", title, tables, numbers, remarks, drawn.graphs, errors)
+        return Section("sensitivity", title, tables, numbers, remarks, graphs, errors)
 
     def _drawn(self, variation: Varied, bands: Sequence[Band]) -> _Drawn:
         """Return what drawn inputs show, where that is asked."""

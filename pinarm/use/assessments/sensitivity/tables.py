@@ -106,10 +106,23 @@ class Band:
         found = {f"{name}.worst_case": float(parts.sum()), f"{name}.rss": float(np.linalg.norm(parts))}
         return found | {f"{name}.by.{each.name}": slope.error for each, slope in zip(inputs, self.slopes, strict=True)}
 
+    def ranking(self, inputs: Sequence[Input]) -> list[tuple[str, float]]:
+        """Return the inputs from the strongest on, each with its share in words, and its part ``|D_i| t_i`` [SI].
+
+        There is none where all parts are rounding, and of one input.
+        """
+        if self.is_rounding(inputs) or len(inputs) < 2:
+            return []
+        parts = self.parts(inputs)
+        shares = 100.0 * (parts / self.rss(inputs)) ** 2
+        return [(f"{inputs[k].name} {shares[k]:.3g} %", float(parts[k])) for k in np.argsort(-parts, kind="stable")]
+
     def remarks(self, inputs: Sequence[Input]) -> list[str]:
         """Return where the linear band is not the whole answer."""
         label, worst = self.number.label, self.worst_case(inputs)
-        said = [
+        ranked = self.ranking(inputs)
+        said = [f"{label} depends on {', '.join(words for words, _ in ranked)} of root-sum-square"] if ranked else []
+        said += [
             f"{label} has a kink in {each.name}: its derivative is {slope.left:.6g} below and {slope.right:.6g} above; "
             "the steeper one counts"
             for each, slope in zip(inputs, self.slopes, strict=True) if slope.kink
@@ -175,6 +188,22 @@ def effect_table(band: Band, inputs: Sequence[Input]) -> SectionTable:
     units = (None, None, None, None, None, None, None, unit, None)
     name = f"effects_{slug(band.number)}"
     return SectionTable(name, f"{band.number.label}: what it depends on", columns, units, rows)
+
+
+def ranking_graph(band: Band, inputs: Sequence[Input]) -> Graph:
+    """Return what the tolerance of each input does to a number, as bars from the strongest on."""
+    names, parts = zip(*band.ranking(inputs)[:MOST_BARS], strict=True)
+    label = f"± {band.number.label}"
+    bars = Curve(
+        Series(label, band.measured.unit, np.array(parts)),
+        Series("rank", DIMENSIONLESS, np.arange(1.0, len(parts) + 1.0)),
+    )
+    return Graph(f"ranking_{slug(band.number)}", f"{band.number.label}: what it depends on, with % of root-sum-square",
+                 [bars], bars=names)  # fmt: skip
+
+
+MOST_BARS = 20
+"""Inputs that a ranking draws, the strongest."""
 
 
 def distribution_table(

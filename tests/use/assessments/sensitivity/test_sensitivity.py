@@ -63,6 +63,10 @@ def test_the_torque_of_an_arm_by_length_and_masses() -> None:
     assert bands["at largest corner"] == pytest.approx(corner, rel=1e-12)
     assert str(found.numbers["C_B_max.by.l2"].unit) == "N*m/m"
     assert values(found)["C_B_max.rss"] == bands["± root-sum-square"]
+    [ranking] = found.graphs
+    assert ranking.curves[0].across.values == pytest.approx(sorted(parts.values(), reverse=True), rel=1e-9)
+    assert ranking.bars[2] == f"l2 {100 * parts['l2'] ** 2 / square:.3g} %"  # the masses have equal parts
+    assert any(remark.endswith(f"{ranking.bars[2]} of root-sum-square") for remark in found.remarks)
 
 
 def test_the_length_of_a_rod_changes_how_a_four_bar_closes() -> None:
