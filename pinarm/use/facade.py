@@ -226,9 +226,19 @@ class Scenario(scenarios.Scenario, frozen=True):
                              expected="a forward problem, whose drives can react")  # fmt: skip
         return replace(self, functions=(*self.functions, *function_controls(control, period, delay)))
 
+    def with_forces(self, forces: Mapping[str, tuple[str, ControlFunction]]) -> Self:
+        """Return the scenario with loads that are functions; see ``run``.
+
+        Raises:
+            InputError: One is no coordinate with a function.
+        """
+        from pinarm.mechanics.forces.function_effort import function_forces
+
+        return replace(self, function_forces=(*self.function_forces, *function_forces(forces)))
+
     def run(
         self, control: Mapping[str | tuple[str, ...], ControlFunction] | None = None, *, period: float | None = None,
-        delay: float = 0.0,
+        delay: float = 0.0, forces: Mapping[str, tuple[str, ControlFunction]] | None = None,
     ) -> Result:  # fmt: skip
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
@@ -239,6 +249,9 @@ class Scenario(scenarios.Scenario, frozen=True):
             period: Of sampled functions [s]: called once each period, their effort is held until the next; continuous
                 where it is left out.
             delay: From a sample to the change of the effort [s].
+            forces: Loads that are functions, in problems of any kind: name -> coordinate that the load acts along, and
+                ``f(t, state)``, which returns an effort [N*m or N]: ``{"brake": ("knee", f)}``. It has to depend on its
+                arguments only, and to be smooth in them.
 
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
@@ -249,6 +262,7 @@ class Scenario(scenarios.Scenario, frozen=True):
             raise InputError("a period or a delay is given, but no function",
                              expected="control, with functions of drives")  # fmt: skip
         asked = self.controlled(control, period, delay) if control is not None else self
+        asked = asked.with_forces(forces) if forces else asked
         asked.check_answer_key()
         return cast("Result", solved(asked))
 

@@ -196,28 +196,36 @@ class FunctionController(Controller):
         return np.array([self._call(*state) for state in states]).reshape(len(given.q), len(self.drives))
 
     def _call(self, t: float, q: Array, v: Array) -> Array:
-        try:
-            effort = self.function(t, MeasuredState(t, q, v, self.plant, self.readers))
-        except PinarmError:
-            raise
-        except Exception as error:
-            raise InputError(
-                f"the control function of {', '.join(self.drives)} fails at t = {t:.9g} s: "
-                f"{type(error).__name__}: {error}", expected="a function u(t, state)",
-            ) from error  # fmt: skip
-        try:
-            if (given := np.asarray(effort)).dtype.kind in "USc":  # a text or a complex number is no effort
-                raise TypeError
-            found = np.array(given, dtype=np.float64).reshape(len(self.drives))
-        except (TypeError, ValueError):
-            raise InputError(
-                f"the control function of {', '.join(self.drives)} has returned {effort!r} at t = {t:.9g} s",
-                expected="an effort" if len(self.drives) == 1 else f"{len(self.drives)} efforts in a sequence",
-            ) from None
-        if not np.isfinite(found).all():
-            raise InputError(f"the control function of {', '.join(self.drives)} has returned {effort!r} at "
-                             f"t = {t:.9g} s", expected="finite efforts")  # fmt: skip
-        return found
+        words = f"the control function of {', '.join(self.drives)}"
+        return returned(self.function, words, MeasuredState(t, q, v, self.plant, self.readers), len(self.drives))
+
+
+def returned(function: ControlFunction, words: str, state: MeasuredState, count: int) -> Array:
+    """Return the efforts that a function returns in a state [N*m or N], shape (count,).
+
+    Raises:
+        InputError: It fails, or returns something else than finite efforts; ``words`` say which function.
+    """
+    at = f"at t = {state.t:.9g} s"
+    try:
+        effort = function(state.t, state)
+    except PinarmError:
+        raise
+    except Exception as error:
+        raise InputError(f"{words} fails {at}: {type(error).__name__}: {error}",
+                         expected="a function u(t, state)") from error  # fmt: skip
+    try:
+        if (given := np.asarray(effort)).dtype.kind in "USc":  # a text or a complex number is no effort
+            raise TypeError
+        found = np.array(given, dtype=np.float64).reshape(count)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{words} has returned {effort!r} {at}",
+            expected="an effort" if count == 1 else f"{count} efforts in a sequence",
+        ) from None
+    if not np.isfinite(found).all():
+        raise InputError(f"{words} has returned {effort!r} {at}", expected="finite efforts")
+    return found
 
 
 def function_controls(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +28,7 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
         coordinate: The coordinate.
     """
 
-    unshown = ("model",)
+    unshown: ClassVar[tuple[str, ...]] = ("model",)
 
     model: pin.Model
     coordinate: Coordinate

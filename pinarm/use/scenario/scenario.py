@@ -58,6 +58,7 @@ from pinarm.use.workers.runners import HERE, Runners
 if TYPE_CHECKING:
     from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.mechanics.control.function import FunctionControl
+    from pinarm.mechanics.forces.function_effort import FunctionForce
     from pinarm.problems import PrescribingProblem
     from pinarm.problems.accuracy import Accuracy
     from pinarm.use.result.run import Numbered
@@ -80,6 +81,7 @@ class Scenario(Record, frozen=True):
         seed: Of changes in the last digits of the mechanism and the problem; none for these as they are.
         given: The mechanism where it was given as such; ``None`` where a file or a name says it.
         functions: Controllers given as functions in Python.
+        function_forces: Loads given as functions in Python.
         runners: Who solves the many runs that searches and sensitivities take; another process that reads the scenario
             again does so by itself.
     """
@@ -91,6 +93,7 @@ class Scenario(Record, frozen=True):
     seed: int | None = None
     given: Mechanism | None = None
     functions: tuple[FunctionControl, ...] = ()
+    function_forces: tuple[FunctionForce, ...] = ()
     runners: Runners = HERE
 
     @classmethod
@@ -147,7 +150,13 @@ class Scenario(Record, frozen=True):
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
         source = ScenarioSource(
-            type(self), self.document, self.folder.absolute(), self.seed, self.given, self.functions
+            type(self),
+            self.document,
+            self.folder.absolute(),
+            self.seed,
+            self.given,
+            self.functions,
+            self.function_forces,
         )
         return ScenarioSource.scenario, (source,)
 
@@ -156,7 +165,10 @@ class Scenario(Record, frozen=True):
         """What it is read from, with paths that are the same for a process in another folder."""
         path = self.document.path
         document = replace(self.document, path=path.parent.resolve() / path.name) if path else self.document
-        return ScenarioSource(type(self), document, self.folder.resolve(), self.seed, self.given, self.functions)
+        folder = self.folder.resolve()
+        return ScenarioSource(
+            type(self), document, folder, self.seed, self.given, self.functions, self.function_forces
+        )  # fmt: skip
 
     def varied(self, values: Values) -> Self:
         """Return the scenario with other values.
@@ -236,7 +248,19 @@ class Scenario(Record, frozen=True):
         """Return the mechanism, read anew; see ``mechanism``."""
         read = self._read()
         own = read if self.seed is None else read.perturbed(self.seed)
-        return replace(own, control=(*own.control, *self.functions)) if self.functions else own
+        own = replace(own, control=(*own.control, *self.functions)) if self.functions else own
+        return self._loaded(own) if self.function_forces else own
+
+    def _loaded(self, mechanism: Mechanism) -> Mechanism:
+        """Return a mechanism with the loads that are given as functions."""
+        from pinarm.mechanics.forces.force_element import check_new
+        from pinarm.problems.control import MechanismPlant
+
+        plant, forces = MechanismPlant(mechanism, mechanism.dynamics), dict(mechanism.forces)
+        for force in self.function_forces:
+            check_new(force.name, forces)
+            forces[force.name] = force.bind(mechanism.model, mechanism.coordinates, plant)
+        return replace(mechanism, forces=forces)
 
     def _read(self) -> Mechanism:
         if self.given is not None:
@@ -583,6 +607,7 @@ class ScenarioSource(Record, frozen=True):
         seed: Of changes in the last digits of the mechanism.
         given: The mechanism where it was given as such.
         functions: Controllers given as functions; importable by their names.
+        function_forces: Loads given as functions, likewise.
     """
 
     kind: type[Scenario]
@@ -591,6 +616,7 @@ class ScenarioSource(Record, frozen=True):
     seed: int | None
     given: Mechanism | None
     functions: tuple[FunctionControl, ...]
+    function_forces: tuple[FunctionForce, ...]
 
     def scenario(self) -> Scenario:
         """Read it.
@@ -599,7 +625,8 @@ class ScenarioSource(Record, frozen=True):
             InputError: A file that it names is not there.
         """
         read = self.kind.of(self.document, self.folder)
-        return replace(read, seed=self.seed, given=self.given, functions=self.functions)
+        own = {name: getattr(self, name) for name in ("seed", "given", "functions", "function_forces")}
+        return replace(read, **own)
 
 
 def _shown_quantity(name: str, quantities: Quantities, presentation: Presentation) -> Series:

@@ -46,9 +46,13 @@ def save(
     needs. An earlier result is replaced; of anything else see ``whole_folder``.
 
     Raises:
-        InputError: The folder cannot be written, or holds files that are not an earlier result's.
+        InputError: The folder cannot be written, or holds files that are not an earlier result's; or a force is a
+            function in Python.
     """
     scenario, given = folder / "scenario.yaml", result.scenario.document.path
+    if functions := result.scenario.function_forces:
+        raise InputError(f"the force '{functions[0].name}' is a function in Python, which no file holds",
+                         expected="a result whose forces have laws", hint="result.to_dataframe()")  # fmt: skip
     if given is not None and scenario.exists() and scenario.resolve() == given.resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
     with whole_folder(folder, "result", source=result.source or given) as draft:

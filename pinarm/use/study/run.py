@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 def run(
     scenario: Given, values: Values | None = None, *,
     control: Mapping[str | tuple[str, ...], ControlFunction] | None = None, period: float | None = None,
-    delay: float = 0.0, workers: int | None = None, executor: Executor | None = None,
+    delay: float = 0.0, forces: Mapping[str, tuple[str, ControlFunction]] | None = None, workers: int | None = None,
+    executor: Executor | None = None,
 ) -> Result:  # fmt: skip
     """Solve a scenario; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
@@ -31,6 +32,7 @@ def run(
         control: Drives whose efforts are functions ``u(t, state)``; see ``Scenario.run``.
         period: Of sampled functions [s]; continuous where it is left out.
         delay: From a sample to the change of the effort [s].
+        forces: Loads that are functions ``f(t, state)``, such as ``{"brake": ("knee", f)}``; see ``Scenario.run``.
         workers: Processes that solve the runs of ``find`` and ``sensitivity``; this process where it is left out.
         executor: Who solves them in place of processes of this machine; see ``Scenario.with_workers``.
 
@@ -41,7 +43,9 @@ def run(
         PinarmError: The input has a mistake or is impossible, or the numerics failed; then ``partial`` holds the result
             until there.
     """
-    return load(scenario, values).with_workers(workers, executor).run(control, period=period, delay=delay)
+    return load(scenario, values).with_workers(workers, executor).run(
+        control, period=period, delay=delay, forces=forces
+    )  # fmt: skip
 
 
 def validate(scenario: Given, values: Values | None = None) -> list[Scenario]:

@@ -74,6 +74,18 @@ def test_tensions_of_the_worked_example(belt):
     assert round(difference * 500.0 / 60.0 / 1000.0, 2) == 5.27
 
 
+@pytest.mark.parametrize("course", ["open", "crossed"])
+def test_tensions_of_a_belt_that_slips_have_the_ratio_of_the_capstan(belt, course):
+    """``T1 / T2 = e^(mu theta)`` on the smaller wheel, about the pretension; the wheel is braked by ``(T1 - T2) r``."""
+    lap = {"open": np.deg2rad(150.0), "crossed": np.pi + 2.0 * np.arcsin((R1 + R2) / APART)}[course]
+    found = Quantities(free(belt(course), end=0.002, one=20.0).rows)  # it slips all the time
+    tight, slack = (found[f"coupling.belt.{part}"].values for part in ("tight", "slack"))
+    assert tight / slack == pytest.approx(np.full(11, np.exp(MU * lap)), rel=1e-6)
+    assert tight + slack == pytest.approx(np.full(11, 2.0 * PRETENSION), rel=1e-12)
+    braked = found["joint.one.acceleration"].values * 0.1
+    assert np.abs(braked) == pytest.approx((tight - slack) * R1, rel=1e-9)
+
+
 def test_power_of_the_belt_of_the_textbook(belt):
     """Bevan, The Theory of Machines, chapter 7, example 1 (page 228): 500 lb initial tension, 165 deg, mu = 0.3 and
     3600 ft/min: 44.40 horse-power (of 550 ft lb/s).

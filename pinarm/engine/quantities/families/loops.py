@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pinarm.arrays import Array
 from pinarm.engine.quantities.family import (
@@ -20,12 +20,18 @@ from pinarm.engine.quantities.family import (
 from pinarm.engine.quantities.reactions import loop_axis
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.transmissions import Strands
 from pinarm.mechanics.joints import METRE
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 GEOMETRY = ("pressure_angle", "curvature_radius", "eccentricity")
 """Parts of couplings that do not depend on forces."""
 
 COORDINATES = ("angle", "position")
+STRANDS = ("tight", "slack")
 ROD = "rod"
 """Kind of loop joint that has a tension."""
 
@@ -114,9 +120,28 @@ class CouplingQuantities(WrenchFamily, frozen=True):
             if coupling.known:
                 yield from (Offered(name, part) for part in coupling.parts())
                 yield from (Offered(name, part, AXES) for part in WRENCH)
+        for contact, _ in self._slipping_belts():
+            yield from (Offered(contact.name.partition(".")[2], part) for part in STRANDS)
+
+    def _slipping_belts(self) -> list[tuple[FrictionContact, Array]]:
+        """Return the belts that friction alone holds on their wheels, with the differences of their tensions [N]."""
+        frictions = self.run.mechanism.frictions
+        pairs = zip(frictions, self.run.friction.T, strict=True) if frictions else ()
+        return [(contact, apart) for contact, apart in pairs if contact.replaces]
+
+    def _tension(self, asked: Asked) -> Series | None:
+        """Return the tension of a strand of a belt that may slip; ``None`` where no such is asked for."""
+        for contact, apart in self._slipping_belts():
+            belt = contact.coupling.transmission if isinstance(contact.coupling, Coupling) else None
+            if contact.name == f"coupling.{asked.of}" and asked.part in STRANDS and isinstance(belt, Strands):
+                self.require_efforts(asked)
+                return Series(asked.name, NEWTON, belt.part(asked.part, apart / belt.difference))
+        return None
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""
+        if (tension := self._tension(asked)) is not None:
+            return tension
         reactions, part = self.evaluation.reactions, asked.part
         coupling = reactions.couplings.get(asked.of)
         if coupling is None or (len(asked.words) > 2) != (part in WRENCH):
