@@ -495,17 +495,19 @@ FORMS = (
 
 @command(
     "write one document on results, for a client",
-    "results/four_bar -o report.html; results/first results/second -o both.pdf",
-    arg("results", nargs="+", type=Path, metavar="RESULT", help="result folders, a chapter each"),
+    "results/four_bar -o report.html; results/first results/second -o both.pdf; results/four_bar-sweep; "
+    "results/four_bar --student -o exercise.pdf",
+    arg("results", nargs="+", type=Path, metavar="RESULT", help="folders of results and sweeps, a chapter each"),
     output(FORMS, metavar="FILE"),
     arg("--title", default="", help="its heading (default: that of the first scenario)"),
+    flag("--student", "leave the answer key out: neither print nor draw expected and published values"),
 )
 def _report(options: Namespace) -> int:
     from pinarm.use.report.report import report
 
     folder = options.results[0] if len(options.results) == 1 else Path()
     target: Path = options.output or folder / "report.html"
-    report(options.results, target, title=options.title)
+    report(options.results, target, title=options.title, student=options.student)
     show(options, {"file": str(target), "bytes": target.stat().st_size}, f"written to {target}")
     return OK
 

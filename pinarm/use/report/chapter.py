@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,18 +13,19 @@ import msgspec
 from pinarm.engine.series import Series
 from pinarm.errors import PinarmError
 from pinarm.problems import KINDS
-from pinarm.records import ValueRecord
+from pinarm.records import ValueRecord, replace
 from pinarm.use.report.given import link_graph, mobility_words, question
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.document import ReportTable, part, rounded, sentences, tag, text, unit_text, with_unit
+from pinarm.use.show.free_bodies import free_body_diagrams, worst_instants
 from pinarm.use.show.mechanism_tables import mechanism_tables
 from pinarm.use.show.notebook import frame
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
-from pinarm.use.show.terminal import FEW, counted, error_lines, ranges
+from pinarm.use.show.terminal import FEW, accuracy_lines, counted, error_lines, ranges
 from pinarm.use.study.answers.check import finding_of
 from pinarm.use.study.answers.verdict_table import HEADING
 from pinarm.use.study.answers.verdict_table import remarks as verdict_remarks
@@ -38,7 +39,10 @@ CURVES = 2
 """Quantities a picture: a page holds two pictures, and little room is lost where one does not fit."""
 
 MOST_ROWS = 60
-"""Rows of a section's table that are printed; the file beside the result has all."""
+"""Rows of a section's first table that are printed; the file beside the result has all."""
+
+FEW_ROWS = 24
+"""Rows of its further tables, in the appendix."""
 
 REPLAY_HEIGHT = 420
 """Of the moving picture [px]."""
@@ -58,6 +62,12 @@ class Chapter(ValueRecord, frozen=True):
     body: str
 
 
+def keyless(result: Result) -> Result:
+    """Return a result without its answer key: nothing of ``expect`` is printed or drawn."""
+    content = msgspec.structs.replace(result.content, expect=[])
+    return replace(result, scenario=replace(result.scenario, content=content), known=result.sections)
+
+
 def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool) -> Chapter:
     """Return the chapter on a result.
 
@@ -75,30 +85,35 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool) 
     replay, unshown = _replay(result) if moving else ("", [])
     verdicts, missed = _verdicts(result)
     asked = KINDS[result.kind].question if result.kind in KINDS else ""
-    pictures = [figure(sketch(result, titled=False).svg(), "sketch")]
-    if links := link_graph(mechanism):
-        pictures.append(figure(links))
+    links, along = link_graph(mechanism), result.trajectory.parameter
     left_out = ReportTable(["Joint", "how", "why"], [(x.joint, x.how, x.why) for x in result.removals], range(3))
     parts = [
         sentences([*_warnings(result), *missed, *limits], "box warnings"),
         sentences(_merits(result, verdicts, missed), "box merits"),
         part("Question", tag("p", text(asked), "asked"), question(result)),
         part("Answers", _ranges(result), _numbers(result), _findings(result)),
-        part(
-            "Mechanism",
-            tag("div", "\n".join(pictures), "pair"),
-            tag("p", text(mobility_words(result))),
-            *mechanism_tables(mechanism, result.presentation),
-        ),
+        part("Mechanism", figure(sketch(result, titled=False).svg(), "sketch"), tag("p", text(mobility_words(result)))),
         part("Motion and curves", replay, *map(figure, _curves(result))),
         *(_part(section, result.presentation) for section in result.shown_sections.values()),
+        part("Free-body diagrams", *map(figure, _free_bodies(result))),
         part("Comparison with independent and published values", verdicts),
-        part("Accuracy", sentences(error_lines(result)), _accuracy(result)),
+        part("Accuracy", sentences(error_lines(result)), sentences(accuracy_lines(result.figures, along))),
         part("What was left out, and notes", left_out, sentences([*counted(result.notes()), *unshown])),
-        part("Provenance", _provenance(result, folder, date)),
+        appendix(
+            part("Mechanism in numbers", figure(links) if links else "", *mechanism_tables(mechanism, result.presentation)),
+            *(_further(section) for section in result.shown_sections.values()),
+            part("Measures of accuracy", _accuracy(result)),
+            part("Provenance", _provenance(result, folder, date)),
+        ),
     ]
     title, subtitle = result.content.title or result.name, f"{mechanism.title}, {result.kind}"
     return Chapter(title, subtitle, "\n".join(filter(None, parts)))
+
+
+def appendix(*parts: str) -> str:
+    """Return what few readers need, after all else."""
+    inner = "\n".join(filter(None, parts)).replace("h3>", "h4>")
+    return tag("section", f"{tag('h3', 'Appendix')}\n{inner}", "appendix")
 
 
 def figure(drawn: str, kind: str = "") -> str:
@@ -173,7 +188,18 @@ def _curves(result: Result) -> Iterator[str]:
         yield plot(result, tuple(names[first : first + CURVES]), titled=False).svg()
 
 
+def _free_bodies(result: Result) -> Iterator[str]:
+    for at in worst_instants(result).values():
+        yield free_body_diagrams(result, at, titled=False).svg()
+
+
+def _further(section: Section) -> str:
+    """Return the tables of a section after its first, for the appendix."""
+    return part(section.title, *(_section_table(table, section.key, FEW_ROWS) for table in section.tables[1:]))
+
+
 def _part(section: Section, how: Presentation) -> str:
+    """Return the numbers, first table, remarks and pictures of a section."""
     tables = [_section_table(table, section.key) for table in section.tables]
     printed = {cell for table in tables for row in table.rows for cell in row}
     numbers = {name: how.shown(series) for name, series in section.numbers.items()}
@@ -181,22 +207,21 @@ def _part(section: Section, how: Presentation) -> str:
     rows = [[name, unit_text(series.unit), _cell(series)] for name, series in others.items()]
     more = ReportTable(["Number", "unit", "value"], rows, range(2))
     pictures = [figure(graph(drawn, how).svg()) for drawn in section.graphs]
-    return part(section.title, more, *tables, sentences(section.remarks), *pictures)
+    return part(section.title, more, *tables[:1], sentences(section.remarks), *pictures)
 
 
 def _cell(series: Series) -> str:
     return rounded(float(series.values[0]))
 
 
-def _section_table(table: SectionTable, key: str) -> ReportTable:
-    rows = [
-        [cell if isinstance(cell, str) else rounded(cell) for cell in row] for row in table.cleared().rows[:MOST_ROWS]
-    ]
+def _section_table(table: SectionTable, key: str, most: int = MOST_ROWS) -> ReportTable:
+    cleared = table.cleared().rows[:most]
+    rows = [[cell if isinstance(cell, str) else rounded(cell) for cell in row] for row in cleared]
     if table.row_unit is not None:
         for row in rows:
             row[table.row_unit] = unit_text(row[table.row_unit])
     texts = {k for row in table.rows for k, cell in enumerate(row) if isinstance(cell, str) and cell}
-    more = len(table.rows) - MOST_ROWS
+    more = len(table.rows) - most
     remark = f"and {more} more rows in {key}_{table.name}.csv" if more > 0 else ""
     headings = zip(table.columns, table.units, strict=True)
     named = [name if unit is None else with_unit(name, unit) for name, unit in headings]
@@ -229,17 +254,22 @@ def _accuracy(result: Result) -> ReportTable:
 
 def _provenance(result: Result, folder: Path | None, date: str) -> str:
     """Return scenario, versions and digest of a result, those of a saved one as its folder has them; not this host."""
-    import pinarm
-
     summary = msgspec.json.decode((folder / "summary.json").read_bytes()) if folder else result.summary()
     versions = ", ".join(f"{name} {version}" for name, version in dict(summary.get("versions", {})).items())
-    host = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
     entries = {
         "Scenario": f"{result.name}, {len(result)} rows",
         "Solved with": versions,
         "SHA-256 of the input": str(summary.get("input", "")),
-        "Report made with": f"pinarm {pinarm.__version__}, on {host}, {date}",
     }
+    return provenance(entries, date)
+
+
+def provenance(entries: Mapping[str, str], date: str) -> str:
+    """Return what a result came of, and what made the report."""
+    import pinarm
+
+    host = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
+    entries = {**entries, "Report made with": f"pinarm {pinarm.__version__}, on {host}, {date}"}
     return tag("dl", "\n".join(tag("dt", text(term)) + tag("dd", text(words)) for term, words in entries.items()))
 
 

@@ -35,15 +35,12 @@ LABELS = {
 HEADS = ("law", "kind")
 """Keys of a kind: they come before the other keys."""
 
-MOST = 180
-"""Characters of a value; a law of many points is cut."""
-
 Row = tuple[str, str, str]
 
 
 def question(result: Result) -> ReportTable:
     """Return a table of the given values and the quantities asked for: kind, coordinate or name, value."""
-    rows = [*_problem(result.data["problem"]), *_given(result), *_asked(result)]
+    rows = [*problem_rows(result.data["problem"]), *_given(result), *_asked(result)]
     above = ["", *(row[0] for row in rows)]  # a label that repeats the one above is left out
     cells = [("" if row[0] == before else row[0], *row[1:]) for row, before in zip(rows, above, strict=False)]
     return ReportTable(["Given", "Of", "Value"], cells, range(3))
@@ -62,15 +59,16 @@ def _inner(value: Any) -> str:
     return f"({_words(value)})" if isinstance(value, Mapping | list | tuple) else str(value)
 
 
-def _problem(problem: Mapping[str, Any]) -> Iterator[Row]:
+def problem_rows(problem: Mapping[str, Any]) -> Iterator[Row]:
+    """Yield what a problem says: kind of entry, coordinate or name, and value in words; laws with all their points."""
     for key, value in problem.items():
         label = LABELS.get(key, key.replace("_", " ").capitalize())
         if isinstance(value, Mapping) and any(isinstance(entry, Mapping) for entry in value.values()):
-            yield from ((label, str(name), shortened(_words(entry), MOST)) for name, entry in value.items())
+            yield from ((label, str(name), _words(entry)) for name, entry in value.items())
         elif isinstance(value, Mapping):
-            yield label, "", shortened(", ".join(f"{name} = {_words(entry)}" for name, entry in value.items()), MOST)
+            yield label, "", ", ".join(f"{name} = {_words(entry)}" for name, entry in value.items())
         elif key != "kind":
-            yield label, "", shortened(_words(value), MOST)
+            yield label, "", _words(value)
 
 
 def _given(result: Result) -> Iterator[Row]:
@@ -86,7 +84,7 @@ def _given(result: Result) -> Iterator[Row]:
     yield "Gravity", "", f"({', '.join(number(x) for x in gravity)}) m/s²" if gravity.any() else "none"
     for key in ("changes", "find", *content.assessments):
         if key in result.data:
-            yield key.capitalize(), "", shortened(_words(result.data[key]), MOST)
+            yield key.capitalize(), "", _words(result.data[key])
     if content.accuracy.target is not None:
         yield "Accuracy wanted", "", f"global error below {content.accuracy.target:g} of the largest value"
 
@@ -95,7 +93,7 @@ def _asked(result: Result) -> Iterator[Row]:
     """Yield the quantities asked for: symbols with their formulas, then the others."""
     formulas = {**result.trajectory.mechanism.description.symbols, **result.content.symbols}
     outputs = list(dict.fromkeys(result.content.outputs))
-    yield from (("Asked for", name, shortened(formulas[name], MOST)) for name in outputs if name in formulas)
+    yield from (("Asked for", name, formulas[name]) for name in outputs if name in formulas)
     others = [*(name for name in outputs if name not in formulas), *result.content.numbers]
     if others:
         yield "Asked for", "", ", ".join(others)

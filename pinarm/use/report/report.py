@@ -12,10 +12,13 @@ from pinarm.errors import InputError, choices, printable
 from pinarm.records import Record, replace
 from pinarm.use.facade import Result
 from pinarm.use.output.folder import write_file
-from pinarm.use.report.chapter import Chapter, chapter_on
+from pinarm.use.report.chapter import Chapter, chapter_on, keyless
+from pinarm.use.report.sweep_chapter import chapter_on_sweep
 from pinarm.use.show.document import tag, text
 from pinarm.use.show.notebook import frame
 from pinarm.use.study.restore import restore
+from pinarm.use.study.sweep.stored import stored_sweep
+from pinarm.use.study.sweep.sweep import Sweep
 
 STYLE = Path(__file__).parent / "report.css"
 HTML, PDF = ".html", ".pdf"
@@ -63,23 +66,28 @@ class Report(Record, frozen=True):
 
 
 def report(
-    results: Result | str | Path | Sequence[Result | str | Path], path: str | Path | None = None, *, title: str = ""
-) -> Report:
+    results: Result | Sweep | str | Path | Sequence[Result | Sweep | str | Path], path: str | Path | None = None, *,
+    title: str = "", student: bool = False,
+) -> Report:  # fmt: skip
     """Return one document on results: question, answers and accuracy, mechanism, curves, sections, what was left out.
 
+    Tables that few readers need are in an appendix. Of a sweep: what was varied, statistics, curves, cases.
+
     Args:
-        results: A result, or the folder that it was written to; or several, a chapter each.
+        results: A result or a sweep, or the folder that it was written to; or several, a chapter each.
         path: Where to write it, ``.html`` or ``.pdf``; nowhere where it is left out.
         title: Its heading; that of the first scenario where it is left out.
+        student: Whether the answer key, ``expect``, is left out: values that are expected or published are neither
+            printed nor drawn.
 
     Raises:
         InputError: A folder is no result, or the ending of the file is unknown.
         PinarmError: The file is a PDF and there is no Chromium, or a saved motion cannot be solved again.
     """
-    sources = [results] if isinstance(results, Result | str | Path) else list(results)
+    sources = [results] if isinstance(results, Result | Sweep | str | Path) else list(results)
     moving = path is None or kind_of(Path(path)) == HTML
     date = time.strftime("%Y-%m-%d %H:%M %z")
-    chapters = [_chapter(source, date, moving) for source in sources]
+    chapters = [_chapter(source, date, moving, student) for source in sources]
     if not chapters:
         raise InputError("there is no result to report on", expected="at least one")
     heading = title or chapters[0].title
@@ -101,17 +109,20 @@ def kind_of(path: Path) -> str:
     return path.suffix
 
 
-def _chapter(source: Result | str | Path, date: str, moving: bool) -> Chapter:
-    if isinstance(source, Result):
-        return chapter_on(source, None, date, moving=moving)
-    return chapter_on(restore(source), Path(source), date, moving=moving)
+def _chapter(source: Result | Sweep | str | Path, date: str, moving: bool, student: bool) -> Chapter:
+    if not isinstance(source, Result | Sweep) and (Path(source) / "sweep.yaml").is_file():
+        source = stored_sweep(Path(source))
+    if isinstance(source, Sweep):
+        return chapter_on_sweep(source, date)
+    folder, result = (None, source) if isinstance(source, Result) else (Path(source), restore(source))
+    return chapter_on(keyless(result) if student else result, folder, date, moving=moving)
 
 
-def _told_apart(chapters: Sequence[Chapter], sources: Sequence[Result | str | Path]) -> list[Chapter]:
+def _told_apart(chapters: Sequence[Chapter], sources: Sequence[Result | Sweep | str | Path]) -> list[Chapter]:
     """Return the chapters; of those with one title, with the folder of each result after it, or the scenario's name."""
     titles, named = Counter(chapter.title for chapter in chapters), []
     for chapter, source in zip(chapters, sources, strict=True):
-        name = source.name if isinstance(source, Result) else str(source)
+        name = source.name if isinstance(source, Result | Sweep) else str(source)
         named.append(replace(chapter, title=f"{chapter.title} ({name})") if titles[chapter.title] > 1 else chapter)
     return named
 

@@ -149,7 +149,7 @@ def remarks(result: Result) -> list[str]:
     """Return the remarks on a run, a line each: accuracy, cost, findings, limits, notes."""
     run = result.trajectory
     lines = _number_lines(result)
-    lines += error_lines(result) + _accuracy_lines(result.figures, run.parameter)
+    lines += error_lines(result) + accuracy_lines(result.figures, run.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     about = [", ".join(cost), "" if run.numbered else OF_ROWS]
     lines.append("; ".join(filter(None, [f"rows: {len(run)}", *about])))
@@ -221,7 +221,7 @@ def error_lines(result: Result) -> list[str]:
     return lines + ([f"target {target:g}: {verdict}"] if target is not None else [])
 
 
-def _accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
+def accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
     """Return the measures of accuracy, a line for each kind."""
     residuals, gaps, path, rows = (
         ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures)

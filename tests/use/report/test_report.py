@@ -12,6 +12,7 @@ import numpy as np
 import pypdf
 import pytest
 
+import pinarm
 from pinarm.errors import InputError, PinarmError
 from pinarm.use.report.report import report
 from pinarm.use.show.replay.chromium import chromium
@@ -184,3 +185,49 @@ def test_it_is_printed_on_pages_of_a4_with_text(scenario: Callable[..., Any], tm
         assert printed(entry["max"]) in text
     assert result.digest() in text.replace("\n", "")
     assert "Provenance" in text  # the last part is there too
+
+
+def test_a_student_gets_no_expected_and_no_published_value(scenario: Callable[..., Any], tmp_path: Path) -> None:
+    key = (
+        "expect:\n- {quantity: M, at: start, value: 4.321 N*m, published: 9.876 N*m, source: the secret}\n"
+        "- {quantity: alpha, at: end, value: 1 rad, source: the secret}\n"
+    )
+    result = scenario("inverse", SHAKING + key, PERIODIC).run()
+    folder = result.save(tmp_path / "out", plots=False)
+    secrets = ("4.321", "9.876", "the secret", "MISS", "published")
+    teacher = body(report(result).html)
+    assert all(secret in teacher for secret in secrets)
+    for source in (result, folder):
+        page = body(report(source, student=True).html)
+        assert not [secret for secret in secrets if secret in page]
+        assert row(page, "M @ rms") == row(teacher, "M @ rms")
+
+
+def test_what_a_client_does_not_read_is_in_the_appendix(scenario: Callable[..., Any]) -> None:
+    page = body(report(scenario("inverse", SHAKING, PERIODIC).run()).html)
+    parts = re.findall(r"<h[34]>([^<]*)</h[34]>", page)
+    first = parts.index("Appendix")
+    assert {"Question", "Answers", "Mechanism", "Accuracy"} <= set(parts[:first])
+    assert {"Mechanism in numbers", "Measures of accuracy", "Provenance"} <= set(parts[first:])
+
+
+def test_laws_are_printed_with_all_their_points(scenario: Callable[..., Any]) -> None:
+    points = [f"[{k / 20:g} s, {k * k / 1000:g} rad]" for k in range(41)]
+    law = f"{{law: spline, points: [{', '.join(points)}]}}"
+    page = report(scenario("inverse", "", (TRAPEZOID, law)).run()).html
+    assert all(f"({point[1:-1]})" in page for point in points)
+
+
+def test_a_sweep_has_a_report_of_its_own(scenario: Callable[..., Any], tmp_path: Path) -> None:
+    """From Python and from its folder alike: statistics, the values of all cases, a picture of each result."""
+    swept = pinarm.sweep(
+        scenario("statics"), {"problem.over.pivot.to": "90:180:3 deg"}, results=["M @ max", "alpha @ end"], workers=1
+    )
+    folder = swept.save(tmp_path / "out", plots=False)
+    pages = [body(report(source, title="T").html) for source in (swept, folder)]
+    for page in pages:
+        assert row(page, "M @ max")[2] == printed(float(swept["M @ max"].values.min()))
+        assert [float(row(page, str(case))[1]) for case in range(3)] == [90.0, 135.0, 180.0]
+        assert float(row(page, "1")[3]) == pytest.approx(np.rad2deg(swept["alpha @ end"].values[1]), rel=1e-6)
+        assert page.count("<figure") == 2
+    assert rows(pages[0]) == rows(pages[1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 
@@ -127,9 +128,8 @@ def polar_diagram(run: Lookup, joint: LoadedJoint) -> Graph:
         curves.append(Curve(right_part, up_part, label))
     centre = Series("radial load", NEWTON, np.zeros(1))
     title = f"Polar diagram of {joint.prefix}: radial load on {joint.body}"
-    return Graph(
-        f"polar_{joint.name}", title, [*curves, Curve(centre, centre, "axis of the joint", points=True)], equal=True
-    )
+    name = re.sub(r"\W+", "_", f"polar_{joint.name}")
+    return Graph(name, title, [*curves, Curve(centre, centre, "axis of the joint", points=True)], equal=True)
 
 
 def _determined(run: Lookup, joint: LoadedJoint, names: list[str]) -> tuple[dict[str, Series], list[str]]:

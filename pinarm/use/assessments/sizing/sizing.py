@@ -195,10 +195,10 @@ class Sizing(InputStruct, frozen=True):
     def _section(self, duty: Duty, ranked: Sequence[Candidate], drive: Drive) -> Section:
         rows = [candidate.row(number) for number, candidate in enumerate(ranked, start=1)]
         near = _near(ranked)
-        title = f"Motors and ratios for {self.drive}: the lightest that fits first, then those that come near"
+        title = f"Motors and ratios for {self.drive}: best ratio of each that fits, then of those that come near"
         tables = [SectionTable("motors", title, COLUMNS, UNITS_OF, [rows[k] for k in near]), _best_ratios(duty, ranked)]
         if others := [row for k, row in enumerate(rows) if k not in near]:
-            tables.append(SectionTable("others", "Motors and ratios that do not fit", COLUMNS, UNITS_OF, others))
+            tables.append(SectionTable("others", "Other ratios and motors", COLUMNS, UNITS_OF, others))
         best, fitting = ranked[0], sum(not candidate.reasons for candidate in ranked)
         known = {"fitting": (float(fitting), 0.0), "ratio": (best.ratio, 0.0)}
         known |= {name: getattr(best, name) for name in NUMBERS if name not in known}
@@ -312,13 +312,12 @@ class Candidate:
 
 
 def _near(ranked: Sequence[Candidate]) -> list[int]:
-    """Return the places of those that fit, and of the best ratio of each of the ``NEAR`` motors that come nearest."""
-    fitting = [k for k, candidate in enumerate(ranked) if not candidate.reasons]
-    known, nearest = {ranked[k].motor.name for k in fitting}, dict[str, int]()
+    """Return the places of the best ratio of every motor: all motors that fit, then ``NEAR`` that come nearest."""
+    first = dict[str, int]()
     for k, candidate in enumerate(ranked):
-        if candidate.motor.name not in known:
-            nearest.setdefault(candidate.motor.name, k)
-    return [*fitting, *[*nearest.values()][:NEAR]]
+        first.setdefault(candidate.motor.name, k)
+    fitting = sum(not ranked[k].reasons for k in first.values())
+    return [*first.values()][: fitting + NEAR]
 
 
 NEAR = 5

@@ -21,7 +21,7 @@ from pinarm.use.cases.case import WORTH, FunctionValue, Taken, Task, Wanted
 from pinarm.use.facade import Given, Scenario, load
 from pinarm.use.result.numbers import read_number
 from pinarm.use.store.line_table import LineTable
-from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw, read_axis, read_cases
+from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, UnitOf, draw, read_axis, read_cases
 from pinarm.use.study.sweep.branches import ALL, MEASURE, RAW, ModeValues
 from pinarm.use.study.sweep.parquet import require_parquet
 from pinarm.use.study.sweep.solving import Solving
@@ -185,7 +185,7 @@ def sweep(
     scenario = load(scenario, values)
     given = {path: _plain(x) for path, x in (over or {}).items()}
     with noting_files() as files:
-        chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
+        chosen = Cases.of(axes_of(scenario.unit_at, given, cases, samples, seed, sampling))
         require_apart(scenario.document.data, values or (), (column.path for column in chosen.columns()))
         wanted, columns = measured_results(scenario, chosen, _listed(results) or scenario.content.outputs)
     solving = Solving(_task(scenario, chosen, wanted), chosen, columns, progress, parquet)
@@ -303,8 +303,8 @@ def _notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[st
     return list(dict.fromkeys(notes))
 
 
-def _axes(
-    scenario: Scenario,
+def axes_of(
+    unit_of: UnitOf,
     over: Mapping[str, object],
     cases: str | Path | None,
     samples: int | None,
@@ -313,10 +313,17 @@ def _axes(
 ) -> Iterator[Axis]:
     """Yield the axes: the lines of a file, then what is drawn, then each list or grid.
 
+    Args:
+        unit_of: Path -> the unit of bare numbers.
+        over: Path -> values; see ``sweep``, as for the others.
+        cases: A file of cases.
+        samples: How many values to draw.
+        seed: Of the drawing.
+        how: Of the drawing.
+
     Raises:
         InputError: Something is to be drawn and it is not said how often, or the other way round.
     """
-    unit_of = scenario.unit_at
     if cases is not None:
         yield read_cases(Path(cases), unit_of)
     read = [read_axis(path, given, unit_of) for path, given in over.items()]

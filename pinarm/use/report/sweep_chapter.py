@@ -1,0 +1,60 @@
+"""Chapter of a report on a sweep: what was varied, statistics, curves, failures, and the table of its cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from pinarm.engine.series import Series
+from pinarm.use.report.chapter import Chapter, appendix, figure, provenance
+from pinarm.use.report.given import problem_rows
+from pinarm.use.show.document import ReportTable, number, part, sentences, unit_text, with_unit
+from pinarm.use.study.sweep.plots import pictures
+from pinarm.use.study.sweep.sweep import Sweep
+from pinarm.use.study.sweep.sweep_files import ranges, remarks
+
+MOST_CASES = 100
+"""Cases of the table that are printed; ``cases.csv`` has all."""
+
+
+def chapter_on_sweep(sweep: Sweep, date: str) -> Chapter:
+    """Return the chapter on a sweep."""
+    (_, _, *columns), *rows = ranges(sweep)
+    answers = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
+    failed = [f"{len(sweep.errors)} of {len(sweep)} cases failed."] if sweep.errors else []
+    parts = [
+        sentences(failed, "box warnings"),
+        part("Question", ReportTable(["Given", "of", "value"], [*_question(sweep)], range(3))),
+        part("Answers", ReportTable(["Result", "unit", *columns], answers, range(2))),
+        part("Curves", *(figure(drawn.svg()) for _, drawn in pictures(sweep))),
+        part("Accuracy and notes", sentences(remarks(sweep))),
+        appendix(part("Cases", _cases(sweep)), part("Provenance", provenance(
+            {"Scenario": str(sweep.definition.get("scenario", sweep.name)), "Cases": str(len(sweep))}, date))),
+    ]  # fmt: skip
+    return Chapter(sweep.title or sweep.name, f"Sweep over {len(sweep)} cases", "\n".join(filter(None, parts)))
+
+
+def _question(sweep: Sweep) -> Iterator[tuple[str, str, str]]:
+    """Yield what was varied, how, and the problem that was solved for each case."""
+    for path, values in sweep.definition.get("over", {}).items():
+        yield "Swept", str(path), ", ".join(map(str, values)) if isinstance(values, list) else str(values)
+    drawn = {key: sweep.definition.get(key) for key in ("cases", "samples", "seed", "sampling")}
+    kept = ("cases",) if not drawn["samples"] else tuple(drawn)
+    yield from ((key.capitalize(), "", str(drawn[key])) for key in kept if drawn[key] is not None)
+    base: dict[str, Any] = sweep.definition.get("base", {})
+    yield from problem_rows(base.get("problem", {}))
+    yield "Asked for", "", ", ".join(series.name for series in sweep.results())
+
+
+def _cases(sweep: Sweep) -> ReportTable:
+    """Return the table of the first cases, numbers in the units that people are shown."""
+    shown = [*sweep.given, *map(sweep.presentation.shown, sweep.results())]
+    count = min(len(sweep), MOST_CASES)
+    rows = [[str(case), *(_cell(series, case) for series in shown)] for case in range(count)]
+    more = f"and {len(sweep) - count} more in cases.csv" if len(sweep) > count else ""
+    return ReportTable(["case", *(with_unit(series.name, series.unit) for series in shown)], rows, (), remark=more)
+
+
+def _cell(series: Series, case: int) -> str:
+    value = series.values[case]
+    return number(float(value)) if series.values.dtype.kind in "fiu" else str(value)
