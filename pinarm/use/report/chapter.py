@@ -86,6 +86,7 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool) 
     verdicts, missed = _verdicts(result)
     asked = KINDS[result.kind].question if result.kind in KINDS else ""
     links, along = link_graph(mechanism), result.trajectory.parameter
+    tables = mechanism_tables(mechanism, result.presentation)
     left_out = ReportTable(["Joint", "how", "why"], [(x.joint, x.how, x.why) for x in result.removals], range(3))
     parts = [
         sentences([*_warnings(result), *missed, *limits], "box warnings"),
@@ -100,7 +101,7 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool) 
         part("Accuracy", sentences(error_lines(result)), sentences(accuracy_lines(result.figures, along))),
         part("What was left out, and notes", left_out, sentences([*counted(result.notes()), *unshown])),
         appendix(
-            part("Mechanism in numbers", figure(links) if links else "", *mechanism_tables(mechanism, result.presentation)),
+            part("Mechanism in numbers", figure(links) if links else "", *tables),
             *(_further(section) for section in result.shown_sections.values()),
             part("Measures of accuracy", _accuracy(result)),
             part("Provenance", _provenance(result, folder, date)),

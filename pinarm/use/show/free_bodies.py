@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE
+from pinarm.engine.series import Series
 from pinarm.records import Record
 from pinarm.use.assessments.loads.load_sets import Action, FreeBody, free_bodies
+from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.bodies import placed
-from pinarm.use.show.labels import plain, symbol
+from pinarm.use.show.labels import plain, symbol, unit_text
 from pinarm.use.show.picture import COLOURS, INK, Note, Picture, drawing, label
 from pinarm.use.show.scene import Framing, scene
 from pinarm.use.show.sketch import GROUND, PATH, POINTS, round_up, write_beside
@@ -42,6 +45,30 @@ KINDS = {"weight": COLOURS[2], "inertia relief": COLOURS[3], "force": COLOURS[1]
 LAW = "inertia relief: −m a and −(I α + ω × I ω), at the centre of mass"
 IN_PLANE = "forces in the plane, moments about its normal"
 PROJECTED = "arrows are projections, numbers whole sizes"
+
+
+class _Scale(Record, frozen=True):
+    """Sizes of all bodies, and how they are shown.
+
+    Attributes:
+        force: The largest force [N].
+        moment: The largest moment [N*m], or that of this force over the extent of the mechanism.
+        per_newton: Length of an arrow [points per N].
+        units: Of forces and of moments: factor, and name.
+    """
+
+    force: float
+    moment: float
+    per_newton: float
+    units: Sequence[tuple[float, str]]
+
+    def words(self, action: Action) -> str:
+        """Return what a load is, with the sizes of its force and moment; empty where both are rounding."""
+        sizes = [float(np.linalg.norm(action.wrench[part])) for part in PARTS]
+        told = zip(sizes, (self.force, self.moment), self.units, strict=True)
+        parts = [f"{float(f'{size * factor:.4g}'):g} {unit}" for size, most, (factor, unit) in told
+                 if size > TINY * most]  # fmt: skip
+        return f"{action.what} {', '.join(parts)}" if parts else ""
 
 
 class _Panel(Record, frozen=True):
@@ -92,13 +119,9 @@ def free_body_diagrams(result: Result, at: float | None = None, *, titled: bool 
     axes, place = seen.framing.view().axes, placed(mechanism.model, row.trajectory.q)[0]
     bodies = [*free_bodies(row, seen.framing.normal)]
     shown = [each for free in bodies if not free.left_out for each in free.actions]
-    largest = [max((float(np.linalg.norm(each.wrench[part])) for each in shown), default=0.0) for part in PARTS]
-    largest[1] = max(largest[1], largest[0] * seen.framing.size)
-    flat = max((float(np.linalg.norm(axes @ each.wrench[:3])) for each in shown), default=0.0)
-    per_newton = LONGEST / flat if flat else 0.0
-    panels = []
+    scale, panels = _scale(shown, axes, result.presentation, seen.framing.size), []
     for free in bodies:
-        own = [] if free.left_out else [each for each in free.actions if _words(each, largest)]
+        own = [] if free.left_out else [each for each in free.actions if scale.words(each)]
         if not (own or free.left_out):
             continue
         sticks = [stick for stick in seen.figure.lines if stick.node == free.body]
@@ -106,9 +129,19 @@ def free_body_diagrams(result: Result, at: float | None = None, *, titled: bool 
         points = np.array([each.point for each in own] or [place[free.body, :3, 3]]) @ axes.T
         forces = np.array([each.wrench[:3] for each in own] or [np.zeros(3)]) @ axes.T
         cut = FreeBody(free.body, free.link, own, free.doubt, free.left_out)
-        panels.append(_Panel(cut, lines, points, per_newton * forces))
+        panels.append(_Panel(cut, lines, points, scale.per_newton * forces))
     heading = _heading(result, float(row.trajectory.grid.t[0]), titled)
-    return _drawn(panels, largest, per_newton, heading, seen.framing)
+    return _drawn(panels, scale, heading, seen.framing)
+
+
+def _scale(shown: Sequence[Action], axes: Array, how: Presentation, extent: float) -> _Scale:
+    force, moment, flat = (
+        max((float(np.linalg.norm(turn @ each.wrench[part])) for each in shown), default=0.0)
+        for part, turn in ((PARTS[0], np.eye(3)), (PARTS[1], np.eye(3)), (PARTS[0], axes))
+    )
+    measured = [how.scale(Series("", unit, np.zeros(1))) for unit in (NEWTON, NEWTON_METRE)]
+    units = [(factor, unit_text(unit)) for factor, unit in measured]
+    return _Scale(force, max(moment, force * extent), LONGEST / flat if flat else 0.0, units)
 
 
 def worst_instants(result: Result) -> dict[str, float]:
@@ -135,18 +168,8 @@ def _heading(result: Result, t: float, titled: bool) -> str:
     return f"{plain(result.content.title or result.name)}, {place}" if titled else f"Free bodies at {place}"
 
 
-def _words(action: Action, largest: Sequence[float]) -> str:
-    """Return what a load is, with the sizes of its force and moment; empty where both are rounding."""
-    sizes = [float(np.linalg.norm(action.wrench[part])) for part in PARTS]
-    told = zip(sizes, largest, ("N", "N·m"), strict=True)
-    parts = [f"{float(f'{size:.4g}'):g} {unit}" for size, most, unit in told if size > TINY * most]
-    return f"{action.what} {', '.join(parts)}" if parts else ""
-
-
-def _drawn(
-    panels: Sequence[_Panel], largest: Sequence[float], per_newton: float, heading: str, framing: Framing
-) -> Picture:
-    columns = min(2, len(panels))
+def _drawn(panels: Sequence[_Panel], scale: _Scale, heading: str, framing: Framing) -> Picture:
+    columns = max(1, min(2, len(panels)))
     rows = -(-len(panels) // columns)
     width, height = columns * WIDE, rows * HIGH + HEAD + FOOT
     with drawing(width / POINTS, height / POINTS, heading) as picture:
@@ -154,20 +177,22 @@ def _drawn(
         for k, panel in enumerate(panels):
             corner = (k % columns) / columns, (FOOT + HIGH * (rows - 1 - k // columns)) / height
             axis = picture.add_axes((*corner, 1.0 / columns, HIGH / height))
-            _panel(axis, panel, panel.scale(framing.size), largest, framing.normal)
+            _panel(axis, panel, panel.scale(framing.size), scale, framing.normal)
         foot = picture.add_axes((0.0, 0.0, 1.0, FOOT / height))
         foot.set(xlim=(0.0, width), ylim=(0.0, FOOT))
         foot.set_axis_off()
-        if per_newton:
-            size = round_up(0.3 * LONGEST / per_newton)
-            _arrow(foot, np.array([14.0, 22.0]), np.array([14.0 + per_newton * size, 22.0]), INK)
-            foot.text(22.0 + per_newton * size, 22.0, f"{size:g} N", va="center", fontsize=8)
+        if scale.per_newton:
+            factor, unit = scale.units[0]
+            size = round_up(0.3 * LONGEST / scale.per_newton * factor)
+            length = scale.per_newton * size / factor
+            _arrow(foot, np.array([14.0, 22.0]), np.array([14.0 + length, 22.0]), INK)
+            foot.text(22.0 + length, 22.0, f"{size:g} {unit}", va="center", fontsize=8)
         words = PROJECTED if framing.normal is None else IN_PLANE
         foot.text(14.0, 8.0, f"{words}; {LAW}", va="center", fontsize=6.5, color=GROUND)
     return picture
 
 
-def _panel(axis: Axes, panel: _Panel, per: float, largest: Sequence[float], normal: Array | None) -> None:
+def _panel(axis: Axes, panel: _Panel, per: float, scale: _Scale, normal: Array | None) -> None:
     """Draw a body with its loads; larger loads choose the places of their names first."""
     ends = panel.ends(per)
     left, bottom = ((ends.min(axis=0) + ends.max(axis=0) - np.array([WIDE, HIGH])) / 2.0 / per).tolist()
@@ -182,18 +207,18 @@ def _panel(axis: Axes, panel: _Panel, per: float, largest: Sequence[float], norm
     for action, point, arrow in zip(free.actions, panel.points, panel.arrows, strict=False):
         colour, tip = _colour(action), point + arrow / per
         axis.plot(*point, "o", color=colour, markersize=DOT, markerfacecolor="white")
-        hidden += [np.array([point, tip]), *_moment(axis, action, point, per, largest, normal, colour)]
+        hidden += [np.array([point, tip]), *_moment(axis, action, point, per, scale, normal, colour)]
         _arrow(axis, point, tip, colour)
-        notes.append((float(np.linalg.norm(arrow)), Note(plain(_words(action, largest)), tip, colour)))
+        notes.append((float(np.linalg.norm(arrow)), Note(plain(scale.words(action)), tip, colour)))
     write_beside(axis, [note for _, note in sorted(notes, key=lambda each: -each[0])], hidden, per, ())
 
 
 def _moment(
-    axis: Axes, action: Action, point: Array, per: float, largest: Sequence[float], normal: Array | None, colour: str
+    axis: Axes, action: Action, point: Array, per: float, scale: _Scale, normal: Array | None, colour: str
 ) -> list[Array]:
     """Draw the moment of a load in a plane as an arc, by its sign, and return its points; none where it is rounding."""
     moment = 0.0 if normal is None else float(normal @ action.wrench[3:])
-    if abs(moment) <= TINY * largest[1]:
+    if abs(moment) <= TINY * scale.moment:
         return []
     turn = np.sign(moment) * np.deg2rad(np.linspace(-60.0, 210.0, 28))
     arc = point + ARC / per * np.stack([np.cos(turn), np.sin(turn)], axis=1)

@@ -35,7 +35,7 @@ def stored_sweep(folder: Path) -> Sweep:
             errors = {case: text for case, text in enumerate(arrays["error"].tolist()) if text}
         if {len(cases)} != {len(series.values) for series in columns}:
             raise InputError(f"{folder / 'cases.npz'} has not the cases of {file}")
-        shown = Presentation({name: unit(text) for name, text in base.get("units", {}).items()}, base.get("labels", {}))
+        shown = Presentation.of(base.get("units", {}), base.get("labels", {}))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         if isinstance(error, InputError):
             raise
