@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from pinarm.engine.series import Series
 from pinarm.use.report.chapter import Chapter, appendix, figure, provenance
 from pinarm.use.report.given import problem_rows
-from pinarm.use.show.document import ReportTable, number, part, sentences, unit_text, with_unit
+from pinarm.use.show.document import ReportTable, number, part, rounded, sentences, unit_text, with_unit
 from pinarm.use.study.sweep.plots import pictures
 from pinarm.use.study.sweep.sweep import Sweep
 from pinarm.use.study.sweep.sweep_files import ranges, remarks
@@ -50,11 +50,13 @@ def _cases(sweep: Sweep) -> ReportTable:
     """Return the table of the first cases, numbers in the units that people are shown."""
     shown = [*sweep.given, *map(sweep.presentation.shown, sweep.results())]
     count = min(len(sweep), MOST_CASES)
-    rows = [[str(case), *(_cell(series, case) for series in shown)] for case in range(count)]
+    given = len(sweep.given)
+    rows = [[str(case), *(_cell(series, case, number if k < given else rounded) for k, series in enumerate(shown))]
+            for case in range(count)]  # fmt: skip
     more = f"and {len(sweep) - count} more in cases.csv" if len(sweep) > count else ""
     return ReportTable(["case", *(with_unit(series.name, series.unit) for series in shown)], rows, (), remark=more)
 
 
-def _cell(series: Series, case: int) -> str:
+def _cell(series: Series, case: int, form: Callable[[float], str]) -> str:
     value = series.values[case]
-    return number(float(value)) if series.values.dtype.kind in "fiu" else str(value)
+    return form(float(value)) if series.values.dtype.kind in "fiu" else str(value)

@@ -14,6 +14,7 @@ from pinarm.records import Record
 from pinarm.use.assessments.loads.load_sets import Action, FreeBody, free_bodies
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.bodies import placed
+from pinarm.use.show.document import rounded
 from pinarm.use.show.labels import plain, symbol, unit_text
 from pinarm.use.show.picture import COLOURS, INK, Note, Picture, drawing, label
 from pinarm.use.show.scene import Framing, scene
@@ -66,8 +67,7 @@ class _Scale(Record, frozen=True):
         """Return what a load is, with the sizes of its force and moment; empty where both are rounding."""
         sizes = [float(np.linalg.norm(action.wrench[part])) for part in PARTS]
         told = zip(sizes, (self.force, self.moment), self.units, strict=True)
-        parts = [f"{float(f'{size * factor:.4g}'):g} {unit}" for size, most, (factor, unit) in told
-                 if size > TINY * most]  # fmt: skip
+        parts = [f"{rounded(size * factor)} {unit}" for size, most, (factor, unit) in told if size > TINY * most]
         return f"{action.what} {', '.join(parts)}" if parts else ""
 
 

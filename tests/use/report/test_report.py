@@ -228,6 +228,6 @@ def test_a_sweep_has_a_report_of_its_own(scenario: Callable[..., Any], tmp_path:
     for page in pages:
         assert row(page, "M @ max")[2] == printed(float(swept["M @ max"].values.min()))
         assert [float(row(page, str(case))[1]) for case in range(3)] == [90.0, 135.0, 180.0]
-        assert float(row(page, "1")[3]) == pytest.approx(np.rad2deg(swept["alpha @ end"].values[1]), rel=1e-6)
+        assert float(row(page, "1")[3]) == pytest.approx(np.rad2deg(swept["alpha @ end"].values[1]), rel=5e-4)
         assert page.count("<figure") == 2
     assert rows(pages[0]) == rows(pages[1])
