@@ -45,7 +45,7 @@ class Presentation(ValueRecord, frozen=True):
 
     Attributes:
         units: Quantity -> the unit that it is shown in.
-        labels: Quantity -> what stands for its name, as text, or as TeX where it has a backslash.
+        labels: Quantity -> what stands for its name: text, text with formulas ``$C_A$``, or TeX with a backslash.
         kinds: SI unit, as text -> the unit that all other quantities that have it are shown in.
     """
 
@@ -108,8 +108,20 @@ def parts(name: str, known: Container[str]) -> tuple[str, str, str]:
 
 def unicode_text(label: str) -> str:
     r"""Return a label without TeX: ``\dot\psi_1`` as ψ̇₁; commands that have no letter keep their names."""
+    if "$" in label and tex_label(label):
+        return re.sub(r"\$([^$]*)\$", lambda m: unicode_text(m[1]), label)
     text = re.sub(_GROUP, lambda m: m[1] + m[2], unicode_letters(label))
     return re.sub(r"_([0-9]+)", lambda m: m[1].translate(SUBSCRIPTS), text)
+
+
+def tex_label(label: str) -> str:
+    r"""Return a label with its formulas between dollar signs, ``$C_A$`` or ``torque $\tau$``; empty for mere text.
+
+    A label with a backslash and without dollar signs is a formula as a whole.
+    """
+    if "$" in label:
+        return label if label.count("$") % 2 == 0 and "\\$" not in label else ""
+    return f"${label}$" if "\\" in label else ""
 
 
 def unicode_letters(tex: str) -> str:

@@ -548,7 +548,8 @@ class Scenario(Record, frozen=True):
         quantities, presentation = self.quantities(), self.content.presentation
         for name in self.content.labels:
             with self.document.locating("labels", Key(name)):
-                quantities[name]
+                if value_at(self.document.data, name) is None and not name.startswith("changes."):  # of a sweep's axes
+                    quantities[name]
         for name in presentation.units:
             with self.document.locating("units", Key(name)):
                 series = _shown_quantity(name, quantities, presentation)

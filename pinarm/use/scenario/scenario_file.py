@@ -114,8 +114,9 @@ class ScenarioFile(InputStruct, frozen=True):
         units: Quantity -> the unit that it is shown in, such as ``{N_m: rpm, F: kN}``, or a kind of quantities, such as
             ``{length: mm, force: kN, speed: rpm}``: in the terminal, plots, drawings, replays, reports, checks, CSV
             files and tables of pandas. Without it angles are shown to people in degrees, all else in SI.
-        labels: Quantity -> what stands for its name in plots, replays and the terminal: text, or TeX, such as ``{psid:
-            \dot\psi}``.
+        labels: Quantity -> what stands for its name in plots, legends, replays and the terminal: text, TeX, such as
+            ``{psid: \dot\psi}``, or text with TeX in it, such as ``{C: torque $C_A$}``. The path of a number that a
+            sweep varies may have a label too, such as ``{problem.time.end: duration}``.
         numbers: Numbers of the run to print, such as ``[C_B @ rms, loads.B.life.time]``: a quantity at a place or as a
             figure of its curve, or a number of an assessment.
         shaking: Shaking force and moment on the frame over the run, such as ``{harmonics: 3}``.

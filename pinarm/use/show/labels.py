@@ -8,7 +8,7 @@ from typing import Literal
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit, printed
-from pinarm.use.result.presentation import DEGREE, SUBSCRIPTS, Presentation, parts, unicode_letters
+from pinarm.use.result.presentation import DEGREE, SUBSCRIPTS, Presentation, parts, tex_label, unicode_letters
 
 PLAIN = Presentation()
 """Presentation of drawings that belong to no scenario."""
@@ -55,7 +55,7 @@ def name_label(name: str, how: Presentation = PLAIN, longest: int = LONG) -> str
     before, quantity, after = parts(name, how.labels)
     if quantity in how.labels:
         label = how.labels[quantity]
-        return plain(before) + (f"${label.strip('$')}$" if "\\" in label else plain(label)) + plain(after)
+        return plain(before) + (tex_label(label) or plain(label)) + plain(after)
     return symbol(name if len(name) <= longest else f"{name[: longest - 3]}...")
 
 

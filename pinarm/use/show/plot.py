@@ -17,7 +17,7 @@ from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import ERRATA
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.row_lookup import NotReached
-from pinarm.use.show.labels import PLAIN, axis_label, plain, shown
+from pinarm.use.show.labels import PLAIN, axis_label, name_label, plain, shown
 from pinarm.use.show.picture import (
     COLOURS,
     HEAD,
@@ -49,6 +49,9 @@ STYLES = ("-", "--", ":", "-.")
 
 ENTRY = 0.23
 """Height of a line of a legend below a graph, of more curves than there are colours [inch]."""
+
+WHOLE = 200
+"""Letters of a name in a legend: more than there are."""
 
 BAR = 0.3
 """Height of a bar with the room around it [inch]."""
@@ -148,7 +151,14 @@ def _curves(axis: Axes, curves: Sequence[Curve], how: Presentation) -> None:
     axis.set_ylabel(label(axis_label(curves[0].up.name, measured, how)))
     for curve, (style, colour) in zip(curves, cycle(product(STYLES, COLOURS)), strict=False):
         x, y = curve.across.values / scale, curve.up.without_rounding().values / factor
-        draw(axis, x, y, plain(curve.label), color=colour, **(POINTS if curve.points else {"linestyle": style}))
+        draw(
+            axis,
+            x,
+            y,
+            name_label(curve.label, how, WHOLE),
+            color=colour,
+            **(POINTS if curve.points else {"linestyle": style}),
+        )
 
 
 SOME_DECADES = 2000.0

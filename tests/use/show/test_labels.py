@@ -2,11 +2,15 @@
 
 import unicodedata
 
+import numpy as np
 import pytest
 
+from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.use.result.presentation import Presentation
+from pinarm.use.result.section import Curve, Graph
 from pinarm.use.show.labels import axis_label, plain, symbol, unicode_label
+from pinarm.use.show.plot import graph
 
 
 @pytest.mark.parametrize(
@@ -42,3 +46,14 @@ def test_an_axis_has_the_label_of_the_scenario_and_a_printed_unit() -> None:
     assert axis_label("psd", unit("N*m^2"), how) == r"$\dot\psi$ [N·m²]"
     assert axis_label("h", unit("1"), how) == "height"
     assert unicode_label(axis_label("cost", None, how)) == "5 $ [?]"
+    how = Presentation(labels={"C": "torque $C_A$", "F": "$F_1$"})
+    assert axis_label("C", unit("N*m"), how) == "torque $C_A$ [N·m]"
+    assert axis_label("F @ max", unit("N"), how) == "$F_1$ @ max [N]"
+    assert [how.label(name) for name in ("C", "F @ max")] == ["torque C_A", "F₁ @ max"]
+
+
+def test_legends_have_the_labels_of_the_scenario() -> None:
+    x, y = Series("x", unit("1"), np.arange(3.0)), Series("y", unit("1"), np.arange(3.0))
+    how = Presentation(labels={"C": "$C_A$"})
+    drawn = graph(Graph("g", "", [Curve(x, y, "C"), Curve(x, y, "other curve")]), how)
+    assert [text.get_text() for text in drawn.axes[0].get_legend().get_texts()] == ["$C_A$", "other curve"]

@@ -10,6 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.input.units import HERTZ, unit
+from pinarm.input.yaml.document import argument_of
 from pinarm.use.study.sweep.axes import Axis
 from pinarm.use.study.sweep.branches import MEASURE
 
@@ -81,7 +82,7 @@ def _branches(axis: Axes, sweep: Sweep, series: Series) -> None:
         axis.plot(x[order], (branch.values / scale)[order], **_look(k), label=f"mode {mode}")
     if series.name.endswith("frequency") and column.unit and column.unit.dimension == HERTZ.dimension:
         _speed_lines(axis, x, column.values * column.unit.factor / (2.0 * np.pi))
-    axis.set_xlabel(_named(along))
+    axis.set_xlabel(_named(along, sweep))
     axis.set_ylabel(label(axis_label(series.name.rpartition(".")[2].replace("_", " "), measured)))
     if series.name.endswith((".damping", ".growth")):
         axis.axhline(0.0, color="0.4", linewidth=0.9, linestyle="--", zorder=0)
@@ -137,11 +138,11 @@ def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
     for k, row in enumerate(values):
         draw(axis, x, row, plain(_value(other, k)) if other else "", color=COLOURS[k % len(COLOURS)], **look)
     axis.vlines(x[lost], 0.0, 1.0, color="0.85", linewidth=3, zorder=0, transform=axis.get_xaxis_transform())
-    axis.set_xlabel(_named(along))
+    axis.set_xlabel(_named(along, sweep))
     axis.set_ylabel(label(axis_label(series.name, measured, sweep.presentation)))
     axis.set_ylim(*limits(drawable(values), 0.05))
     if other:
-        legend(axis, axis.lines, title=label(plain(other.columns[0].path)), title_fontsize=8)
+        legend(axis, axis.lines, title=_named(other, sweep, measured=False), title_fontsize=8)
 
 
 def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
@@ -160,8 +161,8 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
         axis.clabel(axis.contour(x, y, values, colors="white", linewidths=0.6), fontsize=7)
     axis.set_facecolor("0.85")
     axis.grid(visible=False)
-    axis.set_xlabel(_named(along))
-    axis.set_ylabel(_named(other))
+    axis.set_xlabel(_named(along, sweep))
+    axis.set_ylabel(_named(other, sweep))
     axis.figure.colorbar(mesh, ax=axis, label=label(axis_label(series.name, measured, sweep.presentation)))
 
 
@@ -212,12 +213,14 @@ def _value(axis: Axis, row: int) -> str:
     return f"{column.values[row]:g} {column.unit}".rstrip() if column.is_numeric else str(column.values[row])
 
 
-def _named(axis: Axis) -> str:
-    from pinarm.use.show.labels import axis_label
+def _named(axis: Axis, sweep: Sweep, *, measured: bool = True) -> str:
+    """Return the label of what varies: that of the scenario for the path or the argument, or the argument's name."""
+    from pinarm.use.show.labels import axis_label, name_label
     from pinarm.use.show.picture import label
 
-    column = axis.columns[0]
-    return label(axis_label(column.path, unit(column.unit or "1")))
+    column, how = axis.columns[0], sweep.presentation
+    name = column.path if column.path in how.labels else argument_of(column.path) or column.path
+    return label(axis_label(name, unit(column.unit or "1"), how) if measured else name_label(name, how))
 
 
 def pictured(sweep: Sweep) -> list[Series]:
