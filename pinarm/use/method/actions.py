@@ -105,7 +105,7 @@ def body_name(model: pin.Model, body: int) -> str:
 
 def unknown_actions(
     mechanism: Mechanism, q: Array, efforts: Mapping[str, Coordinate], balls: Iterable[str], law: str = "",
-    senses: Mapping[str, float] | None = None,
+    senses: Mapping[str, float] | None = None, *, loaded: bool = True,
 ) -> Actions:  # fmt: skip
     """Return the unknown actions.
 
@@ -116,14 +116,15 @@ def unknown_actions(
         balls: Ball joints with drives.
         law: Which of the coordinates has a known effort, and is asked for its law of motion; empty for none.
         senses: Sign of the multipliers of couplings in the state of the numbers; others have an unknown for each sign.
+        loaded: Whether forces act on bodies: those without mass then pass nothing on.
     """
     links = LinkPlacements.at(mechanism.model, q)
     parts = list[_Part]()
-    for body, space in _joint_spaces(mechanism, links, efforts, set(balls)).items():
+    for body, space in _joint_spaces(mechanism, links, efforts, set(balls), loaded).items():
         parts.append(_Part(str(mechanism.model.names[body]), "joint", _on_both(mechanism, body, space)))
     for one in mechanism.constraints:
         if isinstance(one, LoopJoint):
-            parts.append(_Part(one.name, "loop", _per_unit(one, links, 1.0)))
+            parts.append(_Part(one.name, "loop", per_unit(one, links)))
         elif not hasattr(one, "rotor"):
             parts.append(_of_coupling(mechanism, one, links, (senses or {}).get(one.name, 0.0)))
     for name, along in efforts.items():
@@ -186,7 +187,13 @@ def _placed(links: LinkPlacements, body: int, wrenches: Array) -> Array:
     return moved(parts.reshape(len(turn), -1, 6), place[:, None, :])
 
 
-def _held(subspace: Array) -> Array:
+def held(model: pin.Model, links: LinkPlacements, body: int) -> Array:
+    """Return what a joint of the tree can transmit without an effort along it, at the world's origin, (c, k, 6)."""
+    joint = model.joints[body]
+    return _placed(links, body, _workless(LinkTree.of(model).subspace[:, joint.idx_v : joint.idx_v + joint.nv]))
+
+
+def _workless(subspace: Array) -> Array:
     """Return wrenches that do no work in motions, shape (6, nv): forces and moments apart where these are, (k, 6)."""
     slides, turns = subspace[:3].any(axis=0), subspace[3:].any(axis=0)
     if (slides & turns).any():
@@ -202,7 +209,8 @@ def _normal(vectors: Array) -> Array:
     return np.asarray(np.linalg.svd(vectors.T)[2][vectors.shape[1] :]) if vectors.size else np.eye(3)
 
 
-def _per_unit(one: Constraint, links: LinkPlacements, size: float) -> dict[int, Array]:
+def per_unit(one: Constraint, links: LinkPlacements, size: float = 1.0) -> dict[int, Array]:
+    """Return what a constraint does to bodies per unit of its multipliers, at a size of these, shape (c, m, 6)."""
     found: dict[int, list[Array]] = {}
     for row in np.eye(one.size) * size:
         for body, wrench in one.wrenches(links, np.broadcast_to(row, (len(links.q), one.size))).items():
@@ -213,10 +221,10 @@ def _per_unit(one: Constraint, links: LinkPlacements, size: float) -> dict[int, 
 def _of_coupling(mechanism: Mechanism, one: Constraint, links: LinkPlacements, sense: float) -> _Part:
     """Return the unknowns of a coupling, whose wrenches may differ from one sense to the other, or of a cable."""
     if not isinstance(one, JointRelation):
-        return _Part(one.name, "coupling", _per_unit(one, links, 1.0))
+        return _Part(one.name, "coupling", per_unit(one, links))
     if not one.known:
         return _at_joints(mechanism, one.name, "coupling", one.rows_at(links.q)[:, None], links)
-    ways = [_per_unit(one, links, size) for size in ((sense * LARGE,) if sense else (LARGE, -LARGE))]
+    ways = [per_unit(one, links, size) for size in ((sense * LARGE,) if sense else (LARGE, -LARGE))]
     return _Part(one.name, "coupling", {body: np.concatenate([way[body] for way in ways], axis=1) for body in ways[0]})
 
 
@@ -242,15 +250,13 @@ def _of_drive(mechanism: Mechanism, name: str, kind: str, along: Coordinate, lin
 
 
 def _joint_spaces(
-    mechanism: Mechanism, links: LinkPlacements, efforts: Mapping[str, Coordinate], balls: set[str]
+    mechanism: Mechanism, links: LinkPlacements, efforts: Mapping[str, Coordinate], balls: set[str], loaded: bool
 ) -> dict[int, Array]:
     """Return what each joint of the tree can transmit beside efforts along it, shape (c, k, 6), by joint index."""
-    tree, model = LinkTree.of(mechanism.model), mechanism.model
-    spaces = {}
-    for body in bodies_of(mechanism):
-        joint = model.joints[body]
-        held = _held(tree.subspace[:, joint.idx_v : joint.idx_v + joint.nv])
-        spaces[body] = _placed(links, body, held)
+    model = mechanism.model
+    spaces = {body: held(model, links, body) for body in bodies_of(mechanism)}
+    if loaded or mechanism.frictions or any(not isinstance(one, LoopJoint) for one in mechanism.constraints):
+        return spaces
     whole = dict(spaces)
     driven = _driven(mechanism, efforts, balls)
     for body in whole:
@@ -286,15 +292,11 @@ def _driven(mechanism: Mechanism, efforts: Mapping[str, Coordinate], balls: set[
 def _passing(mechanism: Mechanism, pushed: set[int]) -> Iterator[tuple[int, int]]:
     """Yield joints with the next one, where the body between has no mass and nothing else acts on it, outermost first.
 
-    Forces, couplings, friction and rotors anywhere are taken to act everywhere: bodies then pass nothing on.
-
     Args:
         mechanism: The mechanism.
         pushed: Bodies that efforts along other coordinates than those of joints act on.
     """
     model = mechanism.model
-    if mechanism.forces or mechanism.frictions or any(not isinstance(one, LoopJoint) for one in mechanism.constraints):
-        return
     tied = {model.frames[frame].parentJoint for one in mechanism.constraints if isinstance(one, LoopJoint)
             for frame in (one.first, one.second)}  # fmt: skip
     for body in reversed(bodies_of(mechanism)):

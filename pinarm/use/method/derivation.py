@@ -27,6 +27,7 @@ from pinarm.use.method.isolation import ROLES, WORDS, Equation, Isolation, Term
 from pinarm.use.method.search import NOTHING, Chain, Search, Step, configurations
 from pinarm.use.method.theorems import Landmarks, motion_of_whole
 from pinarm.use.method.wanted import Wanted, component, efforts_of, function_of, own_wrenches, wanted_of
+from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.numbers import RunNumber
 from pinarm.use.result.run import Run
 
@@ -70,7 +71,8 @@ class Derivation(Record, frozen=True):
 
     def _actions(self, q: Array) -> Actions:
         efforts, balls, law = self._acting
-        return unknown_actions(self.mechanism, q, efforts, balls, law, self.senses)
+        loaded = bool(self.quantities.trajectory.dynamics.forces)
+        return unknown_actions(self.mechanism, q, efforts, balls, law, self.senses, loaded=loaded)
 
     @cached_property
     def search(self) -> Search:
@@ -232,7 +234,9 @@ class Derivation(Record, frozen=True):
     def _valued(self, step: Step, acting: Sequence[Source]) -> tuple[Term, ...]:
         """Return the terms of an equation with numbers: all that acts."""
         unknown = {(one.name, one.kind) for one in step.unknowns(self.search.actions)}
-        size, terms = _size(acting, step), []
+        size = _size(acting, step)
+        idle = unknown - {(one.name, one.kind) for one in acting}
+        terms = [Term(self._label(*one, step), "unknown", value=0.0) for one in sorted(idle)]
         for one in acting:
             role = "unknown" if (one.name, one.kind) in unknown else one.kind if one.kind in ROLES else "known"
             value = one.power(step.twists[0])
@@ -346,8 +350,13 @@ def isolation_in_run(result: Run, name: str, at: str = "") -> Isolation:
     """Return the derivation of a wanted unknown, with numbers at an instant of a run; see ``Result.isolate``."""
     quantities, run = result.quantities, result.trajectory
     wanted = wanted_of(quantities, name)
+    if run.no_efforts:
+        return Derivation(quantities, wanted, run.q[len(run) // 2]).isolation(None)
     if at:
-        state = result.lookup.at(RunNumber.read(f"{wanted.quantity} @ {at}").at, wanted.quantity)
+        place = RunNumber.read(f"{wanted.quantity} @ {at}").at
+        if isinstance(place, str) and is_figure(place):
+            raise InputError(f"'{at}' is a figure of the whole run, no instant", expected="t=1.5 s, max, start or end")
+        state = result.lookup.at(place, wanted.quantity)
     else:
         middle = wanted.kind == "law"
         row = len(run) // 2 if middle else int(np.nanargmax(np.abs(quantities[wanted.quantity].values)))

@@ -9,19 +9,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.figures import sampled
 from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import joined, moved, rotated
 from pinarm.mechanics.joints import frame_of, links_of
+from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, replace
-from pinarm.use.method.actions import unknown_actions
+from pinarm.use.method.actions import bodies_of, held, per_unit
 from pinarm.use.result.run import Run
 
 LETTERS: Mapping[str, tuple[Sequence[str], str, str]] = {
@@ -161,6 +165,31 @@ class Torsor(Record, frozen=True):
         return blocks(heading(self.text().split("\n")[0]), table(self.table()))
 
 
+def shapes(mechanism: Mechanism, q: Array) -> dict[str, str]:
+    """Return the shape of what each joint and loop joint transmits without drives, at a configuration, shape (nq,).
+
+    At the joint's own point; in the axes of the child, or of the second frame of a loop joint.
+    """
+    model, links, found = mechanism.model, LinkPlacements.at(mechanism.model, q[None]), {}
+    for body in bodies_of(mechanism):
+        found[str(model.names[body])] = _letters(held(model, links, body), links.turns[:, body], links.places[:, body])
+    for one in mechanism.constraints:
+        if isinstance(one, LoopJoint):
+            found[one.name] = _letters(per_unit(one, links)[_second(model, one)], *links.frame(one.second))
+    return found
+
+
+def _second(model: pin.Model, loop: LoopJoint) -> int:
+    return int(model.frames[loop.second].parentJoint)
+
+
+def _letters(wrenches: Array, turn: Array, place: Array) -> str:
+    """Return the letters of the components of wrenches at the world's origin, shape (1, k, 6), at a frame."""
+    there = moved(wrenches, -place[:, None])[0].reshape(-1, 2, 3) @ turn[0]
+    sizes = np.abs(there).max(axis=0, initial=0.0).ravel()
+    return " ".join(letter if size > NOTHING else "0" for letter, size in zip("XYZLMN", sizes, strict=True))
+
+
 def torsor(result: Run, of: str, at: str, along: str, kind: str) -> Torsor:
     """Return a torsor of a run; see ``Result.torsor``."""
     quantities, run = result.quantities, result.trajectory
@@ -222,12 +251,15 @@ def _static(quantities: Quantities, of: str) -> tuple[Array, Array, Array]:
 
 def _possible(run: Trajectory, of: str, place: Array, rows: Indices) -> Array:
     """Return the wrenches that a joint can transmit at its place in some rows, shape (k, s, 6)."""
-    actions = unknown_actions(run.mechanism, run.q[rows], {}, ())
-    carrier = actions.carrier(of, "joint") or actions.carrier(of, "loop") or actions.carrier(of, "coupling")
-    assert carrier is not None
-    body = carrier.bodies[-1]
-    wrenches = moved(actions.wrenches[:, body, carrier.columns], -place[rows, None])
-    return np.moveaxis(wrenches, 1, 0)
+    mechanism, links = run.mechanism, LinkPlacements.at(run.mechanism.model, run.q[rows])
+    joint = mechanism.joints.get(of) or mechanism.balls.get(of)
+    if joint is not None:
+        wrenches = held(mechanism.model, links, joint.index)
+    else:
+        one = next(one for one in mechanism.constraints if one.name == of)
+        acting = per_unit(one, links)
+        wrenches = acting[_second(mechanism.model, one) if isinstance(one, LoopJoint) else one.second]  # type: ignore[attr-defined]
+    return np.moveaxis(moved(wrenches, -place[rows, None]), 1, 0)
 
 
 def _moving(quantities: Quantities, of: str, kind: str) -> tuple[Array, Array, Array]:

@@ -72,7 +72,15 @@ class Explanation:
     def __str__(self) -> str:
         """Return it as text, a heading a paragraph."""
         counted = [*self._mobility(), *self._counted()]
-        parts = (self._joints(), self._ties(), counted, self._acting(), self.modes, self._modelled())
+        parts = (
+            self._joints(),
+            self._ties(),
+            self._transmitted(),
+            counted,
+            self._acting(),
+            self.modes,
+            self._modelled(),
+        )
         return "\n".join([self.mechanism.title, *(line for part in parts for line in part)])
 
     def summary(self) -> dict[str, Any]:
@@ -180,6 +188,13 @@ class Explanation:
         alone = {name: str(one).removeprefix(name) for name, one in best.items() if len(one.changes) == 1}
         looser = [*_together(alone.items()), *(f"  {one}" for name, one in best.items() if name not in alone)]
         return [*lines, *(["what could be loosened without more mobility, one at a time:", *looser] if best else [])]
+
+    def _transmitted(self) -> list[str]:
+        """Return the shapes of the static torsors of joints, those of one shape in one line."""
+        from pinarm.use.method.torsors import shapes
+
+        found = ((name, f": {shape}") for name, shape in shapes(self.mechanism, self.q).items())
+        return ["forces X Y Z and moments L M N that joints transmit, in their own axes:", *_together(found)]
 
     def _counted(self) -> list[str]:
         """Return how the degree of hyperstatism follows from numbers of bodies, joints and freedoms, line by line."""

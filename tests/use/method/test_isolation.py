@@ -99,6 +99,13 @@ def test_the_manipulator_has_the_powers_of_its_key() -> None:
     assert found.alternatives  # the chain that opens the loops
 
 
+def test_a_body_without_mass_on_which_loads_act_passes_nothing_on() -> None:
+    """The air pushes the cylinder up with 9 kN; the slide to the ground holds it down."""
+    found = run("manipulator_motion").isolate("joint.x.force.y")
+    assert found.equations[0].bodies == ("cylinder",)
+    assert found.value == pytest.approx(-9000.0, rel=1e-12)
+
+
 def test_reasons_name_why_an_action_has_no_part() -> None:
     found = pinarm.isolate(MODELS / "rotor_in_bearings" / "mechanism.yaml", "A_x")
     assert found.equations[0].vanishing == (
@@ -134,6 +141,14 @@ def test_what_no_equation_gives_is_refused(wanted: str, said: str) -> None:
         return
     with pytest.raises(InputError, match=said):
         run("gen411_arm_dynamic").isolate(wanted)
+
+
+def test_an_instant_is_no_figure_of_the_run_and_a_run_without_efforts_has_no_numbers() -> None:
+    with pytest.raises(InputError, match="figure of the whole run"):
+        run("gen411_arm_dynamic").isolate("C_B", "rms")
+    found = run("magic_arms_kinematics").isolate("alpha")
+    assert found.equations[0].bodies == ("arm_1", "arm_2", "gondola")
+    assert not found.where
 
 
 def test_the_command_prints_it(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,7 +22,7 @@ def run(name: str) -> pinarm.Result:
     [
         ("gen411_arm_swing", "B", {}, "X Y Z L M 0"),
         ("gen411_arm_dynamic", "B", {}, "X Y Z L M N"),  # its motor is part of it
-        ("rotor_vertical", "tilt_x", {"along": "rotor"}, "X Y Z 0 0 0"),  # three hinges in a point are a ball joint
+        ("rotor_vertical", "tilt_x", {}, "X Y Z 0 M N"),
         ("rotor_vertical", "B", {"along": "rotor"}, "X Y 0 0 0 0"),
         ("rotor_vertical", "B", {"at": "tilt_x", "along": "rotor"}, "X Y 0 L M 0"),
         ("rotor_vertical", "phi", {"kind": "kinematic", "along": "rotor"}, "0 0 r 0 0 0"),
