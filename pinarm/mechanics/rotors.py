@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -212,19 +211,8 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what moving the rotor does to links; see ``Constraint``. Nothing where it acts as joint efforts."""
         found = self.coordinate.wrenches(links, -lam[:, 0])
-        return {**found, self.rotor.index: np.multiply.outer(lam[:, 0], self._axis)} if found else {}
-
-    @cached_property
-    def _axis(self) -> Array:
-        """Wrench of a unit effort along the rotor's joint at the world's origin, shape (6,)."""
-        axis = np.zeros(6)
-        axis[0 if self.coordinate.unit == METRE else 3] = 1.0
-        return axis
-
-
-def deflection_of(front: LinearCoordinate, back: LinearCoordinate) -> LinearCoordinate:
-    """Return the deflection of an elastic shaft between two coordinates, the first less the second."""
-    return replace(front, weights=np.asarray(front.weights - back.weights, dtype=np.float64))
+        axis = np.eye(6)[0 if self.coordinate.unit == METRE else 3]  # of the rotor's joint, at the world's origin
+        return {**found, self.rotor.index: np.multiply.outer(lam[:, 0], axis)} if found else {}
 
 
 def rotor_name(drive: str) -> str:
@@ -294,16 +282,11 @@ class DriveTrain(NamedTuple):
         front = coordinates[wheel_name(self.drive) if self.wheel else rotor_name(self.drive)]
         back = coordinates[shaft_name(self.drive) if self.shaft else drive.coordinate]
         assert isinstance(front, LinearCoordinate) and isinstance(back, LinearCoordinate)
-        return deflection_of(front, back)
+        return replace(front, weights=np.asarray(front.weights - back.weights, dtype=np.float64))
 
 
 def with_rotors(model: pin.Model, drives: Mapping[str, Drive], coordinates: Mapping[str, Coordinate]) -> pin.Model:
-    """Return a copy of the model with the joints of drives at the end.
-
-    Args:
-        model: Pinocchio's model.
-        drives: Drives whose rotors are joints of their own.
-        coordinates: The mechanism's.
+    """Return a copy of the model with the joints of drives, whose rotors are joints of their own, at the end.
 
     Raises:
         InputError: A joint has the name of one of them.

@@ -194,17 +194,11 @@ class SplitRows(Record, frozen=True):
 
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
-        x = np.zeros((*right.shape[:-1], self.shape[-1]))
-        for group in self.groups:
-            x[..., group.joints] = group.particular(right[..., group.rows])
-        return x
+        return self._joined(self.shape[-1], [(one.joints, one.particular(right[..., one.rows])) for one in self.groups])
 
     def reached(self, right: Array) -> Array:
         """Return the part of a right-hand side that some x gives, shape (.., m); the rest contradicts other rows."""
-        reached = np.zeros(right.shape)
-        for group in self.groups:
-            reached[..., group.rows] = group.reached(right[..., group.rows])
-        return reached
+        return self._joined(self.shape[-2], [(one.rows, one.reached(right[..., one.rows])) for one in self.groups])
 
     def shaped(self, states: tuple[int, ...]) -> SplitRows:
         """Return the decompositions of n configurations with other leading axes."""
@@ -217,10 +211,16 @@ class SplitRows(Record, frozen=True):
 
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
-        lam = np.zeros((*force.shape[:-1], self.shape[-2]))
-        for group in self.groups:
-            lam[..., group.rows] = group.multipliers(force[..., group.joints])
-        return lam
+        return self._joined(
+            self.shape[-2], [(one.rows, one.multipliers(force[..., one.joints])) for one in self.groups]
+        )
+
+    def _joined(self, width: int, parts: Sequence[tuple[Indices, Array]]) -> Array:
+        """Return what groups have at their places, shape (.., width); 0 elsewhere."""
+        whole = np.zeros((*np.broadcast_shapes(self.shape[:-2], *(x.shape[:-1] for _, x in parts)), width))
+        for places, x in parts:
+            whole[..., places] = x
+        return whole
 
 
 def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:

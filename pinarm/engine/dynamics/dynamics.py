@@ -80,12 +80,8 @@ def aba(model: Model, q: Array, v: Array, tau: Array) -> Array:
     State by state: ``pin.abaInParallel`` computes in world axes, where a mechanism far from the origin loses digits.
     """
     if isinstance(model, ModelVariants):
-        return _of_variants(model, _aba_of_pool, q, v, tau)
+        return _of_variants(model, lambda pool, *states: _aba(pool.getModel(0), pool.getData(0), *states), q, v, tau)
     return _aba(model, new_data(model) if model.nv > WIDE else _single(model).getData(0), q, v, tau)
-
-
-def _aba_of_pool(pool: pin.ModelPool, q: Array, v: Array, tau: Array) -> Array:
-    return _aba(pool.getModel(0), pool.getData(0), q, v, tau)
 
 
 def _aba(model: pin.Model, data: pin.Data, q: Array, v: Array, tau: Array) -> Array:

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import SMALL, Closure
-from pinarm.engine.constraints.constraint_rows import joint_ties
+from pinarm.engine.constraints.constraint_rows import Constraint, GuidedCoordinate, joint_ties
 from pinarm.engine.constraints.nullspace import MANY, RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import (
@@ -117,13 +117,10 @@ class NewtonSolver:
         closure = closure.holonomic
         self.closure, self.model, self.moving = closure, closure.model, moving
         self.coordinates = prescribed.coordinates
-        owners = self.closure.owners()
         self.whole = closure.with_guides(prescribed.names, prescribed.coordinates)
-        self.names = (*(constraint.name for constraint, _ in owners), *prescribed.names)
-        straight = [isinstance(one, Coupling) for one, _ in owners]
-        straight += [isinstance(coordinate, LinearCoordinate) for coordinate in prescribed.coordinates]
-        self.curved = ~np.array(straight, dtype=bool)
-        self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
+        owners = self.whole.owners()
+        self.names, self.units = [one.name for one, _ in owners], [one.unit(row) for one, row in owners]
+        self.curved = np.array([not _is_straight(one) for one, _ in owners], dtype=bool)
         self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
         threads = [hasattr(one, "helical") and one.helical(row) for one, row in owners]
         sums = [one.weights for one in self.coordinates if isinstance(one, LinearCoordinate)]
@@ -132,20 +129,20 @@ class NewtonSolver:
         self.untied = np.ones(len(self.names))
         for tie in self.following:
             self.untied[closure.slices[tie.name]] = 0.0
-        self.sliding = 1.0 - np.array([*threads, *(False for _ in prescribed.coordinates)], dtype=np.float64)
+        self.sliding = 1.0 - np.array(threads, dtype=np.float64)
 
     def gap(self, state: Kinematics, w: Array) -> Array:
         """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,)."""
-        reached = np.array([coordinate.value(state) for coordinate in self.coordinates])
-        return np.concatenate([-self.closure.gap(state), w - reached])
+        gap = -self.whole.gap(state)
+        gap[self.closure.size :] += w
+        return gap
 
     def rows(self, state: Kinematics) -> Array:
         """Return J in the mechanism's units, shape (m + k, nv); rows that are 0 but for rounding are 0.
 
         Of a part it has the columns of the part.
         """
-        own = [coordinate.row(state) for coordinate in self.coordinates]
-        rows = np.vstack([self.closure.rows(state), *own])
+        rows = self.whole.rows(state)
         counts = np.sqrt((rows * rows).sum(axis=1)) > VANISHED * self.whole.reach
         return np.asarray((rows * self.scale * (counts / self.measure)[:, None])[:, self.moving])
 
@@ -331,8 +328,7 @@ class NewtonSolver:
         x = self.agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
         v = self.spread(x)
         state = self.closure.state(q, v)
-        own = np.array([coordinate.drift(state) for coordinate in self.coordinates])
-        right = np.concatenate([-self.closure.drift(state), ddw - own]) / self.measure
+        right = (np.concatenate([still, ddw]) - self.whole.drift(state)) / self.measure
         return v, self.spread(self.agreed(rows, right, float(np.abs(x).max()) ** 2, t))
 
     def agreed(self, rows: Array, right: Array, square: float, t: float) -> Array:
@@ -430,6 +426,12 @@ class NewtonSolver:
             f"; where joints hold more than the motion needs, their places to more digits ({UNCLOSED:g} of the extent, "
             "or rad, counts as rounding), or a loop joint that holds less"
         )
+
+
+def _is_straight(constraint: Constraint) -> bool:
+    """Tell whether the row of a constraint is the same in all configurations, of couplings and their like."""
+    guided = isinstance(constraint, GuidedCoordinate) and isinstance(constraint.coordinate, LinearCoordinate)
+    return guided or isinstance(constraint, Coupling)
 
 
 def _too_fast(t: float, to: float) -> InputError:

@@ -179,8 +179,7 @@ def end_of_travel(solver: NewtonSolver, q: Array) -> str:
         return ""
     u, values, vt = np.linalg.svd(rows)
     state = solver.closure.state(q, solver.spread(vt[-1]))
-    drifts = np.append(solver.closure.drift(state), [one.drift(state) for one in solver.coordinates])
-    bend = abs(float(u[:, -1] @ (drifts / solver.measure)))
+    bend = abs(float(u[:, -1] @ (solver.whole.drift(state) / solver.measure)))
     if bend < STRAIGHT or values[-1] > PART * bend or (values[:-1] < STRAIGHT * values[0]).any():
         return ""
     named = zip(solver.names[own:], solver.coordinates, u[own:, -1], strict=True)

@@ -11,11 +11,10 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices, real
 from pinarm.engine.kinematics.assembly import OPEN, closed_drawing, first_position, near_given, null_space
-from pinarm.engine.kinematics.continuation import branch_rates
+from pinarm.engine.kinematics.continuation import StraightWays, branch_rates
 from pinarm.engine.kinematics.newton import AGREED, SHORT, NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import in_states
-from pinarm.engine.kinematics.straight_ways import StraightWays
 from pinarm.engine.quantities.matrices import frame_named
 from pinarm.engine.quantities.state_arrays import LeadingAxes, states_of
 from pinarm.engine.series import require_unit

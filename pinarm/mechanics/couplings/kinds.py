@@ -14,7 +14,15 @@ from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import Angle, AnyQuantity, InputStruct, Lead, Measured, Ratio, Span, Tension, Weight
 from pinarm.mechanics.couplings.cam import Cam
 from pinarm.mechanics.couplings.coupling import Coupling, coupled
-from pinarm.mechanics.couplings.teeth import MemberPair, Teeth, member_pair, pinion_on_rack, plane_of, wheels_in_mesh
+from pinarm.mechanics.couplings.teeth import (
+    MemberPair,
+    Teeth,
+    check_teeth,
+    member_pair,
+    pinion_on_rack,
+    plane_of,
+    wheels_in_mesh,
+)
 from pinarm.mechanics.couplings.transmissions import (
     NEWTON,
     NEWTON_METRE,
@@ -241,14 +249,6 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
         pair = member_pair(model, joints, (turns, slides))
         teeth = Teeth(self.pressure_angle, self.helix_angle, self.plane)
         return replace(found, transmission=pinion_on_rack(model, pair, pair.inner_ratio(self.radius), teeth))
-
-
-def check_teeth(pressure_angle: float | None, helix_angle: float, plane: str) -> None:
-    """Refuse angles that no teeth have, and what says more of teeth whose pressure angle is not given."""
-    if pressure_angle is not None:
-        Teeth(pressure_angle, helix_angle, plane).check()
-    elif helix_angle or plane:
-        raise InputError("the teeth have no pressure_angle", expected="pressure_angle, such as 20 deg")
 
 
 def _moments(pair: MemberPair, inner_ratio: float, planets: int) -> Transmission:

@@ -13,6 +13,7 @@ II, section 22.1; Shigley's Mechanical Engineering Design, chapter 13, gears: fo
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +23,7 @@ from pinarm.errors import InputError, within
 from pinarm.mechanics.couplings.transmissions import NEWTON, Part, PitchSurfaces, ToothContact, at_origin
 from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Joint, frame_of
-from pinarm.records import Record, ValueRecord
+from pinarm.records import Record
 
 IN_LINE = 1e-6
 """Distance of axes that are the same or meet [m], relative to 1 m or to their places: more than typed digits leave."""
@@ -158,7 +159,7 @@ class _AxesAtNeutral:
         return one.unit == METRE or bool(np.linalg.norm(np.cross(axis, apart)) <= slack)
 
 
-class Teeth(ValueRecord, frozen=True):
+class Teeth(NamedTuple):
     """What files say of teeth.
 
     Attributes:
@@ -171,14 +172,17 @@ class Teeth(ValueRecord, frozen=True):
     helix_angle: float
     plane: str
 
-    def check(self) -> None:
-        """Refuse angles that no teeth have."""
-        for key, angle, least in (("pressure_angle", self.pressure_angle, 0.0),
-                                  ("helix_angle", self.helix_angle, -np.pi / 2)):  # fmt: skip
-            if not least <= angle < np.pi / 2 or angle == -np.pi / 2:
-                with within(key):
-                    raise InputError(f"teeth have no {key} of {np.rad2deg(angle):g} deg",
-                                     expected=f"an angle between {np.rad2deg(least):g} and 90 deg")  # fmt: skip
+
+def check_teeth(pressure_angle: float | None, helix_angle: float, plane: str) -> None:
+    """Refuse angles that no teeth have, and what says more of teeth whose pressure angle is not given."""
+    if pressure_angle is None and (helix_angle or plane):
+        raise InputError("the teeth have no pressure_angle", expected="pressure_angle, such as 20 deg")
+    angles = (("pressure_angle", pressure_angle or 0.0, 0.0), ("helix_angle", helix_angle, -np.pi / 2))
+    for key, angle, least in angles:
+        if not least <= angle < np.pi / 2 or angle == -np.pi / 2:
+            with within(key):
+                raise InputError(f"teeth have no {key} of {np.rad2deg(angle):g} deg",
+                                 expected=f"an angle between {np.rad2deg(least):g} and 90 deg")  # fmt: skip
 
 
 class PitchPoint(Record, frozen=True):

@@ -131,17 +131,12 @@ def _order(model: pin.Model, data: pin.Data) -> None:
             before[joints[k].idx_v] = joints[parents[k]].idx_v + joints[parents[k]].nv - 1
         for row in range(1, joints[k].nv):
             before[joints[k].idx_v + row] = joints[k].idx_v + row - 1
-    inner = [row - 1 if row and owner == last else -1 for row, owner, last in _owners(joints)]
+    owners = [int(joint.id) for joint in joints[1:] for _ in range(joint.nv)]
+    inner = [row - 1 if row and owner == owners[row - 1] else -1 for row, owner in enumerate(owners)]
     data.nvSubtree, data.parents_fromRow, data.non_mimic_parents_fromRow = (
         _integers(numbers) for numbers in (beyond, before, before)
     )
     data.mimic_parents_fromRow, data.idx_vExtended_to_idx_v_fromRow = _integers(inner), _integers(range(model.nv))
-
-
-def _owners(joints: Sequence[pin.JointModel]) -> list[tuple[int, int, int]]:
-    """Return every index in v with the joint that it belongs to, and the joint of the index before."""
-    owners = [int(joint.id) for joint in joints[1:] for _ in range(joint.nv)]
-    return list(zip(range(len(owners)), owners, [0, *owners], strict=False))
 
 
 def _integers(numbers: Sequence[int]) -> pin.StdVec_int:

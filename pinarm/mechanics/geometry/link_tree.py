@@ -122,13 +122,7 @@ class LinkTree(Record, frozen=True):
     def momenta(self, motions: Array) -> Array:
         """Return ``I V`` in link axes, of motions of shape (k, 6, njoints, ..)."""
         inertias = states_last(self.inertias, motions.ndim - 3, 3)
-        if motions.ndim == 4:  # of one mechanism: its states are few, so that one call is the fastest
-            return np.asarray(np.einsum("ab...,kb...->ka...", inertias, motions))
-        found = np.zeros((*motions.shape[:3], *np.broadcast_shapes(motions.shape[3:], inertias.shape[3:])))
-        part, every = np.empty_like(found[:, 0]), tuple(range(self.inertias.ndim - 2))
-        for a, b in np.argwhere(self.inertias.any(axis=every)).tolist():  # in the plane most of them are 0
-            found[:, a] += np.multiply(inertias[a, b], motions[:, b], out=part)
-        return found
+        return np.asarray(np.einsum("ab...,kb...->ka...", inertias, motions))
 
     def summed(self, x: Array) -> Array:
         """Return the sums over the paths from the world to every link, whose own term is 0; shape (3, njoints, ..)."""
