@@ -52,11 +52,11 @@ MODE_UNITS: Mapping[str, Unit] = {
 VAGUE = 1e-6
 """Relative error of an eigenvalue from which on it is noted."""
 
-LEAST_DAMPING = 1e-4
-"""Damping ratio below which a resonance gets no frequencies of its own: its peak would leave the picture."""
+LEAST_DAMPING, UNDAMPED = 1e-4, 1e-2
+"""Damping ratio below which a peak would leave the picture, and that whose frequencies such a resonance gets."""
 
-STEPS = np.linspace(-85.0, 85.0, 35)
-"""Steps about a resonance [deg]."""
+STEPS = np.linspace(-85.0, 85.0, 34)
+"""Steps about a resonance [deg], none at it: without damping the response there is infinite."""
 
 
 class About(InputStruct, frozen=True):
@@ -103,8 +103,9 @@ class Frequencies(InputStruct, frozen=True, rename={"start": "from", "end": "to"
         About a resonance at ``lambda = -s + i w`` they are ``w + s tan(x)`` with x evenly spaced: even steps on the
         circle that the response takes there in the complex plane.
         """
-        resonant = eigenvalues[np.abs(eigenvalues.real) > LEAST_DAMPING * np.abs(eigenvalues)]
-        near = (resonant.imag + np.abs(resonant.real) * np.tan(np.radians(STEPS))[:, None]).ravel() / (2.0 * np.pi)
+        decay, sizes = np.abs(eigenvalues.real), np.abs(eigenvalues)
+        decay = np.where(decay > LEAST_DAMPING * sizes, decay, UNDAMPED * sizes)
+        near = (eigenvalues.imag + decay * np.tan(np.radians(STEPS))[:, None]).ravel() / (2.0 * np.pi)
         low, high = float(self.start), float(self.end)
         return distinct(np.concatenate([np.geomspace(low, high, self.samples), near[(near > low) & (near < high)]]))
 

@@ -27,7 +27,7 @@ PRINTED = {
 }
 
 
-@pytest.mark.parametrize("speed", [0.0, 5.0, 10.0])
+@pytest.mark.parametrize("speed", [0.0, 1.05, 3.9, 4.95, 5.0, 10.0])
 def test_it_leans_and_steers_as_published(speed):
     result = pinarm.run(SCENARIO, {"problem.about.steady.rear": f"{speed / 0.3!r} rad/s"})
     found = result.arrays["eigenvalues"].values[0]

@@ -104,7 +104,7 @@ def test_a_position_along_a_line_is_held_by_its_effort(solve):
     response = result.arrays["response"]
     w = 2.0 * math.pi * np.array([float(name.split()[0]) for name in response.rows])
     moved = -length * math.cos(angle) / (2.0 * length**2 * (expected**2 - w**2))
-    assert response.values[:, 0] == pytest.approx(moved, rel=1e-6)
+    assert response.values[:, 0] == pytest.approx(moved, rel=1e-5)  # nine digits of a frequency beside a pole
 
 
 def test_friction_holds_a_pendulum_where_it_is_put(solve):

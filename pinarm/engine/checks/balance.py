@@ -95,14 +95,12 @@ def virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
     Two of shape (n, nv) [W per rad/s or m/s], and the most power that the links' wrenches could have at their speeds,
     shape (n,) [W].
     """
-    loads, load_sizes = (
-        run.gather(lambda dynamics, part, of=of: of(dynamics, run.grid.t[part], run.q[part], run.v[part]))
-        for of in (Dynamics.loads, Dynamics.load_sizes)
-    )
+    loads = run.gather(lambda dynamics, part: dynamics.loads(run.grid.t[part], run.q[part], run.v[part]))
+    own = run.gather(lambda dynamics, part: dynamics.load_sizes(run.grid.t[part], run.q[part], run.v[part]))
     wrenches, sizes, held = run.closure.acting(run.link_motion[0], run.q, run.lam.at(np.arange(len(run))))
     demanded, terms, most = demanded_powers(run.link_motion, run.demands, wrenches, sizes)
     supplied = run.tau, loads, run.friction_loads, held, -run.mechanism.model.armature * run.a
-    return sum(supplied) - demanded, sum(map(np.abs, supplied)) + load_sizes + terms, most
+    return sum(supplied) - demanded, sum(map(np.abs, supplied)) + own + terms, most
 
 
 def demanded_powers(

@@ -76,10 +76,13 @@ def equation_derivatives(
     Raises:
         InputError: A constraint or a load has no derivative here.
     """
-    mass, force_q, force_v = tree_derivatives(dynamics.model, q, v, a)
+    mass, force_q, force_v, speed = tree_derivatives(dynamics.model, q, v, a)
     rows, rows_q, drift_q, drift_v = _row_derivatives(dynamics.model, constraints, q, v)
-    terms_q = np.abs(force_q) + np.einsum("kmj,m->jk", np.abs(rows_q), np.abs(lam))
-    terms_v = np.abs(force_v)
+    pull, levers = _pull(dynamics.model), np.sqrt(np.maximum(np.diag(mass), 0.0))
+    whirl = speed * np.outer(levers, levers)
+    terms_q = np.abs(force_q) + pull * np.minimum.outer(levers, levers) + speed * whirl
+    terms_q += np.einsum("kmj,m->jk", np.abs(rows_q), np.abs(lam))
+    terms_v = np.abs(force_v) + whirl
     force_q -= np.einsum("kmj,m->jk", rows_q, lam)
     for force in dynamics.changing:
         load_q, load_v = element_derivatives(dynamics.model, force, t, q, v)
@@ -91,8 +94,13 @@ def equation_derivatives(
     )  # fmt: skip
 
 
-def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-    """Return M and the derivatives of ``M a + nle`` by q and by v, shape (nv, nv) each.
+def _pull(model: pin.Model) -> float:
+    """Return ``g sqrt(m)``: times sqrt(M_kk) it is the most that weights can do at a joint (Cauchy-Schwarz)."""
+    return float(np.linalg.norm(model.gravity.linear) * np.sqrt(sum(body.mass for body in model.inertias)))
+
+
+def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, float]:
+    """Return M, the derivatives of ``M a + nle`` by q and by v, shape (nv, nv) each, and the fastest turn [rad/s].
 
     Raises:
         InputError: The model has more velocities than Pinocchio's buffers allow.
@@ -105,7 +113,8 @@ def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Ar
     data = model.createData()
     pin.computeRNEADerivatives(model, data, q, v, a)
     upper = np.triu(data.M)
-    return upper + np.triu(upper, 1).T, data.dtau_dq.copy(), data.dtau_dv.copy()
+    speed = max(float(np.linalg.norm(twist.angular)) for twist in data.v)
+    return upper + np.triu(upper, 1).T, data.dtau_dq.copy(), data.dtau_dv.copy(), speed
 
 
 def element_derivatives(model: pin.Model, force: ForceElement, t: float, q: Array, v: Array) -> tuple[Array, Array]:

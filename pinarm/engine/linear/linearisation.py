@@ -50,8 +50,8 @@ SINGULAR = 1e-6
 ALIKE = 1e-6
 """Relative difference of the sizes of eigenvalues that are ordered by their real parts, such as those of one fall."""
 
-RIGID = 100.0
-"""Size of an eigenvalue, relative to its error by rounding, up to which it is 0; up to 31 in mechanisms that roll."""
+RIGID = 10.0
+"""Size of an eigenvalue, relative to its error by rounding, up to which it is 0: less than one digit of it holds."""
 
 DEFECTIVE = 1e-6
 """How far the cosine of the angle between two mode shapes may be from 1 where they are one shape."""
@@ -200,13 +200,15 @@ class Modes(Record, frozen=True):
 def _errors(eigenvalues: Complex, conditions: Array, a: Array, terms: Array, left: Array, right: Array) -> Array:
     """Return errors of eigenvalues by rounding, to first order ``eps (|A| + |y|^T terms |x|) / |y^H x|``, shape (n,).
 
-    The condition of m eigenvalues that meet has no bound; they move by about ``|A| eps^(1/m)``.
+    The condition of m eigenvalues that meet has no bound; they move by about ``r eps^(1/m)``, r being the spectral
+    radius of the terms, which no change of units changes.
     """
     eps, size = np.finfo(float).eps, float(np.linalg.norm(a, 2))
     apart = np.abs(eigenvalues[:, None] - eigenvalues)
     meeting = np.maximum((apart <= size * eps ** (1.0 / 3.0)).sum(axis=1), 2)
     rounding = size + np.einsum("ik,ij,jk->k", left, terms, right)
-    return np.asarray(np.minimum(conditions * eps * rounding, max(size, terms.max()) * eps ** (1.0 / meeting)))
+    fastest = float(np.abs(np.linalg.eigvals(np.abs(a) + terms)).max())
+    return np.asarray(np.minimum(conditions * eps * rounding, fastest * eps ** (1.0 / meeting)))
 
 
 Slopes = Callable[[LinearMotion], Array]
@@ -246,7 +248,12 @@ def linear_motion(
         reached = np.hstack([spread, _prescribed(at.rows[held], own, placed, spread)])
     carried = -np.linalg.lstsq(at.rows, np.einsum("kmj,j,kd->md", at.rows_q, v, reached), rcond=DEPENDENT)[0]
     carried -= allowed @ carried[independent]
-    ways = _Ways(independent, placed, moved, reached, carried)
+    terms = np.zeros_like(carried)
+    if len(rows.rolling):  # else those of independent joints are 0 exactly
+        turning = np.einsum("kmj,j,kd->md", np.abs(at.rows_q), np.abs(v), np.abs(reached))
+        terms = np.abs(np.linalg.pinv(at.rows, rcond=DEPENDENT)) @ turning
+        terms += np.abs(allowed) @ terms[independent]
+    ways = _Ways(independent, placed, moved, reached, carried, terms)
     motion = _moved(model, at, v, ways, pushes)
     return motion if slopes is None else _eliminated(motion, slopes(motion), len(pushes))
 
@@ -259,6 +266,7 @@ class _Ways(Record, frozen=True):
     moved: Array
     reached: Array
     carried: Array
+    terms: Array
 
 
 def _prescribed(rows: Array, prescribed: Indices, independent: Indices, allowed: Array) -> Array:
@@ -296,6 +304,7 @@ def _moved(model: pin.Model, at: EquationDerivatives, v: Array, ways: _Ways, pus
     a, b = _state_space(whole, ways.independent, turning)
     sizes = at.terms_q @ np.abs(position) + at.terms_v @ np.abs(velocity) + np.abs(at.mass @ accelerated)
     terms, half = np.zeros_like(a), ways.reached.shape[1]
+    terms[: len(ways.placed), :half] = ways.terms[ways.placed]
     terms[half : half + d] = np.abs(_solved(mass, np.eye(d))) @ np.abs(allowed).T @ sizes
     return LinearMotion(ways.independent, ways.placed, position, velocity, a, b, whole, multipliers, none, terms)
 
