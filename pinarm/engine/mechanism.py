@@ -220,7 +220,8 @@ def mechanism_variants(
 
     _require_plain(mechanism)
     source = mechanism.source
-    if source.model is not None or source.base is not None or mechanism.description.planar is not None:
+    said = mechanism.description
+    if source.model is not None or source.base is not None or said.planar is not None or said.parameters:
         raise VariantsDiffer("a model that is not read from a file as it is")
     with file_root(None, source.packages):
         expanded = expand_columns(source.robot, given, columns, root=root_of(source.folder / "mechanism.yaml"))

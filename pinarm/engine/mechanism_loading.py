@@ -15,11 +15,19 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import RobotReader, numeric, read_robot, robot_of_model
 from pinarm.errors import InputError, Key, Place, nowhere, within
 from pinarm.input.formulas.expressions import Expression
+from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.numbers import argument_word
 from pinarm.input.units import Unit, unit
 from pinarm.input.xacro.expansion import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document, Values, varied
-from pinarm.input.yaml.schema import Measured, check_unit, quantity
+from pinarm.input.yaml.schema import (
+    AnyQuantity,
+    Measured,
+    check_unit,
+    quantity,
+    with_parameters,
+    without_formulas,
+)
 from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of, unit_of
 from pinarm.mechanics.coordinates import Coordinate, coordinate_of, coordinates_of, sum_of
 from pinarm.mechanics.couplings.coupling import JointRelation, mimic_coupling
@@ -71,8 +79,8 @@ def mechanism_of_model(model: pin.Model, keys: Mapping[str, Any]) -> Mechanism:
         raise InputError(f"{', '.join(taken)}: the model is given already", expected="other keys of a mechanism file")
     data = {"pinarm": 1, "robot": "model.urdf", "gravity": gravity_words(model), **keys}
     document = Document.of_data(data, "mechanism")
-    description, read = document.validate(MechanismDescription), partial(robot_of_model, model)
-    return _build(description, document.data, Path(), {}, {}, document.locating, nowhere, read)
+    (description, plain, _), read = _validated(document, {}, nowhere), partial(robot_of_model, model)
+    return _build(description, plain, Path(), {}, {}, document.locating, nowhere, read)
 
 
 def read_mechanism(
@@ -113,10 +121,33 @@ def _described(
 ) -> Mechanism:  # fmt: skip
     """Return the mechanism that a document describes; see ``read_mechanism``."""
     here = document.locating if document.places else lambda *at: locate("mechanism")
-    description = document.validate(MechanismDescription)
+    description, data, arguments = _validated(document, arguments, locate)
     if gravity is not None:
         description = replace(description, gravity=gravity)
-    return _build(description, document.data, folder, arguments, payloads, here, locate, acted=acted)
+    return _build(description, data, folder, arguments, payloads, here, locate, acted=acted)
+
+
+def _validated(
+    document: Document, arguments: Mapping[str, float | str], caller: Place
+) -> tuple[MechanismDescription, Mapping[str, Any], Mapping[str, float | str]]:
+    """Return what a mechanism file says, the same as plain data without parameters, and arguments that are none.
+
+    Parameters that are formulas of others are symbols from here on.
+    """
+    parameters = parameters_of(document, arguments, caller)
+    if not parameters:
+        return document.validate(MechanismDescription), document.data, arguments
+    with with_parameters(parameters):
+        description = document.validate(MechanismDescription)
+    others = {name: value for name, value in arguments.items() if name not in parameters}
+    if description.planar:
+        with naming_arguments(caller):
+            check_declared(others, parameters)
+    own = {name: value for name, value in parameters.items() if not value.computed}
+    formulas = {name: document.data["parameters"][name] for name in parameters.keys() - own.keys()}
+    symbols, plain = {**formulas, **description.symbols}, without_formulas(document.data, description)
+    data = {**{key: value for key, value in plain.items() if key != "parameters"}, "symbols": symbols}
+    return replace(description, parameters=own, symbols=symbols), data, others
 
 
 def _build(
@@ -132,9 +163,11 @@ def _build(
     key = "planar" if description.planar else "robot"
     with here(key), naming_arguments(caller):
         robot, texts, source = read(description, data, folder, given)
-    resolved = dict(numeric(texts))
+    parameters = description.parameters
+    resolved = {**{name: float(value) for name, value in parameters.items()}, **dict(numeric(texts))}
     with naming_arguments(here):
         check_declared(units, texts)
+    units |= {name: value.unit for name, value in parameters.items() if value.unit}
     model, carried = loaded(marked(robot.model, description.points, here), description.payloads, payloads, here, caller)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
     parts = named_parts(robot, description, model, key, here)
@@ -381,6 +414,32 @@ def loop_joints_of(
 def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:
     """Return the loop joints, without cables."""
     return [loop for loop in loops if isinstance(loop, LoopJoint)]
+
+
+def parameters_of(document: Document, arguments: Mapping[str, float | str], caller: Place) -> dict[str, Measured]:
+    """Return the parameters of a mechanism file, with other values for those that are given as arguments.
+
+    Args:
+        document: The mechanism file.
+        arguments: Values by name: numbers in SI, or text with units.
+        caller: Gives mistakes in these their place.
+
+    Raises:
+        InputError: A value cannot be read, or has another dimension than that of the file.
+    """
+    known, given = dict[str, Measured](), document.data.get("parameters") if isinstance(document.data, dict) else None
+    for name, text in given.items() if isinstance(given, dict) else ():
+        with document.locating("parameters", Key(name)):
+            if not name.isidentifier() or name in CONSTANTS:
+                raise InputError(f"'{name}' cannot be in a formula", expected="a name of letters, digits and _")
+        with document.locating("parameters", name), with_parameters(known):
+            known[name] = AnyQuantity.read(text, bare=False)
+        if name in arguments:
+            with caller("arguments", name):
+                own = known[name].unit
+                known[name] = Measured(_argument(name, arguments[name], own.si if own else None))
+                known[name].unit = own
+    return known
 
 
 def arguments_of(

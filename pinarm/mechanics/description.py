@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, ModelError
-from pinarm.input.yaml.schema import Acceleration, Deferred, InputStruct, Level, Positive
+from pinarm.errors import InputError, Key, ModelError, within
+from pinarm.input.yaml.schema import Acceleration, AnyQuantity, Deferred, InputStruct, Level, Positive
 from pinarm.mechanics.joints import AXES, Direction, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
 from pinarm.mechanics.loops.closing_frames import Closure
@@ -94,6 +94,9 @@ class MechanismDescription(InputStruct, frozen=True):
         points: Frames on links, beside those of the model; they are named, and asked about, like links.
         packages: Name of a package of ROS -> its folder, such as ``{ur_description: ../ur}``: for ``$(find NAME)`` in
             xacro, and for meshes. The package that the model lies in is known.
+        parameters: Numbers by name, such as ``{l1: 100 mm, alpha: 30 deg}``: quantities of this file may be formulas of
+            them (``l1*cos(alpha)``), and parameters formulas of those before. Scenarios give them other values under
+            ``arguments``; sweeps, searches and sensitivities vary ``arguments.l1``.
         arguments: Unit in SI of every xacro argument of the model, such as ``{L: m}``, so that a scenario can give them
             with units, also with others. The model is given numbers in SI, and its own are in SI.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
@@ -141,6 +144,7 @@ class MechanismDescription(InputStruct, frozen=True):
     creep: Positive | None = None
     points: dict[str, PointDefinition] = {}
     packages: dict[str, str] = {}
+    parameters: dict[str, AnyQuantity] = {}
     arguments: dict[str, str] = {}
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}
@@ -168,3 +172,11 @@ class MechanismDescription(InputStruct, frozen=True):
                              expected="robot: a model file, or planar: points and links of a drawing")  # fmt: skip
         if self.robot and self.planar is not None:
             raise InputError("the mechanism has two models, 'robot' and 'planar'", expected="one of them")
+        for name in self.parameters.keys() & {*self.arguments, *self.symbols}:
+            with within("parameters", Key(name)):
+                raise InputError(f"'{name}' is a symbol or an argument as well", expected="a name of its own")
+
+    def written_unit(self, argument: str) -> str:
+        """Return the unit that the file has for an argument or a parameter; empty where it has none."""
+        parameter = self.parameters.get(argument)
+        return str(parameter.unit or "") if parameter is not None else self.arguments.get(argument, "")

@@ -25,6 +25,7 @@ Deferred = Mapping[str, tuple[str, str]]
 """Field -> module and name of the type in place of ``Any`` in its annotation, imported where a file has the field."""
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
+_parameters: ContextVar[Mapping[str, "Measured"] | None] = ContextVar("parameters", default=None)
 
 
 @contextmanager
@@ -42,6 +43,43 @@ def current_folder() -> Path | None:
     return _folder.get()
 
 
+@contextmanager
+def with_parameters(parameters: Mapping[str, "Measured"]) -> Iterator[None]:
+    """Read quantities of the block also as formulas of parameters, such as ``2*l1``."""
+    token = _parameters.set(parameters)
+    try:
+        yield
+    finally:
+        _parameters.reset(token)
+
+
+def _quantity(text: str) -> tuple[float, Unit | None, bool]:
+    """Return the SI value and the unit of a quantity, or of a formula of parameters, and whether it is a formula.
+
+    Raises:
+        InputError: It is neither.
+    """
+    try:
+        return *read_quantity(text), False
+    except InputError:
+        if (known := _parameters.get()) is None:
+            raise
+        from pinarm.input.formulas.expressions import Expression
+
+        try:
+            formula = Expression.parse(text)
+        except InputError:
+            formula = None
+        if formula is None:
+            raise
+    units = {name: value.unit if value.unit or not value else DIMENSIONLESS for name, value in known.items()}
+    return (
+        float(formula.evaluate({name: float(value) for name, value in known.items()})),
+        formula.dimension(units),
+        True,
+    )
+
+
 FARTHEST = 1e50
 """Largest length [m], in files of all kinds: squares and products of it stay numbers."""
 
@@ -54,6 +92,7 @@ class Measured(float):
 
     Attributes:
         unit: The unit as written; ``None`` for a bare number.
+        computed: Whether a formula of parameters gives it.
         expected: Unit whose dimension it must have; ``None`` for any.
         order: For fields of a law: order of the derivative of its value.
         along: For fields of a law: power of the variable that the law runs along.
@@ -65,6 +104,7 @@ class Measured(float):
     """
 
     unit: Unit | None = None
+    computed: bool = False
     expected: ClassVar[Unit | None] = None
     order: ClassVar[int | None] = None
     along: ClassVar[int | None] = None
@@ -89,12 +129,13 @@ class Measured(float):
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise InputError("this is not a quantity", expected="a number with a unit, such as '30 deg'")
         try:
-            number, written = read_quantity(value) if isinstance(value, str) else (float(value), _unit_of(value))
+            plain = not isinstance(value, str)
+            number, written, computed = (float(value), _unit_of(value), False) if plain else _quantity(str(value))
         except OverflowError:
-            number, written = float("inf"), None
+            number, written, computed = float("inf"), None, False
         if number - number != 0.0:
             raise InputError(f"'{value}' is not a finite number", expected="a finite number")
-        if written is None and number != 0.0 and not bare:
+        if written is None and number != 0.0 and not bare and not computed:
             shown = f"{value:g}" if isinstance(value, Measured) else value
             hint = f"{shown} {cls.expected}" if cls.expected else ""
             raise UnitError(
@@ -102,7 +143,9 @@ class Measured(float):
                 hint=hint,
                 expected=f"a number with its unit, such as {cls.examples}",
             )
-        return cls._of(number, written)
+        measured = cls._of(number, written)
+        measured.computed = computed
+        return measured
 
     @classmethod
     def _of(cls, number: float, written: Unit | None) -> Self:
@@ -367,6 +410,25 @@ def _fields(struct: type[InputStruct]) -> tuple[msgspec.structs.FieldInfo, ...]:
 def plain(value: Measured | Readable) -> object:
     """Return as plain data what msgspec does not know; its ``enc_hook``."""
     return value.plain() if isinstance(value, Readable) else float(value)
+
+
+def without_formulas(data: Any, read: object) -> Any:
+    """Return plain data of a file with quantities in place of the formulas of parameters.
+
+    Args:
+        data: The data.
+        read: What has been read of them.
+    """
+    if isinstance(read, Measured) and read.computed:
+        return f"{float(read)!r} {read.unit}" if read.unit else float(read)
+    if isinstance(data, dict) and isinstance(read, msgspec.Struct):
+        parts = {field.encode_name: getattr(read, field.name) for field in msgspec.structs.fields(read)}
+        return {key: without_formulas(value, parts.get(key)) for key, value in data.items()}
+    if isinstance(data, dict) and isinstance(read, Mapping):
+        return {key: without_formulas(value, read.get(key)) for key, value in data.items()}
+    if isinstance(data, list) and isinstance(read, list | tuple):
+        return [without_formulas(*pair) for pair in zip(data, read, strict=True)]
+    return data
 
 
 def check_unit(value: float, expected: Unit) -> None:

@@ -84,7 +84,8 @@ class PlanarDrawing(InputStruct, frozen=True):
     that close no loop: a drawing does not say more of it.
 
     Attributes:
-        points: Name -> coordinates x and y in the drawing [m], such as ``{A: [40 mm, 80 mm]}``.
+        points: Name -> coordinates x and y in the drawing [m], such as ``{A: [40 mm, 80 mm]}``; or formulas of the
+            ``parameters`` of the file: ``B: [l1*cos(alpha), l1*sin(alpha)]``.
         ground: Points that do not move.
         links: Moving links, by name.
         sliders: Slides, by name.

@@ -319,7 +319,7 @@ class Scenario(Record, frozen=True):
         if path.startswith("changes.") and not written:
             written = declared_unit(self.document.data, self.folder, path)
         name = argument_of(path)
-        declared = self.mechanism.description.arguments.get(name, "") if name else ""
+        declared = self.mechanism.description.written_unit(name) if name else ""
         if written and declared and unit(written) != unit(declared):
             raise InputError(f"the argument '{name}' is in {written} here and in {declared} in the mechanism",
                              expected=f"numbers with their unit, such as '1, 2, 3 {written}'")  # fmt: skip
@@ -687,8 +687,9 @@ def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
         return ""
     if part == "changes":
         return written_unit(file, rest)
-    declared = file.get("arguments") if isinstance(file, dict) else None
-    return str(declared.get(argument_of(path), "")) if isinstance(declared, dict) else ""
+    declared, name = file.get("arguments") if isinstance(file, dict) else None, argument_of(path)
+    unit_of_model = str(declared.get(name, "")) if isinstance(declared, dict) else ""
+    return unit_of_model or written_unit(file, f"parameters.{name}")
 
 
 def _content(document: Document) -> ScenarioFile:

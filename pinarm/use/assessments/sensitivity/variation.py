@@ -91,23 +91,20 @@ def inputs_of(scenario: Scenario, tolerances: Mapping[str, Tolerance]) -> list[I
                 raise InputError(f"'{path}' has two tolerances", expected="one")
             value = scenario.number_at(path)
             _check_unit(tolerance, value, path)
-            found.append(Input(name, path, float(value), tolerance.size(float(value)), value.unit))
+            own = None if value else tolerance.unit
+            found.append(Input(name, path, float(value), tolerance.size(float(value)), value.unit or own))
     return found
 
 
 def _check_unit(tolerance: Tolerance, value: Measured, path: str) -> None:
-    """Raise where a tolerance and its number have different units, or only one of them has a unit."""
+    """Raise where a tolerance and its number have different units, or only one of them has a unit; 0 takes any."""
     if tolerance.unit is not None and value.unit is not None:
         tolerance.check(value.unit)
-    elif tolerance.unit is not None and tolerance.unit.text not in PURE:
-        number, size = f"{float(value):g}", f"{float(tolerance) / tolerance.unit.factor:g} {tolerance.unit}"
-        what, where = ("point", " in the drawing") if DRAWN in path else ("number", "")
-        zero = f"[0 {tolerance.unit}, 0 {tolerance.unit}]" if where else f"0 {tolerance.unit}"
-        hint = f"give the {what} a unit{where}: `{zero}`; then `{size}` fits" if not value else ""
+    elif value and tolerance.unit is not None and tolerance.unit.text not in PURE:
         raise UnitError(
-            f"the number {number} at '{path}' has no unit, and the tolerance is in {tolerance.unit}",
-            expected="" if hint else "such as 0.05 or 5 %, for a number without a unit", hint=hint,
-        )  # fmt: skip
+            f"the number {float(value):g} at '{path}' has no unit, and the tolerance is in {tolerance.unit}",
+            expected="such as 0.05 or 5 %, for a number without a unit",
+        )
     elif not tolerance.relative:
         require_unit(tolerance, str(value.unit or ""), path)
 
