@@ -93,5 +93,6 @@ def with_payloads(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
                 message = f"the link '{payload.point}' does not move: a payload on it changes nothing"
                 raise InputError(message, expected="a moving link")
         carried = pin.Inertia(float(payload.mass), np.zeros(3), np.diag(np.array(payload.inertia, float)))
+        frame.inertia += carried  # which wrenches through fixed joints ask for
         loaded.inertias[frame.parentJoint] += frame.placement.act(carried)
     return loaded

@@ -271,6 +271,7 @@ def _assembled(tree: Tree) -> pin.Model:
     if count > MOST:
         raise ModelError(f"the model has {count} degrees of freedom", expected=f"at most {MOST}")
     frames = {tree.root: model.addFrame(pin.Frame(tree.root, 0, 0, pin.SE3.Identity(), pin.FrameType.BODY))}
+    model.frames[frames[tree.root]].inertia = tree.links[tree.root]
     model.appendBodyToJoint(0, tree.links[tree.root], pin.SE3.Identity())
     for joint in simple:
         frame = _add(model, joint, frames[joint.parent])
@@ -279,6 +280,7 @@ def _assembled(tree: Tree) -> pin.Model:
         kind = pin.FrameType.BODY if joint.child in tree.links else pin.FrameType.OP_FRAME
         frames[joint.child] = model.addFrame(pin.Frame(joint.child, carrier, frame, place, kind))
         if joint.child in tree.links:
+            model.frames[frames[joint.child]].inertia = tree.links[joint.child]
             model.appendBodyToJoint(carrier, tree.links[joint.child], place)
     return model
 

@@ -23,6 +23,7 @@ from pinarm.engine.quantities.family import (
     WrenchFamily,
     acts,
 )
+from pinarm.engine.quantities.fixed_joints import fixed_joints, fixed_wrench
 from pinarm.engine.quantities.reactions import tree_axis
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
@@ -71,7 +72,7 @@ class JointQuantities(WrenchFamily, frozen=True):
                   "of problem, and what drives the joint itself beside it",
         "link_effort": "what of the effort reaches the links: without armature * acceleration",
         "power": "effort times velocity",
-        "force": "force of the parent on the child, at the child's origin",
+        "force": "force of the parent on the child, at the child's origin; of fixed joints of the model too",
         "moment": "moment of the parent on the child, about the child's origin",
         f"moment.{AT_PARENT}": "the same moment about the joint's place on the parent",
         "quaternion": "orientation of a ball joint's link in the joint's placement",
@@ -90,6 +91,8 @@ class JointQuantities(WrenchFamily, frozen=True):
         for name in mechanism.balls:
             yield from (Offered(name, part, components) for part, components in BALL_PARTS.items())
             yield from self._transmitted_entries(name, ())
+        for name in fixed_joints(mechanism.model):
+            yield from (Offered(name, part, AXES) for part in WRENCH)
 
     def _transmitted_entries(self, name: str, along: tuple[str, ...]) -> Iterator[Offered]:
         yield from (Offered(name, part, (*AXES, *along)) for part in WRENCH)
@@ -101,7 +104,7 @@ class JointQuantities(WrenchFamily, frozen=True):
         if (ball := mechanism.balls.get(asked.of)) is not None:
             return self._of_ball(asked, ball) if asked.part in BALL_PARTS else self._transmitted(asked, ball.index)
         if (joint := mechanism.joints.get(asked.of)) is None:
-            raise asked.unknown
+            return self._of_fixed(asked)
         if len(asked.words) > 2:
             return self._transmitted(asked, joint.index)
         if asked.part in RATES:
@@ -116,6 +119,15 @@ class JointQuantities(WrenchFamily, frozen=True):
         else:
             raise asked.unknown
         return Series(asked.name, measure, values, self._effort_doubt(asked, joint))
+
+    def _of_fixed(self, asked: Asked) -> Series:
+        """Return a component of the wrench of a fixed joint."""
+        frame = fixed_joints(self.run.mechanism.model).get(asked.of)
+        if frame is None or len(asked.words) < 3 or asked.part not in WRENCH:
+            raise asked.unknown
+        self.require_efforts(asked)
+        origins = self.evaluation.reactions.links.frame(frame)[1]
+        return self.wrench(asked, origins, fixed_wrench(self.evaluation.reactions, asked.of), [], origins)
 
     def _effort_doubt(self, asked: Asked, joint: Joint) -> str:
         """Return what is in doubt about the effort of a joint that couplings move; nothing where it has a drive."""
