@@ -257,36 +257,26 @@ def _joint_spaces(
     spaces = {body: held(model, links, body) for body in bodies_of(mechanism)}
     if loaded or mechanism.frictions or any(not isinstance(one, LoopJoint) for one in mechanism.constraints):
         return spaces
-    whole = dict(spaces)
     driven = _driven(mechanism, efforts, balls)
-    for body in whole:
-        joint = model.joints[body]
-        if driven[joint.idx_v : joint.idx_v + joint.nv].any():
-            whole[body] = np.concatenate([whole[body], motions(mechanism, links, body)], axis=1)
+    whole = {body: np.concatenate([space, motions(mechanism, links, body)], axis=1) if body in driven else space
+             for body, space in spaces.items()}  # fmt: skip
+    scale = np.repeat([1.0, 1.0 / mechanism.closure.extent], 3)  # moments relative to the extent
     pushed = {body for along in efforts.values() for body in along.wrenches(links, np.ones(len(links.q)))}
     for before, after in _passing(mechanism, pushed):
         if after in spaces:
-            whole[before] = _common(whole[before], whole[after])
-            spaces[before] = whole[before] if not _acts(driven, model, before) else spaces[before]
+            whole[before] = _common(whole[before] * scale, whole[after] * scale) / scale
+            spaces[before] = spaces[before] if before in driven else whole[before]
     return spaces
 
 
-def _acts(driven: Flags, model: pin.Model, body: int) -> bool:
-    joint = model.joints[body]
-    return bool(driven[joint.idx_v : joint.idx_v + joint.nv].any())
-
-
-def _driven(mechanism: Mechanism, efforts: Mapping[str, Coordinate], balls: set[str]) -> Flags:
-    """Return at which velocities efforts act, known ones too: of springs, couplings, rotors and friction."""
-    model = mechanism.model
-    driven: Flags = np.asarray(model.armature) != 0.0
+def _driven(mechanism: Mechanism, efforts: Mapping[str, Coordinate], balls: set[str]) -> set[int]:
+    """Return the joints along which efforts act, those of rotors too."""
+    moved_by = np.asarray(mechanism.model.armature) != 0.0
     for along in efforts.values():
         if isinstance(along, LinearCoordinate):
-            driven = driven | (along.weights != 0.0)
-    for name in balls:
-        joint = model.joints[mechanism.balls[name].index]
-        driven[joint.idx_v : joint.idx_v + joint.nv] = True
-    return driven
+            moved_by = moved_by | (along.weights != 0.0)
+    tree = LinkTree.of(mechanism.model)
+    return {*tree.moved[moved_by].tolist(), *(mechanism.balls[name].index for name in balls)}
 
 
 def _passing(mechanism: Mechanism, pushed: set[int]) -> Iterator[tuple[int, int]]:

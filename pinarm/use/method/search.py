@@ -153,20 +153,12 @@ class Search(Record, frozen=True):
         size = np.linalg.norm(twists / self._scale, axis=-1).max(axis=1, keepdims=True)
         return Step(group, motion, rows, np.abs(rows / (self.sizes * size)).max(axis=0, initial=0.0) > NOTHING, twists)
 
-    def cost(self, step: Step) -> tuple[int, int, int, int]:
-        """Return what ranks an equation: unknowns, bodies with mass, bodies, and whether its axis is that of a cut."""
-        left = int(step.left.sum())
-        massive = sum(bool(self.mechanism.model.inertias[body].mass) for body in np.flatnonzero(step.group).tolist())
-        return left, massive, int(step.group.sum()), self._distance(step)
-
-    def _distance(self, step: Step) -> int:
-        """Return how far down the list of names the theorem's point and direction are, those of cut ties first."""
-        if step.screw is None:
-            return 0
-        cut = {one.name for one in self.actions.carriers if one.is_cut(step.group)}
-        names = self.landmarks.direction_names[step.screw.direction].removeprefix("axis of "), (
-            "" if step.screw.point is None else self.landmarks.point_names[step.screw.point])  # fmt: skip
-        return step.screw.direction + (step.screw.point or 0) - 1000 * sum(name in cut for name in names)
+    def cost(self, step: Step) -> tuple[int, ...]:
+        """Return what ranks an equation: unknowns, bodies with mass, bodies, and axes of joints before others."""
+        inertias = self.mechanism.model.inertias
+        massive = sum(bool(inertias[body].mass) for body in np.flatnonzero(step.group).tolist())
+        way = () if step.screw is None else (step.screw.direction, step.screw.point or 0)
+        return int(step.left.sum()), massive, int(step.group.sum()), *way
 
     def chain(self) -> Chain | None:
         """Return equations that give the wanted unknown together; ``None`` where nothing does: it is not determined.

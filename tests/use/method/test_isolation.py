@@ -99,6 +99,21 @@ def test_the_manipulator_has_the_powers_of_its_key() -> None:
     assert found.alternatives  # the chain that opens the loops
 
 
+SIZES = {"l": 2, "d": 1.25, "r": 0.75, "h": 2, "AE": 0.6, "x_G2": 0.3, "y_G2": -0.2, "x_G7": 0.5, "y_G7": 0.1,
+         "x_P": 0.4, "y_P": 0.7}  # fmt: skip
+
+
+@pytest.mark.parametrize("wanted", ["loop.D.force.x", "joint.alpha.force.x"])
+def test_a_mechanism_of_another_size_has_the_same_isolations(wanted: str) -> None:
+    chosen = []
+    for factor in (1e-6, 1.0, 1e6):
+        arguments = {name: f"{size * factor!r} m" for name, size in SIZES.items()}
+        mechanism = pinarm.Mechanism.load(MODELS / "manipulator" / "mechanism.yaml", arguments)
+        found = mechanism.isolate(wanted, drives=["y"])
+        chosen.append([(one.bodies, one.theorem, one.gives) for one in found.equations])
+    assert chosen[0] == chosen[1] == chosen[2] != []
+
+
 def test_a_body_without_mass_on_which_loads_act_passes_nothing_on() -> None:
     """The air pushes the cylinder up with 9 kN; the slide to the ground holds it down."""
     found = run("manipulator_motion").isolate("joint.x.force.y")
