@@ -32,6 +32,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     for family in families():
         pages = [f"{FOLDER}/{family.name}/{member}.md" for member in ("index", *family.members)]
         kinds.append({family.title: pages})
+    (reference,) = (entry["Reference"] for entry in config.nav or [] if "Reference" in entry)
+    reference.insert(1, {"Classes": [f"api/{name}.md" for name in api_page.CLASSES]})
     return config
 
 
@@ -39,9 +41,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that stand beside ``docs``, and those of the files that any page links to."""
     for source, place in PAGES.items():
         files.append(File.generated(config, place, content=(ROOT / source).read_text(encoding="utf-8")))
-    for made in chain(gallery_pages(), *map(family_pages, families())):
+    for made in chain(api_page.pages(), gallery_pages(), *map(family_pages, families())):
         files.append(File.generated(config, made.place, content=made.content))
-    files.append(File.generated(config, "api.md", content=api_page.page()))
     pages = list(files.documentation_pages())
     for page in pages:  # which grows: a file that is shown may link to others
         for source in linked_files(_with_tables(page.content_string, page.src_uri), page.src_uri):

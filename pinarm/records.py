@@ -19,7 +19,7 @@ def public_face(*names: str) -> Callable[[object], list[str]]:
     """Return a ``__dir__`` for completion: the public names of the object's own class, and further inherited names."""
 
     def listed(self: object) -> list[str]:
-        own = (name for name in vars(type(self)) if name[0] != "_")
+        own = (name for name in vars(self if isinstance(self, type) else type(self)) if name[0] != "_")
         return sorted({*own, *names})
 
     return listed

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 import yaml
 from code_blocks import ROOT, blocks_of
-from site_generator.api_page import page as api_page
+from keys_page import PAGE
+from keys_page import page as keys_page
+from site_generator.api_page import pages as api_pages
 from site_generator.errata import PLACE, with_errata
 from site_generator.families import Kinds, definitions, families
 from site_generator.formulas import with_mathml
@@ -97,7 +99,14 @@ def test_every_misprint_of_the_answer_keys_is_listed():
 
 
 def test_the_api_has_everything_that_is_public():
-    assert set(re.findall(r"heading: pinarm\.(\w+),", api_page())) == set(pinarm.__all__)
+    content = {made.place: made.content for made in api_pages()}
+    assert set(re.findall(r"heading: pinarm\.(\w+),", "".join(content.values()))) == set(pinarm.__all__)
+    (members,) = re.findall(r"members: \[(.*)\]", content["api/Result.md"])
+    assert {"plot", "number", "figures"} <= set(members.split(", "))
+
+
+def test_the_page_of_keys_is_that_of_the_docstrings():
+    assert PAGE.read_text(encoding="utf-8") == keys_page(), "write it anew: python docs/keys_page.py"
 
 
 class Loaded(HTMLParser):
