@@ -84,6 +84,14 @@ def test_a_wheel_gains_the_work_of_its_turning_moment_diagram(accuracy, error):
     assert sides[:4] == [[40.0, -10.0], [5.0, 0.0]] * 2
 
 
+def test_a_saved_motion_has_the_loads_before_and_after_jumps(tmp_path):
+    problem = {"kind": "forward", "initial": {"velocity": {"O": "20 rad/s"}}, "loads": {"gas": GAS}}
+    result = run(WHEEL, problem, ["power.gas"])
+    result.save(tmp_path / "result")
+    read = pinarm.restore(tmp_path / "result")
+    assert read["power.gas"].values == pytest.approx(result["power.gas"].values, rel=1e-12, abs=1e-9)
+
+
 def test_prescribed_motions_have_rows_on_both_sides_of_a_jump():
     motion = {"O": {"law": "constant_speed", "speed": "1 rev/s"}}
     result = run(WHEEL, {"kind": "inverse", "motion": motion, "loads": {"gas": GAS}}, ["joint.O.effort", "power.gas"])

@@ -252,6 +252,21 @@ class Dynamics(Record, frozen=True):
         for name, force in self._leaping.items():
             force.note(t, entered._leaping[name])
 
+    def at_rows(self, grid: Grid, q: Array, v: Array) -> Dynamics:
+        """Return the dynamics with loads that jump as they were between the cuts of a grid, told by its n states.
+
+        Args:
+            grid: The rows of a motion, cut where loads jump.
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+        """
+        recorded = self.recording()
+        for start, _, rows in grid.intervals() if self._leaping else []:
+            inner = slice(rows.start + 1, rows.stop - 1) if rows.stop - rows.start > 2 else rows
+            if rows.start < rows.stop:
+                recorded.note(start, self.entered(q[inner].mean(axis=0), v[inner].mean(axis=0)))
+        return recorded
+
     @cached_property
     def _changes(self) -> bool:
         return any(force.jumps for force in self.forces.values())

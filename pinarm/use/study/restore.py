@@ -81,6 +81,8 @@ def restore(folder: str | Path) -> Result:
     scenario = scenario.with_mechanism(mechanism)
     question, mechanism = scenario.problem, scenario.mechanism
     rows = trajectory_of(question, mechanism, arrays)
+    if question.kind == "forward":
+        rows = replace(rows, dynamics=rows.dynamics.at_rows(rows.grid, rows.q, rows.v))
     anew = SolvedAnew(question, scenario.content.accuracy, scenario.place, mechanism, rows)
     motion = None if rows.isolated else anew
     outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model), arrays=labelled_arrays(arrays))
