@@ -22,7 +22,7 @@ these.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -141,19 +141,14 @@ class FreePull:
 
     def components(self) -> list[StateFunction]:
         """Return the components of r as coordinates."""
-        return [
-            StateFunction(partial(self._value, k), partial(self._row, k), partial(self._drift, k))
-            for k in range(len(self.unit))
-        ]
+        return [self._component(k) for k in range(len(self.unit))]
 
-    def _value(self, k: int, state: Kinematics) -> float:
-        return float(self.at(state.q).value[k])
-
-    def _row(self, k: int, state: Kinematics) -> Array:
-        return np.asarray(self.at(state.q).slopes[k])
-
-    def _drift(self, k: int, state: Kinematics) -> float:
-        return float(self.bend(state)[k])
+    def _component(self, k: int) -> StateFunction:
+        return StateFunction(
+            lambda state: float(self.at(state.q).value[k]),
+            lambda state: np.asarray(self.at(state.q).slopes[k]),
+            lambda state: float(self.bend(state)[k]),
+        )
 
 
 class FreePullAt(Record, frozen=True):

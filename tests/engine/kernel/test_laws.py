@@ -105,7 +105,7 @@ class TestRuns:
         assert calls
         expected = without(lambda: pinarm.run(path))
         agree(found, expected, 1e-9)
-        assert not found.notes()
+        assert all("leaves its points" in note for note in found.notes())  # the spline does
 
 
 @pytest.mark.usefixtures("compiled")
