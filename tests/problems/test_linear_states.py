@@ -220,3 +220,17 @@ def test_springs_that_hold_each_other_balance_to_rounding(solve):
     result = solve(xml, {}, {"gravity": "none", "forces": springs})
     assert max(result.figures[name] for name in ("equilibrium", "return trip")) < 1e-13
     assert result.notes() == []
+
+
+@pytest.mark.parametrize("load", [
+    {"kind": "torque_speed", "joint": "arm",
+     "curve": [["0 rad/s", "9 N*m"], ["4 rad/s", "8 N*m"], ["9 rad/s", "0 N*m"]]},
+    {"kind": "joint_effort", "joint": "arm", "over": "arm", "effort": {
+        "law": "piecewise_linear", "points": [["-1 rad", "1 N*m"], ["0 rad", "0 N*m"], ["1 rad", "-5 N*m"]]}},
+])  # fmt: skip
+def test_a_corner_of_a_curve_is_refused(solve, load):
+    """Where two lines of a characteristic meet there is no slope."""
+    xml = robot(link("arm", "base", "0 1 0", mass=2.0, com="0 0 -0.5"))
+    steady = {"steady": {"arm": "4 rad/s"}} if load["kind"] == "torque_speed" else {}
+    with pytest.raises(InputError, match="'corner' has a kink here"):
+        solve(xml, steady, {"gravity": "none", "forces": {"corner": load}})

@@ -29,6 +29,10 @@ from pinarm.errors import InputError
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.records import Record
 
+KINK_STEP, KINK, ROUNDED = 2e-5, 1e-2, 1e-6
+"""Step over which the slopes of a load to both sides are compared [rad or m, rad/s or m/s]; part of the slope by which
+they may differ, and part of the largest stiffness or damping that is rounding of these differences."""
+
 MOST_VELOCITIES = 250
 """Largest number of velocities: Pinocchio's whole buffers take about 60 nv^3 bytes, 1 GB."""
 
@@ -147,6 +151,42 @@ def _row_derivatives(
 def _steps(model: pin.Model, q: Array) -> Array:
     """Return a configuration with an imaginary step along every velocity, shape (nv, nq)."""
     return q + 1j * STEP * pin.tangentMap(model, q).T  # type: ignore[no-any-return]
+
+
+def load_at_kink(dynamics: Dynamics, t: float, q: Array, v: Array, scale: Array, least: float) -> str:
+    """Return the name of a load that has other slopes to both sides of a state; empty where there is none.
+
+    The change of a slope at a kink stays as it is over half the step, that of a curve is half of it.
+
+    Args:
+        dynamics: The equation of motion with its loads.
+        t: Instant of loads that follow laws [s].
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        scale: Size of each joint's coordinate [rad or m], shape (nv,).
+        least: Size of the largest terms of stiffness and damping: a part of it is rounding.
+    """
+    step = KINK_STEP * np.minimum(scale, 1.0)
+    for name, force in dynamics.forces.items():
+        wide, near = (_slope_changes(dynamics.model, force, t, q, v, part * step) for part in (1.0, 0.5))
+        slopes = KINK * wide[1].max(axis=(1, 2), keepdims=True, initial=0.0)
+        if ((wide[0] > slopes + ROUNDED * least) & (near[0] > 0.75 * wide[0])).any():
+            return name
+    return ""
+
+
+def _slope_changes(
+    model: pin.Model, force: ForceElement, t: float, q: Array, v: Array, h: Array
+) -> tuple[Array, Array]:
+    """Return differences of the slopes of a load to both sides by q and by v, and the slopes, shape (2, nv, nv)."""
+    nv = model.nv
+    steps = np.concatenate([np.zeros((1, nv)), np.diag(h), -np.diag(h)])
+    moved, still = np.array([pin.integrate(model, q, step) for step in steps]), np.broadcast_to(q, (len(steps), len(q)))
+    tau = np.zeros((2 * len(steps), nv))
+    force.add_load(t, np.concatenate([moved, still]), np.concatenate([0.0 * steps + v, v + steps]), tau)
+    parts = tau.reshape(2, len(steps), nv)
+    here, ahead, behind = parts[:, :1], parts[:, 1 : nv + 1], parts[:, nv + 1 :]
+    return np.abs(ahead + behind - 2.0 * here) / h[:, None], np.abs(ahead - behind) / h[:, None]
 
 
 @contextmanager

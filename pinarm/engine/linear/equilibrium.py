@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,7 @@ from pinarm.engine.dynamics.mass_matrix import MASSLESS, mass_matrix
 from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
-from pinarm.engine.linear.derivatives import equation_derivatives
+from pinarm.engine.linear.derivatives import equation_derivatives, load_at_kink
 from pinarm.engine.statics.effort_distribution import weight_terms
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -32,10 +31,6 @@ if TYPE_CHECKING:
 
 ZERO = 1e-9
 """Stiffness, relative to the terms that make it up, below which it is 0."""
-
-EDGE_STEP, KINK, ROUNDED = 2e-5, 1e-2, 1e-6
-"""Step over which the slopes of a load to both sides are compared [rad or units of length, 1 m at most]; part of the
-slope by which they may differ, and part of the largest term of K that is rounding of these differences."""
 
 BALANCED = 1e-13
 """Largest generalised force left, relative to the terms that make it up; Newton's method ends near 1e-16."""
@@ -236,33 +231,6 @@ class ForceBalance(Record, frozen=True):
         sizes += np.triu(sizes, 1).T + at.terms_q
         return at.force_q, sizes, size + self.dynamics.load_sizes(0.0, q, still)
 
-    @cached_property
-    def _loads(self) -> dict[str, Dynamics]:
-        """The loads one by one."""
-        dynamics = self.dynamics
-        return {name: Dynamics.of(dynamics.model, {name: force}) for name, force in dynamics.forces.items()}
-
-    def edge(self, q: Array) -> str:
-        """Return the name of a load whose slope at q is another one to either side; empty where there is none.
-
-        The change of a slope at an edge stays as it is over half the step, that of a curve is half of it.
-        """
-        least = ROUNDED * float(self.terms(q)[1].max(initial=0.0))
-        for name, load in self._loads.items():
-            (bend, slope), (nearer, _) = self._slopes(load, q, EDGE_STEP), self._slopes(load, q, 0.5 * EDGE_STEP)
-            if ((bend > KINK * slope + least) & (nearer > 0.75 * bend)).any():
-                return name
-        return ""
-
-    def _slopes(self, load: Dynamics, q: Array, step: float) -> tuple[Array, float]:
-        """Return the differences of a load's slopes to both sides of q, shape (nv, nv), and its largest slope."""
-        h, still = step * np.minimum(self.closure.scale, 1.0), np.zeros_like(q)
-        states = q + np.concatenate([np.zeros((1, len(q))), np.diag(h), -np.diag(h)])
-        here, *others = (load.loads(0.0, state, still).copy() for state in states)
-        ahead, behind = np.split(np.array(others), 2)
-        slope = float((np.abs(ahead - behind) / h[:, None]).max(initial=0.0))
-        return np.abs(ahead + behind - 2.0 * here) / h[:, None], slope
-
     def efforts(self, q: Array) -> tuple[Array, Array]:
         """Return tau at the joints that are held, shape (nv,), and the multipliers, shape (m,)."""
         lam, m = self.split(q).multipliers(-self.force(q)), self.closure.size
@@ -346,9 +314,9 @@ class ForceBalance(Record, frozen=True):
     def _judged(self, q: Array) -> Equilibrium:
         """Return the equilibrium at q with its small motions."""
         basis = self.basis(q)
-        if edge := self.edge(q):
-            return Equilibrium(q, Modes.unknown(basis.shape[1], edge))
         slopes, sizes, _ = self.terms(q)
+        if edge := load_at_kink(self.dynamics, 0.0, q, np.zeros_like(q), self.closure.scale, float(sizes.max())):
+            return Equilibrium(q, Modes.unknown(basis.shape[1], edge))
         mass = basis.T @ mass_matrix(self.dynamics.model, q) @ basis
         doubt = ZERO * (np.abs(basis).T @ sizes @ np.abs(basis))
         inner = basis.T @ slopes @ basis

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Complex, real
+from pinarm.arrays import AT_KINK, Array, Complex
 from pinarm.engine.constraints.constraint_rows import GuidedCoordinate, one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.mass_matrix import require_masses
 from pinarm.engine.labelled_array import LabelledArray
-from pinarm.engine.linear.derivatives import EquationDerivatives, equation_derivatives
+from pinarm.engine.linear.derivatives import EquationDerivatives, equation_derivatives, load_at_kink
 from pinarm.engine.linear.friction import with_friction
 from pinarm.engine.linear.inputs import Input
 from pinarm.engine.linear.linearisation import LinearMotion, Modes
@@ -22,7 +22,7 @@ from pinarm.engine.linear.steady import state_row
 from pinarm.engine.linear.stepped_state import Drives, SteppedState
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities import states
-from pinarm.engine.quantities.state_arrays import LeadingAxes
+from pinarm.engine.quantities.state_arrays import LeadingAxes, states_of
 from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.ball_joints import coordinate_name
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
 
 CHANGED = 1e-6
 """Change of A in a steady motion, relative to its largest entry, that is rounding."""
-
-AT_KINK = 1e-9
-"""Distance of a load from its kink, relative to ``1 +`` the coordinate in SI, at which it has no one derivative."""
 
 
 class Linearisation(Record, frozen=True):
@@ -155,10 +152,11 @@ def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array |
             expected="a mechanism without dry friction",
             hint="friction: {} in the mechanism file, or linearise, which holds joints that stick",
         )
-    _require_smooth(dynamics, t, q, v)
     held = dynamics.inverse(t, q[None], v[None], a[None]) - tau
     lam = Multipliers.least(mechanism.closure, q[None], held, np.zeros((1, 0)))
-    return equation_derivatives(dynamics, mechanism.constraints, t, q, v, a, lam[0])
+    found = equation_derivatives(dynamics, mechanism.constraints, t, q, v, a, lam[0])
+    _require_smooth(mechanism, dynamics, t, q, v, found)
+    return found
 
 
 def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None, t: float) -> Linearisation:
@@ -205,8 +203,8 @@ def linearised(state: Trajectory, drives: Drives | None = None) -> Linearisation
     """
     drives = drives or Drives()
     mechanism, dynamics, t = state.mechanism, state.dynamics, float(state.grid.t[0])
-    _require_smooth(dynamics, t, state.q[0], state.v[0])
     at = SteppedState(_completed(state, drives), drives)
+    _require_smooth(mechanism, dynamics, t, state.q[0], state.v[0], at.derivatives)
     motion, model = at.motion, mechanism.model
     names = [coordinate_name(model, index) for index in range(model.nv)]
     sliding = {joint.v for joint in mechanism.joints.values() if joint.unit == METRE}
@@ -277,35 +275,29 @@ def require_same(linear: Linearisation, later: Linearisation) -> None:
         )
 
 
-def _one_state(
-    mechanism: Mechanism, q: Array, *, v: Array | None, a: Array | None, tau: Array | None
-) -> tuple[Array, Array, Array, Array]:
-    """Return one state as arrays, shapes (nq,) and (nv,); 0 where nothing is given.
+def _one_state(mechanism: Mechanism, q: Array, **given: Array | None) -> list[Array]:
+    """Return q, v, a and tau of one state as arrays, shapes (nq,) and (nv,); 0 where nothing is given.
 
     Raises:
         InputError: The shapes do not fit.
     """
-    nv = mechanism.model.nv
-    found = [real(q, "q")]
-    for name, given in (("v", v), ("a", a), ("tau", tau)):
-        found.append(np.zeros(nv) if given is None else real(given, name))
-    for name, array, size in zip(("q", "v", "a", "tau"), found, (mechanism.model.nq, nv, nv, nv), strict=True):
-        if array.shape != (size,):
-            raise InputError(f"{name} has the shape {array.shape}", expected=f"one state, shape ({size},)")
-    return found[0], found[1], found[2], found[3]
+    leading, rows = states_of(mechanism, q, **given)
+    if leading.shape:
+        raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({mechanism.model.nq},)")
+    return [rows.get(name, np.zeros((1, mechanism.model.nv)))[0] for name in ("q", "v", "a", "tau")]
 
 
-def _require_smooth(dynamics: Dynamics, t: float, q: Array, v: Array) -> None:
+def _require_smooth(
+    mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, slopes: EquationDerivatives
+) -> None:
     """Raise where a load has a kink.
 
     Raises:
         InputError: Says which.
     """
-    for name, force in dynamics.forces.items():
-        for edge in force.edges():
-            near = np.abs(edge.value(np.array([t]), q[None], v[None])) <= AT_KINK * (1.0 + np.abs(q).max(initial=0.0))
-            if near.any() and (edge.counts is None or edge.counts(np.array([t]), q[None], v[None]).any()):
-                raise InputError(
-                    f"the load '{name}' has a kink here: it is not linear on either side of it",
-                    expected="a state beside the kink, such as with a cable taut",
-                )
+    least = max(float(terms.max(initial=0.0)) for terms in (slopes.terms_q, slopes.terms_v))
+    if name := load_at_kink(dynamics, t, q, v, mechanism.closure.scale, least):
+        raise InputError(
+            f"the load '{name}' has a kink here: it is not linear on either side of it",
+            expected="a state beside the kink, such as with a cable taut",
+        )

@@ -80,13 +80,11 @@ class SteadyState(Record, frozen=True):
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,).
         efforts: Efforts u of the drives along their coordinates [N*m or N], shape (k,).
-        tau: The same as efforts at joints, ``W^T u``, shape (nv,).
     """
 
     q: Array
     v: Array
     efforts: Array
-    tau: Array
 
 
 def state_row(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array) -> Trajectory:
@@ -211,8 +209,7 @@ def steady_state(mechanism: Mechanism, dynamics: Dynamics, driven: Driven, q: Ar
             _require_steady(mechanism, best, forces.v)
             _require_lasting(balance, best, forces, LASTING * (forces.terms() + float(np.abs(slopes).sum())))
             drives = slice(mechanism.closure.size, balance.closure.size)
-            efforts = forces.carried[drives]
-            return SteadyState(best, forces.v, efforts, forces.rows[drives].T @ efforts)
+            return SteadyState(best, forces.v, forces.carried[drives])
         _, free = independent_joints(forces.rows)
         step = -free @ np.linalg.lstsq(free.T @ slopes @ free, free.T @ forces.left, rcond=1e-12)[0]
         step *= min(1.0, STRIDE / max(float(np.abs(step).max(initial=0.0)), STRIDE))
