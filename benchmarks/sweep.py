@@ -56,7 +56,6 @@ MASS, LENGTHS = (
     {"arguments.a": (0.095, 0.105, "m"), "arguments.b": (0.34, 0.36, "m")},
 )
 SPEED = {"problem.motion.theta2.speed": (80.0, 120.0, "rpm")}
-SWING = ["problem.time={end: 1 s, samples: 101}", "accuracy.tolerance=1e-6"]
 COMPARISONS = [
     Comparison("a mass, 5 rows", "gen411_arm_static", MASS, 10_000, FEW_ROWS),
     Comparison("a length, 5 rows", "gen411_arm_static", {"arguments.l2": (0.2, 0.3, "m")}, 10_000, FEW_ROWS),
@@ -71,10 +70,6 @@ COMPARISONS = [
     Comparison("the speed of the crank", "crank_rocker_turning", SPEED),
     Comparison("two lengths, T @ max", "crank_rocker_turning", LENGTHS, 400, (), ["T @ max"]),
     Comparison("two lengths, T @ rms", "crank_rocker_turning", LENGTHS, 400, (), ["T @ rms"]),
-    Comparison(
-        "an initial velocity, 1 s", "gen411_arm_swing", {"problem.initial.velocity.B": (-3.0, 3.0, "rad/s")}, 600, SWING
-    ),
-    Comparison("a mass, 1 s", "gen411_arm_swing", MASS, 600, SWING),
 ]
 BY_HAND, CHEAP, FULL = 500, 100_000, 40_000
 """Cases that a loop solves, and those of sweeps with a few rows and with all."""

@@ -215,7 +215,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         energy = energy_balance(*accounts)
         remarks = [
             *_changed(mechanism, hybrid.initial.given_rates(), v),
-            *_uncertain(hybrid.guided, q, v),
+            *_uncertain(hybrid.contacts.guided, q, v),
             *motion.remarks(),
             *_motors(hybrid, motion),
             *impact_remarks(hybrid.contacts, motion.events),
@@ -230,7 +230,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
     def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""
-        rest = undetermined_rest(hybrid.guided, motion)
+        rest = undetermined_rest(hybrid.contacts.guided, motion)
         if rest is None:
             return
         kept = self._until(rest.t, mechanism, hybrid, motion)

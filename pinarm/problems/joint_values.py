@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.systems.system import Follower
+from pinarm.engine.motion.systems import Follower
 from pinarm.errors import Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import check_unit

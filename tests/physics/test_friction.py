@@ -36,7 +36,7 @@ def test_a_block_on_a_belt_sticks_and_slips_as_the_closed_form_says(write, law):
     sticking = (begins - again) / speed
     # the tolerance of the integration is 1e-8
     assert found == pytest.approx([begins / speed, slipping, sticking], rel=1e-7)
-    assert [one.system.slip.direction for one in segments] == [(0,), (-1,), (0,), (-1,)]
+    assert [one.system.friction.slip.direction for one in segments] == [(0,), (-1,), (0,), (-1,)]
     assert result.figures["friction"] < 1e-12
 
 
@@ -584,7 +584,7 @@ def test_a_slider_crank_runs_out_and_stands_still(write):
     result = pinarm.run(write(CRANK, CLOSED + RUBBING, problem, "turn, loop.pin.friction, power.friction"))
     assert result.figures["energy"] < 1e-7
     assert result.figures["friction"] < 1e-11
-    ways = [one.system.slip.direction for one in result.outcome.motion.motion.segments]
+    ways = [one.system.friction.slip.direction for one in result.outcome.motion.motion.segments]
     assert len(ways) >= 3
     assert ways[-1] == (0, 0, 0, 0)
     assert all(0 not in way for way in ways[:-1])

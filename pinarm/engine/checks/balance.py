@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.figures import SAMPLE, relative, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
@@ -18,9 +18,8 @@ from pinarm.mechanics.geometry.vectors import crossed, joined, lengths, moved
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.solution import Solution
+    from pinarm.engine.integration.integrator import Solution
     from pinarm.engine.motion.segmented.segments import SegmentedMotion
-    from pinarm.engine.motion.variants import Ensemble
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""
@@ -296,80 +295,3 @@ def unaccounted(largest: Array, columns: Array) -> Array:
     rounding = ROUNDING * sizes.max(axis=0)
     known = exchanged * LOST > rounding
     return np.where(known, np.maximum(largest, rounding) / np.where(known, exchanged, 1.0), np.nan)
-
-
-class VariantParts(NamedTuple):
-    """Parts of the steps of k motions, in order; those of motions that have fewer end in parts of no length.
-
-    Attributes:
-        step: The step of each, shape (n, k).
-        start: Its start [s], shape (n, k).
-        h: Its length [s], shape (n, k).
-    """
-
-    step: Indices
-    start: Array
-    h: Array
-
-    @classmethod
-    def of(cls, ensemble: Ensemble, divided: Flags) -> VariantParts:
-        """Return the steps of motions, some of which are divided, shape (steps,)."""
-        steps, counts = ensemble.solution.steps, np.where(divided, ensemble.solution.method.subdivisions, 1)
-        step = np.repeat(np.arange(len(counts)), counts)
-        number = np.arange(len(step))
-        part = number - np.repeat(np.cumsum(counts) - counts, counts)
-        h = ((steps.until - steps.t) / counts)[step]
-        motion = ensemble.motion[step]
-        own = np.bincount(motion, minlength=len(ensemble.counts))
-        place = number - np.repeat(np.cumsum(own) - own, own)
-        last = np.maximum(ensemble.firsts + ensemble.counts - 1, 0)
-        shape = int(own.max(initial=1)), len(own)
-        found = cls(np.tile(last, (shape[0], 1)), np.tile(steps.until[last], (shape[0], 1)), np.zeros(shape))
-        for values, given in zip(found, (step, steps.t[step] + part * h, h), strict=True):
-            values[place, motion] = given
-        return found
-
-
-def variant_energies(dynamics: Dynamics, ensemble: Ensemble, interpolated: Flags) -> Array:
-    """Return the energy that nothing accounts for of motions of variants, relative to what is exchanged, shape (k,).
-
-    NaN where it is unknown.
-
-    Args:
-        dynamics: The equation of motion of the variants, whose force elements are at joints: springs, dampers, steady
-            ones.
-        ensemble: Their motions.
-        interpolated: Steps within which there are rows of the table, shape (steps,).
-    """
-    exchanging = dynamics.exchanging
-    divided = np.ones_like(interpolated) if exchanging else _divided(ensemble, interpolated)
-    parts = VariantParts.of(ensemble, divided)
-    last = np.maximum(ensemble.firsts + ensemble.counts - 1, 0)
-    steps = ensemble.solution.steps
-    step, ends = np.vstack([parts.step, last]), np.vstack([parts.start, steps.until[last]])
-    q, v = ensemble.states_in(step, ends)
-    lost = _variant_losses(exchanging, ensemble, parts) if exchanging else np.zeros_like(parts.h)
-    for force in dynamics.forces.values():
-        if force.steady:
-            force.add_load(0.0, q[0, 0], v[0, 0], load := np.zeros(v.shape[-1]))
-            lost = lost - np.diff(q, axis=0) @ load
-    columns = *dynamics.energy(q, v), np.concatenate([0.0 * lost[:1], np.cumsum(lost, axis=0)])
-    drift = np.sum([column - column[0] for column in columns], axis=0)
-    return unaccounted(np.abs(drift).max(axis=0), np.array(columns))
-
-
-def _divided(ensemble: Ensemble, looked: Flags) -> Flags:
-    """Return the steps that are looked into, shape (steps,): those that have been, and an even choice besides."""
-    divided = looked.copy()
-    for first, count in zip(ensemble.firsts.tolist(), ensemble.counts.tolist(), strict=True):
-        divided[first + sampled(count, STEPS)] = True
-    return divided
-
-
-def _variant_losses(dynamics: Dynamics, ensemble: Ensemble, parts: VariantParts) -> Array:
-    """Return the energy that elements take out in parts of steps [J], shape (n, k)."""
-    nodes = 0.5 * (gauss_nodes() + 1.0)
-    t = parts.start + nodes[:, None, None] * parts.h
-    q, v = ensemble.states_in(np.broadcast_to(parts.step, t.shape), t)
-    power = np.sum([force.dissipated_power(t, q, v) for force in dynamics.forces.values()], axis=0)
-    return np.asarray(np.tensordot(part_weights(1)[0], power, 1) * parts.h)

@@ -26,7 +26,7 @@ from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.closure import Closure
-    from pinarm.engine.motion.systems import CompletedStates, Initial, System
+    from pinarm.engine.motion.systems import CompletedStates, System
     from pinarm.mechanics.laws.motion_law import Grid
 
 CONTROL = "control"
@@ -218,10 +218,6 @@ class ControlledSystem:
     def closure(self) -> Closure:
         """Constraints with multipliers."""
         return self.inner.closure
-
-    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
-        """Return the integrated state that belongs to the initial one."""
-        return self.with_integrals(*self.inner.begin(initial, start, end))
 
     def with_integrals(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return states with the integrals in the memory."""

@@ -22,7 +22,7 @@ from pinarm.mechanics.geometry.kinematics import with_masses
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Acceleration, Accelerations
+    from pinarm.engine.integration.integrator import Acceleration
 
 Targets = Callable[[float], tuple[Array, Array, Array]]
 """``t -> w, w', w''``, each of shape (k,)."""
@@ -109,7 +109,7 @@ class CoordinatePartition(Record, frozen=True):
 
         return reduced
 
-    def accelerations(self, dynamics: Dynamics, targets: ManyTargets) -> Accelerations:
+    def accelerations(self, dynamics: Dynamics, targets: ManyTargets) -> Callable[[Array, Array, Array], Array]:
         """Return the same of many states at once: shapes (n,), (n, nq) and (n, nv) to (n, nv)."""
 
         def reduced(t: Array, q: Array, v: Array) -> Array:

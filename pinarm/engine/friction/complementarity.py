@@ -103,13 +103,9 @@ def directions_of(groups: Sequence[SlipGroup], signs: Sequence[float], k: int) -
 
 
 class FrictionSolution(NamedTuple):
-    """Friction in one state, and what follows from it.
+    """Friction f of k joints in one state, and accelerations alpha of the slips, both of shape (k,).
 
-    Attributes:
-        f: Friction [N*m or N], shape (k,).
-        alpha: Accelerations of the slips [rad/s^2 or m/s^2], shape (k,).
-        held: phi of every stuck group [N*m or N], shape (g,).
-        bounds: The most that it can be, shape (g,).
+    ``held`` is phi of every stuck group [N*m or N], ``bounds`` the most that it can be, both of shape (g,).
     """
 
     f: Array
@@ -120,13 +116,7 @@ class FrictionSolution(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FrictionBalance:
-    """The laws of k joints and their response to friction in one state.
-
-    Attributes:
-        contacts: The joints.
-        response: Of the mechanism to friction.
-        speed: |u| [rad/s or m/s], of slips with several components their length, shape (k,).
-    """
+    """The laws of k joints and their response to friction in one state; ``speed`` is |u|, shape (k,)."""
 
     contacts: Sequence[FrictionContact]
     response: SlipResponse
@@ -147,7 +137,8 @@ class FrictionBalance:
         Args:
             direction: Of joints that slip, 0 of others; see ``Slipping``, shape (k,).
             stuck: Groups that are stuck.
-            resting: Which joints that slip have the friction of rest, as they only begin to, shape (k,).
+            resting: Which joints that slip have the friction of rest, as they only begin to, shape
+                (k,).
             any_load: Whether there has to be exactly one for loads nearby as well.
 
         Raises:
@@ -201,22 +192,18 @@ class FrictionBalance:
     def shared(self, groups: Sequence[SlipGroup], direction: Array, mu: Array, constant: Array) -> Array:
         """Return friction f whose groups share in proportion to limits that depend on f, shape (k,).
 
-        Members have ``f_i = sigma u_i L_i(f)``, with ``|sigma| <= 1`` such that the group does not accelerate; where
-        even ``|sigma| = 1`` does not hold the group, it breaks loose with these limits. With the frictions of joints
-        that slip, ``f_i = - s_i R_i(f)``, and of groups of one member, these are as many equations as unknowns f and
-        sigma:
+        Members have ``f_i = sigma u_i L_i(f)``, with ``|sigma| <= 1`` such that the group does not accelerate;
+        where even ``|sigma| = 1`` does not hold the group, it breaks loose with these limits. With the
+        frictions of joints that slip, ``f_i = - s_i R_i(f)``, and of groups of one member, these are as many
+        equations as unknowns f and sigma:
 
             f_i - e_i R_i(f) = 0,    alpha_g(f) = 0  or  sigma_g = +-1        (1)
 
-        Solved by Newton's method; which of the two equations of a group counts is told by ``sigma - rho / b``, with the
-        rest ``rho = alpha / A`` and the limit b of the group (Hintermueller, Ito, Kunisch, The primal-dual active set
-        strategy as a semismooth Newton method, SIAM J. Optim. 13 (2003), 865-888).
-
-        Args:
-            groups: The g groups that are stuck.
-            direction: Of joints that slip, 0 of others, shape (k,).
-            mu: Of joints that slip those of slip, of stuck ones those at rest, 0 of others, shape (k,).
-            constant: Likewise [N*m or N], shape (k,).
+        Solved by Newton's method; which of the two equations of a group counts is told by ``sigma - rho / b``,
+        with the rest ``rho = alpha / A`` and the limit b of the group (Hintermueller, Ito, Kunisch, The primal-
+        dual active set strategy as a semismooth Newton method, SIAM J. Optim. 13 (2003), 865-888). ``mu`` and
+        ``constant`` are those of slip of joints that slip, those at rest of stuck ones, 0 of others, shape
+        (k,).
 
         Raises:
             DynamicsError: Newton's method does not find it.
@@ -327,7 +314,7 @@ class _Decision:
     def wanted(self, signs: Sequence[int], *, slips: bool) -> tuple[FrictionSolution | None, list[int]]:
         """Return the friction, and by group the sign that it ought to have where it contradicts itself.
 
-        ``slips`` tells whether joints that begin to slip have the friction of slip, or that of rest.
+        ``slips``: joints that begin to slip have the friction of slip, not that of rest.
         """
         resting: Flags = (self.given == 0.0) & (not slips)
         stuck = [group for group, sign in zip(self.groups, signs, strict=True) if not sign]

@@ -55,12 +55,8 @@ def extreme_frictions(
 ) -> Extremes:  # fmt: skip
     """Return the frictions at the corners; none where nothing is open.
 
-    Args:
-        balance: The state.
-        direction: Of joints that slip, 0 of others, shape (k,).
-        stuck: The groups at rest.
-        friction: Of the rows, shape (k,): joints that slip keep theirs.
-        unknown: Joints whose limits rigid bodies do not determine.
+    Joints that slip, in a direction that is not 0, keep their friction. ``unknown`` are joints whose limits rigid
+    bodies do not determine.
     """
     corners, ways = _shared(balance, direction, stuck, friction)
     corners = corners if len(corners) else friction[None]
@@ -185,10 +181,7 @@ def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[tuple[SlipG
 
 
 def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
-    """Return how far from one friction to another one constraints that push or pull only hold, shape (n,).
-
-    ``lam`` and ``other`` are the multipliers under both frictions, shape (n, m).
-    """
+    """Return how far from one friction to another, by the multipliers, one-sided constraints only hold, (n,)."""
     part, slices = np.ones(len(lam)), closure.slices
     for constraint in one_sided(closure.constraints):
         row = slices[constraint.name].start

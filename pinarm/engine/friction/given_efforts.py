@@ -24,18 +24,10 @@ NOTHING = np.zeros(0)
 def friction_under(
     contacts: Sequence[FrictionContact], dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array
 ) -> tuple[Array, list[tuple[Array, Flags]]]:
-    """Return the friction of k joints under efforts, shape (n, k) [N*m or N], and others that hold as well.
+    """Return the friction of k joints under efforts of drives, shape (n, k) [N*m or N], and others that hold as well.
 
-    These are the extremes of shares of joints at rest; see ``extreme_frictions`` and ``filled``.
-
-    Args:
-        contacts: The joints.
-        dynamics: Masses, weights and loads, without this friction.
-        closure: The constraints.
-        t: Instant [s].
-        q: Configurations, shape (n, nq).
-        v: Velocities, shape (n, nv).
-        tau: Efforts of the drives [N*m or N], shape (n, nv).
+    These are the extremes of shares of joints at rest; see ``extreme_frictions`` and ``filled``. States q and v and
+    efforts have the shapes (n, nq), (n, nv) and (n, nv); ``dynamics`` is without this friction.
 
     Raises:
         DynamicsError: Rigid bodies with friction do not determine it.

@@ -41,13 +41,9 @@ OPEN = 1e-9
 
 
 class SlipResponse(NamedTuple):
-    """Accelerations of k slips, and loads of their bearings, as functions of the friction.
+    """Accelerations ``alpha0 + A f`` of k slips, and loads of their bearings, as functions of the friction f.
 
-    Attributes:
-        acceleration: alpha0 [rad/s^2 or m/s^2], shape (k,).
-        mobility: A, shape (k, k).
-        loads: ``w(f)``.
-        driven: Which slips the constraints and laws determine, shape (k,).
+    ``driven`` tells which slips the constraints and laws determine, shape (k,).
     """
 
     acceleration: Array
@@ -161,7 +157,6 @@ class SlipEquation:
         return np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0))))
 
     def require_determined(self, q: Array) -> None:
-        """Raise where the load of a bearing is not determined by rigid bodies; see ``BearingReactions``."""
         if self.loaded and self.closure.size:
             rows = self.closure.split_at(q)
             BearingReactions(self.contacts, self.closure, self.dynamics).require_determined(rows, q)
@@ -212,13 +207,8 @@ class BearingReactions:
     def loads(self, t: float, q: Array, v: Array, a: Array, lam: Array, sizes: Array) -> CarriedLoads:
         """Return the wrenches as functions of the friction in one state.
 
-        Args:
-            t: Instant [s].
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            a: Accelerations without friction, then with that of each joint alone, shape (1 + k, nv).
-            lam: Multipliers likewise, shape (1 + k, m).
-            sizes: These frictions [N*m or N], shape (k,).
+        Accelerations, shape (1 + k, nv), and multipliers, shape (1 + k, m), are those without friction, then
+        those with a friction of the given size of each joint alone, shape (k,).
         """
         if self._by_multipliers:
             wrenches = self._carried(q, lam)
@@ -274,11 +264,7 @@ class BearingReactions:
                 )
 
     def require_determined(self, rows: SplitRows, q: Array) -> None:
-        """Raise where multipliers that do nothing load a bearing.
-
-        Args:
-            rows: Of the constraints, taken apart.
-            q: Configuration, shape (nq,).
+        """Raise where multipliers that do nothing load a bearing, at a configuration with the rows of the constraints.
 
         Raises:
             DynamicsError: Says which joint's friction rigid bodies do not determine.

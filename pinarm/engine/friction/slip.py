@@ -34,7 +34,7 @@ class Slip(ValueRecord, frozen=True):
         stuck: Groups of joints that friction keeps at rest.
         begun: Start of the stretch [s].
         rest: Slips [rad/s or m/s] that rounding of the instant of a switch leaves, shape (k,).
-        slack: Friction [N*m or N] of the groups that rounding leaves; see ``sliding.NOTHING``, shape (g,).
+        slack: Friction [N*m or N] of the groups that rounding leaves; see ``joint_friction.NOTHING``, shape (g,).
     """
 
     direction: tuple[float, ...] = ()

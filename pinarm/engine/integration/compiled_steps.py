@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.integration.integrator import Interval
+from pinarm.engine.integration.integrator import Interval, Solution
 from pinarm.engine.integration.runge_kutta import (
     FASTEST,
     GAIN,
@@ -21,9 +20,8 @@ from pinarm.engine.integration.runge_kutta import (
     SHORTEST,
     SLOWEST,
     TINY,
+    Tableau,
 )
-from pinarm.engine.integration.solution import Solution
-from pinarm.engine.integration.tableaus import Tableau
 from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
 from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, PairStructure
 
@@ -55,10 +53,7 @@ def pair_of(tableau: Tableau) -> tuple[PairStructure, list[Array]]:
 class CompiledSteps:
     """The steps that a stepper takes, many in one call; with ``AdaptiveStepper``, those of its pair.
 
-    Attributes:
-        solution: Where they are added.
-        stepper: The present state and its slope.
-        room: Largest number of steps of the next call.
+    ``room`` is the largest number of steps of the next call.
     """
 
     def __init__(self, solution: Solution, stepper: AdaptiveStepper) -> None:
@@ -68,15 +63,15 @@ class CompiledSteps:
     def prepare(self, room: int, rows: int, scratch: int) -> None:
         """Make room for steps of some rows of slopes each.
 
-        Starts, lengths and ends of the steps [s], shape (3, room); how many were rejected before each, whether each was
-        accepted as rounding, and is known to be clear of singular positions, shape (room,); states at their starts,
-        shape (room, n); slopes at their stages, and those of the step that is tried last, shape (room + 1, rows, n).
+        Starts, lengths and ends of the steps [s], shape (3, room); how many were rejected before each, and whether
+        each was accepted as rounding, shape (room,); states at their starts, shape (room, n); slopes at their stages,
+        and those of the step that is tried last, shape (room + 1, rows, n).
         """
         n, self.room = len(self.stepper.y), room
         self.times, self.states, self._scratch = np.empty((3, room)), np.empty((room, n)), np.empty((scratch, n))
         self.slopes, self.rejections = np.zeros((room + 1, rows, n)), np.empty(room, np.intp)
-        self.floored, self.clear = np.empty((2, room), np.intc)
-        places = self.stepper.y, self._scratch, *self.times, self.rejections, self.floored, self.clear
+        self.floored = np.empty(room, np.intc)
+        places = self.stepper.y, self._scratch, *self.times, self.rejections, self.floored
         self.course = CourseStructure(*5 * [0.0], 0, room, 0, 0, 0, *map(pointer, (*places, self.states, self.slopes)))
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
@@ -123,8 +118,7 @@ class CompiledSteps:
         course = self.course
         settled = course.written - course.handed
         if flow.settles and settled:
-            starts, _, ends = self.times[:, :settled].tolist()
-            flow.advanced(ends, compress(starts, self.clear[:settled].tolist()))
+            flow.advanced(self.times[2, :settled].tolist())
         if course.handed:
             self.stepper.settle(course.t)
             if self.floored[course.written - 1]:
@@ -135,22 +129,11 @@ class CompiledSteps:
 
 def terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Array) -> Array:
     """Return the terms of the dense output of n steps, shape (n, d, nq + nv); see ``runge_kutta.dense_terms``."""
-    ways = [*map(flow.way, t.tolist())]
-    found = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
-    for way in dict.fromkeys(ways):
-        alike = np.flatnonzero([each == way for each in ways])
-        flow.take(way)
-        found[alike] = _terms(tableau, flow, t[alike], h[alike], y[alike], slopes[alike])
-    return found
-
-
-def _terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Array) -> Array:
-    """Return the terms of steps whose further stages are taken in one way."""
     arrays = list(map(contiguous, (t, h, y, slopes)))
     scratch = np.empty((tableau.stages + 2 + len(tableau.dense_c), y.shape[1]))
     found = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
     addresses = (ctypes.c_void_p(pointer(x)) for x in (*arrays, scratch, found))
-    held = flow.held(t.tolist())
-    parts = map(ctypes.byref, (pair_of(tableau)[0], flow.structure, held))
+    flow.within(float(t[0]))
+    parts = map(ctypes.byref, (pair_of(tableau)[0], flow.structure, flow.held(t.tolist())))
     kernel().pair_terms(*parts, ctypes.c_ssize_t(len(y)), *addresses)
     return found

@@ -11,9 +11,8 @@ from msgspec import Struct
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch, locate_crossings, possible_crossings
-from pinarm.engine.integration.integrator import Interval, Manifold, StepsOver
+from pinarm.engine.integration.integrator import Interval, Manifold, Solution, StepsOver
 from pinarm.engine.integration.runge_kutta import PASSED, SHORTEST
-from pinarm.engine.integration.solution import Solution
 from pinarm.errors import IntegrationError, Interrupted
 
 if TYPE_CHECKING:
@@ -49,16 +48,15 @@ def integrate(
         v: Initial velocity, shape (nv,).
         method: The method.
         max_steps: Largest number of steps, rejected ones included.
-        watches: Values whose zero crossings are located; one that stops ends the integration at its crossing.
-        steps_over: Whether a step may have stepped over a piece of a load; methods with variable steps reject it.
+        watches: Values whose zero crossings are located; one that stops ends the integration at its
+            crossing.
+        steps_over: Whether a step may have stepped over a piece of a load; methods with variable steps
+            reject it.
         begun_with: Error of the initial state; see ``Solution``.
 
-    Returns:
-        The steps, with dense output.
-
     Raises:
-        IntegrationError: The step became too small, the steps too many, or the acceleration is not finite; ``partial``
-            holds the solution up to there.
+        IntegrationError: The step became too small, the steps too many, or the acceleration is not finite;
+            ``partial`` holds the solution up to there.
         Interrupted: The user interrupted it; likewise.
     """
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
@@ -82,17 +80,10 @@ class SingleSteps(Struct, eq=False, dict=True, weakref=True):
     steps_over: StepsOver | None
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Try one step in an interval, or the part of it up to the next sample; add it to the solution if accepted.
+        """Try one step in a span, or in what is left of it, and add it to the solution if accepted.
 
-        Args:
-            index: Index of the interval.
-            span: The interval, or its part: the last step ends at its end.
-            t: Present time [s].
-            h: Next step [s].
-            tries: Largest number of steps to try, rejected ones included; at least 1.
-
-        Returns:
-            The time that is reached and the next step [s].
+        It begins at t, with the next step h [s]; ``tries`` bounds the steps of ``CompiledSteps``. Return the
+        time that is reached and the next step [s].
         """
         stepper, end, count = self.stepper, span.end, self.solution.count
         last = t + 1.01 * h >= end
@@ -197,12 +188,10 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
 
     @property
     def taken(self) -> int:
-        """Number of steps, rejected ones included."""
         return len(self.solution.steps) + self.solution.count.rejected
 
     @property
     def probe(self) -> int:
-        """Number of steps after which ``is_hopeless`` is asked."""
         return max(self.max_steps // PROBED, 100)
 
     @property
@@ -212,11 +201,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
         return min(self.max_steps, self.probe if taken < self.probe else self.max_steps) - taken
 
     def check_progress(self, t: float, interval: Interval) -> None:
-        """Raise where the steps have become too short or too many.
-
-        Raises:
-            IntegrationError: See ``integrate``.
-        """
+        """Raise where the steps have become too short or too many."""
         solution = self.solution
         if not self.h >= SHORTEST * math.ulp(max(abs(t), interval.end - interval.start)):  # NaN included
             raise _stuck(solution, t, self.h, self.stepper)

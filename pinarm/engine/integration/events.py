@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration.solution import Crossing, Solution
+from pinarm.engine.integration.integrator import Crossing, Solution
 from pinarm.engine.integration.turns import (
     BESIDE,
     DIGITS,
@@ -55,18 +55,22 @@ class Watch(ValueRecord, frozen=True):
         value: ``(t, q, v) -> g`` of many states at once, shape (n,).
         direction: 1 for rising crossings, -1 for falling ones, 0 for both.
         stops: Whether the integration ends at the first crossing.
-        loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as long as the
-            motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
-        counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is ``None``.
-        begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving it.
-        level: Size of the numbers whose difference the value is. Where it turns back at 0 but for the error of the
-            solution, or the integration ends at 0 but for the rounding of these numbers, it comes to 0 there, once.
-            ``None`` where it has to cross 0.
-        what: What happens where the value comes to 0, or ends there where ``loaded``; empty where nothing is decided.
+        loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as
+            long as the motion lasts: where loads jump at a sample and it is negative then, the integration
+            ends there.
+        counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is
+            ``None``.
+        begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving
+            it.
+        level: Size of the numbers whose difference the value is. Where it turns back at 0 but for the error
+            of the solution, or the integration ends at 0 but for the rounding of these numbers, it comes to
+            0 there, once. ``None`` where it has to cross 0.
+        what: What happens where the value comes to 0, or ends there where ``loaded``; empty where nothing
+            is decided.
         unit: Unit of the margin.
         margin: Distance to the threshold, of the sign of the value; ``None`` where it is the value.
-        sensitivity: ``(t, q, v) -> change of the margin`` in one state by a relative error 1 of the states; ``None``
-            where it is not known.
+        sensitivity: ``(t, q, v) -> change of the margin`` in one state by a relative error 1 of the states,
+            if known.
     """
 
     value: Callable[[Array, Array, Array], Array]
@@ -169,13 +173,9 @@ def _instants(within: WithinStep, watch: Watch, part: StepPart, turns: Sequence[
 
 
 class StepPart(NamedTuple):
-    """A part of a step on which a value is interpolated.
+    """A part of a step, from ``low`` to ``high`` of it, and the values at its nodes.
 
-    Attributes:
-        low: Its start, from 0 to 1.
-        high: Its end.
-        values: Values at the nodes.
-        resolved: Whether their series shows the signs, or the part is so short that a kink or a jump is in it.
+    ``resolved`` tells whether their series shows the signs, or the part is so short that a kink or a jump is in it.
     """
 
     low: float
@@ -208,7 +208,6 @@ def _parts(within: WithinStep, watch: Watch, values: Array) -> Iterator[StepPart
 
 
 def _halves(part: StepPart) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the ends of the halves of a part."""
     middle = 0.5 * (part.low + part.high)
     return (part.low, middle), (middle, part.high)
 
@@ -240,7 +239,6 @@ def keeps_sign(values: Array) -> Flags:
 
 
 def _is_one_sided(series: Array) -> Flags:
-    """Return the same of the series, shape (.., k) to (..)."""
     return np.asarray((1.0 - NEAR) * np.abs(series[..., 0]) > np.abs(series[..., 1:]).sum(axis=-1))
 
 
@@ -288,21 +286,14 @@ def _brackets(
 
 
 def _is_between(roots: Array, place: float) -> Flags:
-    """Return between which two neighbouring roots a place is, shape (n - 1,)."""
     return np.asarray((roots[:-1] <= place) & (place <= roots[1:]))
 
 
 def _refined(within: WithinStep, watch: Watch, bracket: tuple[float, float], *, above: bool) -> float | None:
     """Return the first instant after a crossing in a bracket, to rounding [s]; ``None`` where only its series has one.
 
-    The crossing may lie before the bracket by the rounding of the series. At the end of a step the state is closed, and
-    its value counts.
-
-    Args:
-        within: The step.
-        watch: The watched value.
-        bracket: Two instants [s].
-        above: Whether the value is positive before the crossing.
+    The crossing may lie before the bracket by the rounding of the series. At the end of a step the state is closed,
+    and its value counts. ``above`` tells whether the value is positive before the crossing.
     """
     low, high = bracket
 

@@ -1,4 +1,4 @@
-"""Interfaces of time integration: an interval of smooth motion, the configuration space, and the cost.
+"""Interfaces of time integration, and solutions: intervals of smooth motion, accepted steps, states between them.
 
 No module of this package knows mechanisms. A state is ``y = [q, v]``; arrays of states have leading axes.
 """
@@ -6,23 +6,23 @@ No module of this package knows mechanisms. A state is ``y = [q, v]``; arrays of
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
+    from pinarm.engine.integration.methods import Method
+    from pinarm.engine.integration.turns import Turn
     from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
 """``(t, q, v) -> a`` of one state, shapes (nq,), (nv,) and (nv,); the integrator reuses the arrays q and v."""
-
-Accelerations = Callable[[Array, Array, Array], Array]
-"""``(t, q, v) -> a`` of many states at once, shapes (n,), (n, nq), (n, nv) and (n, nv)."""
 
 Projection = Callable[[float, Array, Array], tuple[Array, Array]]
 """``(t, q, v) -> q, v``: projection of a state onto the constraints."""
@@ -49,14 +49,10 @@ class Manifold(Protocol):
     """The configuration space: q of nq numbers, v of nv numbers, and ``q' = velocity(q, v)``."""
 
     @property
-    def nq(self) -> int:
-        """Number of coordinates in q."""
-        ...
+    def nq(self) -> int: ...
 
     @property
-    def nv(self) -> int:
-        """Number of velocities in v."""
-        ...
+    def nv(self) -> int: ...
 
     def velocity(self, q: Array, v: Array) -> Array:
         """Return the time derivative of q, shape of q: (nq,) or (n, nq)."""
@@ -86,19 +82,23 @@ class Interval(ValueRecord, frozen=True):
     Attributes:
         start: First instant [s].
         end: Last instant [s].
-        acceleration: Acceleration of one state, smooth up to both ends; at a jump each interval has its own side.
-        settle: Projection onto the constraints, applied after every accepted step; ``None`` without constraints.
-        floor: Returns the smallest useful step [s]: close to a singular position, where rounding is amplified, shorter
-            steps are no better. Such a step is accepted with an error above the tolerance, up to ``runge_kutta.NOISE``.
-        acceleration_of_step: Start of an accepted step [s] -> the acceleration that this step used; ``None`` where it
-            does not depend on the step (it does where the step began close to a singular position).
-        size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
+        acceleration: Acceleration of one state, smooth up to both ends; at a jump each interval has its own
+            side.
+        settle: Projection onto the constraints, applied after every accepted step; ``None`` without
+            constraints.
+        floor: Returns the smallest useful step [s]: close to a singular position, where rounding is
+            amplified. Such a step is accepted with an error above the tolerance, up to
+            ``runge_kutta.NOISE``.
+        acceleration_of_step: Start of an accepted step [s] -> the acceleration for further stages within
+            it, under the loads of that step, with loops closed; ``None`` where it is ``acceleration``.
+        size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much
+            smaller.
         compiled: The same motion in compiled code; ``None`` where there is none.
-        knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps, ascending.
-        sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for none.
+        knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps,
+            ascending.
+        sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for
+            none.
         remark: A note to the user on how the motion is computed; mostly empty.
-        outlook: Start of an accepted step [s] -> whether it is known to stay clear of singular positions, and the rank
-            of the constraints in it; ``None`` where nothing is known.
     """
 
     start: float
@@ -112,7 +112,6 @@ class Interval(ValueRecord, frozen=True):
     knots: tuple[float, ...] = ()
     sampling: SampleTimes | None = None
     remark: str = ""
-    outlook: Callable[[float], tuple[bool, int]] | None = None
 
     def span(self, t: float) -> Interval:
         """Return the part from t [s] on in which steps need not end: up to the next knot or sample."""
@@ -137,11 +136,7 @@ class Interval(ValueRecord, frozen=True):
     def slopes(self, manifold: Manifold, start: Array, t: Array, y: Array) -> Array:
         """Return the slopes of states, shape (n, nq + nv), whose q are projected onto the manifold in place.
 
-        Args:
-            manifold: The configuration space.
-            start: Starts of the steps that the states belong to [s], shape (n,).
-            t: Instants of the states [s], shape (n,).
-            y: States, shape (n, nq + nv).
+        They are at instants t [s], within steps that start at given ones [s], both of shape (n,).
         """
         nq = manifold.nq
         y[:, :nq] = manifold.project(y[:, :nq])
@@ -155,13 +150,10 @@ class Interval(ValueRecord, frozen=True):
 
 
 class Count(Struct):
-    """Cost of an integration.
+    """Cost of an integration: numbers of accelerations and of steps.
 
-    Attributes:
-        evaluations: Number of accelerations computed for the steps.
-        rejected: Number of rejected steps.
-        floored: Number of steps accepted at ``Interval.floor``, with an error above the tolerance.
-        stepped_over: Number of steps of fixed length that may have stepped over a piece of a load.
+    ``floored`` steps were accepted at ``Interval.floor``, with an error above the tolerance; ``stepped_over`` ones have
+    a fixed length and may have stepped over a piece of a load.
     """
 
     evaluations: int = 0
@@ -171,14 +163,242 @@ class Count(Struct):
 
 
 class Doubt(ValueRecord, frozen=True):
-    """A sign that a method or its step was a poor choice.
-
-    Attributes:
-        kind: Of several doubts of one kind in the segments of a motion, the largest is printed.
-        size: Its size, to compare it with others of its kind.
-        text: The note.
-    """
+    """A sign that a method or its step was a poor choice; of several of one kind the largest is printed."""
 
     kind: str
     size: float
     text: str
+
+
+LEAST = 16
+"""Rows for which a table has storage at least, once it grows."""
+
+Column = np.ndarray[tuple[Any, ...], np.dtype[Any]]
+"""An array whose rows are numbers of any kind."""
+
+DenseOutput = tuple[Array, dict[int, tuple[Array, Array]]]
+"""Terms r of a polynomial over each of n steps, ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))`` with x from 0
+to 1 over the step, shape (n, d, nq + nv); and of steps that are divided, by their number, the states at the starts of
+equal parts, shape (p, nq + nv), and the terms over these, shape (p, d, nq + nv)."""
+
+
+class Step(NamedTuple):
+    """An accepted step: start, length and end [s], state at the start, slopes at its stages, index of its interval.
+
+    The end is ``t + h`` to rounding, or earlier where an event ended the step.
+    """
+
+    t: float
+    h: float
+    until: float
+    y: Array
+    slopes: Array
+    interval: int
+
+
+class StepTable(Struct, eq=False):
+    """The accepted steps of a motion, in order of time; columns are valid until further steps are added."""
+
+    _count: int = 0
+    _storage: list[Column] = []
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: int) -> Step:
+        t, h, until = self.times[index].tolist()
+        return Step(t, h, until, self.y[index], self.slopes[index], int(self.interval[index]))
+
+    def _column(self, k: int) -> Column:
+        return self._storage[k][: self._count] if self._storage else np.empty((0, 3))
+
+    @property
+    def times(self) -> Array:
+        """Starts, lengths and ends [s], shape (n, 3)."""
+        return self._column(0)
+
+    @property
+    def t(self) -> Array:
+        return self.times[:, 0]
+
+    @property
+    def h(self) -> Array:
+        return self.times[:, 1]
+
+    @property
+    def until(self) -> Array:
+        return self.times[:, 2]
+
+    @property
+    def y(self) -> Array:
+        return self._column(1)
+
+    @property
+    def slopes(self) -> Array:
+        return self._column(2)
+
+    @property
+    def interval(self) -> Indices:
+        return self._column(3).astype(np.intp, copy=False)
+
+    @property
+    def work(self) -> Indices:
+        """Evaluations, rejected and floored steps up to the end of each step, shape (n, 3)."""
+        return self._column(4)
+
+    def extend(self, times: Array, y: Array, slopes: Array, interval: int | Indices, work: Indices) -> None:
+        """Add n steps; the arguments are rows of the columns, the interval may be that of all."""
+        intervals = np.broadcast_to(np.asarray(interval, np.intp), len(times))
+        rows = [*(np.asarray(x, np.float64) for x in (times, y, slopes)), intervals, np.asarray(work, np.intp)]
+        end = self._count + len(times)
+        if not self._storage:
+            self._storage, self._count = [x.copy() for x in rows], end
+            return
+        if end > len(self._storage[0]):
+            room = max(2 * self._count, end, LEAST)
+            self._storage = [np.resize(self._column(k), (room, *x.shape[1:])) for k, x in enumerate(rows)]
+        for stored, x in zip(self._storage, rows, strict=True):
+            stored[self._count : end] = x
+        self._count = end
+
+    def some(self, index: Indices) -> StepTable:
+        """Return some of the steps, to be read only: in place where they follow one another."""
+        first, last = int(index[0]), int(index[-1])
+        rows = slice(first, last + 1) if last - first + 1 == len(index) else index
+        return StepTable(len(index), [self._column(k)[rows] for k in range(5)])
+
+    def truncate(self, count: int) -> None:
+        self._count = min(count, len(self))
+
+
+class Crossing(ValueRecord, frozen=True):
+    """A zero crossing: index of the watch, instant [s], configuration, shape (nq,), and velocity, shape (nv,)."""
+
+    watch: int
+    t: float
+    q: Array
+    v: Array
+
+
+class Solution(Struct, eq=False, dict=True, weakref=True):
+    """The result of an integration: its steps, and by dense output the state at any time between.
+
+    Attributes:
+        method: The method.
+        manifold: The configuration space.
+        intervals: The integrated intervals.
+        steps: Accepted steps.
+        crossings: Zero crossings of the watched values, in order of time.
+        count: Cost.
+        final: State at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event
+            or a failure ended the integration.
+        unresolved: Parts of steps in which a watched value varies with loads faster than it is looked at
+            [s].
+        begun_with: Error of the state at its start, relative to ``size + |y|``.
+        nearest: Index of a watch -> the turn at which it is the least certain whether its value comes to 0.
+    """
+
+    method: Method
+    manifold: Manifold
+    intervals: Sequence[Interval]
+    steps: StepTable = field(default_factory=StepTable)
+    crossings: list[Crossing] = []
+    count: Count = field(default_factory=Count)
+    final: Array | None = None
+    unresolved: list[tuple[float, float]] = []
+    begun_with: float = 0.0
+    nearest: dict[int, Turn] = {}
+    _known: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    """Which steps have a dense output, and more rows than there are steps."""
+    _terms: Array = field(default_factory=lambda: np.empty(0))
+    _divided: dict[int, tuple[Array, Array]] = {}
+
+    @property
+    def end(self) -> float:
+        """Last time reached [s]."""
+        return float(self.steps.until[-1]) if self.steps else self.intervals[0].start
+
+    @property
+    def size(self) -> float:
+        """Largest coordinate or velocity at the ends of its steps, in SI; 0 without steps."""
+        return float(np.abs(self.steps.y).max(initial=0.0))
+
+    @property
+    def displacement(self) -> float:
+        """Largest change of a coordinate, or velocity, at the ends of its steps, in SI; 0 without steps."""
+        states = self.steps.y.copy()
+        states[:, : self.manifold.nq] -= states[:1, : self.manifold.nq].copy()
+        return float(np.abs(states).max(initial=0.0))
+
+    @property
+    def last(self) -> Array:
+        """State [q, v] at the last time reached, shape (nq + nv,)."""
+        return np.hstack(self.states(np.array([self.end])))[0] if self.final is None else self.final
+
+    def states(self, t: Array) -> tuple[Array, Array]:
+        """Return the states at times t [s], shape (n,): q of shape (n, nq) and v of shape (n, nv)."""
+        index = self.steps.t.searchsorted(t, side="right") - 1
+        return self.states_in(np.maximum(index, 0), t)
+
+    def states_in(self, index: Indices, t: Array) -> tuple[Array, Array]:
+        """Return the states at many times, each from the step of the given index, both of shape (n,)."""
+        if not len(index):
+            return np.empty((0, self.manifold.nq)), np.empty((0, self.manifold.nv))
+        start, y = self.steps.t[index], self.steps.y[index]
+        inside = (t != start).nonzero()[0]  # at the start of a step its state is known
+        if len(inside):
+            within = index[inside]
+            x = (t - start)[inside] / self.steps.h[within]
+            self._interpolate(within)
+            y[inside] = interpolated(y[inside], self._terms[within], x)
+            for number in self._divided.keys() & set(within.tolist()) if self._divided else ():
+                (base, terms), here = self._divided[number], within == number
+                part = np.clip((x[here] * len(base)).astype(np.intp), 0, len(base) - 1)
+                y[inside[here]] = interpolated(base[part], terms[part], x[here] * len(base) - part)
+        return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
+
+    def truncate(self, count: int) -> None:
+        """Keep the first steps, and their cost; without any, the cost of those that go is kept."""
+        self.steps.truncate(count)
+        self._known[count:] = False
+        self._divided = {number: parts for number, parts in self._divided.items() if number < count}
+        if count:
+            self.count.evaluations, self.count.rejected, self.count.floored = self.steps.work[-1].tolist()
+
+    @property
+    def interpolated_steps(self) -> list[int]:
+        """Indices of the steps whose dense output has been computed, ascending."""
+        return [*map(int, self._known.nonzero()[0])]
+
+    def _interpolate(self, index: Indices) -> None:
+        """Compute the dense output of those steps that have none yet, interval by interval."""
+        if len(self._known) < len(self.steps):
+            self._known = np.append(self._known, np.zeros(2 * len(self.steps) - len(self._known), bool))
+        missing = index[~self._known[index]]
+        if not len(missing):
+            return
+        missing = np.bincount(missing).nonzero()[0]
+        for some in _alike(missing, self.steps.interval[missing]):
+            interval = self.intervals[self.steps.interval[some[0]]]
+            terms, divided = self.method.dense_output(interval, self.manifold, self.steps.some(some))
+            if len(self._terms) < len(self._known):
+                known, self._terms = self._terms, np.empty((len(self._known), *terms.shape[1:]))
+                self._terms[: len(known)] = known.reshape(-1, *terms.shape[1:])
+            self._terms[some], self._known[some] = terms, True
+            self._divided |= {int(some[number]): parts for number, parts in divided.items()}
+
+
+def _alike(index: Indices, intervals: Indices) -> Iterator[Indices]:
+    """Yield the steps of each interval."""
+    order = intervals.argsort(kind="stable")
+    ends = np.diff(intervals[order]).nonzero()[0] + 1
+    for start, end in pairwise([0, *ends.tolist(), len(index)]):
+        yield index[order[start:end]]
+
+
+def interpolated(base: Array, terms: Array, x: Array) -> Array:
+    """Return states of m polynomials, see ``DenseOutput``, at x of shape (m,), before they are projected."""
+    factors = np.empty(terms.shape[:2])  # x, x (1 - x), x (1 - x) x, ...
+    factors[:, ::2], factors[:, 1::2] = x[:, None], 1.0 - x[:, None]
+    y = np.vecmat(np.multiply.accumulate(factors, axis=1), terms)
+    return np.asarray(np.where(x[:, None] == 0.0, base, base + y))  # terms of a step that failed may be infinite

@@ -19,7 +19,7 @@ from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.events import Watch
-    from pinarm.engine.integration.solution import Solution, Step
+    from pinarm.engine.integration.integrator import Solution, Step
 
 BESIDE = 1e-3
 """Part of a step up to which roots outside of it are told from those within: one at an end may be on either side."""
@@ -77,18 +77,11 @@ class Turn(NamedTuple):
 
     @property
     def doubt(self) -> float:
-        """Error over margin: 1 or more where it is open."""
         return self.error / abs(self.margin) if self.margin else math.inf
 
 
 class WithinStep(Record, frozen=True):
-    """States within a step of a solution.
-
-    Attributes:
-        solution: The solution.
-        index: Index of the step.
-        end: State at its end, projected onto the constraints, shape (nq + nv,).
-    """
+    """A step of a solution, by its index, with the state at its end, projected onto the constraints."""
 
     solution: Solution
     index: int
@@ -96,7 +89,6 @@ class WithinStep(Record, frozen=True):
 
     @property
     def step(self) -> Step:
-        """The step."""
         return self.solution.steps[self.index]
 
     def evaluate(self, function: Callable[[Array, Array, Array], Any], t: Sequence[float] | Array) -> Any:

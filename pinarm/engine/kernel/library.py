@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -57,21 +57,6 @@ class Flow(Record, frozen=True):
         self.ready()
         return self.rates(t, y)
 
-    def settled(self, t: Array, y: Array) -> Array:
-        """Return states, brought back onto constraints as accepted ones are, or as given.
-
-        Args:
-            t: Their instants [s], shape (n,).
-            y: States [q, v], shape (n, nq + nv).
-        """
-        settle, states, slope = SETTLE(self.structure.settle), np.array(y, order="C"), np.empty(self.structure.n)
-        first, found, size = pointer(states), pointer(slope), states.itemsize * self.structure.n
-        self.ready()
-        for place, instant in zip(range(0, size * len(y), size), t.tolist(), strict=True):
-            settle(self.structure.system, instant, first + place, found)
-        self.ready()  # how the motion goes on is chosen by accepted states alone
-        return states
-
     def slopes(self, starts: Array, t: Array, y: Array) -> Array:
         """Return the slopes of states within steps.
 
@@ -102,21 +87,11 @@ class Flow(Record, frozen=True):
         """Return the numbers that were others in each of some steps, by their starts [s]; mostly none."""
         return HeldStructure(None, 0, 0, None)
 
-    def way(self, t: float) -> Any:
-        """Return how the further stages of the dense output are taken in the step that begins at t [s]."""
-        return None
+    def within(self, start: float) -> None:
+        """Let rates be those of further stages in the step that begins at an instant [s]."""
 
-    def take(self, way: Any) -> None:
-        """Let rates be those of such stages."""
-
-    def within(self, t: float) -> None:
-        self.take(self.way(t))
-
-    def advanced(self, ends: Sequence[float], clear: Iterable[float]) -> None:
-        """Note that steps have been taken to, and settled at, these instants [s].
-
-        And where those of them begin that are clear of singular positions [s].
-        """
+    def advanced(self, ends: Sequence[float]) -> None:
+        """Note that steps have been taken to, and settled at, these instants [s]."""
 
 
 LEFT_OUT = "not built: no C compiler, one that failed, or PINARM_KERNEL=off"

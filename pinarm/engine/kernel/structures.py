@@ -109,7 +109,7 @@ class LimitsStructure(ctypes.Structure):
 
     _fields_ = [
         *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
-        ("aside", REAL), ("across", REAL * 8), ("passed", REAL), ("floor", REAL), ("clear", REAL), ("rank", INT),
+        ("aside", REAL), ("across", REAL * 8), ("passed", REAL), ("floor", REAL), ("rank", INT),
     ]  # fmt: skip
 
 
@@ -133,8 +133,7 @@ class ClosingStructure(ctypes.Structure):
         *((name, REAL) for name in ("projection", "closed", "stalled", "torn")), ("corrections", INT),
         ("limits", LimitsStructure),
         *((name, POINTER) for name in ("scale", "sum", "part", "aside", "state", "saved")),
-        ("near", INT), ("clear", INT),
-        *((name, REAL) for name in ("regular", "open", "speed", "acceleration", "t", "step", "floor")),
+        ("near", INT), *((name, REAL) for name in ("regular", "open", "t", "step", "floor")),
     ]  # fmt: skip
 
 
@@ -171,7 +170,7 @@ class NewtonStructure(ctypes.Structure):
 class FlowStructure(ctypes.Structure):
     """What is integrated."""
 
-    _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "clear", "system"))]
+    _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "system"))]
 
 
 class HeldStructure(ctypes.Structure):
@@ -196,7 +195,7 @@ class CourseStructure(ctypes.Structure):
         *((name, REAL) for name in ("t", "start", "end", "h", "ceiling")),
         *((name, SIZE) for name in ("tries", "room", "written", "rejected", "handed")),
         *((name, POINTER) for name in ("y", "scratch", "starts", "lengths", "ends")),
-        *((name, POINTER) for name in ("rejections", "floored", "clear", "states", "slopes")),
+        *((name, POINTER) for name in ("rejections", "floored", "states", "slopes")),
     ]
 
 

@@ -1,4 +1,4 @@
-"""Trees in the compiled library under springs, dampers and efforts, which are steady or follow laws; and variants.
+"""Trees in the compiled library under springs, dampers and efforts, which are steady or follow laws.
 
 Pinocchio judges them: before the first step the accelerations of the two are compared, which share no code.
 """
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Indices
 from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
 from pinarm.engine.kernel.structures import (
     DEGREE,
@@ -31,7 +31,6 @@ from pinarm.engine.kernel.structures import (
     finite,
 )
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
-from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.interpolated import ClampedSpline
 from pinarm.mechanics.laws.motion_law import PowerSeries, Values, Wave
 from pinarm.records import Record
@@ -70,15 +69,6 @@ COLUMNS: dict[int, tuple[tuple[int, float, float], ...]] = {
 
 ALONG = {"X": np.eye(3)[:, [1, 2, 0]], "Y": np.eye(3)[:, [2, 0, 1]], "Z": np.eye(3)}
 """Last letter of the name of a joint, its axis -> a rotation whose last column is that axis."""
-
-
-def links_of_variants(first: CompiledTree, variants: ModelVariants) -> NDArray[np.void]:
-    """Return the links of variants of a model, shape (k, njoints - 1), given those of the first of them."""
-    links = np.repeat(first.links[None], len(variants), axis=0)
-    moved, bodies = (np.array(joints, dtype=np.intp) - 1 for joints in (variants.moved, variants.bodies))
-    _place(links, moved, first.axes, variants.turns, variants.shifts)
-    _weigh(links, bodies, first.axes, variants.parameters)
-    return links
 
 
 def _place(links: NDArray[np.void], some: Indices, axes: Array, turns: Array, shifts: Array) -> None:
@@ -251,22 +241,6 @@ class LoadedTree(Record, frozen=True):
         return LoadedTree(structure, (*known, links, *unknowns))
 
 
-class TreeFlow(Flow, frozen=True):
-    """The free motion of a tree under springs, dampers, and efforts that are steady or follow laws.
-
-    Attributes:
-        system: The tree.
-    """
-
-    system: LoadedTree
-
-    @classmethod
-    def of(cls, tree: LoadedTree, rates: int | None) -> TreeFlow:
-        """Return the motion of a tree whose rates a function of the library writes, by its address."""
-        n = tree.structure.nq + tree.structure.nv
-        return cls(FlowStructure(n, rates, None, pointer(NO_FLOOR), None, ctypes.addressof(tree.structure)), tree)
-
-
 class HeldFlow(Flow, frozen=True):
     """The free motion of a tree under loads that are held between samples: they are written where the library reads.
 
@@ -299,8 +273,8 @@ class HeldFlow(Flow, frozen=True):
         structure.rows = values  # kept as long as the structure
         return structure
 
-    def within(self, t: float) -> None:
-        self._efforts[:] = self.steady + self.loads.load_of(np.array([self.loads.piece(t)]))[0]
+    def within(self, start: float) -> None:
+        self._efforts[:] = self.steady + self.loads.load_of(np.array([self.loads.piece(start)]))[0]
 
 
 class CompiledTree(Record, frozen=True):
@@ -337,8 +311,9 @@ class CompiledTree(Record, frozen=True):
         compiled, tree = library(), self.loaded(steady, [one for one in changing if one.held is None], guided)
         if compiled is None or tree is None or len(held) > 1 or (held and tree.structure.laws):
             return None
-        free = TreeFlow.of(tree, address(compiled.tree_rates))
-        return HeldFlow(free.structure, tree, held[0], steady, tree) if held else free
+        size, rates = tree.structure.nq + tree.structure.nv, address(compiled.tree_rates)
+        structure = FlowStructure(size, rates, None, pointer(NO_FLOOR), ctypes.addressof(tree.structure))
+        return HeldFlow(structure, tree, held[0], steady, tree) if held else Flow(structure, tree)
 
     def loaded(
         self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
@@ -434,29 +409,3 @@ def disagreement(
         apart = flow.slope(t, np.concatenate([q, v]))[model.nq :] - expected
         differences.append(float(np.linalg.norm(apart) / (np.linalg.norm(expected) + v @ v)))
     return float(np.max(differences))
-
-
-def variant_flows(flow: TreeFlow, variants: ModelVariants) -> tuple[list[Flow], Flags]:
-    """Return the motions of variants under the same loads, and of which all numbers are finite, shape (k,).
-
-    They share their buffers: they serve one thread.
-
-    Args:
-        flow: The motion of the first.
-        variants: The variants.
-
-    Raises:
-        ValueError: The library does not know a joint.
-    """
-    first, flows = links_of(variants.first), list[Flow]()
-    if first is None:
-        raise ValueError("the library has lost the joints of the tree")
-    links = links_of_variants(first, variants)
-    for k in range(len(variants)):
-        tree, structure = (type(x).from_buffer_copy(x) for x in (flow.system.structure, flow.structure))
-        assert isinstance(tree, TreeStructure)
-        assert isinstance(structure, FlowStructure)
-        tree.link, structure.system = pointer(links) + k * links.strides[0], ctypes.addressof(tree)
-        flows.append(Flow(structure, (tree, links, flow.system)))
-    numbers = [links[name].reshape(len(flows), -1) for name in ("rotation", "translation", "mass", "moment", "inertia")]
-    return flows, np.isfinite(np.concatenate(numbers, axis=1)).all(axis=1)

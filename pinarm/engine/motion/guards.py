@@ -54,7 +54,7 @@ PARTS, TURN = 8, 2.0 * np.pi
 
 
 class UndeterminedRest(NamedTuple):
-    """Where a motion is not determined: the instant [s], and the regularity there relative to its largest."""
+    """The instant at which a motion is not determined [s], and the regularity there, relative to its largest."""
 
     t: float
     regularity: float
@@ -63,12 +63,9 @@ class UndeterminedRest(NamedTuple):
 def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> UndeterminedRest | None:
     """Return the first instant at which a motion is slow next to a singular position.
 
-    Loops that share no joint are looked at one by one. A motion may begin at rest beside a singular position, but not
-    in one: the start itself tells the branch.
-
-    Args:
-        closure: The constraints, and the coordinates that follow laws.
-        motion: The motion.
+    Loops that share no joint are looked at one by one. A motion may begin at rest beside a singular position, but
+    not in one: the start itself tells the branch. ``closure`` has the constraints, and the coordinates that follow
+    laws.
     """
     segments = [segment for segment in motion.segments if segment.solution.steps]
     if not closure.parts or not segments:
@@ -113,11 +110,10 @@ def _rests(
         along = v[:, joints] / closure.scale[joints]
         turned = np.vecdot(along[:-1], along[1:]) < 0.5 * own[:-1] * own[1:]
         slowing = ((np.minimum(own[:-1], own[1:]) < 3.0 * limit[:-1]) | turned) & (t[1:] > since)
-        steps = [k for k in np.flatnonzero(slowing).tolist() if not segment.solution.outlook(k)[0]]
-        if not steps:
+        if not slowing.any():
             continue
-        index = np.array(steps, dtype=np.intp).repeat(len(WITHIN))
-        times = t[index] + np.diff(t)[index] * np.tile(WITHIN, len(steps))
+        index = np.flatnonzero(slowing).repeat(len(WITHIN))
+        times = t[index] + np.diff(t)[index] * np.tile(WITHIN, np.count_nonzero(slowing))
         q, rates = segment.system.whole(times, *segment.solution.states_in(index, times))
         slow = np.linalg.norm((rates / closure.scale)[:, joints], axis=1) < limit[index]
         slow &= times >= since
@@ -156,12 +152,8 @@ BUSHING = (
 class Acting(NamedTuple):
     """A force, drive or controller along an angle that is known up to half a turn only.
 
-    Attributes:
-        user: Its name for messages.
-        angle: The angle.
-        name: Name of the angle, where it is known.
-        counted: Whether whole turns do not matter: a joint counts them.
-        vector: Why it leaps where it is part of a rotation vector, and what to write instead.
+    ``user`` and ``name`` of the angle are for messages; ``counted``: whole turns do not matter, as a joint counts
+    them. ``vector`` tells why it leaps where it is part of a rotation vector, and what to write instead.
     """
 
     user: str
@@ -191,11 +183,8 @@ def acting_on_angles(
 ) -> list[Acting]:  # fmt: skip
     """Return what acts along angles that may leap: those of loops do not where a joint counts their turns.
 
-    Args:
-        constraints: Ties of drives, and of joints that count turns, among them.
-        forces: Force elements by name.
-        controllers: Those of a run that has been made: functions have asked for what they need.
-        coordinates: The mechanism's, by name.
+    ``constraints`` have ties of drives, and of joints that count turns, among them; ``controllers`` are those of a
+    run that has been made: functions have asked for what they need.
     """
     names_of = {id(coordinate): name for name, coordinate in coordinates.items()}
     acting = [(f"'{name}'", force.coordinate) for name, force in forces.items() if hasattr(force, "coordinate")]
@@ -235,15 +224,9 @@ def turned_between(forces: Mapping[str, ForceElement], q: Array) -> list[Acting]
 def require_turns(
     model: pin.Model, acting: Sequence[Acting], t: Array, q: Array, parameter: str = "t", measured: str = "s"
 ) -> None:
-    """Raise where an angle along which something acts leaps between two of many configurations.
+    """Raise where an angle along which something acts leaps between two of n configurations, shape (n, nq).
 
-    Args:
-        model: Pinocchio's model.
-        acting: What acts along such angles.
-        t: Values of the parameter, shape (n,).
-        q: Configurations there, close enough for an angle to turn by less than a quarter in between, shape (n, nq).
-        parameter: Name of the parameter.
-        measured: Its unit.
+    They belong to values t of the parameter, so close that an angle turns by less than a quarter in between.
 
     Raises:
         DynamicsError: Says what acts, when, and what to do.

@@ -31,12 +31,8 @@ if TYPE_CHECKING:
 class IntegratedMotion(SolvedMotion, Record, frozen=True):
     """A motion that has been integrated over time.
 
-    Attributes:
-        mechanism: What moves.
-        hybrid: What was integrated.
-        motion: The integrated states.
-        pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
-            direction is asked for, or it is not known yet.
+    ``pace`` is what rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
+    direction is asked for, or it is not known yet.
     """
 
     mechanism: Mechanism
@@ -45,7 +41,6 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
     pace: Array | None = None
 
     def outcome(self, grid: Grid) -> Outcome:
-        """Return the motion with its states at the rows of a grid."""
         rows = self.at(grid)
         if not lossy(self.mechanism):
             return self._outcome(rows)
@@ -94,15 +89,12 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
         return replace(rows, directions=directions(v, a, self.pace, rows.grid.sides(), inside))
 
     def positions(self, t: Array) -> Array:
-        """Return the configurations at instants, shape (n,), as they were integrated, shape (n, nq)."""
         return self.motion.positions(t)
 
     def steps(self) -> Array:
-        """Return where the steps of the integrator end; see ``SolvedMotion``."""
         return np.concatenate([segment.solution.steps.until for segment in self.motion.segments])
 
     def jumps(self) -> Array:
-        """Return where controllers change what they do; see ``SolvedMotion``."""
         if not self.hybrid.controls:
             return np.empty(0)
         from pinarm.engine.motion.segmented.recorded_control import record_of
@@ -125,13 +117,7 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
 
 
 def push_columns(mechanism: Mechanism, stopped: Iterable[str], pushed: Array) -> dict[str, Series]:
-    """Return what end stops push, as columns ``joint.J.stop``.
-
-    Args:
-        mechanism: The mechanism.
-        stopped: Names of the joints that have end stops.
-        pushed: Along all joints [N*m or N], shape (n, nv).
-    """
+    """Return what end stops push along joints [N*m or N], shape (n, nv), as columns ``joint.J.stop``."""
     joints = {f"joint.{name}.stop": mechanism.joints[name] for name in stopped}
     return {name: Series(name, effort_unit(joint), pushed[:, joint.v]) for name, joint in joints.items()}
 
@@ -147,10 +133,7 @@ def driven_by(controls: Controls, rows: Trajectory) -> Trajectory:
 def event_columns(names: Iterable[str], events: Sequence[Sequence[EventRecord]], motion: Indices) -> dict[str, Series]:
     """Return when each event first took place, and how often, as columns that are constant within a motion.
 
-    Args:
-        names: Names of the events.
-        events: What took place, motion by motion.
-        motion: Which motion each row belongs to, shape (n,).
+    ``events`` took place motion by motion; ``motion`` tells which motion each row belongs to, shape (n,).
     """
     columns = {}
     for name in names:

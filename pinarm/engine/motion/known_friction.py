@@ -23,7 +23,7 @@ from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import ROUNDED, CarriedLoads, Slipping
-from pinarm.engine.motion.standstill import STANDSTILL, at_rest, leading
+from pinarm.engine.motion.standstill import STANDSTILL, Beside, at_rest, leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
@@ -46,24 +46,15 @@ FEW, MANY = 1e-9, 6
 
 @dataclass(frozen=True, eq=False)
 class KnownFriction:
-    """A motion of n rows, its drives, and the friction of its joints.
+    """A motion of n rows, whose efforts are not used, its drives, and the friction of its joints.
 
-    Attributes:
-        run: The motion; its efforts are not used.
-        drives: Of the motion.
-        demand: ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv).
-        pace: Scale of rounding of velocities and accelerations, shape (2, nv) of one motion, (n, 2, nv) of separate
-            states; see ``standstill``.
-        side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
-        inside: Velocities a little inside the interval, used where a row stands still, shape (n, nv).
+    ``demand`` is ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv).
     """
 
     run: Trajectory
     drives: Actuation
     demand: Array
-    pace: Array
-    side: Array
-    inside: Array
+    beside: Beside
 
     @cached_property
     def rows(self) -> Array:
@@ -81,10 +72,10 @@ class KnownFriction:
         At standstill that of the motion beside the row, on its side of the interval; of a state of its own that of the
         motion about to begin. The pace of a slip is ``|J|`` times that of the joints.
         """
-        run, contacts = self.run, self.run.mechanism.frictions
-        paces, later = np.matvec(np.abs(self.rows)[:, None], self.pace), np.matvec(self.rows, self.inside)
+        run, contacts, (pace, side, inside) = self.run, self.run.mechanism.frictions, self.beside
+        paces, later = np.matvec(np.abs(self.rows)[:, None], pace), np.matvec(self.rows, inside)
         rates = np.matvec(self.rows, run.a) + slip_drifts(run.mechanism.model, contacts, run.q, run.v)
-        return unit_vectors(contacts, leading(self.slips, rates, paces, self.side, later, partial(sizes, contacts)))
+        return unit_vectors(contacts, leading(self.slips, rates, paces, side, later, partial(sizes, contacts)))
 
     @cached_property
     def resting(self) -> Flags:
@@ -193,7 +184,7 @@ class KnownFriction:
         """
         run, slips = self.run, np.matvec(self.rows, way)
         moved = np.abs(slips) > MOVES * np.abs(way).max(axis=1, keepdims=True)
-        begun = np.where(moved & standing(run, self.rows, self.pace) & ~self.resting, slips, 0.0)
+        begun = np.where(moved & standing(run, self.rows, self.beside.pace) & ~self.resting, slips, 0.0)
         instants = np.flatnonzero(begun.any(axis=1))
         if not len(instants):
             return instants, None
@@ -202,10 +193,9 @@ class KnownFriction:
         rates = np.matvec(self.rows[instants], rows.a) + drift
         paces = (begun * rates).sum(axis=1) / (begun * begun).sum(axis=1)
         rows = replace(rows, a=rows.a - paces[:, None] * way[instants])
-        t, q, v, a = rows.grid.t, rows.q, rows.v, rows.a
-        demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
-        pace = self.pace if self.pace.ndim == 2 else self.pace[instants]
-        return instants, KnownFriction(rows, self.drives, demand, pace, self.side[instants], np.zeros_like(v))
+        pace, side, _ = self.beside
+        beside = Beside(pace if pace.ndim == 2 else pace[instants], side[instants], np.zeros_like(rows.v))
+        return instants, KnownFriction(rows, self.drives, rows.demand(), beside)
 
     def _ways(self, coordinates: Mapping[str, Coordinate]) -> Array:
         """Return the motions of all joints per unit of each drive's coordinate, others at rest, shape (n, nv, d)."""

@@ -75,13 +75,15 @@ class Decision(ValueRecord, frozen=True):
     """Whether something happens in a motion: an event, contact with a stop, friction that holds, a switch.
 
     Attributes:
-        what: What happens or not, such as ``event 'back' takes place``: the same words in every solution of a run.
+        what: What happens or not, such as ``event 'back' takes place``: the same words in every solution of
+            a run.
         t: Instant at which the motion is nearest to the threshold [s].
-        margin: Distance to the threshold: positive where the solution is beyond it, negative where it falls short.
+        margin: Distance to the threshold: positive where the solution is beyond it, negative where it falls
+            short.
         error: Estimated error of the margin.
         unit: Unit of both.
         happens: Whether the run goes on as if it happens.
-        event: Name of an event that is only recorded: no other output depends on it; empty where all outputs do.
+        event: Name of an event that is only recorded, so that no other output depends on it; else empty.
     """
 
     what: str
@@ -144,27 +146,14 @@ class Outcome(Record, frozen=True):
 
 
 def on_interval(motion: SolvedMotion, cuts: Sequence[float], interval: int, t: Array) -> Trajectory:
-    """Return a motion at values of one interval; at its ends they are the values of this side of a jump.
-
-    Args:
-        motion: The motion.
-        cuts: Bounds of its intervals.
-        interval: Number of the interval.
-        t: Values of the parameter, shape (n,).
-    """
+    """Return a motion at values of one interval, by its number; at its ends, those of this side of a jump."""
     return motion.at(Grid(t, (cuts[interval], cuts[interval + 1]), (0, len(t))))
 
 
 def positions_by_interval(motion: SolvedMotion, cuts: Sequence[float], t: Array) -> Array:
-    """Return the configurations of a motion at values of its parameter, solved interval by interval.
+    """Return the configurations of a motion, shape (n, nq), solved interval by interval at values of its parameter.
 
-    Args:
-        motion: The motion.
-        cuts: Bounds of its intervals, ascending or descending.
-        t: Values of the parameter, shape (n,).
-
-    Returns:
-        Configurations, shape (n, nq).
+    ``cuts`` are the bounds of its intervals, ascending or descending.
     """
     sign = 1.0 if cuts[0] <= cuts[-1] else -1.0
     intervals = np.searchsorted(sign * np.array(cuts[1:-1]), sign * t)

@@ -13,11 +13,20 @@ import numpy as np
 from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.kinematics.singular import running
+from pinarm.engine.motion.known_motion import rest_notes, rests_between, slips_between, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
-from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
+from pinarm.engine.motion.standstill import (
+    STANDSTILL,
+    Beside,
+    at_rest,
+    directions,
+    law_size,
+    lossy,
+    pace_of,
+    row_paces,
+)
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
 from pinarm.input.units import Unit
@@ -52,8 +61,8 @@ class Prescription(Record, frozen=True):
         dynamics: The equation of motion with all forces of the run.
         parameter: Name of what runs along the rows.
         unit: Its unit.
-        rates: Velocities and accelerations of the coordinates at every row, in place of those of the laws: the rows
-            are then states of their own, not one motion.
+        rates: Velocities and accelerations of the coordinates at every row, in place of those of the laws:
+            the rows are then states of their own, not one motion.
     """
 
     mechanism: Mechanism
@@ -126,28 +135,14 @@ class Prescription(Record, frozen=True):
     def _notes(self, rows: Trajectory, pace: Array | None, passed: Flags, regular: Array) -> list[str]:
         """Return the notes on rows next to singular positions, on joints that friction holds, and on rest."""
         if not self.mechanism.closure.size:
-            return self._standstills(rows, pace)
+            return rest_notes(rows, pace)
         from pinarm.engine.motion.singular_passage import lost_digits, unbounded_notes
 
         solved = np.flatnonzero(~passed)
         notes = lost_digits(rows.some(solved), regular[solved])
         if passed.any() and self.drives:
             notes += unbounded_notes(rows.some(np.flatnonzero(passed)))
-        return [*notes, *self._standstills(rows, pace)]
-
-    def _standstills(self, rows: Trajectory, pace: Array | None) -> list[str]:
-        """Return notes on joints that friction holds, and on rows at which joints stand still."""
-        if not self.directed:
-            return []
-        from pinarm.engine.motion.standstill import standstill_notes
-
-        notes = standstill_notes(rows, pace)
-        if not self.mechanism.frictions:
-            return notes
-        from pinarm.engine.motion.known_friction import notes_of
-
-        paces = row_paces(self.mechanism, rows.v, rows.a) if pace is None else pace
-        return [*notes_of(rows, paces), *notes]
+        return [*notes, *rest_notes(rows, pace)]
 
     def moving(self, grid: Grid, near: Array) -> Trajectory:
         """Return the motion at the rows of a grid, without efforts, on the branch of a configuration near the first."""
@@ -185,27 +180,19 @@ class Prescription(Record, frozen=True):
             rows: The motion without efforts.
             pace: See ``_pace``.
         """
-        paces, inside = row_paces(self.mechanism, rows.v, rows.a) if pace is None else pace, np.zeros_like(rows.v)
-        if pace is not None and (joints := self.directed):
+        beside = self._beside(rows, pace)
+        if lossy(self.mechanism):
+            rows = replace(rows, directions=directions(rows.v, rows.a, *beside))
+        return replace(rows, no_efforts=KINEMATIC) if self.drives is None else with_efforts(rows, self.drives, beside)
+
+    def _beside(self, rows: Trajectory, pace: Array | None) -> Beside:
+        inside = np.zeros_like(rows.v)
+        if pace is None:
+            return Beside(row_paces(self.mechanism, rows.v, rows.a), np.ones(len(rows)), inside)
+        if joints := self.directed:
             still = np.flatnonzero(at_rest(rows.v, rows.a, pace)[:, joints].any(axis=1))
             inside[still] = self._inside(rows.some(still))
-        side = np.ones(len(rows)) if pace is None else rows.grid.sides()
-        if lossy(self.mechanism):
-            rows = replace(rows, directions=directions(rows.v, rows.a, paces, side, inside))
-        return self._loaded(rows, paces, side, inside)
-
-    def _loaded(self, rows: Trajectory, paces: Array, side: Array, inside: Array) -> Trajectory:
-        """Return the rows of a motion with efforts."""
-        if self.drives is None:
-            return replace(rows, no_efforts=KINEMATIC)
-        t, q, v, a = rows.grid.t, rows.q, rows.v, rows.a
-        demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
-        if self.mechanism.frictions:
-            from pinarm.engine.motion.known_friction import KnownFriction
-
-            return KnownFriction(rows, self.drives, demand, paces, side, inside).solved()
-        tau, lam = self.drives.efforts(t, q, demand)
-        return replace(rows, tau=tau, lam=lam)
+        return Beside(pace, rows.grid.sides(), inside)
 
     def _inside(self, rows: Trajectory) -> Array:
         """Return the velocities a little inside the intervals, from the positions of the rows, shape (n, nv)."""
@@ -220,12 +207,9 @@ class Prescription(Record, frozen=True):
 
 
 class PrescribedTable(Record, frozen=True):
-    """A prescription, and the rows at which the motion is wanted; nothing is solved yet.
+    """A prescription, and the values of the parameter at which its motion is wanted; nothing is solved yet.
 
-    Attributes:
-        prescription: What is prescribed.
-        grid: Values of the parameter.
-        start: Configuration of the drawing, or of the start, shape (nq,): it chooses the branch.
+    ``start`` is the configuration of the drawing, or of the start, shape (nq,): it chooses the branch.
     """
 
     prescription: Prescription
@@ -233,25 +217,21 @@ class PrescribedTable(Record, frozen=True):
     start: Array
 
     def outcome(self) -> Outcome:
-        """Return the states; see ``Prescription.outcome``.
-
-        Raises:
-            AssemblyError: A position cannot be reached.
-        """
         return self.prescription.outcome(self.grid, self.start)
 
 
 class PrescribedMotion(SolvedMotion, Record, frozen=True):
-    """A prescribed motion that has been solved at some values of its parameter.
+    """A prescribed motion that has been solved at values t of its parameter, shape (n,), with configurations q there.
 
     Attributes:
         prescription: What is prescribed.
         cuts: Bounds of the intervals between jumps.
-        t: Values of the parameter at which it has been solved, shape (n,).
-        q: Configurations there, shape (n, nq): they tell the branch in their neighbourhood.
-        start: Configuration of the drawing, or of the start, from which the first of them was found, shape (nq,).
-        pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
-            direction is asked for.
+        t: The values.
+        q: Shape (n, nq): they tell the branch in their neighbourhood.
+        start: Configuration of the drawing, or of the start, from which the first of them was found, shape
+            (nq,).
+        pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where
+            no direction is asked for.
         passing: How singular positions are passed; ``None`` where they are not.
     """
 
@@ -285,7 +265,6 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return np.asarray(self.prescription.motion.follow(way, self.q[row]).q[-1])
 
     def positions(self, t: Array) -> Array:
-        """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
         return positions_by_interval(self, self.cuts, t)
 
     def rests(self) -> list[Array]:
@@ -338,23 +317,13 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
 
     def _slips(self, t: Array, cuts: tuple[float, ...]) -> tuple[Array, Array]:
         """Return the slips of the k joints with friction within one interval, and their rounding, both (n, k)."""
-        from pinarm.mechanics.friction.contact import slip_rows
-
-        mechanism, pace = self.prescription.mechanism, self.pace
         grid = Grid(t, cuts, (0, len(t)))
         run = self.prescription.moving(grid, self._near(grid))
-        rows = slip_rows(mechanism.model, mechanism.frictions, run.q)
-        rounding = np.zeros(rows.shape[:2]) if pace is None else STANDSTILL * np.matvec(np.abs(rows), pace[0])
-        return np.asarray(np.matvec(rows, run.v)), rounding
+        return slips_between(self.prescription.mechanism, run.q, run.v, self.pace)
 
 
 class _Way(MotionLaw, frozen=True):
-    """How a joint moves in a prescribed motion, solved where it is asked for.
-
-    Attributes:
-        motion: The ``PrescribedMotion``.
-        joint: The ``Joint``.
-    """
+    """How a joint moves in a ``PrescribedMotion``, solved where it is asked for."""
 
     motion: Any
     joint: Any

@@ -26,15 +26,20 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.friction.rests import rests_between
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.known_motion import rest_notes, rests_between, slips_between, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
-from pinarm.engine.motion.standstill import STANDSTILL, directions, lossy, row_paces
+from pinarm.engine.motion.standstill import (
+    STANDSTILL,
+    Beside,
+    directions,
+    lossy,
+    row_paces,
+)
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
@@ -66,14 +71,14 @@ NO_DRIVES = "the mechanism has loops, and neither efforts nor drives are given t
 
 @dataclass(frozen=True, eq=False)
 class RecordedRows:
-    """Rows of a motion in pinarm's convention, with what is known of them.
+    """Rows of a motion in pinarm's convention; what is not known of them is ``None``.
 
     Attributes:
         t: Instants [s], not descending, shape (n,).
         q: Configurations, shape (n, nq).
-        v: Velocities, shape (n, nv); ``None`` where they are not known.
-        a: Accelerations, shape (n, nv); likewise.
-        tau: Efforts of the drives at the joints [N*m or N], shape (n, nv); likewise.
+        v: Velocities, shape (n, nv).
+        a: Accelerations, shape (n, nv).
+        tau: Efforts of the drives at the joints [N*m or N], shape (n, nv).
     """
 
     t: Array
@@ -91,29 +96,8 @@ class RecordedRows:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
-    """What tells the directions of n rows beside their velocities and accelerations; see ``standstill``.
-
-    Attributes:
-        pace: ``STANDSTILL`` of it is the error of velocities and accelerations, shape (2, nv) or (n, 2, nv).
-        side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
-        inside: Velocities a little later or earlier, shape (n, nv).
-    """
-
-    pace: Array
-    side: Array
-    inside: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Recording:
-    """What makes a table of recorded rows.
-
-    Attributes:
-        mechanism: What moves.
-        drives: What carries the load where efforts are not given; ``None`` where nothing is known of it.
-        dynamics: The equation of motion with all forces of the run.
-    """
+    """A mechanism, what carries the load where efforts are not given, if known, and all forces of the run."""
 
     mechanism: Mechanism
     drives: Actuation | None
@@ -124,7 +108,8 @@ class Recording:
         grid = self._grid(rows.t)
         beside = self._beside(rows, grid)
         table = replace(self.table(rows, grid, beside), sampled=True)
-        return Outcome(table, figures=consistency(self.mechanism, rows), notes=self._notes(table, beside))
+        notes = (*rest_notes(table, beside.pace),) if beside else ()
+        return Outcome(table, figures=consistency(self.mechanism, rows), notes=notes)
 
     def splined(self, rows: RecordedRows) -> Outcome:
         """Return the table of rows with the derivatives of their spline, and how well it knows them.
@@ -137,9 +122,8 @@ class Recording:
         beside = spline.beside(grid)
         table = self.table(replace(rows, v=v, a=a), grid, beside)
         motion = SplinedMotion(self, spline, rows.t, table.grid.cuts) if rows.tau is None else None
-        return Outcome(
-            replace(table, sampled=motion is None), motion, spline.figures(), notes=self._notes(table, beside)
-        )
+        notes = (*rest_notes(table, beside.pace),)
+        return Outcome(replace(table, sampled=motion is None), motion, spline.figures(), notes=notes)
 
     def schema_row(self, row: RecordedRows) -> Trajectory:
         grid = Grid(row.t, (0.0, 0.0), (0, 1))
@@ -157,20 +141,6 @@ class Recording:
         side = np.where(ends, -1.0, grid.sides())
         next_to = np.clip(np.arange(len(side)) + side.astype(int), 0, len(side) - 1)
         return Beside(row_paces(self.mechanism, rows.v, rows.a).max(axis=0), side, rows.v[next_to])
-
-    def _notes(self, run: Trajectory, beside: Beside | None) -> tuple[str, ...]:
-        """Return what is to be said of joints that friction holds, and of rows at which joints stand still."""
-        frictions = self.mechanism.frictions
-        if beside is None or run.no_efforts or not (frictions or lossy(self.mechanism)):
-            return ()
-        from pinarm.engine.motion.standstill import standstill_notes
-
-        notes = standstill_notes(run, beside.pace)
-        if frictions and run.drives:
-            from pinarm.engine.motion.known_friction import notes_of
-
-            notes = [*notes_of(run, beside.pace), *notes]
-        return (*notes,)
 
     def table(self, rows: RecordedRows, grid: Grid, beside: Beside | None) -> Trajectory:
         """Return rows as a table, with the directions and efforts that belong to them as far as these are known.
@@ -203,27 +173,16 @@ class Recording:
         if beside is None:
             return replace(run, no_efforts=rows.unknown)
         if lossy(mechanism):
-            run = replace(run, directions=directions(v, a, beside.pace, beside.side, beside.inside))
-        demand = run.gather(lambda dynamics, part: dynamics.inverse(grid.t[part], run.q[part], v[part], a[part]))
+            run = replace(run, directions=directions(v, a, *beside))
         if rows.tau is not None:
-            held = Multipliers.least(closure, rows.q, demand - rows.tau, np.zeros((len(rows.t), 0)))
+            held = Multipliers.least(closure, rows.q, run.demand() - rows.tau, np.zeros((len(rows.t), 0)))
             return replace(run, tau=rows.tau, lam=held)
         if self.drives is None:
             return replace(run, no_efforts=NO_DRIVES)
-        return self._driven(run, self.drives, demand, beside)
-
-    def _driven(self, run: Trajectory, drives: Actuation, demand: Array, beside: Beside) -> Trajectory:
-        """Return rows with the efforts of drives that carry the load."""
-        names = (*drives.coordinates(self.mechanism),)
-        run = replace(run, driven=drives.driven, drives=names)
-        if self.mechanism.frictions:
-            from pinarm.engine.motion.known_friction import KnownFriction
-
-            errors = STANDSTILL * np.broadcast_to(beside.pace[..., 0, :], run.v.shape)
-            run = replace(run, rate_errors=errors)
-            return KnownFriction(run, drives, demand, beside.pace, beside.side, beside.inside).solved()
-        tau, lam = drives.efforts(run.grid.t, run.q, demand)
-        return replace(run, tau=tau, lam=lam)
+        run = replace(run, driven=self.drives.driven, drives=(*self.drives.coordinates(mechanism),))
+        if mechanism.frictions:
+            run = replace(run, rate_errors=STANDSTILL * np.broadcast_to(beside.pace[..., 0, :], run.v.shape))
+        return with_efforts(run, self.drives, beside)
 
     def _grid(self, t: Array) -> Grid:
         """Return the rows between the breakpoints of the forces' laws; a row at one belongs to what follows it."""
@@ -236,13 +195,7 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class QuinticSpline:
-    """A spline through the configurations of a mechanism, as the module's docstring tells.
-
-    Attributes:
-        mechanism: The mechanism.
-        t: Instants of the rows [s], shape (n,).
-        q: Configurations there, quaternions without changes of sign, shape (n, nq).
-    """
+    """A spline through configurations at instants; see the module's docstring."""
 
     mechanism: Mechanism
     t: Array
@@ -339,14 +292,7 @@ class QuinticSpline:
 
 @dataclass(frozen=True, eq=False)
 class SplinedMotion(SolvedMotion):
-    """A recorded motion between its rows, as the spline has it.
-
-    Attributes:
-        recording: The mechanism and what acts.
-        spline: The spline.
-        t: Instants of the rows [s], shape (n,).
-        cuts: Bounds of the intervals between jumps of the forces.
-    """
+    """A recorded motion between its rows at t, as the spline has it, with cuts where forces jump."""
 
     recording: Recording
     spline: QuinticSpline
@@ -357,13 +303,12 @@ class SplinedMotion(SolvedMotion):
         return self.recording.table(RecordedRows(grid.t, *self.spline.at(grid.t)), grid, self.spline.beside(grid))
 
     def positions(self, t: Array) -> Array:
-        """Return the configurations at instants, shape (n,), as an array of shape (n, nq)."""
         return self.spline.at(t)[0]
 
     def rests(self) -> Sequence[Array]:
         """Return where joints with friction come to rest; see ``SolvedMotion``.
 
-        The velocity of the spline is of degree 4 between two rows, and is looked at in ``LOOKS`` places there.
+        The velocity of the spline, of degree 4 between two rows, is looked at in ``LOOKS`` places there.
         """
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
 
@@ -377,10 +322,8 @@ class SplinedMotion(SolvedMotion):
 
     def _slips(self, t: Array) -> tuple[Array, Array]:
         """Return the slips of the k joints with friction, and the errors of the spline, both of shape (n, k)."""
-        mechanism, (q, v, _) = self.recording.mechanism, self.spline.at(t)
-        rows = slip_rows(mechanism.model, mechanism.frictions, q)
-        rounding = STANDSTILL * np.matvec(np.abs(rows), self.spline.paces(t)[:, 0])
-        return np.asarray(np.matvec(rows, v)), rounding
+        q, v, _ = self.spline.at(t)
+        return slips_between(self.recording.mechanism, q, v, self.spline.paces(t))
 
 
 def consistency(mechanism: Mechanism, rows: RecordedRows) -> dict[str, float]:

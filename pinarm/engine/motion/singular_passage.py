@@ -93,7 +93,6 @@ def regularity(known: Prescription, q: Array) -> Array:
 
 
 def _whole(known: Prescription) -> Closure:
-    """Return the constraints of a motion, and what is prescribed."""
     prescribed = known.motion.prescribed
     return known.mechanism.closure.with_guides(prescribed.names, prescribed.coordinates)
 
@@ -103,7 +102,8 @@ class SingularPassage(Record, frozen=True):
 
     Attributes:
         known: What is prescribed.
-        t: Values of the parameter at which the motion has been solved, clear of singular positions, shape (n,).
+        t: Values of the parameter at which the motion has been solved, clear of singular positions, shape
+            (n,).
         q: Configurations there, shape (n, nq).
         usual: The largest regularity in the run.
         pace: See ``Prescription.solved``.
@@ -128,9 +128,7 @@ class SingularPassage(Record, frozen=True):
         return cls(known, rows.grid.t[clear], rows.q[clear], usual, pace)
 
     def at(self, grid: Grid, near: Callable[[Grid], Array]) -> Trajectory:
-        """Return the states at values of the parameter, followed from the last clear row before them.
-
-        Where there is none, from a configuration that is near the first.
+        """Return the states at values of the parameter, followed from the last clear row before them, or from one near.
 
         Raises:
             AssemblyError: A position cannot be reached, or is singular and not passed smoothly.
@@ -153,15 +151,10 @@ class SingularPassage(Record, frozen=True):
         return int(before[ahead[before].argmax()]) if len(before) else None
 
     def through(self, rows: Trajectory, grid: Grid, kept: Flags, regular: Array) -> tuple[Trajectory, Flags]:
-        """Return all rows of a grid, of which some are known, and which of them are interpolated, shape (n,).
+        """Return all rows of a grid, and which of them are interpolated, shape (n,).
 
-        Those that are neither known nor can be interpolated are left out.
-
-        Args:
-            rows: Those that are known.
-            grid: The grid.
-            kept: Which of its rows these are, shape (n,).
-            regular: Regularity at them.
+        Those that are neither known nor can be interpolated are left out. ``kept`` tells which of the grid's
+        rows are known, ``regular`` the regularity at these.
         """
         wanted, interpolated = ~kept, {}
         wanted[kept] = regular <= CLOSE * self.usual
@@ -240,13 +233,7 @@ class SingularPassage(Record, frozen=True):
 
 
 class _Stretch(Record, frozen=True):
-    """A motion about a singular position.
-
-    Attributes:
-        t: Value of the parameter in the middle.
-        step: Difference of the parameter from one place to the next; negative where it falls.
-        beside: The motion at ``PLACES``.
-    """
+    """A motion about a value t of the parameter, at ``PLACES`` of a step, which is negative where t falls."""
 
     t: float
     step: float
@@ -271,9 +258,7 @@ class _Stretch(Record, frozen=True):
 def lost_digits(rows: Trajectory, regular: Array) -> list[str]:
     """Return the note on the row nearest to a singular position, where rounding leaves less than ``TOLD``.
 
-    Args:
-        rows: Rows that are solved, with efforts where these are asked for.
-        regular: Regularity there, shape (n,).
+    ``regular`` is the regularity of the rows, shape (n,).
     """
     if not len(rows):
         return []
@@ -320,7 +305,7 @@ def _driven(row: Trajectory, drives: Actuation) -> Trajectory | None:
 def _held(row: Trajectory) -> Trajectory:
     """Return a row with the least multipliers that hold what its efforts do not."""
     along = np.asarray(row.lam)[:, row.mechanism.closure.size :]
-    return replace(row, lam=Multipliers.least(row.closure, row.q, _demand(row) - row.tau, along))
+    return replace(row, lam=Multipliers.least(row.closure, row.q, row.demand() - row.tau, along))
 
 
 def _residual(row: Trajectory) -> float:
@@ -333,11 +318,5 @@ def _residual(row: Trajectory) -> float:
 
 def _balance(row: Trajectory) -> tuple[Array, Array]:
     """Return what a row's efforts and forces leave of ``M a + nle - loads``, and the sizes of all terms, both (nv,)."""
-    demand, lam, rows = _demand(row)[0], np.asarray(row.lam)[0], row.closure.at(row.q)[1][0]
+    demand, lam, rows = row.demand()[0], np.asarray(row.lam)[0], row.closure.at(row.q)[1][0]
     return demand - row.tau[0] - lam @ rows, np.abs(demand) + np.abs(row.tau[0]) + np.abs(lam) @ np.abs(rows)
-
-
-def _demand(row: Trajectory) -> Array:
-    """Return ``M a + nle - loads`` of a row, shape (1, nv)."""
-    t, q, v, a = row.grid.t, row.q, row.v, row.a
-    return row.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))

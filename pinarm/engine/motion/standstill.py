@@ -9,7 +9,7 @@ to the motion that the row is of: other rows, looked at or not, have no part in 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,21 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.mechanics.rotors import Drive
+
+
+class Beside(NamedTuple):
+    """What tells the directions of n rows beside their velocities and accelerations.
+
+    Attributes:
+        pace: Scale of rounding of both, shape (2, nv) of one motion, (n, 2, nv) of separate states.
+        side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
+        inside: Velocities a little later or earlier, looked at where v and a are zero, shape (n, nv).
+    """
+
+    pace: Array
+    side: Array
+    inside: Array
+
 
 STANDSTILL = 1e-12
 """Part of the pace below which a velocity or an acceleration is rounding: 1e-16 of terms as large as the pace, which
@@ -71,15 +86,7 @@ def at_rest(v: Array, a: Array, pace: Array) -> Flags:
 
 
 def directions(v: Array, a: Array, pace: Array, side: Array, inside: Array) -> Array:
-    """Return the directions of the joints, 1, 0 or -1, shape (n, nv).
-
-    Args:
-        v: Velocities, shape (n, nv).
-        a: Accelerations, shape (n, nv).
-        pace: Scale of rounding, shape (2, nv) or (n, 2, nv).
-        side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
-        inside: Velocities a little later or earlier, looked at where v and a are zero, shape (n, nv).
-    """
+    """Return the directions of the joints, 1, 0 or -1, shape (n, nv); for the last three arguments see ``Beside``."""
     return np.sign(leading(v, a, pace, side, inside, np.abs))
 
 
@@ -95,14 +102,7 @@ def leading(v: Array, a: Array, pace: Array, side: Array, inside: Array, size: C
 
 
 def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
-    """Return notes on gears with losses that hold a load at rest, and on what jumps where a joint turns back.
-
-    Args:
-        run: A known motion with efforts.
-        pace: See ``pace_of``; ``None`` of separate states, none of which turns back.
-    """
-    if run.no_efforts:
-        return []
+    """Return notes on gears with losses that hold a load at rest, and on what jumps where a joint turns back."""
     notes, turning, mechanism = list[str](), dict[str, Flags](), run.mechanism
     rates = np.zeros_like(run.v) if pace is None else np.broadcast_to(pace[..., 0, :], run.v.shape)
     for name, drive in mechanism.drives.items() if run.directions is not None else ():

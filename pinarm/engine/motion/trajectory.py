@@ -226,6 +226,11 @@ class Trajectory(Record, frozen=True):
         """Return an array over all rows from a function of the dynamics on each interval and its rows."""
         return in_one([value(dynamics, rows) for rows, dynamics in self.intervals()])
 
+    def demand(self) -> Array:
+        """Return ``M a + nle - loads`` in all rows, without friction that sticks [N*m or N], shape (n, nv)."""
+        t, q, v, a = self.grid.t, self.q, self.v, self.a
+        return self.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
+
     def couplings_at(self, joint: int) -> dict[str, Array]:
         """Return the couplings that move a joint without a drive, by its index in v.
 

@@ -12,8 +12,8 @@ from pinarm.engine.checks.figures import sampled
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.columns import BANDS
+from pinarm.engine.friction.joint_friction import INSTANT, REST
 from pinarm.engine.friction.response import BearingReactions
-from pinarm.engine.friction.sliding import INSTANT, REST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError
@@ -49,7 +49,7 @@ def friction_doubts(run: Trajectory) -> dict[str, str]:
 
 
 def _resting_speed(run: Trajectory) -> float:
-    """Return the slip that rounding leaves of joints that come to rest, in SI: see ``sliding.resting_speed``.
+    """Return the slip that rounding leaves of joints that come to rest, in SI: see ``JointFriction.resting_speed``.
 
     Its accelerations are not below those that friction makes alone, ``|f| / M_kk``.
     """

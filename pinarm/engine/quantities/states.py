@@ -15,12 +15,13 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.mass_matrix import require_masses
-from pinarm.engine.motion.standstill import directions, lossy, row_paces
+from pinarm.engine.motion.known_motion import with_efforts
+from pinarm.engine.motion.standstill import Beside, directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.state_arrays import LeadingAxes, instant, states_of
 from pinarm.engine.series import Series
-from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
+from pinarm.engine.statics.actuation import actuation, everywhere
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.laws.motion_law import Grid
@@ -112,7 +113,8 @@ def _quantities(
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
     run = replace(run, closure=acting.closure, driven=acting.driven, drives=(*acting.coordinates(mechanism),))
-    return Quantities(_driven(run, acting, demand))
+    beside = Beside(row_paces(mechanism, v, a), np.ones(len(run)), still)
+    return Quantities(with_efforts(run, acting, beside))
 
 
 def _under(run: Trajectory, demand: Array, friction: Array, others: Sequence[tuple[Array, Flags]]) -> Trajectory:
@@ -134,17 +136,6 @@ def _under(run: Trajectory, demand: Array, friction: Array, others: Sequence[tup
         within = under(friction + part[:, None] * (other - friction))
         found.append(replace(within, endless=far if far.any() else None))
     return replace(rows, others=tuple(found))
-
-
-def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
-    """Return states with the efforts of drives, and with friction that sticks."""
-    if run.mechanism.frictions:
-        from pinarm.engine.motion.known_friction import KnownFriction
-
-        paces = row_paces(run.mechanism, run.v, run.a)
-        return KnownFriction(run, acting, demand, paces, np.ones(len(run)), np.zeros_like(run.v)).solved()
-    tau, lam = acting.efforts(run.grid.t, run.q, demand)
-    return replace(run, tau=tau, lam=lam)
 
 
 def _frictions(
@@ -197,7 +188,8 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
     sided = one_sided(mechanism.constraints)
     if not mechanism.frictions and not sided:
         return leading.unfold(acting.efforts(np.full(len(q), float(t)), q, demand)[0])
-    run = _driven(replace(_rows(mechanism, t, q, v, a), closure=acting.closure), acting, demand)
+    beside = Beside(row_paces(mechanism, v, a), np.ones(len(q)), np.zeros_like(v))
+    run = with_efforts(replace(_rows(mechanism, t, q, v, a), closure=acting.closure), acting, beside)
     if sided:
         _check_sides(dynamics, leading, run, demand)
     return leading.unfold(run.tau)

@@ -115,10 +115,7 @@ ARGUMENT = "arguments."
 PRESCRIBED = tuple(f"problem.{key}." for key in ("motion", "time", "over", "hold", "velocity", "acceleration"))
 """What begins paths to numbers of laws, and of the rows at which they are looked at."""
 
-INITIAL = "problem.initial."
-"""What begins paths to numbers of initial states."""
-
-COLUMNS = (ARGUMENT, *PRESCRIBED, INITIAL)
+COLUMNS = (ARGUMENT, *PRESCRIBED)
 """What begins paths to numbers that may differ from case to case."""
 
 Kind = tuple[tuple[str, Value], ...] | None

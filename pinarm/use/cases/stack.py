@@ -1,8 +1,8 @@
-"""Cases that differ by numbers of the model, of laws or of initial states, solved together as one array.
+"""Cases that differ by numbers of the model or of laws, solved together as one array.
 
 The first case is solved as any other: its checks of names and units hold for all. Masses, inertias and placements of
 the others are arrays over the cases, and so are positions, efforts, quantities and measured figures, by the same
-functions; laws and initial states are read case by case. The last case of the first stack is solved alone too, and
+functions; laws are read case by case. The last case of the first stack is solved alone too, and
 compared.
 """
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,19 +20,21 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import sampled
 from pinarm.engine.checks.residuals import residual_figures
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.mechanism import (
     alike_variants,
     mechanism_variants,
     require_joint_forces,
     some_variants,
 )
-from pinarm.engine.motion.prescribed_motion import PrescribedMotion
+from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable
+from pinarm.engine.motion.variants import PrescribedVariants, follows_alike
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
+from pinarm.input.yaml.document import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.cases.case import QUADRATURE, WORTH, Case, Row, Task, solved_case
 from pinarm.use.cases.case_table import ARGUMENT, CaseTable, RowTable, moving, number_of, numbers_of
-from pinarm.use.cases.motions import ForwardCases, PrescribedCases
 from pinarm.use.cases.variant_numbers import VariantNumbers
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import COSTS
@@ -39,6 +42,7 @@ from pinarm.use.result.measures import COSTS
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.trajectory import Trajectory
+    from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.use.result.result import Result
 
 NUMBERS = 800_000
@@ -63,6 +67,55 @@ Attempt = Callable[[Solve, Indices], "list[tuple[Indices, Array]]"]
 
 
 @dataclass(frozen=True, eq=False)
+class PrescribedCases:
+    """Cases whose laws and rows are those of the first, or each their own.
+
+    Attributes:
+        result: The first case.
+        motion: Its motion.
+    """
+
+    result: Result
+    motion: PrescribedMotion
+
+    @classmethod
+    def of(cls, result: Result) -> PrescribedCases | None:
+        """Return the cases of a first one; ``None`` where more is told of it, or less is solved, than its states."""
+        motion = result.outcome.motion
+        if not isinstance(motion, PrescribedMotion) or result.outcome.figures:
+            return None
+        whole = motion.prescription.mechanism is result.scenario.mechanism
+        return cls(result, motion) if whole and isinstance(motion.prescription.motion, DeterminedMotion) else None
+
+    @property
+    def forces(self) -> Mapping[str, ForceElement]:
+        """The force elements of all cases."""
+        return self.motion.prescription.dynamics.forces
+
+    @property
+    def length(self) -> int:
+        """Number of rows."""
+        return len(self.result.trajectory)
+
+    @cached_property
+    def first(self) -> PrescribedTable:
+        """What the first case follows."""
+        return PrescribedTable(self.motion.prescription, self.result.trajectory.grid, self.motion.start)
+
+    def read(self, values: Case, mechanism: Mechanism, place: int) -> PrescribedTable | None:
+        """Return what a case follows, ``None`` where its rows are others; the same object where it is the first's."""
+        if not values:
+            return self.first
+        scenario = self.result.scenario
+        table = scenario.with_document(varied(scenario.document, values)).prescribed_table(scenario)
+        return table if table is not None and follows_alike(table, self.first) else None
+
+    def variants(self, mechanism: Mechanism, motions: Sequence[PrescribedTable]) -> PrescribedVariants:
+        """Return the motions of variants."""
+        return PrescribedVariants(self.motion, self.result.trajectory, mechanism, motions)
+
+
+@dataclass(frozen=True, eq=False)
 class Stack:
     """What is the same in cases that are solved together.
 
@@ -71,14 +124,14 @@ class Stack:
         values: The values of the first case.
         first: Its result, solved alone.
         files: The files that cases refer to.
-        motions: How all of them move: ``PrescribedCases`` or ``ForwardCases``.
+        motions: How all of them move.
     """
 
     task: Task
     values: Case
     first: Result
     files: tuple[str, ...]
-    motions: Any
+    motions: PrescribedCases
 
     @classmethod
     def begin(cls, task: Task, values: Case) -> tuple[Stack | None, Row]:
@@ -87,7 +140,7 @@ class Stack:
         if row.error or result is None or any(entry.alone for entry in task.wanted):
             return None, row
         asks = result.content.find or result.content.accuracy.target is not None or result.trajectory.columns
-        motions = None if asks else _motions(result, values)
+        motions = None if asks else PrescribedCases.of(result)
         return (cls(task, values, result, row.files, motions) if motions else None), row
 
     @property
@@ -192,7 +245,6 @@ class Stack:
         figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
         for figure in figures.values():
             finite &= np.isfinite(figure)
-        figures |= self.motions.figures(variants)
         if _known_first(figures) != self.first.figures.keys() - COSTS:
             raise VariantsDiffer("which figures can be measured")
         return figures
@@ -218,13 +270,6 @@ class Stack:
 def _known_first(figures: Mapping[str, Array]) -> set[str]:
     """Return the names of the figures that are known of the first case."""
     return {name for name, figure in figures.items() if not np.isnan(figure.flat[0])}
-
-
-def _motions(result: Result, values: Case) -> PrescribedCases | ForwardCases | None:
-    """Return how cases move that are like a first one; ``None`` where they are solved one by one."""
-    if isinstance(result.outcome.motion, PrescribedMotion):
-        return PrescribedCases.of(result)
-    return ForwardCases.of(result, values)
 
 
 def _tried(solve: Solve, cases: Indices) -> list[tuple[Indices, Array]]:

@@ -14,7 +14,8 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import Initial, system_of
+from pinarm.engine.motion.segmented.hybrid_system import system_of
+from pinarm.engine.motion.systems import Initial
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import coordinates_of
 from pinarm.mechanics.forces.joint_forces import JointSpring

@@ -12,7 +12,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import SingleSteps, integrate
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.methods.explicit import Adaptive
-from pinarm.engine.integration.tableaus import DOPRI5
+from pinarm.engine.integration.runge_kutta import DOPRI5
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.tree_system import TreeSystem

@@ -10,7 +10,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.methods.explicit import Adaptive
-from pinarm.engine.integration.tableaus import DOPRI5
+from pinarm.engine.integration.runge_kutta import DOPRI5
 from pinarm.engine.kernel.library import library
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.tree_system import TreeSystem

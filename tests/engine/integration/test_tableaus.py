@@ -3,9 +3,8 @@ import pytest
 from scipy.integrate import RK45
 from scipy.integrate._ivp import dop853_coefficients as scipy_coefficients
 
-from pinarm.engine.integration.runge_kutta import dense_terms
-from pinarm.engine.integration.solution import interpolated
-from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4
+from pinarm.engine.integration.integrator import interpolated
+from pinarm.engine.integration.runge_kutta import DOP853, DOPRI5, RK4, dense_terms
 
 
 def test_coefficients_are_those_of_scipy_bit_for_bit():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integration.tableaus import DOP853
+from pinarm.engine.integration.runge_kutta import DOP853
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.library import LEFT_OUT
 from pinarm.engine.kernel.tree import links_of

@@ -57,7 +57,7 @@ def test_one_that_turns_back_beside_a_wheel_is_followed_until_then(speed, cut, t
     assert turned == pytest.approx(exact(kept.grid.t, np.pi / 2 - 1e-3), abs=1e-7)
 
 
-SLOWLY = pytest.mark.skipif(bool(absence()), reason="without compiled steps its small steps take minutes")
+SLOWLY = pytest.mark.skipif(bool(absence()), reason="with some rounding its small steps take minutes, not compiled")
 
 
 @pytest.mark.parametrize("ratio", [8.0, pytest.param(20.0, marks=SLOWLY)])

@@ -6,8 +6,8 @@ import pytest
 import pinarm
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import system_of
-from pinarm.engine.motion.systems.system import Initial
+from pinarm.engine.motion.segmented.hybrid_system import system_of
+from pinarm.engine.motion.systems import Initial
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic

@@ -9,7 +9,6 @@ import pytest
 import pinarm
 from pinarm import PinarmError
 from pinarm.arrays import Indices
-from pinarm.engine.kernel.library import absence
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Row, Task, Value, Wanted, solve_case
@@ -74,10 +73,6 @@ def test_numbers_and_figures_are_those_of_each_case_alone(name: str) -> None:
 COLUMNS: list[tuple[str, Sequence[str], dict[str, tuple[float, float, str]]]] = [
     ("gen411_arm_vertical", (), {"problem.motion.O.speed": (18.0, 25.0, "rad/s"), "arguments.l1": (0.25, 0.255, "m")}),
     ("gen411_arm_dynamic", (), {"problem.acceleration.phi": (3.0, 8.0, "rad/s^2"), "arguments.l2": (0.2, 0.3, "m")}),
-    ("gen411_arm_swing", ("phi", "A_y @ min"),
-     {"problem.initial.velocity.B": (-3.0, 3.0, "rad/s"), "arguments.m_A": (0.1, 0.5, "kg")}),
-    ("gyroscope_precession", (),
-     {"arguments.C": (0.03, 0.04, "kg*m^2"), "problem.initial.velocity.psi": (3.9, 4.1, "rad/s")}),
     ("crank_rocker_turning", ["t @ max(T)", "T @ theta2=2 rad", "theta4 @ mean"],
      {"arguments.b": (0.33, 0.37, "m"), "problem.motion.theta2.speed": (90.0, 120.0, "rpm")}),
     ("gen411_arm_static", ["phi @ max(C_B)", "C_B @ p40", "C_B", "F_By @ end"],
@@ -86,14 +81,7 @@ COLUMNS: list[tuple[str, Sequence[str], dict[str, tuple[float, float, str]]]] = 
 """Scenarios, results, and paths with the least and the greatest of their values: laws, rows and arguments."""
 
 
-INTEGRATED = {"gen411_arm_swing", "gyroscope_precession"}
-"""Those whose cases only the compiled kernel integrates together."""
-
-
-@pytest.mark.parametrize(("name", "results", "ranges"), [
-    pytest.param(*each, marks=pytest.mark.skipif(bool(absence()) and each[0] in INTEGRATED, reason="compiled kernel"))
-    for each in COLUMNS
-])  # fmt: skip
+@pytest.mark.parametrize(("name", "results", "ranges"), COLUMNS)
 def test_laws_and_numbers_are_those_of_each_case_alone(
     name: str, results: Sequence[str], ranges: dict[str, tuple[float, float, str]]
 ) -> None:

@@ -13,11 +13,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, distinct
-from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold
+from pinarm.engine.integration.integrator import (
+    Count,
+    DenseOutput,
+    Doubt,
+    Interval,
+    Manifold,
+    Solution,
+    Step,
+    StepTable,
+)
 from pinarm.engine.integration.runge_kutta import (
+    DOP853,
+    DOPRI5,
     FASTEST,
     NOISE,
+    RK4,
     TINY,
+    Tableau,
     along,
     dense_terms,
     error_of,
@@ -26,8 +39,6 @@ from pinarm.engine.integration.runge_kutta import (
     shrinkage,
     stages,
 )
-from pinarm.engine.integration.solution import DenseOutput, Solution, Step, StepTable
-from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
 from pinarm.records import ValueRecord, replace
 
@@ -85,11 +96,9 @@ class Adaptive(ValueRecord, frozen=True):
 
     @property
     def order(self) -> int:
-        """Order of the step."""
         return self.tableau.order
 
     def stepper(self, manifold: Manifold, count: Count) -> AdaptiveStepper:
-        """Return a stepper of this method."""
         return AdaptiveStepper(self, manifold, count)
 
     def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
@@ -199,15 +208,12 @@ class FixedStep(ValueRecord, frozen=True):
 
     @property
     def order(self) -> int:
-        """Order of the step."""
         return self.tableau.order
 
     def stepper(self, manifold: Manifold, count: Count) -> FixedStepper:
-        """Return a stepper of this method."""
         return FixedStepper(self, manifold, count)
 
     def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
-        """Return the dense output."""
         rates = partial(interval.slopes, manifold, steps.t)
         return dense_terms(self.tableau, rates, steps.t, steps.h, steps.y, steps.slopes), {}
 
@@ -256,7 +262,6 @@ class ExplicitStepper:
 
     @property
     def finite(self) -> bool:
-        """Whether the slopes last computed are finite."""
         return bool(np.isfinite(self.slopes).all())
 
     def begin(self, interval: Interval, y: Array) -> None:
@@ -308,13 +313,11 @@ class AdaptiveStepper(ExplicitStepper):
         self.ceiling, self.floored = FASTEST, False
 
     def compiled(self, solution: Solution) -> CompiledSteps:
-        """Return the same steps by the compiled library."""
         from pinarm.engine.integration.compiled_steps import CompiledSteps
 
         return CompiledSteps(solution, self)
 
     def first(self, h: float) -> float:
-        """Return the step proposed in the previous interval, or one from two slopes."""
         if h:
             return h
         self.count.evaluations += 1
@@ -322,7 +325,6 @@ class AdaptiveStepper(ExplicitStepper):
         return first_step(time, self.y, self.slopes[0], self._trial, self.tolerance, order, size)
 
     def attempt(self, t: float, h: float) -> float:
-        """Compute a step from the present state; return its error over the tolerance."""
         self.advance(t, h)
         scale = self.tolerance, self.interval.size
         error = error_of(self.tableau, h, self.y, self.new, self.slopes, scale)
@@ -331,13 +333,11 @@ class AdaptiveStepper(ExplicitStepper):
         return 1.0 if self.floored else error
 
     def retry(self, h: float, error: float) -> float:
-        """Return a shorter step; NaN is treated as a large error."""
         self.ceiling = 1.0
         floor = self.interval.floor() if error < NOISE / self.tolerance else 0.0
         return max(h * shrinkage(error, self.order), floor)
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
-        """Move to the end of the step; return its slopes and the next step [s]."""
         slopes = self.move(t)
         grown = h * growth(error, self.order, self.ceiling)
         if self.floored:
@@ -357,11 +357,7 @@ class FixedStepper(ExplicitStepper):
         """Return nothing: the library knows methods with variable steps."""
 
     def first(self, h: float) -> float:
-        """Return the step that divides the interval evenly.
-
-        Raises:
-            MethodError: The interval takes more steps than anybody can wait for.
-        """
+        """Return the step that divides the interval evenly; raise where nobody can wait for the steps."""
         length = self.interval.end - self.interval.start
         if length > MOST_STEPS * self.longest:
             raise MethodError(
@@ -377,9 +373,7 @@ class FixedStepper(ExplicitStepper):
         return float(0.0 * self.slopes[-1].sum())
 
     def retry(self, h: float, error: float) -> float:
-        """Give up."""
         return 0.0
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
-        """Move to the end of the step; return its slopes and the same step [s]."""
         return self.move(t), self.h

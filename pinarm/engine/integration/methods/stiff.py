@@ -20,8 +20,7 @@ from pinarm.records import ValueRecord
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold
-    from pinarm.engine.integration.solution import DenseOutput, Solution, StepTable
+    from pinarm.engine.integration.integrator import Count, DenseOutput, Doubt, Interval, Manifold, Solution, StepTable
     from pinarm.engine.kernel.library import Flow
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
@@ -53,15 +52,15 @@ long. And most steps in one call."""
 class RadauTableau:
     """The coefficients of a Radau IIA method of s stages.
 
-    The first eigenvalue of the inverse of a is the real one. Of each complex pair only one is kept, since for real
-    slopes the other part is its conjugate: ``x = Re(back @ (forth @ x))`` for real x, and
-    ``inv(a) @ x = Re(back @ (eigenvalues * (forth @ x)))``.
+    Of each complex pair of eigenvalues of the inverse of a only one is kept, behind the real one: for real slopes
+    the other part is its conjugate, ``x = Re(back @ (forth @ x))`` for real x, and ``inv(a) @ x = Re(back @
+    (eigenvalues * (forth @ x)))``.
 
     Attributes:
         c: Nodes, shape (s,).
         a: Weights of the stages, shape (s, s); the last row are those of the step.
         inverse: Inverse of a.
-        eigenvalues: Eigenvalues of the inverse of a, shape (m,) with ``m = (s + 1) / 2``.
+        eigenvalues: Of the inverse, shape (m,) with ``m = (s + 1) / 2``.
         forth: Rows of the inverse of the eigenvector matrix, shape (m, s).
         back: Eigenvectors, those of complex pairs doubled, shape (s, m).
         error: Weights of ``Z_i = Y_i - y`` in the error estimate, shape (s,).
@@ -170,11 +169,9 @@ class Radau(ValueRecord, frozen=True):
 
     @property
     def order(self) -> int:
-        """Order of the step."""
         return 2 * self.stages - 1
 
     def stepper(self, manifold: Manifold, count: Count) -> RadauStepper:
-        """Return a stepper of this method."""
         return RadauStepper(self, manifold, count)
 
     def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
@@ -214,7 +211,6 @@ class RadauStepper:
 
     @property
     def finite(self) -> bool:
-        """Whether the slope at the present state is finite."""
         return bool(np.isfinite(self.slope).all())
 
     def begin(self, interval: Interval, y: Array) -> None:
@@ -238,7 +234,6 @@ class RadauStepper:
         return np.array([self.interval.slope(self.manifold, *state) for state in states])
 
     def first(self, h: float) -> float:
-        """Return the step proposed in the previous interval, or one from two slopes."""
         start, end, order = self.interval.start, self.interval.end, len(self.tableau.c)
         size = self.interval.size
         return h or first_step((start, end), self.y, self.slope, self.rates, self.tolerance, order, size)

@@ -72,12 +72,6 @@ static double largest(const closing *c, const double *x) {
     return size;
 }
 
-/* Whether a step of length h is too short to reach a singular position. */
-static int is_clear(const closing *from, const closing *to, double h) {
-    const double speed = fmax(from->speed, to->speed) + 0.25 * h * fmax(from->acceleration, to->acceleration);
-    return !from->near && h * speed < to->limits.clear * fmin(1.0, fmin(from->regular, to->regular));
-}
-
 static int turns(const closing *c) { return c->open > c->limits.passed; } /* beside a singular position */
 
 /* Write the acceleration at a singular position that is passed, from both sides of it; return how open it is. */
@@ -163,11 +157,8 @@ int closing_settle(void *system, double time, double *y, double *slope) {
         c->floor = singular && !turns(c) ? c->limits.floor * c->step : 0.0;
         c->t = time;
         tree_coordinate_rates(t, y, y + t->nq, slope);
-        if ((c->near || c->tolerant.repeats > 0) && accelerations(c, y, slope + t->nq) <= c->torn * c->torn) {
-            c->speed = largest(c, y + t->nq), c->acceleration = largest(c, slope + t->nq);
-            c->clear = is_clear(&before, c, time - before.t);
+        if ((c->near || c->tolerant.repeats > 0) && accelerations(c, y, slope + t->nq) <= c->torn * c->torn)
             return 1;
-        }
     }
     copy(t->nq + t->nv, c->saved, y);
     *c = before;

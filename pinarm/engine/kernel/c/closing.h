@@ -12,8 +12,7 @@ typedef struct {
     double vanished, accuracy;        /* squares that are 0, and how well they are known */
     double aside, across[8];          /* how far beside a singular position others are, and their weights */
     double passed;                    /* gap at the position so interpolated up to which it is passed */
-    double floor, clear;              /* least step close to singular positions, relative to a regular one; and motion
-                                       * within a step, over the regularity, that reaches no singular position */
+    double floor;                     /* least step close to singular positions, relative to a regular one */
     int rank;
 } limits;
 
@@ -28,9 +27,8 @@ typedef struct {
     const double *scale;      /* unit of every velocity, nv */
     double *sum, *part, *aside; /* nv */
     double *state, *saved;    /* nq + nv */
-    int near, clear;          /* whether stages of the next step are closed, and the last is clear of singular positions */
+    int near;                 /* whether stages of the next step are closed */
     double regular, open;     /* regularity of the last closed position; gap at a singular one that is near */
-    double speed, acceleration; /* the largest velocity and acceleration there, in the units of velocities */
     double t, step, floor;    /* its time, the length of the last regular step, and the least one now */
 } closing;
 

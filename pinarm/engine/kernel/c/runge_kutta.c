@@ -75,7 +75,6 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
             course_accept(m, n, taken, last, end);
             m->floored[m->written - 1] = floored;
             m->handed = f->settle && !f->settle(f->system, m->t, m->y, slopes + block);
-            m->clear[m->written - 1] = f->clear && !m->handed && *f->clear;
             const double next = floored ? fmax(following, *f->floor) : following;
             m->h = last ? fmax(m->h, next) : next;
             m->ceiling = c->fastest;

@@ -12,7 +12,7 @@ int course_continues(const course *m, const control *c) {
 void course_accept(course *m, ptrdiff_t n, double taken, int last, const double *end) {
     const ptrdiff_t k = m->written++;
     m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = last ? m->end : m->t + taken;
-    m->rejections[k] = m->rejected, m->floored[k] = m->clear[k] = 0;
+    m->rejections[k] = m->rejected, m->floored[k] = 0;
     copy(n, m->y, m->states + k * n);
     copy(n, end, m->y);
     m->t = m->ends[k];

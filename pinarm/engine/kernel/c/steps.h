@@ -20,11 +20,10 @@ typedef struct {
     void (*rates)(void *system, double time, double *y, double *slope);
     int (*settle)(void *system, double time, double *y, double *slope);
     const double *floor; /* the smallest useful step: 0, unless rounding is amplified */
-    const int *clear;    /* whether the step last settled is clear of singular positions; mostly none is told */
     void *system;
 } flow;
 
-/* Step control. Its numbers stand in pinarm/engine/integration: step_control.py and methods/stiff.py. */
+/* Step control. Its numbers stand in pinarm/engine/integration: runge_kutta.py and methods/stiff.py. */
 typedef struct {
     double tolerance, size;                /* errors are relative to tolerance (size + |y|) */
     double safety, gain, slowest, fastest; /* of the next step */
@@ -42,7 +41,7 @@ typedef struct {
     double *y, *scratch;     /* present state, n; as many numbers as the method says */
     double *starts, *lengths, *ends; /* t, h and t + h of the written steps, room each */
     ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
-    int *floored, *clear;    /* whether each was accepted as rounding, and is clear of singular positions, room */
+    int *floored;            /* whether each was accepted as rounding, room */
     double *states, *slopes; /* y at the start of each, room rows of n; rows of n for its stages, room for one more */
 } course;
 

@@ -59,17 +59,11 @@ Held = frozenset[int]
 
 
 class Bound(ValueRecord, frozen=True):
-    """One side of a joint's range.
+    """One side of a joint's range, met with a restitution from 0 to 1.
 
-    Attributes:
-        name: For messages: the joint and the side.
-        coordinate: The joint's coordinate.
-        joint: Index of its velocity in v.
-        limit: The coordinate's value at the stop [rad or m].
-        side: 1 for a lower limit, -1 for an upper one: the way in which the stop pushes.
-        restitution: e, velocity after an impact relative to that before, from 0 to 1.
-        reach: Length of its row.
-        size: Of the motion, in SI, see ``HybridSystem.size``; in loops that of their lengths.
+    ``side`` is 1 for a lower limit, -1 for an upper one: the way in which the stop pushes. ``joint`` is the index
+    of its velocity in v, ``reach`` the length of its row, ``size`` that of the motion in SI, see
+    ``HybridSystem.size``; in loops that of their lengths.
     """
 
     name: str
@@ -83,14 +77,12 @@ class Bound(ValueRecord, frozen=True):
 
     @property
     def title(self) -> str:
-        """Kind and name."""
         return f"end stop '{self.name}'"
 
     def row(self, q: Array) -> Array:
         return self.coordinate.weights
 
     def acceleration(self, q: Array, v: Array, a: Array) -> float:
-        """Return that of the joint."""
         return float(a[self.joint])
 
     @property
@@ -99,14 +91,12 @@ class Bound(ValueRecord, frozen=True):
 
     @property
     def place(self) -> int:
-        """Index of the coordinate in q."""
         return int(self.coordinate.places[self.joint])
 
     def gap(self, q: Array) -> Array:
         return np.asarray(self.side * (q[..., self.place] - self.limit))
 
     def passed_at_start(self, q: Array) -> str:
-        """Return the error of a motion that begins at a configuration, shape (nq,), beyond the stop."""
         unit = self.coordinate.unit
         return f"the motion begins at {q[self.place]:.6g} {unit}, beyond the {self.title} at {self.limit:.6g} {unit}"
 
@@ -117,10 +107,7 @@ class Bound(ValueRecord, frozen=True):
 
 
 class Separation(Record, frozen=True):
-    """A one-sided constraint as a stop that a motion may meet, without rebound, and leave.
-
-    ``closure`` has the constraint alone.
-    """
+    """A one-sided constraint, and a closure of it alone, as a stop that is met without rebound, and left."""
 
     unshown = ("closure",)
 
@@ -134,7 +121,6 @@ class Separation(Record, frozen=True):
 
     @property
     def title(self) -> str:
-        """Kind and name."""
         return f"{self.constraint.kind} '{self.name}'"
 
     @property
@@ -161,14 +147,13 @@ class Separation(Record, frozen=True):
         return np.asarray(self.side * gaps[:, 0].reshape(q.shape[:-1]))
 
     def passed_at_start(self, q: Array) -> str:
-        """Return the error of a motion that begins at a configuration, shape (nq,), in which it is overdrawn."""
         return f"at the start the {self.title} is passed by {-float(self.gap(q)):.6g} {self.unit}"
 
     def row(self, q: Array) -> Array:
         return np.asarray(self.closure.rows(self.closure.state(q))[0])
 
     def acceleration(self, q: Array, v: Array, a: Array) -> float:
-        """Return that of its gap, but for the sign."""
+        """Return the acceleration of its gap, but for the sign."""
         state = self.closure.state(q, v)
         return float(self.closure.rows(state)[0] @ a + self.closure.drift(state)[0])
 
@@ -201,17 +186,18 @@ def pressed(
 ) -> Held:  # fmt: skip
     """Return which of several stops that are touched push: none that does pulls, and none that does not is entered.
 
-    The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself (Murty,
-    Note on a Bard-type scheme for solving the complementarity problem, 1974). One that moves only with those that push
-    takes the place of the first of these that it would relieve (the criss-cross method of den Hertog, Roos and Terlaky,
-    The linear complementarity problem, sufficient matrices, and the criss-cross method, 1993): only the sum of their
-    pushes is determined. Where rounding or friction let sets come again, stops that pull are let go one by one.
+    The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself
+    (Murty, Note on a Bard-type scheme for solving the complementarity problem, 1974). One that moves only with
+    those that push takes the place of the first of these that it would relieve (the criss-cross method of den
+    Hertog, Roos and Terlaky, The linear complementarity problem, sufficient matrices, and the criss-cross method,
+    1993): only the sum of their pushes is determined. Where rounding or friction let sets come again, stops that
+    pull are let go one by one.
 
     Args:
         touched: The stops.
-        away: Stops that push -> of these their pushes, of the others how fast the motion leaves them.
-        ties: Stops that push, and another one -> by how much its coordinate changes with theirs, each counted away from
-            the stop, where it moves only with them; nothing where it moves by itself as well.
+        away: Stops that push -> their pushes, and how fast the motion leaves the others.
+        ties: Stops that push, and another one -> by how much its coordinate changes with theirs, each
+            counted away from the stop; nothing where it moves by itself as well.
         slight: How fast one that moves only with others may seem to be entered by rounding.
     """
     known, seen, first = sorted(touched), set[Held](), frozenset[int]()
@@ -235,13 +221,7 @@ def pressed(
 
 
 class Contacts(Record, frozen=True):
-    """The stops of a mechanism.
-
-    Attributes:
-        closure: Constraints of the mechanism that always hold, without the prescribed coordinates.
-        prescribed: Coordinates that follow laws.
-        bounds: The stops.
-    """
+    """The stops of a mechanism, beside constraints that always hold and coordinates that follow laws."""
 
     closure: Closure
     prescribed: PrescribedCoordinates
@@ -274,14 +254,8 @@ class Contacts(Record, frozen=True):
     def impact(self, t: float, q: Array, v: Array, hit: Mapping[int, float], held: Iterable[int] = ()) -> Array:
         """Return the velocity after stops were met with the velocity v, shape (nv,).
 
-        Other stops that are touched hold as long as they push.
-
-        Args:
-            t: The instant [s].
-            q: Configuration, shape (nq,).
-            v: Velocity before, shape (nv,).
-            hit: Stops that are met, and for each the velocity up to which a rebound is none [rad/s or m/s].
-            held: Stops that are rested on already.
+        Other stops that are touched, or ``held`` already, hold as long as they push. ``hit`` has for each stop
+        that is met the velocity up to which a rebound is none [rad/s or m/s].
         """
         back = dict.fromkeys(sorted({*self.near(q), *held}), 0.0)
         for k, least in hit.items():

@@ -18,9 +18,8 @@ from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
 from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT, Watch
+from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods.explicit import FixedStep
-from pinarm.engine.integration.solution import Solution
-from pinarm.engine.integration.turns import Turn
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.motion.segmented.end_stops import OPENED, TIED, Bound, Held, pressed
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
@@ -31,7 +30,6 @@ from pinarm.engine.motion.segmented.watched_values import (
     deciding,
     decision,
     of_mechanism,
-    sensitivity,
     steps_over,
     watched,
 )
@@ -125,7 +123,7 @@ class _Integration(Record, frozen=True):
         t, separations = hybrid.cuts[0], hybrid.separations
         self._enter(t, q, v)
         if hybrid.frictions:
-            hybrid.friction(separations).sliding(Slip(), hybrid.span(t)).equation.require_determined(q)
+            hybrid.friction(separations, t).equation.require_determined(q)
         v = self._begun(t, q, v)
         v, mode = self._settled(t, q, v, self._mode(t, q, v), frozenset())
         while (end := self._segment(mode, t, q, v)) is not None:
@@ -143,7 +141,6 @@ class _Integration(Record, frozen=True):
             self._enter(t, q, v)
             before, following = mode.held, self._following(mode, SegmentEnd(t, q, v, end.cause))
             v, mode = self._settled(t, q, *following, frozenset() if met else before)
-            self._note_reversal(end.cause, mode, t, q, v)
             opened = sorted((before & separations) - mode.held)
             motion.events.extend(EventRecord(hybrid.bounds[k].name + OPENED, t, q, v) for k in opened)
         return motion
@@ -226,7 +223,6 @@ class _Integration(Record, frozen=True):
         self, hybrid: HybridSystem, system: System, spans: Sequence[tuple[float, float]], watches: Sequence[Watch],
         q: Array, v: Array,
     ) -> Solution:  # fmt: skip
-        """Return the states of a segment, until a watch ends it."""
         work = self.motion.work
         with_integrals = getattr(system, "with_integrals", None)
         q, v = with_integrals(q, v) if with_integrals else (q, v)
@@ -244,7 +240,6 @@ class _Integration(Record, frozen=True):
         return spans[:1] if alone else spans
 
     def _note_events(self, solution: Solution, system: System, keys: list[str | Cause]) -> SegmentEnd | None:
-        """Add the events of the last segment to the motion; return the one that ended it."""
         end = None
         for crossing in solution.crossings:
             key, t = keys[crossing.watch], crossing.t
@@ -256,20 +251,6 @@ class _Integration(Record, frozen=True):
                 end = SegmentEnd(t, q, v, key)
         return end
 
-    def _note_reversal(self, cause: Cause, mode: Mode, t: float, q: Array, v: Array) -> None:
-        """Note by how much friction fails to hold a joint that turns back in a state; nothing where none does."""
-        kind, joint = cause
-        if kind != "slip" or not 0 <= joint < len(mode.slip.direction):
-            return
-        watch = self.hybrid.friction(mode.held).could_hold(mode.slip, self.hybrid.span(t), joint)
-        if watch is None:
-            return
-        state, wrong = (np.array([t]), q[None], v[None]), self.motion.work.state_error
-        margin = float(watch.value(*state)[0])
-        if not np.isnan(margin):
-            error = wrong * sensitivity(self.hybrid, watch.value, *state)
-            self.motion.consider(decision(watch, Turn(0, t, 0.0, 1.0, margin, error, wrong, 0.0)))
-
     def _locate(self, error: NumericsError, system: System) -> None:
         """Say in an error where the integration ended, joint by joint."""
         if "q" in error.data:
@@ -279,7 +260,7 @@ class _Integration(Record, frozen=True):
             error.message += refusals(self.hybrid.dynamics.forces, error.data["q"])
 
     def _begun(self, t: float, q: Array, v: Array) -> Array:
-        """Return the velocity with which a motion begins that may move towards stops that it touches, shape (nv,)."""
+        """Return the velocity with which a motion begins that may move towards stops that it touches."""
         contacts, bounds = self.hybrid.contacts, self.hybrid.bounds
         approached = [k for k in contacts.near(q) if self._approaches(k, q, v)]
         after = contacts.impact(t, q, v, self._slow(approached, t, q, v)) if approached else v
@@ -287,10 +268,7 @@ class _Integration(Record, frozen=True):
         return after
 
     def _met(self, held: Held, end: SegmentEnd) -> list[int]:
-        """Return the stops that are hit at the end of a segment, whatever ended it.
-
-        Of several that are met at one instant a segment ends at one; the others are as near, or passed by rounding.
-        """
+        """Return the stops hit at the end of a segment: it ends at one, others are as near but for rounding."""
         bounds, hit = self.hybrid.bounds, {end.cause[1]} if end.cause[0] == "hit" else set[int]()
         others = {*range(len(bounds))} - held - hit
         passed = (k for k in others if bounds[k].gap(end.q) <= bounds[k].slack)
@@ -300,8 +278,7 @@ class _Integration(Record, frozen=True):
         """Return the state after stops were met: exactly on them, with the velocity after the impact.
 
         Raises:
-            IntegrationError: One is met where the motion turns, as at a dead point of a linkage: whether there is an
-                impact, which turns the motion back, is below the accuracy of the integration.
+            IntegrationError: See ``_require_clear``.
         """
         hybrid, t, q = self.hybrid, end.t, end.q.copy()
         for bound in (hybrid.bounds[k] for k in met):
@@ -316,7 +293,10 @@ class _Integration(Record, frozen=True):
         return q, hybrid.contacts.impact(t, q, end.v, self._slow(met, t, q, end.v), held & hybrid.separations)
 
     def _require_clear(self, k: int, held: Held, end: SegmentEnd) -> None:
-        """Raise where a motion at a dead point would turn before it is past a stop by more than the errors of steps."""
+        """Raise where a motion at a dead point turns within the errors of steps of a stop.
+
+        Whether there is an impact, which turns the motion back, is then below the accuracy of the integration.
+        """
         hybrid, bound, error = self.hybrid, self.hybrid.bounds[k], self.hybrid.method.tolerance
         if not isinstance(bound, Bound) or hybrid.contacts.freedom(k, end.q) > DEAD * error**0.5:
             return
@@ -372,24 +352,24 @@ class _Integration(Record, frozen=True):
         return [bound.side * bound.acceleration(q, v, a) for a in accelerations]
 
     def _following(self, mode: Mode, end: SegmentEnd) -> tuple[Array, Mode]:
-        """Return the velocity and the mode after the end of a segment that does not end the run."""
+        """Return the velocity and the mode after a segment that does not end the run."""
         hybrid, (t, q, v, (kind, index)) = self.hybrid, end
         if kind == "released":
             tied = hybrid.tied(mode.held, self._at_rest(t, q, v), q)  # any of them may take over what it held
             return v, self._pressing((mode.held | tied) - {index}, t, q, v)
         if kind != "slip":
             return v, self._mode(t, q, v, mode.held & hybrid.separations)
-        friction, span = hybrid.friction(mode.held), hybrid.span(t)
-        switch = friction.switch(span, q, v, mode.slip, index)
+        friction = hybrid.friction(mode.held, t, mode.slip)
+        switch = friction.switch(q, v, index)
         v, touched = switch.v, self._at_rest(t, q, switch.v) - mode.held
-        after = Mode(mode.held, friction.after(span, q, switch))
+        after = Mode(mode.held, friction.after(q, switch))
         if touched and index >= 0:  # a rebound so small that it ends where the stop is, but for rounding
             return v, self._mode(t, q, v, mode.held & hybrid.separations)
 
         def slips(held: Held) -> Slip:
             if (hybrid.rubs(held) != hybrid.rubs(mode.held)).any():
                 return hybrid.slip(held, t, q, v)
-            return hybrid.friction(held).after(span, q, switch)
+            return hybrid.friction(held, t).after(q, switch)
 
         if entered := self._entered(mode.slip, after, touched, t, q, v):
             held = mode.held
@@ -408,7 +388,7 @@ class _Integration(Record, frozen=True):
         if not touched:
             return touched
         leaving = self._leaving(self.hybrid.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])
-        begun = self.hybrid.friction(mode.held).begun(before, mode.slip, self.hybrid.span(t), q)
+        begun = self.hybrid.friction(mode.held, t, mode.slip).begun(before, q)
         slight = self._slight(mode.held, t, q, v)
         for k in (k for k, away in leaving.items() if abs(away) <= slight):
             bound = self.hybrid.bounds[k]
@@ -420,10 +400,7 @@ class _Integration(Record, frozen=True):
         return SLIGHT * float(np.abs(self.hybrid.acceleration_without_friction(held, t, q, v)).max(initial=0.0))
 
     def _at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:
-        """Return the stops that a state touches without moving against or away from them.
-
-        ``held`` are stops that are touched, however well integrated states show it.
-        """
+        """Return the stops that are touched, or held, without moving against or away from them."""
         slow = self._slow({*self.hybrid.contacts.near(q), *held}, t, q, v)
         return frozenset(k for k, least in slow.items() if abs(self._speed(k, q, v)) <= least)
 
@@ -433,10 +410,7 @@ class _Integration(Record, frozen=True):
     def _pressing(
         self, touched: Held, t: float, q: Array, v: Array, slips: Callable[[Held], Slip] | None = None
     ) -> Mode:
-        """Return the mode in which those of the stops that are touched hold that a state at rest presses against.
-
-        ``slips`` returns the slip of joints while some stops hold; where it is left out, that of the state.
-        """
+        """Return the mode in which those of the touched stops hold that a state at rest presses against."""
         hybrid, modes = self.hybrid, dict[Held, Mode]()
 
         def away(held: Held) -> dict[int, float]:
@@ -450,7 +424,6 @@ class _Integration(Record, frozen=True):
         return modes[held] if held in modes else Mode(held, hybrid.slip(held, t, q, v))
 
     def _leaving(self, system: System, stops: Held, t: Array, q: Array, v: Array) -> dict[int, float]:
-        """Return the accelerations away from stops in one state [rad/s^2 or m/s^2]."""
         if not stops:
             return {}
         a, bounds = self.hybrid.completed(system, t, q, v).a[0], self.hybrid.bounds

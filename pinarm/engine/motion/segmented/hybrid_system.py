@@ -25,7 +25,7 @@ from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.singular import running
 from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held, Separation
 from pinarm.engine.motion.segmented.stop_shares import StopShares
-from pinarm.engine.motion.systems import Initial, System, system_of
+from pinarm.engine.motion.systems import Initial, System
 from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import JointRelation
@@ -35,9 +35,11 @@ from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
+    from pinarm.engine.friction.joint_friction import JointFriction
     from pinarm.engine.integration.methods import Method
-    from pinarm.engine.motion.segmented.stick_slip import StickSlip
-    from pinarm.engine.motion.systems.system import CompletedStates
+    from pinarm.engine.motion.systems import CompletedStates
+    from pinarm.engine.motion.systems.loop_system import LoopSystem
+    from pinarm.engine.motion.systems.tree_system import TreeSystem
     from pinarm.mechanics.friction.contact import FrictionContact
 
 
@@ -57,7 +59,7 @@ class HybridSystem(Record, frozen=True):
 
     Attributes:
         closure: Constraints of the mechanism.
-        dynamics: Its equation of motion with all the forces of the run.
+        dynamics: Its equation of motion with all the forces of the run, efforts of controllers included.
         prescribed: Coordinates with laws.
         initial: The initial state.
         time: First and last instant [s].
@@ -67,7 +69,7 @@ class HybridSystem(Record, frozen=True):
         max_steps: Number of steps after which to give up.
         size: Scale of errors of steps besides the states; see ``Interval.size``.
         frictions: Joints with friction that sticks.
-        controls: Controllers, whose efforts are among the loads of ``dynamics``; ``None`` for none.
+        controls: Controllers; ``None`` for none.
         max_events: Number of impacts, switches and other changes of contact after which to give up.
     """
 
@@ -84,7 +86,7 @@ class HybridSystem(Record, frozen=True):
     frictions: tuple[FrictionContact, ...] = ()
     controls: Controls | None = None
     max_events: int = 10_000
-    _systems: dict[Held, System] = {}
+    _systems: dict[Held, TreeSystem | LoopSystem] = {}
     _shares: dict[Held, StopShares] = {}
 
     def of_size(self, size: float, max_steps: int) -> HybridSystem:
@@ -102,7 +104,7 @@ class HybridSystem(Record, frozen=True):
         dynamics = self.dynamics.entered(q, v)
         return self if dynamics is self.dynamics else replace(self, dynamics=dynamics)
 
-    def system(self, held: Held = frozenset()) -> System:
+    def system(self, held: Held = frozenset()) -> TreeSystem | LoopSystem:
         """Return the equations while joints rest on the given stops.
 
         Raises:
@@ -112,7 +114,7 @@ class HybridSystem(Record, frozen=True):
             self._systems[held] = self._built(held, self.with_stops(held), self.initial)
         return self._systems[held]
 
-    def _built(self, held: Held, prescribed: PrescribedCoordinates, initial: Initial) -> System:
+    def _built(self, held: Held, prescribed: PrescribedCoordinates, initial: Initial) -> TreeSystem | LoopSystem:
         closure = self.closure_of(held)
         if any(isinstance(self.bounds[k], Bound) for k in held):
             from pinarm.engine.motion.systems.loop_system import LoopSystem
@@ -126,12 +128,12 @@ class HybridSystem(Record, frozen=True):
         return frozenset(k for k, bound in enumerate(self.bounds) if isinstance(bound, Separation))
 
     @property
-    def closed_system(self) -> System:
+    def closed_system(self) -> TreeSystem | LoopSystem:
         """The equations while all constraints hold."""
         return self.system(self.separations)
 
     def closure_of(self, held: Held) -> Closure:
-        """Return the constraints that hold: those that always do, and the one-sided ones that are held."""
+        """Return the constraints that hold, with the one-sided ones that are held."""
         if held >= self.separations:
             return self.closure
         opened = {self.bounds[k].name for k in self.separations - held}
@@ -156,12 +158,15 @@ class HybridSystem(Record, frozen=True):
     def _stops(self, held: Held) -> list[Bound]:
         return [bound for k in sorted(held) if isinstance(bound := self.bounds[k], Bound)]
 
-    def friction(self, held: Held) -> StickSlip:
-        """Return the joints with friction while joints rest on the given stops."""
-        from pinarm.engine.motion.segmented.stick_slip import StickSlip
+    def friction(self, held: Held, t: float, slip: Slip = Slip()) -> JointFriction:  # noqa: B008  is frozen
+        """Return the joints with friction from an instant on, while joints rest on the given stops."""
+        from pinarm.engine.friction.joint_friction import JointFriction
 
-        stops, laws = self._stops(held), self.with_stops(held)
-        return StickSlip(self.rubbing(held), self.closure_of(held), self.dynamics, laws, stops, self.time, self.size)
+        closure, laws = self.closure_of(held), self.with_stops(held)
+        rows = closure.with_guides(laws.names, laws.coordinates)
+        return JointFriction(
+            self.rubbing(held), closure, rows, self.dynamics, laws, self.time, self.span(t), slip, self.size
+        )
 
     def rubs(self, held: Held) -> Flags:
         """Return which frictions there are, shape (k,): not that of a cam that is open, whose follower flies."""
@@ -169,7 +174,6 @@ class HybridSystem(Record, frozen=True):
         return np.array([contact.name not in opened for contact in self.frictions], dtype=bool)
 
     def rubbing(self, held: Held) -> tuple[FrictionContact, ...]:
-        """Return the frictions that there are."""
         return tuple(contact for contact, rubs in zip(self.frictions, self.rubs(held).tolist(), strict=True) if rubs)
 
     def stretch(self, mode: Mode, t: float, q: Array, v: Array) -> System:
@@ -178,10 +182,9 @@ class HybridSystem(Record, frozen=True):
             return self.system(mode.held)
         from pinarm.engine.motion.systems.frictional import FrictionalSystem
 
-        friction = self.friction(mode.held)
-        held = friction.held(mode.slip, self.span(t), q)
-        inner = self._built(mode.held, held, replace(self.initial, q=q, v=v))
-        return FrictionalSystem(friction, mode.slip, inner, self.cuts)
+        friction = self.friction(mode.held, t, mode.slip)
+        inner = self._built(mode.held, friction.with_stuck(q), replace(self.initial, q=q, v=v))
+        return FrictionalSystem(friction, inner, self._stops(mode.held), self.cuts)
 
     def span(self, t: float) -> tuple[float, float]:
         """Return the interval without jumps from an instant on [s]."""
@@ -202,9 +205,7 @@ class HybridSystem(Record, frozen=True):
     def knots(self) -> list[float]:
         """Instants at which steps have to end: a third derivative jumps, or a law turns back over pieces of loads [s].
 
-        A step sees a law at a few instants only: where it rests but for one point of a table, the stages of a longer
-        step, and of a finer one beside it, may all be where it rests. Likewise where a law swings past pieces of a
-        load and back within a step.
+        A longer step sees a law at a few instants only, which may all be where it rests.
         """
         knots = {knot for law in self._laws for knot in law.knots()}
         if self.profiled or any(force.in_pieces for force in self.dynamics.forces.values()):
@@ -219,7 +220,6 @@ class HybridSystem(Record, frozen=True):
 
     @cached_property
     def contacts(self) -> Contacts:
-        """Return the stops at work."""
         return Contacts(self.closure_of(frozenset()), self.prescribed, self.bounds)
 
     def begin(self, initial: Initial) -> tuple[Array, Array]:
@@ -276,7 +276,6 @@ class HybridSystem(Record, frozen=True):
 
     @cached_property
     def assembly(self) -> Assembly:
-        """The first position of the mechanism; see ``first_position``."""
         return self._assembled(self.initial)
 
     def _assembled(self, initial: Initial) -> Assembly:
@@ -314,16 +313,10 @@ class HybridSystem(Record, frozen=True):
         q.flags.writeable = v.flags.writeable = False
         return q, v
 
-    @cached_property
-    def guided(self) -> Closure:
-        """The constraints of the mechanism that always hold, then the coordinates that follow laws."""
-        always = self.closure_of(frozenset())
-        return always.with_guides(self.prescribed.names, self.prescribed.coordinates)
-
     def require_masses(self, q: Array) -> None:
         """Raise where masses do not determine the accelerations at configurations, shape (n, nq)."""
         known = q.shape[1] == len(self.initial.q)
-        require_masses(self.guided, q if known else self.initial.q[None], self.time[0])
+        require_masses(self.contacts.guided, q if known else self.initial.q[None], self.time[0])
 
     def intervals(self, system: System, spans: Iterable[tuple[float, float]]) -> list[Interval]:
         """Return the intervals of a system in spans of time [s] without jumps."""
@@ -340,7 +333,7 @@ class HybridSystem(Record, frozen=True):
 
     def slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
         """Return the slip of joints with friction from a state on given stops on."""
-        return self.friction(held).start(self.span(t), q, v) if self.rubbing(held) else Slip()
+        return self.friction(held, t).start(q, v) if self.rubbing(held) else Slip()
 
     def acceleration_without_friction(self, held: Held, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration of a state on some stops without friction, shape (nv,)."""
@@ -403,10 +396,32 @@ class HybridSystem(Record, frozen=True):
         return dict(zip([*sorted(held - self.separations), *sorted(held & self.separations)], pushes.T, strict=True))
 
     def push(self, held: Held, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
-        """Return the push of one stop that is held; see ``pushes``."""
         return self.pushes(held, system, t, q, v)[k]
 
     @cached_property
     def profiled(self) -> list[JointRelation]:
         """Constraints whose rows are made of pieces, as cams are."""
         return [part for part in self.closure.constraints if isinstance(part, JointRelation) and part.in_pieces]
+
+
+def system_of(
+    closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, initial: Initial
+) -> TreeSystem | LoopSystem:
+    """Return what has to be integrated while the prescribed coordinates follow their laws.
+
+    Args:
+        closure: Constraints of the mechanism.
+        dynamics: Its equation of motion with all the forces of the run.
+        prescribed: Coordinates with laws, none for free motion.
+        initial: The initial state; joints with given values stay free if they can.
+
+    Raises:
+        InputError: They cannot be prescribed independently.
+    """
+    if prescribed.linear_in(closure):
+        from pinarm.engine.motion.systems.tree_system import TreeSystem
+
+        return TreeSystem.of(closure, dynamics.manifold, prescribed, initial)
+    from pinarm.engine.motion.systems.loop_system import LoopSystem
+
+    return LoopSystem.of(closure, dynamics, prescribed, initial.q)

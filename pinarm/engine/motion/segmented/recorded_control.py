@@ -113,7 +113,6 @@ def control_rows(motion: SegmentedMotion, grid: Grid, q: Array, v: Array) -> tup
 def _columns(
     controllers: Sequence[Controller], parts: list[dict[str, Array]], references: list[Array], q: Array, v: Array
 ) -> dict[str, Series]:
-    """Return the columns of all drives."""
     columns = dict[str, Series]()
     for controller, part, reference in zip(controllers, parts, references, strict=True):
         measured = controller.measure(q, v)

@@ -20,8 +20,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Doubt
-    from pinarm.engine.integration.solution import Solution
+    from pinarm.engine.integration.integrator import Doubt, Solution
     from pinarm.engine.motion.segmented.stop_shares import StopShares
 
 
@@ -57,8 +56,8 @@ class MotionSegment(Record, frozen=True):
         system: Its equations.
         solution: The integrated states.
         dynamics: The equation of motion, with the friction of joints that slip.
-        holding: Which rows of the mechanism's constraints hold, shape (m,) as flags.
-        rubbing: Which of the mechanism's frictions there are, shape (k,) as flags.
+        holding: Which rows of the mechanism's constraints hold, shape (m,).
+        rubbing: Which of the mechanism's frictions there are, shape (k,).
         stops: Stops that are rested on; ``None`` without any.
         shares: The same where several hold one motion; ``None`` where none do.
     """
@@ -72,28 +71,14 @@ class MotionSegment(Record, frozen=True):
     shares: StopShares | None = None
 
     def complete(self, dynamics: Dynamics, grid: Grid) -> CompletedStates:
-        states = self.system.complete(dynamics, grid, *self._settled(grid.t))
+        states = self.system.complete(dynamics, grid, *self.solution.states(grid.t))
         states = self.shares.shared(states) if self.shares else states
         states = self.stops.told(states) if self.stops else states
         return states if self.holding.all() else _opened(states, self.holding, self.rubbing)
 
-    def _settled(self, t: Array) -> tuple[Array, Array]:
-        """Return the integrated states at instants, closed in compiled code where it knows the motion."""
-        solution = self.solution
-        y, nq = np.hstack(solution.states(t)), solution.manifold.nq
-        owners = np.searchsorted([interval.start for interval in solution.intervals[1:]], t, side="right")
-        for number, interval in enumerate(solution.intervals):
-            own = owners == number
-            if interval.compiled and interval.compiled.settles and own.any():
-                y[own] = interval.compiled.settled(t[own], y[own])
-        return y[:, :nq], y[:, nq:]
-
 
 class Work(Struct):
-    """Cost of all segments together.
-
-    ``state_error`` is the error of the state at the end, relative to ``size + |y|``: errors of steps add up.
-    """
+    """Cost of all segments together; errors of steps add up to that of the state at the end, ``state_error``."""
 
     steps: int = 0
     evaluations: int = 0
@@ -103,15 +88,7 @@ class Work(Struct):
 
 
 class SegmentedMotion(Record, frozen=True):
-    """An integrated motion: segments, end to end.
-
-    Attributes:
-        dynamics: The equation of motion.
-        segments: In order of time.
-        events: In order of time.
-        decisions: What is decided -> the least certain decision on it.
-        work: What the segments have cost, and the error of the state at their end.
-    """
+    """An integrated motion: segments and events in order of time, and of what is decided the least certain."""
 
     dynamics: Dynamics
     segments: list[MotionSegment] = field(default_factory=list)
@@ -177,7 +154,6 @@ class SegmentedMotion(Record, frozen=True):
             )  # fmt: skip
 
     def add(self, segment: MotionSegment) -> None:
-        """Add a segment at the end."""
         self.segments.append(segment)
         work, solution, count = self.work, segment.solution, segment.solution.count
         steps = len(solution.steps)
@@ -213,7 +189,6 @@ class SegmentedMotion(Record, frozen=True):
         return positions
 
     def cost(self) -> dict[str, float]:
-        """Return the work done, by name."""
         work = self.work
         cost = {"steps": float(work.steps), "evaluations": float(work.evaluations),
                 "rejected steps": float(work.rejected)}  # fmt: skip
@@ -226,7 +201,6 @@ class SegmentedMotion(Record, frozen=True):
 
     @property
     def _unseen(self) -> str:
-        """Remark on loads that vary faster than the looks at joints that they may set in motion."""
         parts = [part for segment in self.segments for part in segment.solution.unresolved]
         if not parts:
             return ""

@@ -25,7 +25,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import ACTS, RowDecompositions
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.segmented.end_stops import Bound, Stop
-from pinarm.engine.motion.systems.system import CompletedStates
+from pinarm.engine.motion.systems import CompletedStates
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.records import Record, replace
 
@@ -40,11 +40,12 @@ Ends = tuple[Array, Flags]
 
 
 class StopShares(Record, frozen=True):
-    """Stops that are rested on, with the constraints and laws that share loads with them.
+    """Stops that are rested on, and constraints and laws that share loads with them.
 
     Attributes:
         closure: The constraints that hold.
-        prescribed: Coordinates that follow laws, then those of the stops; others than joints and sums of them first.
+        prescribed: Coordinates that follow laws, then those of the stops; others than joints and sums of
+            them first.
         others: How many of these are neither joints nor sums of them.
         stops: The stops.
         separations: One-sided constraints that hold.

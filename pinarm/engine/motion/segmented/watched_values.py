@@ -47,13 +47,9 @@ def watched(
 ) -> list[tuple[str | Cause, Watch]]:
     """Return the events of the user, by name, and the ends of a segment, by their causes.
 
-    Args:
-        hybrid: The mechanism.
-        mode: Joints that are held.
-        system: Its equations; see ``HybridSystem.stretch``.
-        resting: Stops that are touched at rest. A joint that leaves its stop from rest does so slower than rounding at
-            first: it is given some slack.
-        tied: Those of them that move only with stops that hold, within the errors of steps.
+    ``resting`` are stops that are touched at rest: a joint that leaves its stop from rest does so slower than
+    rounding at first, and is given some slack. ``tied`` ones of them move only with stops that hold, within the
+    errors of steps.
     """
     watches: list[tuple[str | Cause, Watch]] = list(hybrid.watches.items())
     for k, bound in enumerate(hybrid.bounds):
@@ -74,8 +70,7 @@ def watched(
         (("edge", k), Watch(edge.value, edge.direction, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)
     ]
     if hybrid.rubbing(mode.held):
-        switches = hybrid.friction(mode.held).watches(mode.slip, system)  # type: ignore[arg-type]
-        watches += [(("slip", index), watch) for index, watch in switches]
+        watches += [(("slip", index), watch) for index, watch in system.watches()]  # type: ignore[attr-defined]
     return watches
 
 

@@ -1,31 +1,150 @@
-"""Equations of motion that are integrated: of trees, and of mechanisms whose constraints are not linear."""
+"""Equations of motion that are integrated, of trees and of loops: states at the start, in steps and at rows."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from msgspec import field
+
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
+from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, ValueRecord, replace
 
-__all__ = ["CompletedStates", "Initial", "System", "system_of"]
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Interval, Manifold
+    from pinarm.mechanics.coordinates import Coordinate
+    from pinarm.mechanics.joints import Joint
 
 
-def system_of(closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, initial: Initial) -> System:
-    """Return what has to be integrated while the prescribed coordinates follow their laws.
+KEPT = 16
+"""Number of intervals of a system kept for the next run: a motion mostly has one, and one more for every jump of a
+load."""
 
-    Args:
-        closure: Constraints of the mechanism.
-        dynamics: Its equation of motion with all the forces of the run.
-        prescribed: Coordinates with laws, none for free motion.
-        initial: The initial state; joints with given values stay free if they can.
 
-    Raises:
-        InputError: They cannot be prescribed independently.
+class Initial(Record, frozen=True):
+    """The state that a motion begins with, as far as it is given.
+
+    Attributes:
+        q: The given coordinates, and rough values of the others, shape (nq,).
+        v: The given velocities, and 0, shape (nv,).
+        positions: Indices in v of the joints whose coordinates are given.
+        velocities: Indices in v of the joints whose velocities are given.
+        rates: Other coordinates whose rates are given, and these [rad/s or m/s].
+        followers: Rotors of elastic gears.
+        drawn: Configuration from which the mechanism is assembled, shape (nq,); q itself where it is left
+            out.
     """
-    if prescribed.linear_in(closure):
-        from pinarm.engine.motion.systems.tree_system import TreeSystem
 
-        return TreeSystem.of(closure, dynamics.manifold, prescribed, initial)
-    from pinarm.engine.motion.systems.loop_system import LoopSystem
+    q: Array
+    v: Array
+    positions: tuple[int, ...] = ()
+    velocities: tuple[int, ...] = ()
+    rates: tuple[tuple[Coordinate, float], ...] = ()
+    followers: tuple[Follower, ...] = ()
+    drawn: Array | None = None
 
-    return LoopSystem.of(closure, dynamics, prescribed, initial.q)
+    def known(self, prescribed: PrescribedCoordinates, closure: Closure) -> tuple[PrescribedCoordinates, list[float]]:
+        """Return coordinates that follow laws and those that are given, and the values of the latter."""
+        given, here = [coordinate_at(closure.model, index) for index in self.positions], closure.state(self.q)
+        values = [one.value(here) for one in given]
+        return PrescribedCoordinates(
+            (*prescribed.names, *(coordinate_name(closure.model, index) for index in self.positions)),
+            (*prescribed.coordinates, *given),
+            (*prescribed.laws, *(Constant(value=value) for value in values)),
+        ), values
+
+    def given_rates(self) -> Array:
+        """Return the given velocities, not a number where none is given, shape (nv,)."""
+        found = np.full(len(self.v), np.nan)
+        found[list(self.velocities)] = self.v[list(self.velocities)]
+        return found
+
+
+class Follower(ValueRecord, frozen=True):
+    """A rotor that begins where, and as fast as, what it drives by an elastic gear, if nothing else is given."""
+
+    rotor: Joint
+    coordinate: Coordinate
+    position: bool
+    velocity: bool
+
+
+class CompletedStates(Record, frozen=True):
+    """The motion of a mechanism at the n rows of a grid.
+
+    Attributes:
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (n, nv).
+        a: Accelerations, shape (n, nv).
+        tau: Efforts of the drives at joints, and pushes of end stops [N*m or N], shape (n, nv).
+        lam: Multipliers of the constraints [N or N*m].
+        friction: Friction that sticks, along the slips of k joints [N*m or N], shape (n, k).
+        opened: Whether a one-sided constraint is open, shape (n,); ``None`` where none ever is.
+        others: The same motion with other efforts, multipliers and frictions that hold it as well: the ends
+            of what rigid bodies leave open where several joints at rest share a load.
+        endless: Of such a motion, in which rows it only tells a direction without a known end; ``None`` for
+            none, (n,).
+        pushed: What of ``tau`` end stops push, shape (n, nv); ``None`` where nothing rests on any.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    lam: Multipliers
+    friction: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    opened: Flags | None = None
+    others: tuple[CompletedStates, ...] = ()
+    endless: Flags | None = None
+    pushed: Array | None = None
+
+    @classmethod
+    def joined(cls, motions: Sequence[CompletedStates]) -> CompletedStates:
+        """Return the rows of several, one after another."""
+        if len(motions) == 1:
+            return motions[0]
+        arrays = zip(*((one.q, one.v, one.a, one.tau, one.friction) for one in motions), strict=True)
+        q, v, a, tau, friction = map(np.concatenate, arrays)
+        count = max(len(one.others) for one in motions)
+        others = [cls.joined([one.others[k] if k < len(one.others) else replace(one, others=()) for one in motions])
+                  for k in range(count)]  # fmt: skip
+        lam = Multipliers.joined([one.lam for one in motions])
+        opened = np.concatenate([np.full(len(one.q), one.opened is not None) for one in motions])
+        endless = np.concatenate(
+            [np.zeros(len(one.q), bool) if one.endless is None else one.endless for one in motions]
+        )
+        pushed = np.concatenate([np.zeros_like(one.tau) if one.pushed is None else one.pushed for one in motions])
+        return cls(q, v, a, tau, lam, friction, opened if opened.any() else None, tuple(others),
+                   endless if endless.any() else None, pushed if pushed.any() else None)  # fmt: skip
+
+
+class System(Protocol):
+    """The state of an integration and how it belongs to that of the mechanism."""
+
+    @property
+    def manifold(self) -> Manifold: ...
+
+    @property
+    def closure(self) -> Closure:
+        """Constraints with multipliers: those of the mechanism, then task coordinates that follow laws."""
+        ...
+
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
+        """Return the motion of the integrated state on an interval without jumps."""
+        ...
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the mechanism's states, shapes (..., n, nq) and (..., n, nv), from integrated ones at n times t."""
+        ...
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
+        """Return the motion of the mechanism at the rows of a grid, from the integrated states there."""
+        ...

@@ -6,7 +6,7 @@ When a motion begins, what the library says of closed states has to satisfy Pino
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -20,7 +20,7 @@ from pinarm.engine.constraints.nullspace import RANK, RowDecompositions
 from pinarm.engine.dynamics.coordinate_partition import heavy, scalar_places
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.integration.integrator import Acceleration, Interval
+from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.kernel.library import SETTLE, Flow, address, library, pointer
 from pinarm.engine.kernel.loops import LOWER, ROD, UNIVERSAL, CompiledLoops, LoadedLoops, Tied
 from pinarm.engine.kernel.structures import ClosingStructure, FlowStructure, LimitsStructure, ProximalStructure
@@ -71,13 +71,7 @@ first that closes is taken; and the number of these states."""
 
 
 class ClosingSystem(Record, frozen=True):
-    """A motion along loops, for the library.
-
-    Attributes:
-        structure: The C structure.
-        loops: The loops.
-        kept: What else it points to.
-    """
+    """A motion along loops for the library: the C structure, the loops, and what else it points to."""
 
     structure: ClosingStructure
     loops: LoadedLoops
@@ -95,7 +89,8 @@ class ClosingSystem(Record, frozen=True):
             scale: Unit of every velocity, shape (nv,).
             nq: Number of coordinates.
             exact: How accelerations are solved for.
-            closing: Numbers of the closing, as in ``closing.h`` from ``projection`` on; none where nothing has to.
+            closing: Numbers of the closing, as in ``closing.h`` from ``projection`` on; none where
+                nothing has to be closed.
             limits: When positions are regular; none where nobody looks.
         """
         nv = len(scale)
@@ -109,8 +104,7 @@ class ClosingSystem(Record, frozen=True):
     def flow(self, functions: tuple[Any, Any]) -> FlowStructure:
         """Return what is integrated, with the functions of the library for rates and for accepted states."""
         place = ctypes.addressof(self.structure)
-        floor, clear = place + ClosingStructure.floor.offset, place + ClosingStructure.clear.offset
-        return FlowStructure(len(self.kept[-1]), *map(address, functions), floor, clear, place)
+        return FlowStructure(len(self.kept[-1]), *map(address, functions), place + ClosingStructure.floor.offset, place)
 
 
 class JudgedLoops(Record, frozen=True):
@@ -149,7 +143,7 @@ class JudgedLoops(Record, frozen=True):
         of_motion = (getattr(loop_motion, name) for name in ("NEAR", "AHEAD", "COARSE", "CLOSE", "BLIND"))
         limits = LimitsStructure(
             self.measure.usual, *of_motion, RANK**2, ALIKE, loop_motion.ASIDE, tuple(loop_motion.ACROSS),
-            loop_motion.PASSED * motion.coarse, loop_motion.FLOOR, loop_motion.CLEAR, self.measure.rank,
+            loop_motion.PASSED * motion.coarse, loop_motion.FLOOR, self.measure.rank,
         )  # fmt: skip
         gaps = loop_motion.ROUNDED * motion.coarse, loop_motion.STALLED * motion.coarse
         return ClosingSystem.of(
@@ -161,10 +155,8 @@ class JudgedLoops(Record, frozen=True):
 class LoopFlow(Flow, frozen=True):
     """The motion of loops by the library, which closes states and passes singular positions as the motion in Python.
 
-    Attributes:
-        motion: The motion in Python. It begins, and settles what the library hands back: states at which the rank has
-            grown, and those whose accelerations leave the constraints.
-        judged: The loops.
+    That begins it, and settles what the library hands back: states at which the rank has grown, and those whose
+    accelerations leave the constraints.
     """
 
     motion: LoopMotion
@@ -181,42 +173,24 @@ class LoopFlow(Flow, frozen=True):
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
         structure, motion = self.system.structure, self.motion
-        self.choose(motion.near, motion.rank)
+        structure.near, structure.tolerant = motion.near, self.judged.tolerant(motion.q, motion.rank)
         structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
         structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
-        structure.speed, structure.acceleration = motion.speed, motion.largest
 
-    def way(self, t: float) -> Any:
-        """Return whether stages are closed, and the rank, in the step that begins at t; see ``LoopMotion.since``."""
-        clear, rank = self.motion.outlook(t)
-        return not clear, rank
+    def within(self, start: float) -> None:
+        self.system.structure.near = True
 
-    def take(self, way: Any) -> None:
-        """Let rates be those of such stages."""
-        self.choose(*way)
-
-    def choose(self, near: bool, rank: int) -> None:
-        structure = self.system.structure
-        structure.near, structure.tolerant = near, self.judged.tolerant(self.motion.q, rank)
-
-    def advanced(self, ends: Sequence[float], clear: Iterable[float]) -> None:
+    def advanced(self, ends: Sequence[float]) -> None:
         """Let the motion know how far it is."""
         structure, motion = self.system.structure, self.motion
-        motion.ranks |= dict.fromkeys(ends, motion.rank)
-        motion.clear.update(clear)
         motion.near, motion.regular = bool(structure.near), structure.regular
         motion.singular, motion.open = motion.regular < loop_motion.NEAR, structure.open
         motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
-        motion.speed, motion.largest = structure.speed, structure.acceleration
         motion.require_known_way(motion.t)
 
 
 class LoadedMotion:
-    """The motion of loops by the library under loads and laws that Python computes, so that Python takes the steps.
-
-    Args:
-        flow: The motion; the library knows no load.
-    """
+    """The motion of loops by the library under loads and laws that Python computes: Python takes the steps."""
 
     def __init__(self, flow: LoopFlow) -> None:
         self.flow, self.motion, self.load = flow, flow.motion, flow.motion.dynamics.load()
@@ -228,8 +202,8 @@ class LoadedMotion:
 
     def interval(self, start: float, end: float) -> Interval:
         structure = self.flow.system.structure
-        return Interval(start, end, self.acceleration, self.settle, lambda: float(structure.floor), self.since,
-                        outlook=self.motion.outlook)  # fmt: skip
+        floor = lambda: float(structure.floor)  # noqa: E731
+        return Interval(start, end, self.acceleration, self.settle, floor, lambda _: self.closed_acceleration)
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration; of the first state, and of those that Python has settled, that of Python."""
@@ -250,27 +224,21 @@ class LoadedMotion:
 
     def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state, by Python where the library hands it back, and choose by it how to go on."""
-        start, system = self.motion.t, self.flow.system.structure
         if len(self.driven):
             q[self.places], v[self.driven], _ = self.motion.targets(t)
         self._load(t, q, v)
         y, slope = np.concatenate([q, v]), np.empty(len(q) + len(v))
         if not self.closes(self.flow.structure.system, t, pointer(y), pointer(slope)):
             return self.motion.settle(t, q, v)
-        self.flow.advanced([t], [start] if system.clear else [])
+        self.flow.advanced([t])
         return y[: len(q)], y[len(q) :]
 
-    def since(self, t: float) -> Acceleration:
-        """Return the acceleration for the dense output of the step that begins at t; see ``LoopMotion.since``."""
-        way = self.flow.way(t)
-
-        def acceleration(instant: float, q: Array, v: Array) -> Array:
-            self.flow.take(way)
-            a = self._rates(instant, q, v)
-            self.flow.ready()
-            return a
-
-        return acceleration
+    def closed_acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration of a state that is closed first; see ``LoopMotion.closed_acceleration``."""
+        self.flow.within(t)
+        a = self._rates(t, q, v)
+        self.flow.ready()
+        return a
 
 
 def judged_loops(
@@ -278,12 +246,8 @@ def judged_loops(
 ) -> tuple[JudgedLoops | None, str]:  # fmt: skip
     """Return the loops in compiled code where Pinocchio agrees, and what is to be said where it does not.
 
-    Args:
-        motion: The motion in Python.
-        settled: Closes states.
-        near: A configuration near closed ones, shape (nq,).
-        laws: Those of the joints that are driven, by index in v.
-        interval: Start and end of the motion [s].
+    ``motion`` is that in Python on an interval [s], ``settled`` closes states, ``near`` is a configuration near
+    closed ones, shape (nq,); ``laws`` are those of joints that are driven, by index in v.
     """
     measure, dynamics, compiled = motion.measure, motion.dynamics, _loops(motion.measure)
     if compiled is None:
@@ -438,10 +402,7 @@ def _larger(worst: float, left: Array, *sizes: float) -> float:
 def coupled_flow(closure: Closure, steady: Array, changing: Sequence[ForceElement]) -> Flow | None:
     """Return the motion of a tree with couplings, whose sums steps keep; ``None`` where the library does not know it.
 
-    Args:
-        closure: The couplings.
-        steady: The sum of the steady loads [N*m or N], shape (nv,).
-        changing: The other force elements; see ``CompiledTree.flow``.
+    For ``steady`` and ``changing`` loads see ``CompiledTree.flow``.
     """
     compiled, measure = library(), Regularity.of(closure, ())
     loops, (q, _) = _loops(measure), places(closure)

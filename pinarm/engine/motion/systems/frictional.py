@@ -6,9 +6,9 @@ they may hold of it as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,18 +19,19 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.friction.complementarity import FrictionSolution
 from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
-from pinarm.engine.friction.sliding import SlidingFriction
-from pinarm.engine.friction.slip import Slip
-from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
+from pinarm.engine.friction.joint_friction import JointFriction
+from pinarm.engine.integration.events import Watch
+from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.errors import DynamicsError, IntegrationError
 from pinarm.mechanics.coordinates import LinearCoordinate, driven_along
-from pinarm.mechanics.friction.contact import sizes, slip_rows
+from pinarm.mechanics.friction.contact import same_joint, sizes, slip_rows
+from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Interval, Manifold
-    from pinarm.engine.motion.segmented.stick_slip import StickSlip
+    from pinarm.engine.motion.segmented.end_stops import Bound
 
 EXCEEDED = 1e-6
 """Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
@@ -45,18 +46,18 @@ ROUNDED = 1e-12
 FRICTION = "friction"
 """Name of the force element of joints that slip."""
 
+HOLDS = "friction at rest holds "
+"""Beginning of what is decided of a joint with friction."""
+
+Reserve = Callable[[Array, Array, Array], Array]
+"""Instants and states of a mechanism -> distance of the friction of a stuck group from its bound, shape (n,)."""
+
 
 class SolvedRows(NamedTuple):
-    """Friction of some rows.
-
-    Attributes:
-        rows: The rows.
-        sliding: What slips there.
-        solutions: The friction of all joints, row by row.
-    """
+    """Friction of some rows: the rows, what slips there, and the friction of all joints, row by row."""
 
     rows: slice
-    sliding: SlidingFriction
+    sliding: JointFriction
     solutions: list[FrictionSolution]
 
 
@@ -65,16 +66,16 @@ class FrictionalSystem:
     """What is integrated while some joints with friction slip and others are stuck.
 
     Attributes:
-        friction: The joints with friction.
-        slip: What they do.
+        friction: The joints with friction, and what they do.
         inner: What is integrated, the stuck joints following constant laws.
+        stops: Stops that are rested on.
         cuts: Bounds of the intervals on which no law jumps [s].
         unknown: Joints at rest whose loads depend on what several stops share.
     """
 
-    friction: StickSlip
-    slip: Slip
+    friction: JointFriction
     inner: System
+    stops: Sequence[Bound]
     cuts: Sequence[float] = field(repr=False)
     unknown: frozenset[int] = frozenset()
 
@@ -88,19 +89,15 @@ class FrictionalSystem:
         prescribed, others = self.friction.prescribed.linear_last()
         return self.friction.closure.with_guides(prescribed.names[:others], prescribed.coordinates[:others])
 
-    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
-        """Return the integrated state that belongs to the initial state of the mechanism."""
-        return self.inner.begin(initial, start, end)
-
-    def sliding_at(self, start: float, end: float) -> SlidingFriction:
-        """Return the friction of what slips, on the interval that some instants lie in."""
+    def _sliding_at(self, start: float, end: float) -> JointFriction:
+        """Return the friction on the interval that some instants lie in."""
         cuts = np.array(self.cuts)
         k = int(np.clip(np.searchsorted(cuts, 0.5 * (start + end), side="right") - 1, 0, len(cuts) - 2))
-        return self.friction.sliding(self.slip, (float(cuts[k]), float(cuts[k + 1])))
+        return self.friction.on(float(cuts[k]), float(cuts[k + 1]))
 
     def slowed(self, dynamics: Dynamics) -> Dynamics:
         """Return the equation of motion with the friction of what slips."""
-        return Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: self.sliding_at(*self.cuts[:2])})
+        return Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: self.friction.on(*self.cuts[:2])})
 
     def under(self, dynamics: Dynamics) -> FrictionalSystem:
         """Return the system under other loads."""
@@ -111,6 +108,43 @@ class FrictionalSystem:
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         return self.inner.whole(t, q, v)
+
+    def watches(self) -> list[tuple[int, Watch]]:
+        """Return what ends a stretch of the motion: number of a joint whose slip ends, or complement of a group's."""
+        friction, watches = self.friction, list[tuple[int, Watch]]()
+        slip, same = friction.slip, same_joint(friction.contacts)
+        held = {i for group in slip.stuck for i in group.members}
+        if all(isinstance(law, Constant) for law in friction.prescribed.laws):  # so all of them stand still
+            held |= set(np.flatnonzero(sizes(friction.contacts, friction.direction) == 0.0).tolist())
+        for i in (i for i in range(len(same)) if int(same[i].argmax()) == i):
+            parts, contact = np.flatnonzero(same[i]), friction.contacts[i]
+            if not held.intersection(parts.tolist()):
+                unit = "m/s" if str(contact.effort) == "N" else "rad/s"
+                gap = partial(friction.distance_from_rest, parts)
+                watches.append((i, Watch(gap, -1, stops=True, what=f"{contact.name} comes to rest", unit=unit)))
+        for g, slack in enumerate(slip.slack):
+            contact = friction.contacts[slip.stuck[g].first]
+            left, margin = self._reserves(g, slack)
+            watches.append((~g, Watch(left, -1, stops=True, loaded=True, margin=margin,
+                                      what=HOLDS + contact.name, unit=str(contact.effort))))  # fmt: skip
+        return watches
+
+    def _reserves(self, group: int, slack: float) -> tuple[Reserve, Reserve]:
+        """Return ``bound^2 - phi^2`` with some slack, which is smooth where phi vanishes, and ``bound - |phi|``."""
+
+        def held(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+            solutions = self._sliding_at(float(t[0]), float(t[-1])).solutions(t, q, v)
+            return np.array([x.held[group] for x in solutions]), np.array([x.bounds[group] for x in solutions])
+
+        def left(t: Array, q: Array, v: Array) -> Array:
+            phi, bounds = held(t, q, v)
+            return np.asarray(bounds**2 - phi**2 + slack**2)
+
+        def margin(t: Array, q: Array, v: Array) -> Array:
+            phi, bounds = held(t, q, v)
+            return np.asarray(bounds - np.abs(phi))
+
+        return left, margin
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion with the friction of all joints, and with the efforts of what follows laws.
@@ -134,7 +168,7 @@ class FrictionalSystem:
         for friction, endless in filled(states.friction, extremes):
             other = self._under(inner, grid.t, demand, friction)
             part = held_part(self.closure, states.lam, other.lam)
-            for stop in self.friction.stops:
+            for stop in self.stops:
                 part = np.minimum(part, pushing_part(*(stop.side * x.tau[:, stop.joint] for x in (states, other))))
             within = states.friction + part[:, None] * (friction - states.friction)
             far = endless & (part == 1.0)  # a cable that goes slack there is an end
@@ -148,11 +182,11 @@ class FrictionalSystem:
 
     def _solved(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> tuple[CompletedStates, list[SolvedRows]]:
         """Return the motion under the friction of what slips, and the friction of all joints."""
-        sliding = replace(self.sliding_at(*self.cuts[:2]), known={})  # as all rows are asked for several times
+        sliding = replace(self.friction.on(*self.cuts[:2]), known={})  # as all rows are asked for several times
         slowed = Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: sliding})
         inner, solved = self.inner.complete(slowed, grid, q, v), list[SolvedRows]()
         for rows, local in ((rows, one.forces[FRICTION]) for rows, one in parts(slowed, grid)):
-            assert isinstance(local, SlidingFriction)
+            assert isinstance(local, JointFriction)
             solved.append(SolvedRows(rows, local, local.solutions(grid.t[rows], inner.q[rows], inner.v[rows])))
         return inner, solved
 
@@ -162,11 +196,15 @@ class FrictionalSystem:
         return np.array(each).reshape(-1, len(self.friction.contacts))
 
     @property
+    def _moving(self) -> Flags:
+        return np.asarray(sizes(self.friction.contacts, self.friction.direction) > 0.0)
+
+    @property
     def _open(self) -> bool:
         """Whether several joints at rest hold one motion, or laws and stops hold joints with friction at rest."""
-        contacts, grouped = self.friction.contacts, {i for group in self.slip.stuck for i in group.members}
-        moving = sizes(contacts, np.array(self.slip.direction, float)) > 0.0
-        shares = any(len({contacts[i].name for i in group.members}) > 1 for group in self.slip.stuck)
+        contacts, stuck = self.friction.contacts, self.friction.slip.stuck
+        grouped, moving = {i for group in stuck for i in group.members}, self._moving
+        shares = any(len({contacts[i].name for i in group.members}) > 1 for group in stuck)
         return shares or any(not moves and i not in grouped for i, moves in enumerate(moving.tolist()))
 
     def _under(self, states: CompletedStates, t: Array, demand: Array, friction: Array) -> CompletedStates:
@@ -186,7 +224,7 @@ class FrictionalSystem:
         return driven_along(self.friction.prescribed.coordinates, self.friction.closure.model.nv)
 
     def _extremes(
-        self, t: Array, q: Array, v: Array, sliding: SlidingFriction, solutions: Sequence[FrictionSolution]
+        self, t: Array, q: Array, v: Array, sliding: JointFriction, solutions: Sequence[FrictionSolution]
     ) -> list[Extremes]:
         return sliding.extremes(t, q, v, solutions, self.unknown) if self._open else []
 
@@ -196,10 +234,9 @@ class FrictionalSystem:
         Raises:
             DynamicsError: One of these joints slips, or friction holds it: its friction is not determined.
         """
-        contacts, grouped = self.friction.contacts, {i for group in self.slip.stuck for i in group.members}
-        moving = sizes(contacts, np.array(self.slip.direction, float)) > 0.0
+        contacts, grouped = self.friction.contacts, {i for group in self.friction.slip.stuck for i in group.members}
         for i in sorted(unknown):
-            if (moving[i] or i in grouped) and not contacts[i].shared:
+            if (self._moving[i] or i in grouped) and not contacts[i].shared:
                 raise DynamicsError(
                     f"the friction of {contacts[i].name} depends on a reaction that rigid bodies do not determine: "
                     "several stops hold one motion, and how they share it loads this joint",
@@ -213,7 +250,7 @@ class FrictionalSystem:
         Raises:
             IntegrationError: What holds it exceeds its bound.
         """
-        for group, over in zip(self.slip.stuck, self._beyond(solution), strict=True):
+        for group, over in zip(self.friction.slip.stuck, self._beyond(solution), strict=True):
             if over:
                 raise IntegrationError(
                     f"at t = {t:.9g} s the friction that holds {self.friction.contacts[group.first].name} exceeds its "
@@ -223,7 +260,7 @@ class FrictionalSystem:
 
     def _beyond(self, solution: FrictionSolution) -> Flags:
         """Return which stuck groups are held by more than their friction can be, shape (g,)."""
-        slack = 2.0 * np.array(self.slip.slack)
+        slack = 2.0 * np.array(self.friction.slip.slack)
         return np.asarray(np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED) + slack)
 
     def _efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
@@ -253,7 +290,7 @@ def remarks_on_rest(systems: Iterable[System]) -> list[str]:
         frictional = system if isinstance(system, FrictionalSystem) else inner
         if not isinstance(frictional, FrictionalSystem):
             continue
-        for group in frictional.slip.stuck:
+        for group in frictional.friction.slip.stuck:
             names = dict.fromkeys(frictional.friction.contacts[i].name for i in group.members)
             if len(names) > 1:
                 together[", ".join(names)] = None

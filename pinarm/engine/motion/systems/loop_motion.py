@@ -20,7 +20,6 @@ from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.integration.integrator import Acceleration
 from pinarm.errors import DynamicsError, NumericsError
 from pinarm.records import Record, replace
 
@@ -60,12 +59,6 @@ PASSED, TURNED = 1e-11, 1e-9
 """Gap of the loops, relative to the coarseness, at the position so interpolated. Up to the first a singular position is
 passed. Above the second the motion turns beside it. Between them rounding would decide: the motion is refused."""
 
-CLEAR = 0.5
-"""Motion within a step [rad], over the smaller regularity at its ends, or 1, below which it passes none of them:
-four-bars take 1 from one end. It is ``h (v + h a / 4)`` of the larger speed and acceleration at the ends: more than a
-harmonic swing moves from rest to rest."""
-
-
 NOISE = 1e-11
 """Part of a row that others do not have, relative to its length, up to which it repeats them but for rounding."""
 
@@ -73,8 +66,8 @@ NOISE = 1e-11
 class Regularity(Record, frozen=True):
     """How far the rows of a mechanism are from losing rank, relative to positions of no special kind.
 
-    With the singular values s of G in descending order, in units that suit the loops, and the rank r it is
-    ``s_r / s_1 / usual``. Rows that repeat others everywhere are left out, and columns of joints that follow laws.
+    With the singular values s of G in descending order, in units that suit the loops, and the rank r it is ``s_r /
+    s_1 / usual``. Rows that repeat others everywhere are left out, and columns of joints that follow laws.
 
     Attributes:
         closure: The rows.
@@ -107,7 +100,7 @@ class Regularity(Record, frozen=True):
 
     @cached_property
     def bare(self) -> list[Any]:
-        """What is known of the loops in compiled code without loads; nothing before they have been judged."""
+        """What is known of the loops in compiled code without loads, once they have been judged."""
         return []
 
     def scaled(self, rows: Array) -> Array:
@@ -135,9 +128,7 @@ def places(closure: Closure) -> list[Array]:
 def _independent(places: Sequence[Array], parts: Sequence[slice]) -> tuple[Indices, bool, int]:
     """Return which rows add to those before them in one of several places, whether the others do not, and the rank.
 
-    Args:
-        places: The rows in each place, shape (m, nv).
-        parts: The rows of every constraint.
+    ``places`` has the rows in each place, shape (m, nv), ``parts`` those of every constraint.
     """
     bases, kept, exact = [np.zeros((0, rows.shape[1])) for rows in places], list[int](), True
     largest = max(float(np.abs(rows).max(initial=0.0)) for rows in places)
@@ -162,15 +153,7 @@ def _beyond(basis: Array, rows: Array) -> Array:
 
 
 class Place(NamedTuple):
-    """A configuration with its rows taken apart.
-
-    Attributes:
-        q: The configuration, shape (nq,).
-        rows: G, shape (m, nv).
-        split: Its parts.
-        mass: M.
-        gap: What is open, shape (m,).
-    """
+    """A configuration, its rows G, shape (m, nv), taken apart, M, and what is open, shape (m,)."""
 
     q: Array
     rows: Array
@@ -192,11 +175,7 @@ class Place(NamedTuple):
 class LoopMotion:
     """The motion on one interval; it looks at every accepted state how close a singular position is.
 
-    Args:
-        rows: The constraints, then the prescribed coordinates.
-        regularity: How regular they are.
-        dynamics: The equation of motion.
-        targets: What the prescribed coordinates are to be.
+    ``rows`` are the constraints, then the prescribed coordinates; ``targets`` what these are to be.
     """
 
     def __init__(self, rows: Closure, regularity: Regularity, dynamics: Dynamics, targets: Targets) -> None:
@@ -204,14 +183,8 @@ class LoopMotion:
         self.coarse, self.scale = rows.coarseness, rows.scale
         self.near, self.rank, self.looked = True, 0, False
         self.regular, self.singular, self.open = 0.0, True, 0.0
-        self.t, self.step, self.least, self.speed, self.largest = -np.inf, 0.0, 0.0, 0.0, 0.0
-        """Of the last accepted state the instant, of the last regular step the length, the least step now [s], and the
-        largest velocity and acceleration of that state in the units of velocities."""
-        self.ranks: dict[float, int] = {}
-        self.clear: set[float] = set()
-        """Starts of the steps that are clear of singular positions [s]."""
-        self.ended: tuple[float, float, float] | None = None
-        """Start and length of the step that ended last [s], and the motion that is clear; ``None`` where none is."""
+        self.t, self.step, self.least = -np.inf, 0.0, 0.0
+        """Instant of the last accepted state, length of the last regular step, and the least step now [s]."""
         self.unchecked = np.nan
         """Instant of an accepted state whose acceleration is still to be looked at, when it is first asked for [s]."""
         self.q = np.zeros(0)
@@ -234,7 +207,6 @@ class LoopMotion:
         if t == self.unchecked:  # stages of steps that end there are not closed
             self.unchecked = np.nan
             require_closed_accelerations(rows, a, right, t, q)
-            self._note_clear(v, a)
         return a
 
     def solved(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
@@ -300,54 +272,28 @@ class LoopMotion:
     def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state, and choose by it how to go on."""
         w, dw, _ = self.targets(t)
-        place, (near, regular, rank) = self.closed(Place.at(self.rows, q), w), (self.near, self.regular, self.rank)
+        place = self.closed(Place.at(self.rows, q), w)
         self.look(place)
         if not self.blind(self.regular):
             q, v = place.q, self.tangent(place, v, dw)
         if not self.singular and self.t > -np.inf:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.singular else 0.0
-        known = not near and self.rank == rank
-        self.ended = (self.t, t - self.t, CLEAR * min(1.0, regular, self.regular)) if known else None
         self.t = self.unchecked = t
-        self.ranks[t] = self.rank
         self.require_known_way(t)
         return q, v
 
-    def _note_clear(self, v: Array, a: Array) -> None:
-        """Note whether the step that ended in a state is clear of singular positions."""
-        speed, largest = self.speed, self.largest
-        self.speed, self.largest = (float(np.abs(x / self.scale).max()) for x in (v, a))
-        if self.ended is not None:
-            start, h, most = self.ended
-            if h * (max(speed, self.speed) + 0.25 * h * max(largest, self.largest)) < most:
-                self.clear.add(start)
-
-    def outlook(self, t: float) -> tuple[bool, int]:
-        """Return whether the step from t [s] on is clear of singular positions, and the rank of the rows in it.
-
-        A step is not clear where the rank has grown since it began: it began at a singular position.
-        """
-        rank = self.ranks.get(t, self.rank)
-        return t in self.clear and rank == self.rank, rank
-
-    def since(self, t: float) -> Acceleration:
-        """Return the acceleration for the dense output of the step that begins at t [s].
+    def closed_acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration of a state that is closed first, for the dense output.
 
         The error of a step says nothing of the further stages of its dense output, which may be right beside a singular
-        position: they are closed, but in steps that are clear.
+        position.
         """
-        clear, rank = self.outlook(t)
-        chosen = not clear, rank
-
-        def acceleration(instant: float, q: Array, v: Array) -> Array:
-            now, (self.near, self.rank) = (self.near, self.rank, self.open), chosen
-            try:
-                return self.acceleration(instant, q, v)
-            finally:
-                self.near, self.rank, self.open = now
-
-        return acceleration
+        now, self.near = (self.near, self.open), True
+        try:
+            return self.acceleration(t, q, v)
+        finally:
+            self.near, self.open = now
 
     def begin(self, t: float, place: Place, v: Array) -> None:
         """Choose how to go on from a closed start; if it is singular, a regular step is the time to get away.
@@ -358,7 +304,6 @@ class LoopMotion:
         if speed and rank < self.measure.rank:
             rank = max(self._rank(self._beside(t, place.q, v, k)[1]) for k in (-4, 4))
         self.look(place, rank)
-        self.ranks[t] = self.rank
         if not self.near:
             self.t = self.unchecked = t
         if self.singular and speed:
@@ -404,15 +349,7 @@ class LoopMotion:
 def require_closed_accelerations(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
     """Raise where the acceleration at an accepted state leaves the constraints: ``G a + G' v`` is not 0.
 
-    Args:
-        rows: G, shape (m, nv).
-        a: The acceleration, shape (nv,).
-        right: ``-G' v``, shape (m,).
-        t: Instant [s].
-        q: Configuration, shape (nq,).
-
-    Raises:
-        DynamicsError: It is off by more than ``MET`` of its terms.
+    ``right`` is ``-G' v``. It may be off by ``MET`` of its terms.
     """
     off = rows @ a - right
     if off.dot(off) <= (MET * LEAST) ** 2:  # nearly always

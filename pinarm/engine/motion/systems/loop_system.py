@@ -24,8 +24,8 @@ from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix, requi
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.systems import KEPT, CompletedStates, Initial
 from pinarm.engine.motion.systems.loop_motion import ITERATIONS, ROUNDED, LoopMotion, Regularity
-from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws.motion_law import Grid
@@ -58,7 +58,8 @@ class LoopSystem(Record, frozen=True):
         manifold: Space of its configurations.
         own: Constraints of the mechanism.
         rows: The same, then one row for each prescribed coordinate.
-        closure: The same without joint coordinates that follow laws, whose multipliers are efforts at joints.
+        closure: The same without joint coordinates that follow laws, whose multipliers are efforts at
+            joints.
         near: A configuration near closed ones, shape (nq,).
     """
 
@@ -172,8 +173,8 @@ class LoopSystem(Record, frozen=True):
 
             return LoadedMotion(flow).interval(start, end)
         return Interval(
-            start, end, motion.acceleration, motion.settle, motion.floor, motion.since, compiled=flow, remark=remark,
-            outlook=motion.outlook,
+            start, end, motion.acceleration, motion.settle, motion.floor, lambda _: motion.closed_acceleration,
+            compiled=flow, remark=remark,
         )  # fmt: skip
 
     def _motion(self, dynamics: Dynamics, start: float, end: float) -> LoopMotion:
@@ -273,14 +274,9 @@ class LoopSystem(Record, frozen=True):
     def _solved(
         self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array
     ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-        """Return closed states at instants, shape (n,), their accelerations, and the efforts of what is prescribed.
+        """Return closed states at n instants, their accelerations, and the efforts of what is prescribed.
 
-        Args:
-            dynamics: The equation of motion.
-            t: Instants [s], shape (n,).
-            w: Prescribed coordinates and their two derivatives, shape (3, n, k).
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
+        ``w`` are prescribed coordinates and their two derivatives, shape (3, n, k).
         """
         q, v, splits = self.settled(q, v, w[0], w[1], t)
         mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
@@ -291,7 +287,7 @@ class LoopSystem(Record, frozen=True):
     def _with_efforts(
         self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array
     ) -> CompletedStates:
-        """Return a motion with the efforts of the prescribed coordinates, shape (n, k): at joints and along others."""
+        """Return a motion with the efforts of the prescribed coordinates: at joints and along others."""
         demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
                                  for rows, local in parts(dynamics, grid)])  # fmt: skip
         others = self.closure.size - self.own.size

@@ -19,7 +19,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems.system import KEPT, CompletedStates, Initial
+from pinarm.engine.motion.systems import KEPT, CompletedStates, Initial
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Constant
@@ -167,7 +167,7 @@ class TreeSystem(Record, frozen=True):
         return self.reduction.completed(q, v, w, dw)
 
     def _sums_at(self, t: Array) -> tuple[Array, Array]:
-        """Return the sums and their rates at instants, shape (n, k), or (k,) where they are constant."""
+        """Return the sums and their rates at n instants, shape (n, k), or (k,) where they are constant."""
         if not self._followed:
             return self._constant
         sums = [self.sums.on(instant, instant)(instant) for instant in t.tolist()]

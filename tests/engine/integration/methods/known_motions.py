@@ -8,8 +8,7 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Flat
-from pinarm.engine.integration.solution import Solution
+from pinarm.engine.integration.integrator import Flat, Solution
 
 PLANE = Flat(2, 2)
 ECCENTRICITY = 0.1

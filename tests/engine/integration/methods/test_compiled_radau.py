@@ -6,9 +6,9 @@ import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import SingleSteps, integrate
+from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods import stiff as stiff_methods
 from pinarm.engine.integration.methods.stiff import CompiledRadau, Radau, radau_of
-from pinarm.engine.integration.solution import Solution
 from pinarm.engine.kernel.library import absence
 from pinarm.mechanics.forces.joint_forces import SpringDamper
 

@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 import pinarm
 from pinarm.engine.kernel.library import absence, library
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import Initial, system_of
+from pinarm.engine.motion.segmented.hybrid_system import system_of
+from pinarm.engine.motion.systems import Initial
 
 CART = """<robot name="cart"><link name="ground"/>
 <link name="cart"><inertial><mass value="2"/>

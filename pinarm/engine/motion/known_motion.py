@@ -1,18 +1,61 @@
-"""Instants of rest of joints with friction in a motion: a slip changes its sign, or touches zero."""
+"""Known motions, prescribed or recorded: efforts of their drives, instants of rest, and notes on joints at rest."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.motion.standstill import STANDSTILL, Beside, lossy, row_paces, standstill_notes
+from pinarm.records import replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.motion.trajectory import Trajectory
+    from pinarm.engine.statics.actuation import Actuation
 
 Slips = Callable[[Array], tuple[Array, Array]]
 """Instants in order, shape (n,) -> slips of k joints there, and what of them is rounding, both of shape (n, k)."""
 
 HALVINGS = 52
 """Bisections after which an instant is known to its last digit."""
+
+
+def with_efforts(run: Trajectory, drives: Actuation, beside: Beside) -> Trajectory:
+    """Return rows of a known motion with the efforts of drives that carry the load, and friction of joints."""
+    if run.mechanism.frictions:
+        from pinarm.engine.motion.known_friction import KnownFriction
+
+        return KnownFriction(run, drives, run.demand(), beside).solved()
+    tau, lam = drives.efforts(run.grid.t, run.q, run.demand())
+    return replace(run, tau=tau, lam=lam)
+
+
+def rest_notes(run: Trajectory, pace: Array | None) -> list[str]:
+    """Return notes on joints of a known motion that friction holds, and on rows at which joints stand still.
+
+    ``pace`` is that of ``pace_of``; ``None`` of separate states, none of which turns back.
+    """
+    mechanism = run.mechanism
+    if run.no_efforts or not (mechanism.frictions or lossy(mechanism)):
+        return []
+    notes = standstill_notes(run, pace)
+    if not (mechanism.frictions and run.drives):
+        return notes
+    from pinarm.engine.motion.known_friction import notes_of
+
+    return [*notes_of(run, row_paces(mechanism, run.v, run.a) if pace is None else pace), *notes]
+
+
+def slips_between(mechanism: Mechanism, q: Array, v: Array, pace: Array | None) -> tuple[Array, Array]:
+    """Return the slips of the k joints with friction, and their rounding or error, both of shape (n, k)."""
+    from pinarm.mechanics.friction.contact import slip_rows
+
+    rows = slip_rows(mechanism.model, mechanism.frictions, q)
+    rounding = np.zeros(rows.shape[:2]) if pace is None else STANDSTILL * np.matvec(np.abs(rows), pace[..., 0, :])
+    return np.asarray(np.matvec(rows, v)), rounding
 
 
 def rests_between(slips: Slips, t: Array) -> Array:
