@@ -72,12 +72,6 @@ class Rows(Record, frozen=True):
     slipping: Indices
     rolling: Indices
 
-    @classmethod
-    def all_holding(cls, count: int) -> Rows:
-        """Return rows that all hold."""
-        none = np.zeros(0, dtype=np.intp)
-        return cls(np.arange(count), none, none, none)
-
 
 class LinearMotion(Record, frozen=True):
     """Linearised motion: ``x' = a x + b u`` with n states and i inputs.
@@ -216,7 +210,7 @@ Slopes = Callable[[LinearMotion], Array]
 
 
 def linear_motion(
-    model: pin.Model, at: EquationDerivatives, v: Array, rows: Rows | None = None, slopes: Slopes | None = None
+    model: pin.Model, at: EquationDerivatives, v: Array, rows: Rows, slopes: Slopes | None = None
 ) -> LinearMotion:
     """Return the linearised motion about a state.
 
@@ -224,14 +218,13 @@ def linear_motion(
         model: Pinocchio's model.
         at: Derivatives of the equation of motion there.
         v: Velocity there, shape (nv,).
-        rows: What its rows do; all of them hold where it is left out.
+        rows: What its rows do.
         slopes: Of friction, where joints slip.
 
     Raises:
         DynamicsError: The position is singular, or something without mass is free.
         InputError: A prescribed coordinate cannot move.
     """
-    rows = rows or Rows.all_holding(len(at.rows))
     pushes, holding = at.rows[rows.slipping], rows.holding
     at = replace(
         at, rows=at.rows[holding], rows_q=at.rows_q[:, holding], acceleration_q=at.acceleration_q[holding],
