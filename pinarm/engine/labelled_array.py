@@ -7,7 +7,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Complex
 from pinarm.errors import InputError
@@ -15,6 +14,7 @@ from pinarm.input.units import HERTZ, Unit, unit
 from pinarm.records import Record
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from pandas import DataFrame
 
 PARTS = ("values", "rows", "columns", "row_units", "column_units")

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint_rows import rows_of
@@ -17,6 +16,8 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import UNIVERSE, frame_of
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from pinarm.engine.mechanism import Mechanism
 
 TWISTS = {"point": slice(0, 3), "body": slice(3, 6)}
