@@ -239,7 +239,8 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
             drives=(*self._driven,),
         )  # fmt: skip
         figures = {"unstable modes": float((linear.modes.eigenvalues.real > linear.modes.errors).sum())}
-        return Outcome(rows, figures=figures, notes=(*near.notes, *_remarks(linear)), arrays=tables)
+        left = ["controllers are left open: their efforts stay those of the state"] if mechanism.control else []
+        return Outcome(rows, figures=figures, notes=(*near.notes, *_remarks(linear), *left), arrays=tables)
 
     def linearisation(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Linearisation:
         """Return the motion linearised about the state; see ``solve``."""

@@ -234,3 +234,11 @@ def test_a_corner_of_a_curve_is_refused(solve, load):
     steady = {"steady": {"arm": "4 rad/s"}} if load["kind"] == "torque_speed" else {}
     with pytest.raises(InputError, match="'corner' has a kink here"):
         solve(xml, steady, {"gravity": "none", "forces": {"corner": load}})
+
+
+def test_controllers_that_are_left_open_are_told(solve):
+    xml = robot(link("a", "base", "0 1 0", mass=1.0, com="0 0 -1"))
+    control = [{"kind": "pid", "drive": "a", "follows": {"law": "constant", "value": "0 rad"}, "kp": "5 N*m/rad"}]
+    result = solve(xml, {"equilibrium": {"a": 0.0}}, {"drives": {"a": {"joint": "a"}}, "control": control})
+    assert result["mode.1.frequency"].values[0] == pytest.approx(math.sqrt(G) / (2.0 * math.pi), rel=1e-9)
+    assert "controllers are left open: their efforts stay those of the state" in result.notes()
