@@ -321,7 +321,7 @@ class EvaluatedRows(Record, frozen=True):
                 found[own] += relation.weights[pattern.columns[own]].reshape(-1, *(1,) * len(self.states))
             else:
                 rows = relation.rows_at(flat)[:, pattern.columns[own]]
-                found[own] += rows.T.reshape(-1, *self.q.shape[:-1])
+                found[own] += rows.T.reshape(rows.shape[1], *self.q.shape[:-1])
         return found
 
     def times(self, x: Array) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ MERGED = 1e-9
 
 def fixed_joints(model: pin.Model) -> Mapping[str, int]:
     """Return the indices of the frames of the fixed joints of a file, by name."""
-    frames = enumerate(model.frames.tolist())
+    frames = [*enumerate(model.frames)][1:]  # the first is the world
     return {frame.name: index for index, frame in frames if frame.type == pin.FrameType.FIXED_JOINT}
 
 
@@ -44,7 +44,10 @@ def fixed_wrench(reactions: Reactions, name: str) -> Array:
     body = _body(model, name, carrier, links)
     total = np.array([_demand(model, body, carrier, *state) for state in zip(run.q, run.v, run.a, strict=True)])
     for child in model.children[carrier].tolist():
-        if model.frames[model.getFrameId(model.names[child], pin.FrameType.JOINT)].parentFrame in links:
+        joint = model.getFrameId(model.names[child], pin.FrameType.JOINT)
+        if joint == model.nframes:
+            raise _unknown(name, f"{model.names[child]} hangs on no single link")
+        if model.frames[joint].parentFrame in links:
             total += moved(reactions.joints[:, child], reactions.origins[:, child])
     total -= run.gather(lambda dynamics, part: _loads(reactions, dynamics, np.arange(part.start, part.stop), name))
     return moved(total, -reactions.links.frame(frame)[1])
