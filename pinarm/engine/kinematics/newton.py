@@ -54,7 +54,7 @@ falls as the root of the distance, and steps end at ``SMALLEST`` of an interval,
 
 AGREED, SHORT = 1e-7, 1e-3
 """Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
-with which centripetal terms are compared that have vanished but for rounding."""
+with which rates and centripetal terms are compared that have vanished but for rounding."""
 
 ITERATIONS, POLISHED = 60, 4
 """Most steps in which a gap may fail to halve: slower steps count as not converging. And most steps from a closed

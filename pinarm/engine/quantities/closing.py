@@ -341,10 +341,12 @@ def _rates(
     measured, wanted = whole.constraint_rows.at(q), np.zeros((len(laws) - 1, len(q), whole.size))
     wanted[..., closure.size :] = laws[1:]
     wanted[1:] -= measured.drifts(v)
-    pace = SHORT * (v * v).max(axis=1, initial=0.0)[:, None]
-    for what, x, right, least in zip([*RATES][1:], (v, a), wanted, (0.0 * pace, pace), strict=False):
+    pace = np.abs(v).max(axis=1, initial=0.0)[:, None]
+    paces = (pace, pace * pace + np.abs(a).max(axis=1, initial=0.0)[:, None])
+    for what, x, right, least in zip([*RATES][1:], (v, a), wanted, paces, strict=False):
         reached, sizes = measured.times(x)
-        for k, row in np.argwhere(np.abs(reached - right) > AGREED * (sizes + np.abs(right) + least))[:1].tolist():
+        bounds = AGREED * (sizes + np.abs(right) + SHORT * least)
+        for k, row in np.argwhere(np.abs(reached - right) > bounds)[:1].tolist():
             name, off = whole.owners()[row][0].name, abs(reached[k, row] - right[k, row])
             raise InputError(f"{places[k]}: the {what} do not go together: {name} is off by {off:.3g}",
                              expected=f"{what} that the mechanism allows", hint="fewer of them")  # fmt: skip

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pinocchio as pin
 
 from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.series import Series
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.use.show.document import ReportTable, number, shortened, text, unit_text
 from pinarm.use.show.mechanism_tables import body_name
@@ -75,9 +77,7 @@ def _given(result: Result) -> Iterator[Row]:
     """Yield arguments of the model, payloads, gravity, values to be found, and the wanted accuracy."""
     mechanism, content = result.trajectory.mechanism, result.content
     if mechanism.arguments:
-        units = {name: unit_text(unit) for name, unit in mechanism.argument_units.items()}
-        values = (f"{name} = {number(x)} {units.get(name, '')}".rstrip() for name, x in mechanism.arguments.items())
-        yield "Parameters", "", ", ".join(values)
+        yield "Parameters", "", ", ".join(_argument(result, name, x) for name, x in mechanism.arguments.items())
     for name, payload in mechanism.payloads.items():
         yield "Payload", name, f"{number(float(payload.mass))} kg at {payload.point}"
     gravity = mechanism.model.gravity.linear
@@ -87,6 +87,13 @@ def _given(result: Result) -> Iterator[Row]:
             yield key.capitalize(), "", _words(result.data[key])
     if content.accuracy.target is not None:
         yield "Accuracy wanted", "", f"global error below {content.accuracy.target:g} of the largest value"
+
+
+def _argument(result: Result, name: str, value: float) -> str:
+    """Return a number of the model in the units of the run."""
+    unit = result.trajectory.mechanism.argument_units.get(name)
+    shown = result.presentation.shown(Series(name, unit, np.array([value])))
+    return f"{name} = {number(shown.values[0])} {unit_text(shown.unit) if shown.unit else ''}".rstrip()
 
 
 def _asked(result: Result) -> Iterator[Row]:

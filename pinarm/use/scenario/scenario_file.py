@@ -79,10 +79,10 @@ class Argument(Measured):
         """
         if not isinstance(value, str | int | float):
             raise InputError("an argument is a number, with a unit where it has one, or a word")
-        word = argument_word(value)
+        word = value.word if isinstance(value, cls) else argument_word(value)
         number, written = (0.0, None) if word is not None else read_quantity(str(value))
         measured = cls(number)
-        measured.unit, measured.word = written, word
+        measured.unit, measured.word = value.unit if isinstance(value, Measured) else written, word
         return measured
 
     @property

@@ -179,6 +179,16 @@ class TestArm:
             arm.close(placed, {"elbow_joint": 1.0}, start=UR5)
 
 
+@pytest.mark.parametrize("twist", np.eye(6))
+def test_a_free_body_moves_along_one_axis(twist):
+    """What rounding leaves of the other rates disagrees with nothing, and accelerations of 0 neither."""
+    brick = Mechanism.load(ROOT / "models" / "brick" / "mechanism.yaml")
+    placed = pin.SE3(pin.exp3(np.array([0.0, 0.2, 0.3])), np.array([0.1, 0.0, 0.2])).homogeneous
+    q, v, a = brick.close({"brick": placed}, {"brick": twist}, {"brick": np.zeros(6)})
+    assert brick.jacobian("brick", q) @ v == pytest.approx(twist, abs=1e-14)
+    assert a == pytest.approx(np.zeros(6), abs=1e-14)
+
+
 def test_what_is_not_reached_is_nan_if_wanted():
     """Two equal rods from (0, 0.5) reach the whole disc, straight but for ways through its middle."""
     rods = Mechanism.load(ROOT / "models" / "gen411_arm" / "mechanism.yaml")

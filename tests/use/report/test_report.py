@@ -2,6 +2,7 @@
 
 import html
 import io
+import json
 import os
 import re
 from collections.abc import Callable
@@ -201,6 +202,20 @@ def test_a_student_gets_no_expected_and_no_published_value(scenario: Callable[..
         page = body(report(source, student=True).html)
         assert not [secret for secret in secrets if secret in page]
         assert row(page, "M @ rms") == row(teacher, "M @ rms")
+
+
+def test_a_student_reads_parameters_in_the_units_of_the_run(tmp_path: Path) -> None:
+    (tmp_path / "rod.yaml").write_text(
+        "pinarm: 1\nparameters: {l: 200 mm, slope: 30 deg}\nplanar:\n  points: {O: [0, 0], A: [l, 0]}\n  ground: [O]\n"
+        "  links: {rod: {points: [O, A], mass: 1 kg}}\n"
+    )
+    document = {
+        "pinarm": 1, "mechanism": "rod.yaml", "arguments": {"l": "300 mm"}, "outputs": ["joint.O.effort"],
+        "problem": {"kind": "statics", "hold": {"O": "0 deg"}}, "units": {"length": "cm"},
+    }  # fmt: skip
+    (tmp_path / "held.json").write_text(json.dumps(document))
+    result = pinarm.run(tmp_path / "held.json")
+    assert "l = 30 cm, slope = 30 deg" in body(report(result, student=True).html)
 
 
 def test_what_a_client_does_not_read_is_in_the_appendix(scenario: Callable[..., Any]) -> None:
