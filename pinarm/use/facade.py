@@ -119,14 +119,14 @@ class Result(results.Result, frozen=True):
         """
         return views.plot(self, names or tuple(self.content.outputs), against=against)
 
-    def sketch(self, *, forces: bool = False, at: float | None = None) -> Picture:
+    def sketch(self, *, forces: bool = False, at: float | str | None = None) -> Picture:
         """Return a drawing of the mechanism at the start and the end of the run, or its free-body diagrams.
 
         Args:
             forces: Whether to draw every body by itself with all its loads at one instant: an arrow for each force, to
                 one scale; moments with their sizes; weight and inertia relief at the centre of mass.
-            at: Value of the run's parameter for ``forces`` [SI], such as ``result.number("t @ max(C_B)")[0]``; the
-                first row where it is left out.
+            at: Value of the run's parameter for ``forces``, with its unit, such as ``40 deg``, or in SI, such as
+                ``result.number("t @ max(C_B)")[0]``; the first row where it is left out.
 
         Raises:
             InputError: The run does not come there.

@@ -37,7 +37,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     return plot(result, names, against=against) if drawn is None else graph(drawn, result.presentation)
 
 
-def sketch(result: Result, forces: bool = False, at: float | None = None) -> Picture:
+def sketch(result: Result, forces: bool = False, at: float | str | None = None) -> Picture:
     """Return a drawing of the mechanism at the start and the end of the run, or its bodies with their loads."""
     from pinarm.use.show.free_bodies import free_body_diagrams
     from pinarm.use.show.sketch import sketch

@@ -52,13 +52,17 @@ def _words(value: Any) -> str:
     """Return a value of a file in words: ``{law: harmonic, mean: 1 rad}`` as ``harmonic: mean 1 rad``."""
     if isinstance(value, Mapping):
         head = " ".join(str(value[key]).replace("_", " ") for key in HEADS if key in value)
-        rest = [f"{str(key).replace('_', ' ')} {_inner(entry)}" for key, entry in value.items() if key not in HEADS]
+        rest = [
+            f"{str(key).replace('_', ' ')} {_inner(entry)}".rstrip() for key, entry in value.items() if key not in HEADS
+        ]
         return ": ".join(filter(None, (head, ", ".join(rest))))
     return ", ".join(map(_inner, value)) if isinstance(value, list | tuple) else str(value)
 
 
 def _inner(value: Any) -> str:
-    return f"({_words(value)})" if isinstance(value, Mapping | list | tuple) else str(value)
+    if not isinstance(value, Mapping | list | tuple):
+        return str(value)
+    return f"({_words(value)})" if value else ""
 
 
 def problem_rows(problem: Mapping[str, Any]) -> Iterator[Row]:

@@ -22,7 +22,7 @@ from pinarm.engine.motion.outcome import open_notes
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, PinarmError, choices
-from pinarm.input.yaml.schema import plain
+from pinarm.input.yaml.schema import plain, quantity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
@@ -256,16 +256,18 @@ class Result(Run, frozen=True):
         laws = (*getattr(self.scenario.problem, "motion", ()),) if self.kind == "forward" else ()
         return linearised_row(self.row_at(t).trajectory, laws if prescribed is None else prescribed)
 
-    def row_at(self, t: float | None = None) -> Quantities:
+    def row_at(self, t: float | str | None = None) -> Quantities:
         """Return the quantities at one instant, between the rows of the run too.
 
         Args:
-            t: Value of the run's parameter, such as the instant [s]; the first row where it is left out.
+            t: Value of the run's parameter, in SI or with its unit: ``1.5`` or ``1500 ms``; the first row where it is
+                left out.
 
         Raises:
-            InputError: The run does not come there.
+            InputError: The run does not come there, or the unit is another.
         """
-        place, lookup = float(self.trajectory.grid.t[0]) if t is None else float(t), self.lookup
+        parameter, lookup = quantity(str(self.trajectory.unit)), self.lookup
+        place = float(self.trajectory.grid.t[0] if t is None else parameter.read(t))
         within = [
             k for k, (start, end, _) in enumerate(lookup.intervals) if min(start, end) <= place <= max(start, end)
         ]

@@ -101,14 +101,14 @@ class _Panel(Record, frozen=True):
         return np.concatenate([*(per * line for line in self.lines), per * self.points, tips])
 
 
-def free_body_diagrams(result: Result, at: float | None = None, *, titled: bool = True) -> Picture:
+def free_body_diagrams(result: Result, at: float | str | None = None, *, titled: bool = True) -> Picture:
     """Return a panel for every body: all that acts on it at one instant, each force as an arrow, to one scale.
 
     A planar mechanism is seen along its axes, and moments are arcs; in any other arrows are projections.
 
     Args:
         result: The run.
-        at: Value of its parameter [SI]; the first row where it is left out.
+        at: Value of its parameter, in SI or with its unit; the first row where it is left out.
         titled: Whether the title of the scenario is above it.
 
     Raises:

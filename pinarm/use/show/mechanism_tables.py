@@ -15,6 +15,7 @@ from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.joints import Joint, moved_links, screw_of
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
+from pinarm.mechanics.planar.expansion import FAR
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.use.result.presentation import DEGREE, Presentation
 from pinarm.use.show.document import ReportTable, number, unit_text, with_unit
@@ -92,7 +93,7 @@ def _range(model: pin.Model, joint: Joint | None, how: Presentation) -> str:
     if joint is None:
         return ""
     low, high = model.lowerPositionLimit[joint.q], model.upperPositionLimit[joint.q]
-    if not (np.isfinite(low) or np.isfinite(high)):
+    if min(-low, high) >= float(FAR):
         return "unlimited"
     factor, measured = how.scale(Series("", joint.unit, np.zeros(0)))
     shown = "°" if measured == DEGREE else f" {unit_text(measured)}"

@@ -204,18 +204,22 @@ def test_a_student_gets_no_expected_and_no_published_value(scenario: Callable[..
         assert row(page, "M @ rms") == row(teacher, "M @ rms")
 
 
-def test_a_student_reads_parameters_in_the_units_of_the_run(tmp_path: Path) -> None:
-    (tmp_path / "rod.yaml").write_text(
-        "pinarm: 1\nparameters: {l: 200 mm, slope: 30 deg}\nplanar:\n  points: {O: [0, 0], A: [l, 0]}\n  ground: [O]\n"
-        "  links: {rod: {points: [O, A], mass: 1 kg}}\n"
+def test_a_student_reads_a_drawing_in_the_units_of_the_run(tmp_path: Path) -> None:
+    """Parameters as the run has them, a slide without limits, and the loads of a joint without keys."""
+    (tmp_path / "slide.yaml").write_text(
+        "pinarm: 1\nparameters: {l: 200 mm, slope: 30 deg}\nplanar:\n  points: {O: [0, 0], E: [l, 0], A: [0, 0]}\n"
+        "  ground: [O, E]\n  links: {block: {points: [A], mass: 1 kg}}\n  sliders: {x: {link: block, along: [O, E]}}\n"
     )
     document = {
-        "pinarm": 1, "mechanism": "rod.yaml", "arguments": {"l": "300 mm"}, "outputs": ["joint.O.effort"],
-        "problem": {"kind": "statics", "hold": {"O": "0 deg"}}, "units": {"length": "cm"},
+        "pinarm": 1, "mechanism": "slide.yaml", "arguments": {"l": "300 mm"}, "outputs": ["joint.x.effort"],
+        "problem": {"kind": "statics", "hold": {"x": "0 mm"}}, "units": {"length": "cm"},
+        "loads": {"joints": {"x": {}}},
     }  # fmt: skip
     (tmp_path / "held.json").write_text(json.dumps(document))
-    result = pinarm.run(tmp_path / "held.json")
-    assert "l = 30 cm, slope = 30 deg" in body(report(result, student=True).html)
+    page = body(report(pinarm.run(tmp_path / "held.json"), student=True).html)
+    assert "l = 30 cm, slope = 30 deg" in page
+    assert "joints (x)" in page
+    assert row(page, "x", "prismatic")[-1] == "unlimited"
 
 
 def test_what_a_client_does_not_read_is_in_the_appendix(scenario: Callable[..., Any]) -> None:

@@ -47,3 +47,10 @@ def test_bodies_of_a_plane_are_in_balance_though_loads_across_it_are_open() -> N
 def test_an_instant_that_the_run_does_not_reach_is_refused(scenario: Callable[..., Any]) -> None:
     with pytest.raises(pinarm.PinarmError, match="9 is not reached"):
         scenario("inverse").run().sketch(forces=True, at=9.0)
+
+
+def test_an_instant_has_its_unit_or_is_in_si(scenario: Callable[..., Any]) -> None:
+    result = scenario("inverse").run()
+    assert result.row_at("500 ms")["M"].values == result.row_at(0.5)["M"].values
+    with pytest.raises(pinarm.PinarmError, match="'deg' is not a unit of this quantity"):
+        result.sketch(forces=True, at="40 deg")
