@@ -1,4 +1,4 @@
-"""Write docs/keys.md: the keys of laws, forces and loop joints, of their docstrings. ``python docs/keys_page.py``."""
+"""Write docs/keys.md: keys of laws and of parts of mechanisms, of their docstrings. ``python docs/keys_page.py``."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from site_generator.key_tables import key_tables, prose
 
 PAGE = Path(__file__).with_name("keys.md")
 
-WANTED = ("laws", "forces", "loop_joints")
+WANTED = ("laws", "forces", "loop_joints", "couplings", "coordinates", "drives")
 """Families whose keys the page has."""
 
-HEAD = """# Keys of laws, forces and loop joints
+HEAD = """# Keys of parts and laws
 
-What may be written in `motion:`, `forces:`, `loads:` and `loops:`. A number has its unit, such as `20 N/mm`. An editor
-offers the same keys with the [JSON Schema](commands.md).
+What may be written in `motion:`, `forces:`, `loads:`, `loops:`, `couplings:`, `coordinates:` and `drives:`. A number
+has its unit, such as `20 N/mm`. An editor offers the same keys with the [JSON Schema](commands.md).
 """
 
 _LINK = re.compile(r"\[([^\]]+)\]\((?!http)[^)]*\)")
