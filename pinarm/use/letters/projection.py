@@ -23,7 +23,7 @@ from pinarm.use.letters.coordinates import LetteredCoordinates, named_symbols
 from pinarm.use.letters.traced_model import exact, letter
 from pinarm.use.letters.writing import shortest
 
-POINTS = ("revolute", "spherical")
+POINTS = ("revolute", "spherical", "pin")
 """Kinds of loop joints that hold two points together and whose other rows vanish in a plane."""
 
 

@@ -105,7 +105,13 @@ def residuals(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["crank_rocker_free", "slider_crank_gas", pytest.param("olive_vibrator_shaking", marks=pytest.mark.slow)]
+    "name",
+    [
+        "crank_rocker_free",
+        "slider_crank_gas",
+        "four_bar_shaking_balanced",
+        pytest.param("olive_vibrator_shaking", marks=pytest.mark.slow),
+    ],
 )
 def test_the_rows_of_a_run_fulfil_them(name):
     """Loop forces too, whose signs and axes are those of the quantities ``loop.NAME.force``."""
