@@ -69,7 +69,7 @@ def _lettered(letters: Letters, name: str, force: Any) -> LetteredForce:
             return _spring(letters, name, force, shares(force.joint))
         case CoordinateSpring():
             return _spring(letters, name, force, shares(force.coordinate))
-        case JointEffort(over=None):
+        case JointEffort():
             return _effort(name, force, shares(force.joint), f"effort of the load {name} at the joint {force.joint}")
         case CoordinateEffort():
             along = shares(force.coordinate)
@@ -81,7 +81,8 @@ def _lettered(letters: Letters, name: str, force: Any) -> LetteredForce:
 
 def _effort(name: str, force: Any, shares: Mapping[str, sympy.Expr], meaning: str) -> LetteredForce:
     efforts = {joint: share * letter(name) for joint, share in shares.items()}
-    return LetteredForce(replace(force, effort=ONE), efforts, {name: (meaning, 1.0)})
+    acting = replace(force, effort=ONE, over=None, period=None, while_={}, start=None, end=None)
+    return LetteredForce(acting, efforts, {name: (meaning, 1.0)})
 
 
 def _spring(

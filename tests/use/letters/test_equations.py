@@ -137,6 +137,13 @@ def test_small_motions_have_the_frequencies_of_the_linear_analysis():
     )
 
 
+def test_a_load_over_a_coordinate_has_a_letter():
+    moment = {"law": "piecewise_linear", "points": [["0 deg", "1 N*m"], ["180 deg", "5 N*m"]]}
+    diagram = {"kind": "joint_effort", "joint": "B", "over": "O", "effort": moment, "while": {"B": "increasing"}}
+    swing = pinarm.load(scenario("gen411_arm_swing"), {"problem.loads": {"gas": diagram}})
+    assert "gas" in pinarm.equations(swing).symbols
+
+
 def test_wrong_equations_are_not_printed(monkeypatch):
     """A term that is left out is found by the comparison with the numeric equations."""
     monkeypatch.setattr(projection.Letters, "_gravity", lambda self, component: sympy.Integer(0))
