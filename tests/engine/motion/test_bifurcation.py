@@ -42,8 +42,11 @@ REFUSED = "all but stops at|acceleration grows without bound|singular but for ro
 """Rounding decides which of them is found first, so that the processor does."""
 
 
+SLOWLY = pytest.mark.skipif(bool(absence()), reason="with some rounding its small steps take minutes, not compiled")
+
+
 @CUTS
-@pytest.mark.parametrize("speed", [3.0, 50.0])
+@pytest.mark.parametrize("speed", [pytest.param(3.0, marks=SLOWLY), 50.0])
 def test_one_that_turns_back_beside_a_wheel_is_followed_until_then(speed, cut, tmp_path):
     """Its branch does not depend on the wheel: with 50 rad/s its cranks were 0.4 rad off at 2.3 s."""
     mechanism = beside(two_cranks(np.pi / 2 - 1e-3), WHEEL).build(tmp_path, [cut])
@@ -55,9 +58,6 @@ def test_one_that_turns_back_beside_a_wheel_is_followed_until_then(speed, cut, t
     assert 0.45 < kept.grid.t[-1] < 0.48
     turned = kept.q[:, mechanism.joints["O"].q] + np.pi / 2 - 1e-3
     assert turned == pytest.approx(exact(kept.grid.t, np.pi / 2 - 1e-3), abs=1e-7)
-
-
-SLOWLY = pytest.mark.skipif(bool(absence()), reason="with some rounding its small steps take minutes, not compiled")
 
 
 @pytest.mark.parametrize("ratio", [8.0, pytest.param(20.0, marks=SLOWLY)])
