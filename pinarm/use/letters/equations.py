@@ -17,7 +17,7 @@ from pinarm.use.letters.bodies import lettered_tree
 from pinarm.use.letters.coordinates import LetteredCoordinates, lettered_coordinates, named_symbols
 from pinarm.use.letters.forces import LetteredForce, joint_damping, lettered_forces
 from pinarm.use.letters.projection import LetteredLoop, Letters
-from pinarm.use.letters.proof import STATES, Proof
+from pinarm.use.letters.proof import STATES, Proof, require_same
 from pinarm.use.letters.traced_model import exact, letter
 from pinarm.use.letters.writing import compact, latex, shortest, written
 
@@ -201,7 +201,10 @@ class _Form:
         if self.small is not None:
             return self.reduced(formula)
         seconds, rates = zip(*((c.second, c.rate) for c in self.coordinates.chosen), strict=True)
-        return compact(formula.subs(self.zeros), seconds, rates)
+        plain = formula.subs(self.zeros)
+        short = compact(plain, seconds, rates)
+        require_same(plain, short)
+        return short
 
     def _effort(self, joint: str) -> sympy.Expr:
         """Return the symbol of the effort at a joint, 0 where nothing drives it."""

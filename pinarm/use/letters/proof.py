@@ -24,6 +24,20 @@ SAME_ROWS = 1e-9
 """Singular value of rows in letters beside the numeric ones, relative to the largest, that is 0."""
 
 
+def require_same(plain: sympy.Expr, short: sympy.Expr) -> None:
+    """Compare a formula with a shorter one at a random value of each symbol.
+
+    Raises:
+        DynamicsError: They differ by more than rounding of the terms.
+    """
+    terms = sympy.Add.make_args(sympy.expand(plain))
+    symbols = sorted(plain.free_symbols | short.free_symbols, key=str)
+    values = np.random.default_rng(1).uniform(0.5, 1.5, len(symbols))
+    value, *sizes = sympy.lambdify(symbols, [short, *terms])(*values)
+    if not abs(value - sum(sizes)) <= AGREED * (abs(value) + sum(map(abs, sizes))):
+        raise DynamicsError("a shortened equation differs from what it was")
+
+
 class Proof:
     """The numbers behind the symbols of one mechanism.
 

@@ -45,7 +45,7 @@ class Sheet:
 
     def __init__(self, path: str | Path, values: Values | None = None) -> None:
         self._scenario: Scenario = load(path, values)
-        self._key = [entry for entry in self._scenario.content.expect if entry.value or entry.formula]
+        self._key = [entry for entry in self._scenario.content.expect if entry.value is not None or entry.formula]
         if not self._key:
             raise InputError(f"{path} has no answer key", expected="a list 'expect', with values or formulas")
 

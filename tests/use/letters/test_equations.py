@@ -8,6 +8,7 @@ import pytest
 import sympy
 
 import pinarm
+from pinarm.use.letters import equations as equations_module
 from pinarm.use.letters import projection
 from pinarm.use.letters.coordinates import lettered_coordinates
 from pinarm.use.letters.traced_model import letter
@@ -148,6 +149,12 @@ def test_wrong_equations_are_not_printed(monkeypatch):
     """A term that is left out is found by the comparison with the numeric equations."""
     monkeypatch.setattr(projection.Letters, "_gravity", lambda self, component: sympy.Integer(0))
     with pytest.raises(pinarm.PinarmError, match="differ from the numeric ones"):
+        pinarm.equations(scenario("gen411_arm_swing"))
+
+
+def test_a_shortened_form_that_differs_is_not_printed(monkeypatch):
+    monkeypatch.setattr(equations_module, "compact", lambda formula, seconds, rates: formula + seconds[0])
+    with pytest.raises(pinarm.PinarmError, match="shortened equation differs"):
         pinarm.equations(scenario("gen411_arm_swing"))
 
 
