@@ -103,9 +103,11 @@ def _report_fault(error: Exception) -> None:
     import traceback
 
     lines = traceback.format_exception(error, limit=-INNERMOST)
-    say(f"{''.join(lines)}error: pinarm {__version__} has a fault: {fault(error)}\n"
-         "  expected: an answer, or a message on what to change in the input\n"
-         "  try: please report it, with the lines above and the input files")  # fmt: skip
+    say(
+        f"{''.join(lines)}error: pinarm {__version__} has a fault: {fault(error)}\n"
+        "  expected: an answer, or a message on what to change in the input\n"
+        "  try: please report it, with the lines above and the input files"
+    )
 
 
 def _packages(texts: Sequence[str]) -> dict[str, str]:

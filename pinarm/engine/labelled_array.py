@@ -72,8 +72,10 @@ class LabelledArray(Record, frozen=True):
     def cells(self) -> list[list[str]]:
         """Return the table as texts: headings, and a line for each row, with the unit of the row."""
         _, heads = self.headings()
-        lines = [[name, str(own or UNKNOWN), *(_text(x) for x in line)]
-                 for name, own, line in zip(self.rows, self.row_units, self.values.tolist(), strict=True)]  # fmt: skip
+        lines = [
+            [name, str(own or UNKNOWN), *(_text(x) for x in line)]
+            for name, own, line in zip(self.rows, self.row_units, self.values.tolist(), strict=True)
+        ]
         return [["", "unit", *heads], *lines]
 
 

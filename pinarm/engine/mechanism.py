@@ -228,7 +228,9 @@ def mechanism_variants(
     if expanded is None or not expanded.columns:
         raise VariantsDiffer("a model whose expansion is not recorded, or in which no number varies")
     variants, possible = model_variants(mechanism.model, mechanism.xml, expanded.xml, expanded.columns)
-    arguments = {name: _numbers(told) for name, told in expanded.arguments.items() if name in mechanism.arguments}
+    arguments = {
+        name: _numbers(argument) for name, argument in expanded.arguments.items() if name in mechanism.arguments
+    }
     changed = replace(mechanism, model=variants, arguments=arguments)
     return changed, possible & expanded.holds
 

@@ -115,10 +115,14 @@ def mechanism_of_data(data: Mapping[str, Any], acted: Sequence[str] = ()) -> Mec
 
 
 def _described(
-    document: Document, folder: Path, arguments: Mapping[str, float | str],
-    gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] = MappingProxyType({}),
-    locate: Place = nowhere, acted: Sequence[str] = (),
-) -> Mechanism:  # fmt: skip
+    document: Document,
+    folder: Path,
+    arguments: Mapping[str, float | str],
+    gravity: Gravity | Literal["none"] | None = None,
+    payloads: Mapping[str, Payload] = MappingProxyType({}),
+    locate: Place = nowhere,
+    acted: Sequence[str] = (),
+) -> Mechanism:
     """Return the mechanism that a document describes; see ``read_mechanism``."""
     here = document.locating if document.places else lambda *at: locate("mechanism")
     description, data, arguments = _validated(document, arguments, locate)
@@ -183,9 +187,12 @@ def _build(
     joints, balls, loops, coordinates = parts.joints, parts.balls, parts.loops, parts.coordinates
     mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
     constraints: tuple[Constraint, ...] = (
-        *mimics, *loops, *couplings_of(robot, description, model, joints, key, here),
-        *counters, *geared_rotors(joints, description, coordinates),
-    )  # fmt: skip
+        *mimics,
+        *loops,
+        *couplings_of(robot, description, model, joints, key, here),
+        *counters,
+        *geared_rotors(joints, description, coordinates),
+    )
     frictions = frictions_of(robot, description, model, joints, constraints, here)
     slipping = [friction.coupling for friction in frictions if friction.replaces]  # belts that friction alone ties
     ties = tuple(tie for tie in constraints if tie not in slipping)
@@ -218,8 +225,10 @@ def counted_angles(
     for k, name in enumerate(description.turns):
         with here("turns", k):
             if not coordinate_of(model, parts.coordinates, name).wraps:
-                raise InputError(f"'{name}' counts its turns, or has none",
-                                 expected="L.angle of a loop joint, or J.yaw or J.roll of a ball joint")  # fmt: skip
+                raise InputError(
+                    f"'{name}' counts its turns, or has none",
+                    expected="L.angle of a loop joint, or J.yaw or J.roll of a ball joint",
+                )
     names = [*description.turns, *acted_along(description.forces.values(), description.control), *acted]
     known = parts.coordinates
     return [name for name in dict.fromkeys(names) if name in known and known[name].wraps]
@@ -248,8 +257,10 @@ def mount_drives(model: pin.Model, joints: Mapping[str, Joint], description: Mec
         with here("drives", name), within(key):
             joint = joint_of(joints, driven) if drive.joint else None
             if driven in mounted:
-                raise InputError(f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
-                                 expected="one drive at each joint")  # fmt: skip
+                raise InputError(
+                    f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
+                    expected="one drive at each joint",
+                )
         mounted[driven] = name
         if joint is not None and not drive.turns_rotor:
             armature[joint.v] += drive.armature
@@ -312,9 +323,13 @@ def elastic_gears(
 
 
 def frictions_of(
-    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
-    constraints: Sequence[Constraint], here: Place,
-) -> tuple[FrictionContact, ...]:  # fmt: skip
+    robot: RobotModel,
+    description: MechanismDescription,
+    model: pin.Model,
+    joints: Mapping[str, Joint],
+    constraints: Sequence[Constraint],
+    here: Place,
+) -> tuple[FrictionContact, ...]:
     """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
     if description.friction == "none" or not (robot.friction or description.friction):
         return ()
@@ -452,10 +467,11 @@ def arguments_of(
             units[name] = written = unit(text)
             if written.factor != 1.0:  # in a default of another unit the number would be wrong
                 raise InputError(
-                    f"the model is given numbers in SI, and {written} is no unit of it", expected=str(written.si),
+                    f"the model is given numbers in SI, and {written} is no unit of it",
+                    expected=str(written.si),
                     hint=f"in the model the argument in {written.si}; scenarios may give it in any unit, in {written} "
                     "too",
-                )  # fmt: skip
+                )
     for name, value in arguments.items():
         with caller("arguments", name):
             given[name] = _argument(name, value, units.get(name))
@@ -515,9 +531,13 @@ def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Place)
 
 
 def couplings_of(
-    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint], key: str,
+    robot: RobotModel,
+    description: MechanismDescription,
+    model: pin.Model,
+    joints: Mapping[str, Joint],
+    key: str,
     here: Place,
-) -> list[JointRelation]:  # fmt: skip
+) -> list[JointRelation]:
     """Return the couplings, those of the model and those of the mechanism file; see ``named_parts``."""
     with here(key):
         drawn = [definition.bind(joints, model, name) for name, definition in robot.couplings.items()]
@@ -533,9 +553,13 @@ def couplings_of(
 
 
 def forces_of(
-    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
-    coordinates: Mapping[str, Coordinate], here: Place,
-) -> dict[str, ForceElement]:  # fmt: skip
+    robot: RobotModel,
+    description: MechanismDescription,
+    model: pin.Model,
+    joints: Mapping[str, Joint],
+    coordinates: Mapping[str, Coordinate],
+    here: Place,
+) -> dict[str, ForceElement]:
     """Return the force elements by name, those of the model and those of the mechanism file."""
     forces = dict(robot.forces)
     if description.forces:

@@ -175,9 +175,11 @@ def _compiled(xml: str, files: dict[str, bytes]) -> dict[str, list[float]]:
             [sys.executable, "-I", "-c", program], input=given, cwd=folder, capture_output=True, text=True, check=False
         )
     if done.returncode:
-        raise ModelError("the masses of meshes cannot be computed: MuJoCo's compiler ended without an answer",
-                         expected=f"meshes that it can read within {seconds} s and {memory / 1e9:.2g} GB",
-                         hint="an <inertial> of each body")  # fmt: skip
+        raise ModelError(
+            "the masses of meshes cannot be computed: MuJoCo's compiler ended without an answer",
+            expected=f"meshes that it can read within {seconds} s and {memory / 1e9:.2g} GB",
+            hint="an <inertial> of each body",
+        )
     answer: dict[str, Any] = json.loads(done.stdout)
     if "error" in answer:
         raise ModelError(f"MuJoCo's compiler refuses the model: {answer['error']}", hint="an <inertial> of each body")

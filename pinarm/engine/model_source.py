@@ -62,9 +62,12 @@ class Source(ValueRecord, frozen=True):
 
 
 def robot_of_model(
-    model: pin.Model, description: MechanismDescription, data: Mapping[str, Any], folder: Path,
+    model: pin.Model,
+    description: MechanismDescription,
+    data: Mapping[str, Any],
+    folder: Path,
     arguments: Mapping[str, float | str],
-) -> tuple[RobotModel, Mapping[str, str], Source]:  # fmt: skip
+) -> tuple[RobotModel, Mapping[str, str], Source]:
     """Return the model of a mechanism that is made of a ``pin.Model``, by way of its URDF text; see ``read_robot``.
 
     Raises:
@@ -102,8 +105,9 @@ def read_robot(
     if description.robot.endswith(ENDINGS):
         root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
         path = contained_file((folder / description.robot).absolute(), root)
-        named = {name: contained_path((folder / place).absolute(), root)
-                 for name, place in description.packages.items()}  # fmt: skip
+        named = {
+            name: contained_path((folder / place).absolute(), root) for name, place in description.packages.items()
+        }
         packages: Packages = {**packages_around(path, root), **named}
     else:
         path, defects = robot_file(description.robot), description.defects or "noted"
@@ -150,9 +154,12 @@ def _drawn(
     loops = {**msgspec.to_builtins(model.loops), **data.get("loops", {})}
     said = {key: value for key, value in data.items() if key != "planar"}
     source = Source(
-        {"gravity": {"direction": down.direction}, **said, "loops": loops}, folder, folder / "mechanism.yaml",
-        description.base, defects,
-    )  # fmt: skip
+        {"gravity": {"direction": down.direction}, **said, "loops": loops},
+        folder,
+        folder / "mechanism.yaml",
+        description.base,
+        defects,
+    )
     return replace(robot, loops=model.loops, gravity=down.vector()), {}, source
 
 

@@ -283,7 +283,7 @@ def require_unit(x: object, name: str, *units: Unit) -> None:
     Raises:
         UnitError: Its unit has another dimension than all of these.
     """
-    if isinstance(x, Series) and x.unit is not None and x.unit.dimension not in {one.dimension for one in units}:
+    if isinstance(x, Series) and x.unit is not None and x.unit.dimension not in {unit.dimension for unit in units}:
         raise UnitError(f"{name} is in {x.unit}", expected=f"a unit such as {' or '.join(map(str, units))}")
 
 
@@ -295,8 +295,9 @@ _ALIKE: Mapping[str, Measure | None] = {
     **dict.fromkeys(("negative", "positive", "absolute", "fabs", "conjugate")),
     **dict.fromkeys(("less", "less_equal", "greater", "greater_equal", "equal", "not_equal"), _PLAIN),
     **dict.fromkeys(("isfinite", "isnan", "isinf", "signbit", "sign"), _PLAIN),
-    "floor_divide": Measure(DIMENSIONLESS), "arctan2": Measure(unit("rad")),
-}  # fmt: skip
+    "floor_divide": Measure(DIMENSIONLESS),
+    "arctan2": Measure(unit("rad")),
+}
 """Functions of quantities of one dimension, and the unit of their value; ``None`` for the same unit."""
 
 _TO_RADIANS = ("radians", "deg2rad")
@@ -312,8 +313,12 @@ _RULES: Mapping[str, Rule] = {
     **dict.fromkeys(("degrees", "rad2deg"), _giving("deg")),
     **dict.fromkeys(("multiply", "matmul", "vecdot", "matvec", "vecmat"), _product),
     **dict.fromkeys(("power", "float_power"), lambda measures: power(*measures)),
-    "divide": _quotient, "reciprocal": _to_the(-1), "square": _to_the(2), "cbrt": _to_the(Fraction(1, 3)), "sqrt": root,
-}  # fmt: skip
+    "divide": _quotient,
+    "reciprocal": _to_the(-1),
+    "square": _to_the(2),
+    "cbrt": _to_the(Fraction(1, 3)),
+    "sqrt": root,
+}
 """Functions of values in SI whose unit follows from those of the arguments."""
 
 _SYMBOLS: Mapping[str, str] = {
@@ -324,8 +329,10 @@ _SYMBOLS: Mapping[str, str] = {
 
 
 _METHODS: Mapping[str, str] = {
-    "amax": "max", "amin": "min", **{name: name for name in ("max", "min", "mean", "sum", "std", "argmax", "argmin")}
-}  # fmt: skip
+    "amax": "max",
+    "amin": "min",
+    **{name: name for name in ("max", "min", "mean", "sum", "std", "argmax", "argmin")},
+}
 """Functions of numpy that a ``Series`` has as methods."""
 
 _TOGETHER: Mapping[str, Sequence[Sequence[str]]] = {

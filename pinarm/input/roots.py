@@ -157,8 +157,10 @@ def contained_path(path: str | Path, root: Path, packages: Packages = NO_PACKAGE
         with suppress(FileNotFoundError, NotADirectoryError):
             os.stat(resolved)  # raises for loops of links, and for names too long to be asked for
     except PermissionError:
-        raise InputError(f"{_short(path)} cannot be looked for: a folder on the way is not open to this user",
-                         hint="chmod u+x FOLDER") from None  # fmt: skip
+        raise InputError(
+            f"{_short(path)} cannot be looked for: a folder on the way is not open to this user",
+            hint="chmod u+x FOLDER",
+        ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{_short(path)} is not a path ({error.__class__.__name__})") from None
     if not any(f"{resolved}{os.sep}".startswith(os.path.join(folder, "")) for folder in allowed):

@@ -157,8 +157,11 @@ def ball_angles(balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
 
 def ball_coordinates(balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
     """Return the components of the rotation vector of every ball joint, ``J.rotation.x`` and so on."""
-    return {f"{name}.rotation.{axis}": BallCoordinate(ball, component)
-            for name, ball in balls.items() for component, axis in enumerate("xyz")}  # fmt: skip
+    return {
+        f"{name}.rotation.{axis}": BallCoordinate(ball, component)
+        for name, ball in balls.items()
+        for component, axis in enumerate("xyz")
+    }
 
 
 def coordinate_at(model: pin.Model, index: int) -> Coordinate:

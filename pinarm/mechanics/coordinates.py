@@ -362,8 +362,10 @@ class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
         with within("relative_to"):
             reference = frame_of(model, self.relative_to)
             if model.frames[frame].parentJoint == model.frames[reference].parentJoint:
-                raise InputError(f"'{self.relative_to}' is on the same body as '{self.body}'",
-                                 expected="a reference from which the body can turn")  # fmt: skip
+                raise InputError(
+                    f"'{self.relative_to}' is on the same body as '{self.body}'",
+                    expected="a reference from which the body can turn",
+                )
         return rotation(frame, "xyz".index(self.about), reference)
 
 

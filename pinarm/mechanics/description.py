@@ -168,8 +168,10 @@ class MechanismDescription(InputStruct, frozen=True):
     def check(self) -> None:
         """Refuse a mechanism without a model, or with two."""
         if not self.robot and self.planar is None:
-            raise InputError("the key 'robot' is missing: it names the model",
-                             expected="robot: a model file, or planar: points and links of a drawing")  # fmt: skip
+            raise InputError(
+                "the key 'robot' is missing: it names the model",
+                expected="robot: a model file, or planar: points and links of a drawing",
+            )
         if self.robot and self.planar is not None:
             raise InputError("the mechanism has two models, 'robot' and 'planar'", expected="one of them")
         for name in self.parameters.keys() & {*self.arguments, *self.symbols}:

@@ -184,5 +184,7 @@ def check_parallel(model: pin.Model, columns: Mapping[str, int]) -> None:
             other = part[:, columns[name]]
             if np.linalg.norm(other - axis) > PARALLEL:
                 how = "opposite" if np.linalg.norm(other + axis) <= PARALLEL else "not parallel"
-                raise InputError(f"the axes of '{first}' and '{name}' are {how}: no link turns by their sum",
-                                 expected="joints about parallel axes of one sense")  # fmt: skip
+                raise InputError(
+                    f"the axes of '{first}' and '{name}' are {how}: no link turns by their sum",
+                    expected="joints about parallel axes of one sense",
+                )

@@ -143,13 +143,17 @@ class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
                 if points is None:
                     continue
                 if len(points) < 2 or points[0][0] != 0.0 or any(b <= a for (a, _), (b, _) in pairwise(points)):
-                    raise InputError("the speeds of the curve do not ascend from 0",
-                                     expected="two points or more, the first at 0 rpm, ascending")  # fmt: skip
+                    raise InputError(
+                        "the speeds of the curve do not ascend from 0",
+                        expected="two points or more, the first at 0 rpm, ascending",
+                    )
         if self.peak is not None and (self.peak[-1][1] != 0.0 or not self.peak[0][1]):
             with within("peak"):
-                raise InputError(f"the peak torque begins with {self.peak[0][1]:g} N*m and ends with "
-                                 f"{self.peak[-1][1]:g} N*m", expected="a torque at standstill, and 0 at the end",
-                                 hint="a last point at the speed beyond which the motor gives none")  # fmt: skip
+                raise InputError(
+                    f"the peak torque begins with {self.peak[0][1]:g} N*m and ends with {self.peak[-1][1]:g} N*m",
+                    expected="a torque at standstill, and 0 at the end",
+                    hint="a last point at the speed beyond which the motor gives none",
+                )
 
     def behind(self, ratio: float) -> Actuator:
         return TorqueSource(ratio, TorqueCurve.of(self.peak), TorqueCurve.of(self.continuous))
@@ -231,9 +235,7 @@ class InductiveWinding(Winding, frozen=True):
     def mode(self, given: MotorInput) -> int:
         assert isinstance(given.mode, int)
         scale = self.motor.resistance * abs(float(self.current(given)))
-        return self._limits.mode(
-            float(given.state[..., 0]), float(self.excess_if_held(given)), scale, given.mode
-        )  # fmt: skip
+        return self._limits.mode(float(given.state[..., 0]), float(self.excess_if_held(given)), scale, given.mode)
 
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
         """Return where the current reaches its limits, or where the voltage takes it back."""

@@ -63,9 +63,9 @@ def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
 def _near(quantity: Measured, generator: np.random.Generator) -> Measured:
     """Return a quantity with other last digits."""
     change = PERTURBATION * generator.uniform(0.5, 1.0) * generator.choice((-1.0, 1.0))
-    found = type(quantity)(quantity * (1.0 + change))
-    found.unit = quantity.unit
-    return found
+    near = type(quantity)(quantity * (1.0 + change))
+    near.unit = quantity.unit
+    return near
 
 
 def coarse_angles(joints: Mapping[str, Joint], q: Array) -> list[str]:
@@ -78,8 +78,9 @@ def coarse_angles(joints: Mapping[str, Joint], q: Array) -> list[str]:
     farthest = {name: float(np.abs(q[:, joint.q]).max()) for name, joint in joints.items() if joint.unit == RADIAN}
     return [
         f"joint {name} turns to {angle:.3g} rad: within a turn it is known to {np.spacing(angle):.1g} rad, no better"
-        for name, angle in farthest.items() if np.spacing(angle) > COARSE
-    ]  # fmt: skip
+        for name, angle in farthest.items()
+        if np.spacing(angle) > COARSE
+    ]
 
 
 def perturbed(model: pin.Model, seed: int) -> pin.Model:

@@ -100,8 +100,9 @@ class Drive(InputStruct, frozen=True):
             raise InputError("a drive acts at one joint, or along one coordinate", expected="the key joint, or along")
         if self.elasticity is None and self.backlash:
             with within("backlash"):
-                raise InputError("the flanks that meet after the backlash need a stiffness",
-                                 expected="elasticity: {stiffness: ...}")  # fmt: skip
+                raise InputError(
+                    "the flanks that meet after the backlash need a stiffness", expected="elasticity: {stiffness: ...}"
+                )
         if self.elasticity is not None and not self.rotor_inertia:
             with within("elasticity"):
                 raise InputError("a rotor that moves by itself needs an inertia", expected="rotor_inertia: 1e-4 kg*m^2")
@@ -157,8 +158,10 @@ class Drive(InputStruct, frozen=True):
             low: Least effort at the joint that holds it [N*m or N], shape (n,).
             high: Largest one.
         """
-        ends = (np.where(side * effort > 0.0, 1.0 / self.efficiency, self.efficiency) * effort / self.ratio
-                for side, effort in ((-1.0, low), (1.0, high)))  # fmt: skip
+        ends = (
+            np.where(side * effort > 0.0, 1.0 / self.efficiency, self.efficiency) * effort / self.ratio
+            for side, effort in ((-1.0, low), (1.0, high))
+        )
         down, up = ends
         return np.minimum(down, up), np.maximum(down, up)
 

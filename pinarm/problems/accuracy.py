@@ -55,12 +55,16 @@ class Accuracy(InputStruct, frozen=True):
             raise InputError(f"the method {self.method} takes steps of one length and needs it", hint="step: 1 ms")
         if by == "tolerance" and self.step is not None:
             with within("step"):
-                raise InputError(f"the method {self.method} chooses its steps by the tolerance",
-                                 hint="tolerance alone, or method: rk4")  # fmt: skip
+                raise InputError(
+                    f"the method {self.method} chooses its steps by the tolerance",
+                    hint="tolerance alone, or method: rk4",
+                )
         if by == "step" and self.tolerance is not None:
             with within("tolerance"):
-                raise InputError(f"the method {self.method} takes steps of one length, whatever their error",
-                                 hint="step alone, or method: dop853")  # fmt: skip
+                raise InputError(
+                    f"the method {self.method} takes steps of one length, whatever their error",
+                    hint="step alone, or method: dop853",
+                )
 
     def integrator(self) -> Method:
         """Return the method of integration."""
@@ -81,5 +85,8 @@ class Accuracy(InputStruct, frozen=True):
 
 def setting_keys(method: MethodName, value: float) -> dict[str, Any]:
     """Return a setting of the integration as the keys of a file, from a method and its tolerance, or its step [s]."""
-    return {"method": method, "step": f"{value!r} s"} if METHODS[method].setting == "step" else {
-        "method": method, "tolerance": value}  # fmt: skip
+    return (
+        {"method": method, "step": f"{value!r} s"}
+        if METHODS[method].setting == "step"
+        else {"method": method, "tolerance": value}
+    )

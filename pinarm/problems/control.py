@@ -143,15 +143,20 @@ class MechanismPlant:
         here = rows.split_at(self._start)
         own = closure.split_at(self._start)
         if here.rank < own.rank + len(guided):
-            raise InputError(f"{', '.join(guided)} do not move independently",
-                             expected="as many drives as move independently")  # fmt: skip
+            raise InputError(
+                f"{', '.join(guided)} do not move independently", expected="as many drives as move independently"
+            )
         return InverseOfLoops(self.dynamics, rows, tuple(self.laws.values()), len(joints))
 
 
 def bind_controls(
-    mechanism: Mechanism, control: Sequence[ControlOfRun], dynamics: Dynamics, laws: Mapping[str, MotionLaw],
-    duration: float, place: Place,
-) -> Controls:  # fmt: skip
+    mechanism: Mechanism,
+    control: Sequence[ControlOfRun],
+    dynamics: Dynamics,
+    laws: Mapping[str, MotionLaw],
+    duration: float,
+    place: Place,
+) -> Controls:
     """Return the controllers of a run, those of the mechanism first.
 
     Args:
@@ -167,8 +172,10 @@ def bind_controls(
     """
     plant = MechanismPlant(mechanism, dynamics, laws)
     if CONTROL in dynamics.forces:
-        raise InputError(f"a force is called '{CONTROL}', which stands for the efforts of controllers",
-                         expected="another name of the force")  # fmt: skip
+        raise InputError(
+            f"a force is called '{CONTROL}', which stands for the efforts of controllers",
+            expected="another name of the force",
+        )
     found: list[Controller] = []
     places = _places(mechanism, place)
     for number, definition in enumerate([*mechanism.control, *control]):
@@ -196,19 +203,19 @@ def _with_motors(
 ) -> list[Controller]:
     """Return controllers with the motors behind those that command their voltages or torques."""
     found, place = list[Controller](), 0
-    for number, one in enumerate(controllers):
+    for number, controller in enumerate(controllers):
         with places(number), within("drive"):
-            motors = _motors(one.drives, mechanism)
+            motors = _motors(controller.drives, mechanism)
         if motors:
-            source = replace(one, supply=next(iter(motors.values())).supply)
+            source = replace(controller, supply=next(iter(motors.values())).supply)
             actuators = [motor.behind(mechanism.drives[drive].ratio) for drive, motor in motors.items()]
             with places(number):
                 _require_tracking(source, actuators)
             behind = MotorController.of(source, actuators, place)
-            found += [source, behind] if one.sampling else [behind]
+            found += [source, behind] if controller.sampling else [behind]
         else:
-            found.append(one)
-        place += len(one.joints) if one.sampling else 0
+            found.append(controller)
+        place += len(controller.joints) if controller.sampling else 0
     return found
 
 
@@ -236,8 +243,11 @@ def _require_tracking(controller: Controller, actuators: Sequence[Actuator]) -> 
     """
     winds = isinstance(controller, PidController) and controller.integrals and np.isinf(controller.tracking_time)
     if winds and any(motor.switches(FREE) for motor in actuators):
-        raise InputError("the motor has a limit at which the integral winds up, and without kp there is no time in "
-                         "which it follows the motor", expected="tracking_time: such as 50 ms")  # fmt: skip
+        raise InputError(
+            "the motor has a limit at which the integral winds up, and without kp there is no time in "
+            "which it follows the motor",
+            expected="tracking_time: such as 50 ms",
+        )
 
 
 def _require_own_joints(controllers: Sequence[Controller]) -> None:
@@ -319,12 +329,13 @@ def with_gear_losses(mechanism: Mechanism, control: Sequence[ControlOfRun]) -> M
         control: The controllers of the run, those of the mechanism included.
     """
     commanded = {drive for one in control for drive in one.drives}
-    known = {one.name for one in mechanism.frictions}
-    gears = {one.name: one for one in mechanism.constraints if isinstance(one, GearedRotor)}
+    known = {friction.name for friction in mechanism.frictions}
+    gears = {constraint.name: constraint for constraint in mechanism.constraints if isinstance(constraint, GearedRotor)}
     losing = {
-        name: drive for name, drive in mechanism.drives.items()
+        name: drive
+        for name, drive in mechanism.drives.items()
         if name in commanded and drive.efficiency < 1.0 and gear_name(name) in gears
-    }  # fmt: skip
+    }
     if not losing:
         return mechanism
     from pinarm.mechanics.friction.coupling_friction import gear_loss

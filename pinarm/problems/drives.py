@@ -107,11 +107,11 @@ class EffortSharing(InputStruct, frozen=True):
         Raises:
             InputError: A name is no drive, a limit has another unit, or the model gives none of the drives a limit.
         """
-        given = _model_limits(mechanism, drives) if isinstance(self.limits, str) else self.limits
+        model_limits = _model_limits(mechanism, drives) if isinstance(self.limits, str) else self.limits
         ranges = np.repeat([[-np.inf], [np.inf]], len(drives), axis=1)
         with within("limits"):
-            check_names(given, drives, DRIVE)
-            for name, limit in given.items():
+            check_names(model_limits, drives, DRIVE)
+            for name, limit in model_limits.items():
                 for side, bound in enumerate(limit.bounds):
                     if bound is not None:
                         with within(name):
@@ -151,13 +151,18 @@ def drives_of(
         return acting
     with place("share"):
         if not names:
-            raise InputError("no drives are named that share the load", hint="drives: [...], or share left out",
-                             expected="more drives than the mechanism has degrees of freedom")  # fmt: skip
+            raise InputError(
+                "no drives are named that share the load",
+                hint="drives: [...], or share left out",
+                expected="more drives than the mechanism has degrees of freedom",
+            )
         if mechanism.frictions:
             rubbing = ", ".join(dict.fromkeys(friction.name for friction in mechanism.frictions))
-            raise InputError(f"the friction of {rubbing} sticks: shared efforts at rest have no band that holds",
-                             expected="a mechanism without friction that sticks",
-                             hint="in its place a force regularised_friction")  # fmt: skip
+            raise InputError(
+                f"the friction of {rubbing} sticks: shared efforts at rest have no band that holds",
+                expected="a mechanism without friction that sticks",
+                hint="in its place a force regularised_friction",
+            )
         return _sharing(mechanism, acting, share)
 
 
@@ -185,8 +190,11 @@ def _require_told_apart(joints: Mapping[str, LinearCoordinate], efforts: SharedE
     if not joints or np.linalg.matrix_rank(sums) == len(sums):
         return
     if np.ptp(efforts.weights) or np.isfinite(efforts.limits).any():
-        raise InputError(f"drives along {', '.join(joints)}, which depend on each other as sums of joints, share with "
-                         "equal weights and without limits only", expected="share: least_squares")  # fmt: skip
+        raise InputError(
+            f"drives along {', '.join(joints)}, which depend on each other as sums of joints, share with "
+            "equal weights and without limits only",
+            expected="share: least_squares",
+        )
 
 
 def _incomparable(units: Mapping[str, Unit]) -> InputError:
@@ -207,12 +215,14 @@ def _model_limits(mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> dic
     """
     joints = {name: coordinate.joint for name, coordinate in drives.items() if isinstance(coordinate, LinearCoordinate)}
     limits = {name: float(mechanism.model.effortLimit[joint]) for name, joint in joints.items() if joint is not None}
-    found = {name: EffortRange.read(limit) for name, limit in limits.items() if np.isfinite(limit)}
-    if not found:
-        raise InputError(f"the model gives none of the drives {', '.join(drives)} an effort limit",
-                         expected="an effort limit of their joints in the model",
-                         hint=f"share: {{limits: {{{next(iter(drives))}: ...}}}}")  # fmt: skip
-    return found
+    model_limits = {name: EffortRange.read(limit) for name, limit in limits.items() if np.isfinite(limit)}
+    if not model_limits:
+        raise InputError(
+            f"the model gives none of the drives {', '.join(drives)} an effort limit",
+            expected="an effort limit of their joints in the model",
+            hint=f"share: {{limits: {{{next(iter(drives))}: ...}}}}",
+        )
+    return model_limits
 
 
 def omitted_drives_remarks(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[str]) -> list[str]:
@@ -255,5 +265,8 @@ def _is_no_drive(mechanism: Mechanism, name: str, driven: Sequence[str]) -> bool
 def _on_ground(mechanism: Mechanism) -> list[str]:
     """Return the joints between a link that has a mass and the ground."""
     model = mechanism.model
-    return [name for name, joint in mechanism.joints.items()
-            if model.parents[joint.index] == 0 and model.inertias[joint.index].mass > 0.0]  # fmt: skip
+    return [
+        name
+        for name, joint in mechanism.joints.items()
+        if model.parents[joint.index] == 0 and model.inertias[joint.index].mass > 0.0
+    ]

@@ -183,11 +183,12 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
     resistance, numbers = unit("N/m" if sliding == {True} else "N*m/rad"), range(1, free + 1)
     told = numbers if len(sliding) == 1 and not mechanism.closure.size else ()
     return {
-        "equilibrium.starts": unit("1"), "equilibrium.stability": unit("1"),
+        "equilibrium.starts": unit("1"),
+        "equilibrium.stability": unit("1"),
         **{f"equilibrium.frequency2_{k}": unit("rad^2/s^2") for k in numbers},
         **{f"equilibrium.stiffness_{k}": resistance for k in told},
         **{f"equilibrium.end_{k}.{name}": joint.unit for name, joint in joints for k in (1, 2)},
-    }  # fmt: skip
+    }
 
 
 def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
@@ -207,16 +208,21 @@ def _bands(balance: ForceBalance, found: Sequence[Equilibrium]) -> list[Position
 
 def _weightless(found: Sequence[Equilibrium]) -> list[str]:
     """Return what is to be said of directions without mass."""
-    return [f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
-            for row, equilibrium in enumerate(found, 1)
-            if np.isnan(equilibrium.modes.squares).any() and not np.isnan(equilibrium.modes.stability)]  # fmt: skip
+    return [
+        f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
+        for row, equilibrium in enumerate(found, 1)
+        if np.isnan(equilibrium.modes.squares).any() and not np.isnan(equilibrium.modes.stability)
+    ]
 
 
 def _edges(found: Sequence[Equilibrium]) -> list[str]:
     """Return what is to be said of loads that have an edge where the forces balance."""
-    return [f"row {row}: '{equilibrium.modes.edge}' has an edge here, to either side of which its stiffness is another "
-            "one, as where a cable becomes taut: neither stability nor small motions are told"
-            for row, equilibrium in enumerate(found, 1) if equilibrium.modes.edge]  # fmt: skip
+    return [
+        f"row {row}: '{equilibrium.modes.edge}' has an edge here, to either side of which its stiffness is another "
+        "one, as where a cable becomes taut: neither stability nor small motions are told"
+        for row, equilibrium in enumerate(found, 1)
+        if equilibrium.modes.edge
+    ]
 
 
 def _slacks(balance: ForceBalance, found: Sequence[Equilibrium]) -> list[str]:
@@ -256,8 +262,10 @@ def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: 
         if band.reason:
             notes.append(f"row {row}: the band of positions has no end: {band.reason}")
     if balance.held.names:
-        notes.append(f"efforts that hold {', '.join(balance.held.names)} are those without friction; kind: statics at "
-                     "these positions tells the band that friction leaves")  # fmt: skip
+        notes.append(
+            f"efforts that hold {', '.join(balance.held.names)} are those without friction; kind: statics at "
+            "these positions tells the band that friction leaves"
+        )
     return notes
 
 
@@ -268,8 +276,12 @@ def rows_of(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence
     ends = [band.ends.T.ravel() for band in bands] or [np.zeros(0)] * len(found)
     units = _units(balance.mechanism, len(found[0].modes.squares))
     told = slice(None if "equilibrium.stiffness_1" in units else 0)
-    table = np.array([[float(one.starts), one.modes.stability, *one.modes.squares, *one.modes.stiffnesses[told], *both]
-                      for one, both in zip(found, ends, strict=True)])  # fmt: skip
+    table = np.array(
+        [
+            [float(one.starts), one.modes.stability, *one.modes.squares, *one.modes.stiffnesses[told], *both]
+            for one, both in zip(found, ends, strict=True)
+        ]
+    )
     columns = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
     return Trajectory(
         balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),

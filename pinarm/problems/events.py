@@ -65,8 +65,10 @@ class EndStop(InputStruct, frozen=True):
             InputError: Names both.
         """
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
-            raise InputError(f"the upper limit {self.upper:g} is not above the lower one {self.lower:g}",
-                             expected="an upper limit above the lower one")  # fmt: skip
+            raise InputError(
+                f"the upper limit {self.upper:g} is not above the lower one {self.lower:g}",
+                expected="an upper limit above the lower one",
+            )
 
 
 def watches_of(mechanism: Mechanism, events: Mapping[str, Event], begins: float, place: Place) -> dict[str, Watch]:
@@ -76,18 +78,21 @@ def watches_of(mechanism: Mechanism, events: Mapping[str, Event], begins: float,
         InputError: A coordinate does not exist.
         UnitError: A value has another dimension than its coordinate.
     """
-    found = {}
+    watches = {}
     for name, event in events.items():
         with place("events", name, "when"):
             coordinate = mechanism.coordinate(event.when)
         with place("events", name, "reaches"):
             check_unit(event.reaches, coordinate.unit)
             if coordinate.wraps and abs(float(event.reaches)) > np.pi + REACHED:
-                raise InputError(f"'{event.when}' is told from -180 to 180 deg", expected="a value between these",
-                                 hint=f"in the mechanism file: turns: [{event.when}], which counts them")  # fmt: skip
+                raise InputError(
+                    f"'{event.when}' is told from -180 to 180 deg",
+                    expected="a value between these",
+                    hint=f"in the mechanism file: turns: [{event.when}], which counts them",
+                )
         watch = _watched(mechanism.closure, coordinate, event, begins)
-        found[name] = replace(watch, what=f"event '{name}' takes place", unit=str(coordinate.unit))
-    return found
+        watches[name] = replace(watch, what=f"event '{name}' takes place", unit=str(coordinate.unit))
+    return watches
 
 
 def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: float) -> Watch:
@@ -106,8 +111,7 @@ def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: flo
         apart = np.abs(distance(*states))
         return np.asarray(np.minimum(apart, np.abs(apart - 2.0 * np.pi) if half else apart) < 0.5 * np.pi)
 
-    return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts, begins=begins,
-                 level=level)  # fmt: skip
+    return Watch(lambda *states: np.sin(distance(*states)), direction, stops, counts=counts, begins=begins, level=level)
 
 
 def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) -> tuple[Bound, ...]:

@@ -127,10 +127,12 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
     def declaration(self) -> Declaration:
         return Declaration(
-            self._without, laws=self.motion,
-            watched=[*(event.when for event in self.events.values()), *self._commanded()], loads=self.loads,
+            self._without,
+            laws=self.motion,
+            watched=[*(event.when for event in self.events.values()), *self._commanded()],
+            loads=self.loads,
             integrated=True,
-        )  # fmt: skip
+        )
 
     def _commanded(self) -> list[str]:
         return [name for one in self.control for name in one.names]
@@ -239,8 +241,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             f"{rest.regularity:.1g} of its usual regularity, where several motions meet and rounding would choose one",
             expected="a motion that passes singular positions at some speed",
             hint="an end before that instant, or another start: beside the singular position, or with a velocity",
-            partial=kept, t=rest.t,
-        )  # fmt: skip
+            partial=kept,
+            t=rest.t,
+        )
 
     def _require_turns(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
         """Raise where an angle along which something acts leaps; the motion until then is kept."""
@@ -346,9 +349,11 @@ def _uncertain(closure: Closure, q: Array, v: Array) -> list[str]:
         return []
     least = float(values[values > VANISHED * closure.coarseness].min(initial=values[0])) / float(values[0])
     noise = float(np.finfo(float).eps) / least**2
-    return [] if noise < TELLING else [
+    if noise < TELLING:
+        return []
+    return [
         f"the motion begins at {least:.1g} of a regular position: rounding leaves about {noise:.0e} of its velocities"
-    ]  # fmt: skip
+    ]
 
 
 TELLING = 1e-9

@@ -113,9 +113,9 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     ) -> Outcome:
         table = self.table(mechanism, accuracy, place, prepared)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
-            found = table.outcome()
+            outcome = table.outcome()
         remarks = [
             *omitted_drives_remarks(mechanism, self.drives, [*self.motion]),
             *profile_remarks(mechanism, self.motion),
         ]
-        return replace(found, notes=(*found.notes, *remarks))
+        return replace(outcome, notes=(*outcome.notes, *remarks))

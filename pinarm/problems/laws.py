@@ -74,9 +74,11 @@ def _settle(
         along = mechanism.coordinate(law.of).unit
         if law.of not in motion:
             others = ", ".join(other for other in motion if other != name)
-            raise InputError(f"'{law.of}' follows no law: the profile of '{name}' has nothing to run along",
-                             expected=f"one of {others}" if others else "",
-                             hint=f"a law over time for '{law.of}' too")  # fmt: skip
+            raise InputError(
+                f"'{law.of}' follows no law: the profile of '{name}' has nothing to run along",
+                expected=f"one of {others}" if others else "",
+                hint=f"a law over time for '{law.of}' too",
+            )
         if law.of in (*before, name):
             raise InputError(f"profiles run along each other: {' -> '.join([*before, name, law.of])}")
     with place("motion", name):
@@ -90,9 +92,8 @@ def _settle(
 
 
 def grid_of(
-    mechanism: Mechanism, motion: JointMotion, t: Array, laws: Sequence[MotionLaw],
-    forces: Iterable[ForceElement] = (),
-) -> Grid:  # fmt: skip
+    mechanism: Mechanism, motion: JointMotion, t: Array, laws: Sequence[MotionLaw], forces: Iterable[ForceElement] = ()
+) -> Grid:
     """Return the grid of instants, shape (n,), cut where laws have breakpoints, and cams and loads jump.
 
     Where a cam passes a breakpoint of its profile there is a row on either side: the acceleration of its follower may
@@ -172,8 +173,10 @@ class NearestPosture(InputStruct, frozen=True):
             low, high = (float(bound[mechanism.joints[name].v]) for bound in (lower, upper))
             if not low <= value <= high:
                 with within("nearest_to", name):
-                    raise InputError(f"{value:g} {units[name]} is outside of the limits of {name}",
-                                     expected=f"a value from {low:g} to {high:g} {units[name]}")  # fmt: skip
+                    raise InputError(
+                        f"{value:g} {units[name]} is outside of the limits of {name}",
+                        expected=f"a value from {low:g} to {high:g} {units[name]}",
+                    )
         places = np.zeros(model.nv, dtype=np.intp)
         for joint in mechanism.joints.values():
             places[joint.v] = joint.q
@@ -187,9 +190,11 @@ class NearestPosture(InputStruct, frozen=True):
                 return weights_of(self.weights, units, "joint of nearest_to")
         if not comparable(units):
             weights = ", ".join(f"{name}: 1 {reciprocal(measured)}" for name, measured in units.items())
-            raise InputError("angles and lengths have no common sum of squares: what is nearest depends on the unit",
-                             expected="weights with units, such as the reciprocals of the ranges of the joints",
-                             hint=f"resolve: {{weights: {{{weights}}}}}")  # fmt: skip
+            raise InputError(
+                "angles and lengths have no common sum of squares: what is nearest depends on the unit",
+                expected="weights with units, such as the reciprocals of the ranges of the joints",
+                hint=f"resolve: {{weights: {{{weights}}}}}",
+            )
         return np.ones(len(units))
 
     def _limits(self, mechanism: Mechanism, followed: Mapping[str, MotionLaw]) -> tuple[Array, Array]:

@@ -44,9 +44,13 @@ else:  # imported where a file has loads, see LOADS
     Force = Any
 
 MODE_UNITS: Mapping[str, Unit] = {
-    "frequency": HERTZ, "damped_frequency": HERTZ, "damping": unit("1"), "time_constant": unit("s"),
-    "growth": unit("1/s"), "error": unit("1/s"),
-}  # fmt: skip
+    "frequency": HERTZ,
+    "damped_frequency": HERTZ,
+    "damping": unit("1"),
+    "time_constant": unit("s"),
+    "growth": unit("1/s"),
+    "error": unit("1/s"),
+}
 """Measures of a mode and their units."""
 
 VAGUE = 1e-6
@@ -209,14 +213,16 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         Raises:
             InputError: There is none of a name, or a position is not held.
         """
-        found = list[Input]()
+        inputs = list[Input]()
         for index, name in enumerate(self.inputs or [*mechanism.joints]):
             with place("inputs", index):
-                found.append(input_of(mechanism, forces, name))
-                if found[-1].position and found[-1].position not in self._driven:
-                    raise InputError(f"the position '{name}' is prescribed, and about does not say where",
-                                     expected=f"about: {{hold: {{{found[-1].position}: ...}}}}, or steady")  # fmt: skip
-        return found
+                inputs.append(input_of(mechanism, forces, name))
+                if inputs[-1].position and inputs[-1].position not in self._driven:
+                    raise InputError(
+                        f"the position '{name}' is prescribed, and about does not say where",
+                        expected=f"about: {{hold: {{{inputs[-1].position}: ...}}}}, or steady",
+                    )
+        return inputs
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
@@ -235,9 +241,13 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         row, drives = linear.at.state, along(mechanism, self._driven)
         measures = {**row.columns, **_columns(_measures(linear, _most(mechanism, row)))}
         rows = replace(
-            row, grid=Grid.cover(np.ones(1), []), a=np.zeros_like(row.a), columns=measures, driven=drives.driven,
+            row,
+            grid=Grid.cover(np.ones(1), []),
+            a=np.zeros_like(row.a),
+            columns=measures,
+            driven=drives.driven,
             drives=(*self._driven,),
-        )  # fmt: skip
+        )
         figures = {"unstable modes": float((linear.modes.eigenvalues.real > linear.modes.errors).sum())}
         left = ["controllers are left open: their efforts stay those of the state"] if mechanism.control else []
         return Outcome(rows, figures=figures, notes=(*near.notes, *_remarks(linear), *left), arrays=tables)
@@ -292,17 +302,19 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
             response = response * np.where(squares, -((2.0 * np.pi * f[:, None, None]) ** 2), 1.0)
             shown = [(name, own, one) for name, own in zip(self.outputs, units, strict=True) for one in inputs]
             found["response"] = LabelledArray(
-                response.reshape(len(f), -1), [f"{x:.9g} Hz" for x in f],
-                [f"{name} / {one.name}" for name, _, one in shown], [ONE] * len(f),
+                response.reshape(len(f), -1),
+                [f"{x:.9g} Hz" for x in f],
+                [f"{name} / {one.name}" for name, _, one in shown],
+                [ONE] * len(f),
                 [None if own is None else own / one.unit for _, own, one in shown],
-            )  # fmt: skip
+            )
         return found
 
 
 def _most(mechanism: Mechanism, row: Trajectory) -> int:
     """Return the largest number of modes: that of free states."""
     closures = mechanism.closure, mechanism.closure.holonomic
-    return sum(int(one.split_at(row.q[0]).free.shape[1]) for one in closures)
+    return sum(int(closure.split_at(row.q[0]).free.shape[1]) for closure in closures)
 
 
 def _measures(linear: Linearisation, count: int) -> Array:
@@ -311,11 +323,11 @@ def _measures(linear: Linearisation, count: int) -> Array:
     growth = modes.eigenvalues.real
     with np.errstate(divide="ignore"):
         constants = np.where(np.abs(growth) > modes.errors, -1.0 / growth, np.inf)
-    found = np.full((count, len(MODE_UNITS)), np.nan)
-    found[: len(growth)] = np.column_stack(
+    measures = np.full((count, len(MODE_UNITS)), np.nan)
+    measures[: len(growth)] = np.column_stack(
         [modes.frequencies, modes.damped_frequencies, modes.damping_ratios, constants, growth, modes.errors]
     )
-    return found
+    return measures
 
 
 def _columns(measures: Array) -> dict[str, Series]:

@@ -37,8 +37,10 @@ def bind_constant_loads(
     for name, force in forces.items():
         if not moving and isinstance(force, LawElement) and force.condition and force.condition.gates:
             with place("loads", name):
-                raise InputError(f"the force '{name}' acts in one direction of motion, and at rest there is none",
-                                 expected="the load without while, as it is in the stroke that is meant")  # fmt: skip
+                raise InputError(
+                    f"the force '{name}' acts in one direction of motion, and at rest there is none",
+                    expected="the load without while, as it is in the stroke that is meant",
+                )
     return forces
 
 
@@ -51,8 +53,9 @@ def require_constant(forces: Mapping[str, ForceElement], place: Place) -> None:
     for name, force in forces.items():
         if not all(isinstance(law, Constant) for law in force.laws()):
             with place("loads", name):
-                raise InputError(f"the force '{name}' follows a law over time and has no value at rest",
-                                 hint="law: constant")  # fmt: skip
+                raise InputError(
+                    f"the force '{name}' follows a law over time and has no value at rest", hint="law: constant"
+                )
 
 
 def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
@@ -72,9 +75,13 @@ def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -
 
 
 def schema_row(
-    mechanism: Mechanism, start: Mapping[str, float], loads: Mapping[str, Force], parameter: str, measured: Unit,
+    mechanism: Mechanism,
+    start: Mapping[str, float],
+    loads: Mapping[str, Force],
+    parameter: str,
+    measured: Unit,
     drives: Actuation,
-) -> Trajectory:  # fmt: skip
+) -> Trajectory:
     """Return one row near a start, under the forces of a run: enough to see which quantities there are.
 
     Raises:

@@ -75,8 +75,10 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     def check(self) -> None:
         """Refuse a motion without rows, or with two sources of them; keep the file by its whole path."""
         if bool(self.file) == bool(self.columns):
-            raise InputError("the motion has two sources, 'file' and 'columns'" if self.file else "there is no motion",
-                             expected="file: a CSV table, or columns: heading -> numbers")  # fmt: skip
+            raise InputError(
+                "the motion has two sources, 'file' and 'columns'" if self.file else "there is no motion",
+                expected="file: a CSV table, or columns: heading -> numbers",
+            )
         if self.file:
             folder = current_folder() or Path()
             with within("file"):
@@ -109,8 +111,9 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         for key, given in (("drives", self.drives), ("share", self.share)):
             if rows.tau is not None and given:
                 with place(key):
-                    raise InputError("efforts are given, and drives whose efforts are to be found",
-                                     expected="one of them")  # fmt: skip
+                    raise InputError(
+                        "efforts are given, and drives whose efforts are to be found", expected="one of them"
+                    )
         drives = None if rows.tau is not None else self._drives(mechanism, place)
         forces = bind_loads(mechanism, self.loads, place)
         return Recording(mechanism, drives, Dynamics.of(mechanism.model, forces)), rows, unread
@@ -153,16 +156,21 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
             InputError: See ``rows``.
         """
         if self.derivatives == "spline" and arrays & {"v", "a"}:
-            raise InputError("velocities or accelerations are given, and those of a spline are asked for",
-                             expected="derivatives: given, or positions only")  # fmt: skip
+            raise InputError(
+                "velocities or accelerations are given, and those of a spline are asked for",
+                expected="derivatives: given, or positions only",
+            )
         if self.derivatives == "given" and "tau" in arrays and not {"v", "a"} <= arrays:
             lacking = "accelerations" if "v" in arrays else "velocities"
-            raise InputError(f"efforts are given, but the {lacking} of this motion are not given",
-                             hint="derivatives: spline")  # fmt: skip
+            raise InputError(
+                f"efforts are given, but the {lacking} of this motion are not given", hint="derivatives: spline"
+            )
         if "tau" in arrays and mechanism.frictions:
             sticking = ", ".join(dict.fromkeys(contact.name for contact in mechanism.frictions))
-            raise InputError(f"efforts are given, and {sticking} has friction of its own: the two are not told apart",
-                             expected="no efforts: they follow from the motion and the friction")  # fmt: skip
+            raise InputError(
+                f"efforts are given, and {sticking} has friction of its own: the two are not told apart",
+                expected="no efforts: they follow from the motion and the friction",
+            )
         if "a" in arrays and "v" not in arrays:
             raise InputError("accelerations are given without velocities", expected="both, or none")
 
@@ -199,11 +207,15 @@ def _doubts(mechanism: Mechanism, figures: Mapping[str, float]) -> tuple[str, ..
     for derivative, of in (("velocity", "positions"), ("acceleration", "velocities")):
         left = figures.get(f"{derivative} consistency", 0.0)
         if left > DOUBTFUL:
-            doubts.append(f"{derivative} consistency {left:.2g}: the given {derivative} is not the rate of the {of}, "
-                          "or the rows are too far apart to tell")  # fmt: skip
+            doubts.append(
+                f"{derivative} consistency {left:.2g}: the given {derivative} is not the rate of the {of}, "
+                "or the rows are too far apart to tell"
+            )
     if doubts and mechanism.balls:
-        doubts.append("of a floating base v has the velocity in the axes of the world, where Pinocchio has it in those "
-                      "of the base: Mechanism.from_pinocchio converts")  # fmt: skip
+        doubts.append(
+            "of a floating base v has the velocity in the axes of the world, where Pinocchio has it in those "
+            "of the base: Mechanism.from_pinocchio converts"
+        )
     return tuple(doubts)
 
 
@@ -231,8 +243,11 @@ class StateColumn(NamedTuple):
 def state_columns(mechanism: Mechanism) -> dict[str, StateColumn]:
     """Return the columns that hold a motion of a mechanism, by the names of its quantities, in the order of q and v."""
     columns: dict[str, StateColumn] = {}
-    rates = {"angular_velocity": ("v", unit("rad/s")), "angular_acceleration": ("a", unit("rad/s^2")),
-             "effort": ("tau", unit("N*m"))}  # fmt: skip
+    rates = {
+        "angular_velocity": ("v", unit("rad/s")),
+        "angular_acceleration": ("a", unit("rad/s^2")),
+        "effort": ("tau", unit("N*m")),
+    }
     for name, joint in mechanism.joints.items():
         base, own = f"joint.{name}", joint.unit
         columns[f"{base}.position"] = StateColumn("q", joint.q, own)
@@ -362,13 +377,17 @@ def check_rows(mechanism: Mechanism, rows: RecordedRows) -> None:
         raise InputError(f"the instants descend: {rows.t[row]:.9g} s, then {rows.t[row + 1]:.9g} s (row {row + 1})")
     if (close := (steps > 0.0) & (steps < np.finfo(float).tiny)).any():
         row = int(close.argmax())
-        raise InputError(f"the instants {rows.t[row]:.9g} s and {rows.t[row + 1]:.9g} s (row {row + 1}) are too close",
-                         expected=f"the same instant, or at least {np.finfo(float).tiny:.2g} s between")  # fmt: skip
+        raise InputError(
+            f"the instants {rows.t[row]:.9g} s and {rows.t[row + 1]:.9g} s (row {row + 1}) are too close",
+            expected=f"the same instant, or at least {np.finfo(float).tiny:.2g} s between",
+        )
     for ball in mechanism.balls.values():
         lengths = np.linalg.norm(ball.quaternion(rows.q), axis=1)
         for row in np.flatnonzero(np.abs(lengths - 1.0) > UNIT)[:1]:
-            raise InputError(f"row {row}: the quaternion of '{ball.name}' has the length {lengths[row]:.6g}",
-                             expected="(x, y, z, w) of length 1")  # fmt: skip
+            raise InputError(
+                f"row {row}: the quaternion of '{ball.name}' has the length {lengths[row]:.6g}",
+                expected="(x, y, z, w) of length 1",
+            )
 
 
 def _require_complete(known: Mapping[str, StateColumn], given: Collection[str]) -> None:
@@ -414,8 +433,10 @@ def _factor(name: str, written: str | None, wanted: Unit) -> float:
     """
     given = unit(written) if written is not None else DIMENSIONLESS
     if given.dimension != wanted.dimension or (written is None and str(wanted) != "1"):
-        raise UnitError(f"the column '{name}' is in {given}" if written else f"the column '{name}' has no unit",
-                        expected=f"{name} [{wanted}], or another unit of that kind")  # fmt: skip
+        raise UnitError(
+            f"the column '{name}' is in {given}" if written else f"the column '{name}' has no unit",
+            expected=f"{name} [{wanted}], or another unit of that kind",
+        )
     return given.factor
 
 

@@ -94,9 +94,12 @@ class StateByState:
         rates = [each for given in self.rates for each in given.items()]
         moving = [name for name in self.hold if any(rate for given, rate in rates if given == name)]
         return Declaration(
-            self._without, held=others(self.hold, moving), moved=[*self.over, *moving], drives=self.drives,
+            self._without,
+            held=others(self.hold, moving),
+            moved=[*self.over, *moving],
+            drives=self.drives,
             loads=self.loads,
-        )  # fmt: skip
+        )
 
     def _without(self, names: Collection[str]) -> Any:
         fields: Any = self
@@ -138,9 +141,9 @@ class StateByState:
     ) -> Outcome:
         table = self.table(mechanism, accuracy, place, prepared)
         with place(), locating_drives(place):
-            found = table.outcome()
+            outcome = table.outcome()
             remarks = omitted_drives_remarks(mechanism, self.drives, [*self.over, *self.hold])
-            return replace(found, notes=(*found.notes, *remarks))
+            return replace(outcome, notes=(*outcome.notes, *remarks))
 
 
 class Statics(StateByState, InputStruct, frozen=True, tag_field="kind", tag="statics"):

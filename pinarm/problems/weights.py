@@ -77,7 +77,10 @@ def reciprocal(measured: Unit) -> str:
 def _check_reciprocal(weight: Weight, measured: Unit) -> None:
     """Raise where a weight does not make what it weighs a pure number, as angles are."""
     if weight.plain and measured.dimension != DIMENSIONLESS.dimension:
-        raise UnitError(f"the weight {weight:g} has no unit", hint=f"{weight:g} {reciprocal(measured)}",
-                        expected="a unit for every weight, where different kinds of quantities are weighed, or another "
-                        "weight has one")  # fmt: skip
+        raise UnitError(
+            f"the weight {weight:g} has no unit",
+            hint=f"{weight:g} {reciprocal(measured)}",
+            expected="a unit for every weight, where different kinds of quantities are weighed, or another "
+            "weight has one",
+        )
     check_unit(weight, DIMENSIONLESS / measured)

@@ -222,8 +222,10 @@ class Scenario(scenarios.Scenario, frozen=True):
         from pinarm.mechanics.control.function import function_controls
 
         if self.problem.kind != "forward":
-            raise InputError(f"the problem is of the kind '{self.problem.kind}': its motion is known",
-                             expected="a forward problem, whose drives can react")  # fmt: skip
+            raise InputError(
+                f"the problem is of the kind '{self.problem.kind}': its motion is known",
+                expected="a forward problem, whose drives can react",
+            )
         return replace(self, functions=(*self.functions, *function_controls(control, period, delay)))
 
     def with_forces(self, forces: Mapping[str, tuple[str, ControlFunction]]) -> Self:
@@ -237,9 +239,13 @@ class Scenario(scenarios.Scenario, frozen=True):
         return replace(self, function_forces=(*self.function_forces, *function_forces(forces)))
 
     def run(
-        self, control: Mapping[str | tuple[str, ...], ControlFunction] | None = None, *, period: float | None = None,
-        delay: float = 0.0, forces: Mapping[str, tuple[str, ControlFunction]] | None = None,
-    ) -> Result:  # fmt: skip
+        self,
+        control: Mapping[str | tuple[str, ...], ControlFunction] | None = None,
+        *,
+        period: float | None = None,
+        delay: float = 0.0,
+        forces: Mapping[str, tuple[str, ControlFunction]] | None = None,
+    ) -> Result:
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
         Args:
@@ -259,8 +265,9 @@ class Scenario(scenarios.Scenario, frozen=True):
         from pinarm.use.accuracy.solved import solved
 
         if control is None and (period is not None or delay):
-            raise InputError("a period or a delay is given, but no function",
-                             expected="control, with functions of drives")  # fmt: skip
+            raise InputError(
+                "a period or a delay is given, but no function", expected="control, with functions of drives"
+            )
         asked = self.controlled(control, period, delay) if control is not None else self
         asked = asked.with_forces(forces) if forces else asked
         asked.check_answer_key()
@@ -369,6 +376,8 @@ def load(scenario: Given, values: Values | None = None) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario.varied(values) if values else scenario
     if not isinstance(scenario, str | PathLike):
-        raise InputError(f"a value of the type {type(scenario).__name__} is no scenario",
-                         expected="a Scenario, its file, or a map of what the file would hold")  # fmt: skip
+        raise InputError(
+            f"a value of the type {type(scenario).__name__} is no scenario",
+            expected="a Scenario, its file, or a map of what the file would hold",
+        )
     return Scenario.load(scenario, values)

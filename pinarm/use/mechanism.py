@@ -170,28 +170,43 @@ class Mechanism(mechanism.Mechanism, frozen=True):
 
     @overload
     def close(
-        self, positions: Mapping[str, ArrayLike], *, start: Mapping[str, float] | ArrayLike | None = None,
+        self,
+        positions: Mapping[str, ArrayLike],
+        *,
+        start: Mapping[str, float] | ArrayLike | None = None,
         unreached: Literal["refused", "nan"] = "refused",
-    ) -> Array: ...  # fmt: skip
+    ) -> Array: ...
 
     @overload
     def close(
-        self, positions: Mapping[str, ArrayLike], velocities: Mapping[str, ArrayLike], *,
-        start: Mapping[str, float] | ArrayLike | None = None, unreached: Literal["refused", "nan"] = "refused",
-    ) -> tuple[Array, Array]: ...  # fmt: skip
+        self,
+        positions: Mapping[str, ArrayLike],
+        velocities: Mapping[str, ArrayLike],
+        *,
+        start: Mapping[str, float] | ArrayLike | None = None,
+        unreached: Literal["refused", "nan"] = "refused",
+    ) -> tuple[Array, Array]: ...
 
     @overload
     def close(
-        self, positions: Mapping[str, ArrayLike], velocities: Mapping[str, ArrayLike],
-        accelerations: Mapping[str, ArrayLike], *, start: Mapping[str, float] | ArrayLike | None = None,
+        self,
+        positions: Mapping[str, ArrayLike],
+        velocities: Mapping[str, ArrayLike],
+        accelerations: Mapping[str, ArrayLike],
+        *,
+        start: Mapping[str, float] | ArrayLike | None = None,
         unreached: Literal["refused", "nan"] = "refused",
-    ) -> tuple[Array, Array, Array]: ...  # fmt: skip
+    ) -> tuple[Array, Array, Array]: ...
 
     def close(
-        self, positions: Mapping[str, ArrayLike], velocities: Mapping[str, ArrayLike] | None = None,
-        accelerations: Mapping[str, ArrayLike] | None = None, *, start: Mapping[str, float] | ArrayLike | None = None,
+        self,
+        positions: Mapping[str, ArrayLike],
+        velocities: Mapping[str, ArrayLike] | None = None,
+        accelerations: Mapping[str, ArrayLike] | None = None,
+        *,
+        start: Mapping[str, float] | ArrayLike | None = None,
         unreached: Literal["refused", "nan"] = "refused",
-    ) -> Array | tuple[Array, ...]:  # fmt: skip
+    ) -> Array | tuple[Array, ...]:
         """Return closed states in which coordinates, points or frames have given values: inverse kinematics.
 
         ==============================  ============  ============================================================

@@ -345,7 +345,7 @@ def unclosed(run: Trajectory) -> list[str]:
         return []
     from pinarm.engine.constraints.self_stresses import mobility_of
 
-    found = mobility_of(run.mechanism, run.q[rows[left.max(axis=1).argmax()]])
+    mobility = mobility_of(run.mechanism, run.q[rows[left.max(axis=1).argmax()]])
     torn: dict[str, float] = {}
     for (constraint, row), size, reach in zip(closure.owners(), worst.tolist(), closure.reach.tolist(), strict=True):
         if size > ROUNDED * reach:
@@ -354,5 +354,5 @@ def unclosed(run: Trajectory) -> list[str]:
     said = ", ".join(f"{size:.2g} {owner}" for owner, size in torn.items())
     return [
         f"loops close but for {said}: up to {UNCLOSED:g} of the extent, or rad, counts as rounding of the file; "
-        f"{found.shared}"
+        f"{mobility.shared}"
     ]

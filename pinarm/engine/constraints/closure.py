@@ -72,7 +72,9 @@ class Closure(Record, frozen=True):
     @cached_property
     def loop_sizes(self) -> LoopSizes:
         """How large the loops are that joints close."""
-        return LoopSizes.of(self.model, [one for one in self.constraints if isinstance(one, LoopJoint)])
+        return LoopSizes.of(
+            self.model, [constraint for constraint in self.constraints if isinstance(constraint, LoopJoint)]
+        )
 
     @cached_property
     def scale(self) -> Array:
@@ -97,11 +99,11 @@ class Closure(Record, frozen=True):
         moves, units = slides(self.model), iter(unit_of_length(self.loop_sizes.sizes).tolist())
         anywhere, whole = self._anywhere if moves.any() else None, float(unit_of_length(self.extent))
         found: list[float] = []
-        for one in self.constraints:
-            unit = next(units) if isinstance(one, LoopJoint) else whole
-            if anywhere and not isinstance(one, LoopJoint):
-                unit = float(self.scale[moves & one.rows(anywhere).any(axis=0)].min(initial=whole))
-            found += [unit ** float(one.unit(row).dimension[0]) for row in range(one.size)]
+        for constraint in self.constraints:
+            unit = next(units) if isinstance(constraint, LoopJoint) else whole
+            if anywhere and not isinstance(constraint, LoopJoint):
+                unit = float(self.scale[moves & constraint.rows(anywhere).any(axis=0)].min(initial=whole))
+            found += [unit ** float(constraint.unit(row).dimension[0]) for row in range(constraint.size)]
         return np.array(found)
 
     @cached_property
@@ -119,9 +121,9 @@ class Closure(Record, frozen=True):
         The velocities are those in its loops, or all of one without loops: what gears tie to a loop moves as it does.
         """
         found: dict[int, list[tuple[Constraint, list[int]]]] = {}
-        for one, tied in zip(self.constraints, self._tied, strict=True):
+        for constraint, tied in zip(self.constraints, self._tied, strict=True):
             if tied:
-                found.setdefault(int(self.groups[tied[0]]), []).append((one, tied))
+                found.setdefault(int(self.groups[tied[0]]), []).append((constraint, tied))
         parts = []
         for own in found.values():
             looped = [tied for one, tied in own if isinstance(one, LoopJoint)] or [tied for _, tied in own]
@@ -133,13 +135,13 @@ class Closure(Record, frozen=True):
     def _tied(self) -> list[list[int]]:
         """Places of the velocities that every constraint ties."""
         found, loops, anywhere = list[list[int]](), iter(self.loop_sizes.joints), None
-        for one in self.constraints:
-            if isinstance(one, LoopJoint):
+        for constraint in self.constraints:
+            if isinstance(constraint, LoopJoint):
                 joints = [self.model.joints[joint] for joint in next(loops)]
                 found.append([number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)])
             else:
                 anywhere = anywhere or self._anywhere
-                found.append(np.flatnonzero(one.rows(anywhere).any(axis=0)).tolist())
+                found.append(np.flatnonzero(constraint.rows(anywhere).any(axis=0)).tolist())
         return found
 
     @property
@@ -214,8 +216,8 @@ class Closure(Record, frozen=True):
     @cached_property
     def rolling(self) -> Indices:
         """Rows that bind velocities alone, shape (r,)."""
-        loops = [one for one in self.constraints if isinstance(one, LoopJoint)]
-        places = [self.slices[one.name].start + row for one in loops for row in one.rolling]
+        loops = [constraint for constraint in self.constraints if isinstance(constraint, LoopJoint)]
+        places = [self.slices[loop.name].start + row for loop in loops for row in loop.rolling]
         return np.array(places, dtype=np.intp)
 
     @property
@@ -349,9 +351,9 @@ class Closure(Record, frozen=True):
         Shape (njoints,), of variants (k, njoints) or (1, njoints).
         """
         found = [np.zeros(1 if isinstance(self.model, ModelVariants) else ())] * self.model.njoints
-        for one in self.constraints:
-            if isinstance(one, LoopJoint):
-                for frame in (self.model.frames[index] for index in (one.first, one.second)):
+        for constraint in self.constraints:
+            if isinstance(constraint, LoopJoint):
+                for frame in (self.model.frames[index] for index in (constraint.first, constraint.second)):
                     arm = np.linalg.norm(frame.placement.translation, axis=-1)
                     found[frame.parentJoint] = np.maximum(found[frame.parentJoint], arm)
         return np.stack(np.broadcast_arrays(*found), axis=-1)
@@ -458,8 +460,8 @@ def extents(model: Model, frames: Iterable[pin.Frame]) -> Array:
     """
     along = _distances(model)
     found = along.max(axis=-1)
-    for one in frames:
-        found = np.maximum(found, along[..., one.parentJoint] + np.linalg.norm(one.placement.translation, axis=-1))
+    for frame in frames:
+        found = np.maximum(found, along[..., frame.parentJoint] + np.linalg.norm(frame.placement.translation, axis=-1))
     return np.where(found > 0.0, found, 1.0)
 
 

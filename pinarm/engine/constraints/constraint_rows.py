@@ -113,12 +113,12 @@ class JointTie(Constraint, Protocol):
 
 def one_sided(constraints: Iterable[Constraint]) -> list[OneSidedConstraint]:
     """Return the constraints with a side."""
-    return [cast("OneSidedConstraint", one) for one in constraints if one.side]
+    return [cast("OneSidedConstraint", constraint) for constraint in constraints if constraint.side]
 
 
 def joint_ties(constraints: Iterable[Constraint]) -> list[JointTie]:
     """Return the constraints that tie joints without a body."""
-    return [cast("JointTie", one) for one in constraints if hasattr(one, "rotor")]
+    return [cast("JointTie", constraint) for constraint in constraints if hasattr(constraint, "rotor")]
 
 
 BLOCK = 4000
@@ -172,12 +172,14 @@ class ConstraintRows(Record, frozen=True):
         relations, turning = list[tuple[int, JointRelation | LinearCoordinate]](), []
         constants = list[float]()
         for given in ones:
-            one = given.coordinate if isinstance(given, GuidedCoordinate) else given
-            rows = range(start := len(constants), start + getattr(one, "size", 1))
-            constants += [one.length if isinstance(one, CableLoop) else 0.0] * len(rows)
-            if isinstance(one, TurnedAbout) or (hasattr(one, "rotor") and cast("GearedRotor", one).coordinate.wraps):
-                turning.append((start, cast("TurnedAbout | GearedRotor", one)))
-            for number, (sense, part) in enumerate(parts_of(model, one)):
+            coordinate = given.coordinate if isinstance(given, GuidedCoordinate) else given
+            rows = range(start := len(constants), start + getattr(coordinate, "size", 1))
+            constants += [coordinate.length if isinstance(coordinate, CableLoop) else 0.0] * len(rows)
+            if isinstance(coordinate, TurnedAbout) or (
+                hasattr(coordinate, "rotor") and cast("GearedRotor", coordinate).coordinate.wraps
+            ):
+                turning.append((start, cast("TurnedAbout | GearedRotor", coordinate)))
+            for number, (sense, part) in enumerate(parts_of(model, coordinate)):
                 if isinstance(part, LinearCoordinate):
                     relations.append((start, part if sense > 0.0 else replace(part, weights=-part.weights)))
                     continue
@@ -224,15 +226,16 @@ class Pattern(Record, frozen=True):
 
     @classmethod
     def of(
-        cls, nv: int, size: int, pairs: Sequence[tuple[Pair, float, FramePairs, Indices]],
+        cls,
+        nv: int,
+        size: int,
+        pairs: Sequence[tuple[Pair, float, FramePairs, Indices]],
         relations: Sequence[tuple[int, JointRelation | LinearCoordinate]],
-    ) -> Pattern:  # fmt: skip
+    ) -> Pattern:
         """Return the pattern of m rows."""
-        numbers = [
-            (rows[:, None] * nv + frames.velocities).ravel() for _, _, frames, rows in pairs
-        ] + [
+        numbers = [(rows[:, None] * nv + frames.velocities).ravel() for _, _, frames, rows in pairs] + [
             start * nv + (one.moved if isinstance(one, LinearCoordinate) else one.joints) for start, one in relations
-        ]  # fmt: skip
+        ]
         every = np.array(sorted({place for part in numbers for place in part.tolist()}), dtype=np.intp)
         rows, columns = np.divmod(every, nv) if nv else (every, every)
         return cls(nv, rows, columns, np.searchsorted(rows, np.arange(size + 1)))

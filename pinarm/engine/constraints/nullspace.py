@@ -194,11 +194,15 @@ class SplitRows(Record, frozen=True):
 
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
-        return self._joined(self.shape[-1], [(one.joints, one.particular(right[..., one.rows])) for one in self.groups])
+        return self._joined(
+            self.shape[-1], [(group.joints, group.particular(right[..., group.rows])) for group in self.groups]
+        )
 
     def reached(self, right: Array) -> Array:
         """Return the part of a right-hand side that some x gives, shape (.., m); the rest contradicts other rows."""
-        return self._joined(self.shape[-2], [(one.rows, one.reached(right[..., one.rows])) for one in self.groups])
+        return self._joined(
+            self.shape[-2], [(group.rows, group.reached(right[..., group.rows])) for group in self.groups]
+        )
 
     def shaped(self, states: tuple[int, ...]) -> SplitRows:
         """Return the decompositions of n configurations with other leading axes."""
@@ -212,7 +216,7 @@ class SplitRows(Record, frozen=True):
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
         return self._joined(
-            self.shape[-2], [(one.rows, one.multipliers(force[..., one.joints])) for one in self.groups]
+            self.shape[-2], [(group.rows, group.multipliers(force[..., group.joints])) for group in self.groups]
         )
 
     def _joined(self, width: int, parts: Sequence[tuple[Indices, Array]]) -> Array:

@@ -127,16 +127,18 @@ class SelfStresses(Record, frozen=True):
         """Return functions of all multipliers from those of some constraints, shape (.., size, k) each."""
         width = max((part.shape[-1] for part in parts.values()), default=6)
         states = np.broadcast_shapes(self.links.places.shape[:-2], *(part.shape[:-2] for part in parts.values()))
-        found = np.zeros((*states, self.closure.size, width))
+        functions = np.zeros((*states, self.closure.size, width))
         for name, part in parts.items():
-            found[..., self.closure.slices[name], :] = part
-        return found
+            functions[..., self.closure.slices[name], :] = part
+        return functions
 
     @cached_property
     def _acting(self) -> Mapping[str, Acting]:
         """What unit multipliers of every constraint do to links: what changes its sense with them."""
         one_way = {
-            one.name: self._per_unit(one, 1.0) for one in self.closure.constraints if one.name not in self._pushed
+            constraint.name: self._per_unit(constraint, 1.0)
+            for constraint in self.closure.constraints
+            if constraint.name not in self._pushed
         }
         both = {name: {k: 0.5 * (up[k] - down[k]) for k in up} for name, (up, down) in self._pushed.items()}
         return one_way | both
@@ -156,12 +158,12 @@ class SelfStresses(Record, frozen=True):
     def _pushed(self) -> Mapping[str, tuple[Acting, Acting]]:
         """What large multipliers of every coupling do to links per unit, and what opposite ones do."""
         found = {}
-        for one in self.closure.constraints:
-            if isinstance(one, JointRelation):
-                idle = one.wrenches(self.links, np.zeros((*self.links.places.shape[:-2], 1)))
-                up, down = (self._per_unit(one, size) for size in (LARGE, -LARGE))
+        for constraint in self.closure.constraints:
+            if isinstance(constraint, JointRelation):
+                idle = constraint.wrenches(self.links, np.zeros((*self.links.places.shape[:-2], 1)))
+                up, down = (self._per_unit(constraint, size) for size in (LARGE, -LARGE))
                 at_rest = {k: wrench[..., None, :] / LARGE for k, wrench in idle.items()}
-                found[one.name] = {k: up[k] - at_rest[k] for k in up}, {k: -down[k] - at_rest[k] for k in down}
+                found[constraint.name] = {k: up[k] - at_rest[k] for k in up}, {k: -down[k] - at_rest[k] for k in down}
         return found
 
     def _per_unit(self, constraint: Constraint, size: float) -> Acting:
@@ -339,11 +341,12 @@ def loosenings(stresses: SelfStresses) -> tuple[Loosening, ...]:
     degree = stresses.degree
     found = [
         Loosening(((joint.name, kind),), degree - components.shape[-1])
-        for joint, kind, components in _looser(stresses) if components.size and _independent(stresses, components)
-    ]  # fmt: skip
+        for joint, kind, components in _looser(stresses)
+        if components.size and _independent(stresses, components)
+    ]
     least = min((one.degree for one in found), default=degree)
     if least and degree <= PAIRS:
-        found += [one for one in _pairs(stresses) if one.degree < least]
+        found += [pair for pair in _pairs(stresses) if pair.degree < least]
     return tuple(sorted(found, key=lambda one: (one.degree, one.changes)))
 
 

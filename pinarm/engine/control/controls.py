@@ -163,8 +163,11 @@ def _watch(load: PresentEfforts, number: int, switch: Switch[Given]) -> Watch:
     """Return where the way of a controller changes; what a sample may change at once falls through 0."""
     if not switch.jumps:
         controller = load.memory.continuous[number]
-        what, measured = (f"the controller of {', '.join(controller.drives)} switches",
-                          str(controller.signals[0].unit)) if switch.leaps else ("", "")  # fmt: skip
+        what, measured = (
+            (f"the controller of {', '.join(controller.drives)} switches", str(controller.signals[0].unit))
+            if switch.leaps
+            else ("", "")
+        )
         return Watch(lambda t, q, v: switch.value(load.given(number, t, q, v)), switch.direction, stops=True, what=what,
                      unit=measured)  # fmt: skip
     sign = -switch.direction
@@ -173,8 +176,9 @@ def _watch(load: PresentEfforts, number: int, switch: Switch[Given]) -> Watch:
 
 def _advice(controller: Controller) -> str:
     gains = {name: getattr(controller, name, None) for name in ("kp", "ki", "kd", "gains")}
-    shown = ", ".join(f"{name} {' '.join(f'{x:.4g}' for x in np.ravel(value))}"
-                      for name, value in gains.items() if value is not None)  # fmt: skip
+    shown = ", ".join(
+        f"{name} {' '.join(f'{x:.4g}' for x in np.ravel(value))}" for name, value in gains.items() if value is not None
+    )
     sampling = controller.sampling
     period = f", or a period shorter than {sampling.period:g} s" if sampling else ""
     return f"smaller gains of the controller of {', '.join(controller.drives)}{shown and f' ({shown} in SI)'}{period}"
@@ -241,9 +245,12 @@ class ControlledSystem:
 
         of_step = (lambda t: self._acceleration(inner.of_step(t), efforts)) if inner.acceleration_of_step else None
         return replace(
-            inner, acceleration=self._acceleration(inner.acceleration, efforts), acceleration_of_step=of_step,
-            settle=settled if settle else None, compiled=None,
-        )  # fmt: skip
+            inner,
+            acceleration=self._acceleration(inner.acceleration, efforts),
+            acceleration_of_step=of_step,
+            settle=settled if settle else None,
+            compiled=None,
+        )
 
     def _acceleration(self, inner: Acceleration, efforts: PresentEfforts) -> Acceleration:
         nv = self.inner.manifold.nv

@@ -36,12 +36,16 @@ def require_samples(controller: Controller, duration: float) -> None:
     if sampling and duration > MOST * sampling.period:
         count = duration / sampling.period
         with within("period"):
-            raise InputError(f"a period of {sampling.period:g} s makes {count:.3g} samples in {duration:g} s",
-                             expected=f"at most {MOST:.3g}")  # fmt: skip
+            raise InputError(
+                f"a period of {sampling.period:g} s makes {count:.3g} samples in {duration:g} s",
+                expected=f"at most {MOST:.3g}",
+            )
     if sampling and sampling.delay >= duration:
         with within("delay"):
-            raise InputError(f"a delay of {sampling.delay:g} s: no command takes effect in {duration:g} s",
-                             expected="a delay shorter than the motion")  # fmt: skip
+            raise InputError(
+                f"a delay of {sampling.delay:g} s: no command takes effect in {duration:g} s",
+                expected="a delay shorter than the motion",
+            )
 
 
 def reference_after(laws: tuple[MotionLaw, ...], t: Array, slack: float = 0.0) -> Array:

@@ -114,14 +114,14 @@ def _require(model: pin.Model, free: Array, mass: Array, q: Array, t: float) -> 
         f"at t = {t:.9g} s {joints} can move {how}, carrying {_carried(model, moved)}: accelerations are undetermined",
         expected="inertias of these links that bodies can have",
         hint="an <inertial> in the model, a drive with a rotor, or a law for the joint; kind: inverse needs no masses",
-        t=t, q=q,
-    )  # fmt: skip
+        t=t,
+        q=q,
+    )
 
 
 def _carried(model: pin.Model, indices: list[int]) -> str:
     """Return the links that move with the joints at some indices in v, in words."""
     owners = [one.id for one in model.joints if one.nv and any(one.idx_v <= k < one.idx_v + one.nv for k in indices)]
     beyond = {int(joint) for owner in owners for joint in model.subtrees[owner]}
-    links = [frame.name for frame in model.frames
-             if frame.type == pin.FrameType.BODY and frame.parentJoint in beyond]  # fmt: skip
+    links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY and frame.parentJoint in beyond]
     return listed("link", links) if links else "nothing"

@@ -125,9 +125,13 @@ class FrictionBalance:
     def limits(self, f: Array) -> Array:
         """Return the largest friction at rest, under friction f [N*m or N], shape (k,)."""
         wrench = self.response.loads.at(f)
-        return np.array([mu * (contact.bearing.load(w) if mu else 0.0) + constant
-                         for contact, w in zip(self.contacts, wrench, strict=True)
-                         for mu, constant in [contact.law.resting]])  # fmt: skip
+        return np.array(
+            [
+                mu * (contact.bearing.load(w) if mu else 0.0) + constant
+                for contact, w in zip(self.contacts, wrench, strict=True)
+                for mu, constant in [contact.law.resting]
+            ]
+        )
 
     def solve(
         self, direction: Array, stuck: Sequence[SlipGroup], resting: Flags, *, any_load: bool = False
@@ -275,8 +279,10 @@ def decided(balance: FrictionBalance, moving: Array, broken: Array, yielding: Ar
     groups = groups_of(contacts, balance.response, np.flatnonzero(resting & ~driven).tolist())
     _require_rest(contacts, given, groups)
     decision = _Decision(balance, given, groups)
-    certain, start = ([int(np.sign(ways[list(group.members)] @ group.ratios)) for group in groups]
-                      for ways in (broken, np.where(broken != 0.0, broken, yielding)))  # fmt: skip
+    certain, start = (
+        [int(np.sign(ways[list(group.members)] @ group.ratios)) for group in groups]
+        for ways in (broken, np.where(broken != 0.0, broken, yielding))
+    )
     signs = decision.exchanged(start, certain, slips=any(start))
     if not any(start):
         decision.require_one(signs)

@@ -50,9 +50,12 @@ class Extremes(NamedTuple):
 
 
 def extreme_frictions(
-    balance: FrictionBalance, direction: Array, stuck: Sequence[SlipGroup], friction: Array,
+    balance: FrictionBalance,
+    direction: Array,
+    stuck: Sequence[SlipGroup],
+    friction: Array,
     unknown: Collection[int] = (),
-) -> Extremes:  # fmt: skip
+) -> Extremes:
     """Return the frictions at the corners; none where nothing is open.
 
     Joints that slip, in a direction that is not 0, keep their friction. ``unknown`` are joints whose limits rigid
@@ -169,9 +172,11 @@ def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[tuple[SlipG
         rest = [k for k, name in enumerate(of) if name == free]
         ratios = group.ratios[rest]
         remaining = replace(
-            group, members=tuple(group.members[k] for k in rest), ratios=ratios / ratios[0],
+            group,
+            members=tuple(group.members[k] for k in rest),
+            ratios=ratios / ratios[0],
             units=group.units[rest] * np.sign(ratios[0]),
-        )  # fmt: skip
+        )
         others = [name for name in dict.fromkeys(of) if name != free]
         for signs in product([1.0, -1.0], repeat=len(others)):
             sign = dict(zip(others, signs, strict=True))

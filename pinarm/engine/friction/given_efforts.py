@@ -47,8 +47,10 @@ def friction_under(
         solution = balance.solve(direction, slip.stuck, np.zeros(len(contacts), dtype=bool))
         if solution is None:
             names = ", ".join(dict.fromkeys(contact.name for contact in contacts))
-            raise DynamicsError(f"friction of {names} raises the load that it depends on without end: it jams",
-                                expected="a smaller mu, or a longer span of the guide")  # fmt: skip
+            raise DynamicsError(
+                f"friction of {names} raises the load that it depends on without end: it jams",
+                expected="a smaller mu, or a longer span of the guide",
+            )
         friction[i] = solution.f
         extremes.append(extreme_frictions(balance, direction, slip.stuck, solution.f))
     return friction, filled(friction, extremes)

@@ -173,8 +173,10 @@ class JointFriction(ForceElement):
             names = ", ".join(dict.fromkeys(rubbing))
             raise DynamicsError(
                 f"at t = {t:.9g} s friction of {names} raises the load that it depends on without end: the joint jams",
-                expected="a smaller mu, or a longer span of the guide", t=t, q=q,
-            )  # fmt: skip
+                expected="a smaller mu, or a longer span of the guide",
+                t=t,
+                q=q,
+            )
         return solution
 
     def solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:

@@ -290,8 +290,11 @@ class BearingReactions:
         else:
             wrenches = self._wrenches(links, 0.0, q, still[0], still, stresses, none)
         added = (wrenches[1:] - wrenches[0]).swapaxes(0, 1)
-        return [contact for contact, wrench in zip(self.contacts, added, strict=True)
-                if contact.law.loaded and (contact.bearing.most(wrench) > OPEN).any()]  # fmt: skip
+        return [
+            contact
+            for contact, wrench in zip(self.contacts, added, strict=True)
+            if contact.law.loaded and (contact.bearing.most(wrench) > OPEN).any()
+        ]
 
 
 def _each_alone(sizes: Array) -> Array:

@@ -220,19 +220,23 @@ def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:
     return IntegrationError(
         f"the acceleration is not finite at the start, t = {t:.9g} s",
         hint="check for a body without mass that is free to move, and for a load that is infinite here",
-        partial=solution, t=t, q=y[:nq].copy(), v=y[nq:].copy(),
-    )  # fmt: skip
+        partial=solution,
+        t=t,
+        q=y[:nq].copy(),
+        v=y[nq:].copy(),
+    )
 
 
 def _too_many(solution: Solution, t: float, h: float, most: int) -> IntegrationError:
     doubts, remedy = solution.method.diagnose(solution), solution.method.remedy
     return IntegrationError(
         f"the integration has taken {most} steps and is at t = {t:.9g} s; its steps are {h:.2g} s long",
-        hint=doubts[0].text if doubts else (
-            f"{remedy}, a shorter time, softer springs, dry friction of a larger creep, or accuracy.max_steps"
-        ),
-        partial=solution, t=t,
-    )  # fmt: skip
+        hint=doubts[0].text
+        if doubts
+        else (f"{remedy}, a shorter time, softer springs, dry friction of a larger creep, or accuracy.max_steps"),
+        partial=solution,
+        t=t,
+    )
 
 
 def _stuck(solution: Solution, t: float, h: float, stepper: Stepper) -> IntegrationError:
@@ -242,5 +246,8 @@ def _stuck(solution: Solution, t: float, h: float, stepper: Stepper) -> Integrat
     return IntegrationError(
         f"the integration cannot go on at t = {t:.12g} s: {cause}",
         hint=f"{solution.method.remedy}, or look for a singular position or a load that jumps there",
-        partial=solution, t=t, q=stepper.y[:nq].copy(), v=stepper.y[nq:].copy(),
-    )  # fmt: skip
+        partial=solution,
+        t=t,
+        q=stepper.y[:nq].copy(),
+        v=stepper.y[nq:].copy(),
+    )

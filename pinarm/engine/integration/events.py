@@ -146,8 +146,11 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     located, stop = _until_stop(sorted(crossings), watches, slack)
     if stop is not None or step.until >= solution.intervals[-1].end:
         end, last = step.until if stop is None else stop, {number: instant for instant, number in located}
-        crossings += [(end, number) for number, watch in enumerate(watches)
-                      if _reaches(within, watch, last.get(number, step.t), end)]  # fmt: skip
+        crossings += [
+            (end, number)
+            for number, watch in enumerate(watches)
+            if _reaches(within, watch, last.get(number, step.t), end)
+        ]
         located, stop = _until_stop(sorted(crossings), watches, slack)
     note_nearest(solution, turns, math.inf if stop is None else stop, located[-1][1] if located else -1)
     for instant, number in located:
@@ -224,9 +227,8 @@ def _until_stop(
     if not stops:
         return list(crossings), None
     first = stops[0][0]
-    instant, stopping = min((each for each in stops if each[0] <= first + slack), key=lambda each: each[1])
-    before = [(min(t, instant), number) for t, number in crossings
-              if not watches[number].stops and t <= first + slack]  # fmt: skip
+    instant, stopping = min((stop for stop in stops if stop[0] <= first + slack), key=lambda each: each[1])
+    before = [(min(t, instant), number) for t, number in crossings if not watches[number].stops and t <= first + slack]
     return [*before, (instant, stopping)], instant
 
 
@@ -320,9 +322,12 @@ def _leaves(within: WithinStep, watch: Watch, instant: float, values: Array) -> 
 
 
 def _stays(
-    solution: Solution, watch: Watch, found: tuple[int, float], crossings: Sequence[tuple[float, int]],
+    solution: Solution,
+    watch: Watch,
+    found: tuple[int, float],
+    crossings: Sequence[tuple[float, int]],
     turns: Sequence[Turn],
-) -> bool:  # fmt: skip
+) -> bool:
     """Tell whether a value has been 0, but for its error, since it last came to 0: then it does not come to 0 again.
 
     ``found`` is the index of the watch and the instant at which its value is 0 [s]; crossings and turns are those in
@@ -332,7 +337,7 @@ def _stays(
     known = [solution.nearest[number]] if number in solution.nearest else []
     error = max((turn.error for turn in [*known, *turns] if turn.watch == number and turn.is_open), default=0.0)
     earlier = [t for t, k in crossings if k == number and t <= instant]
-    earlier = earlier or [one.t for one in solution.crossings[::-1] if one.watch == number][:1]
+    earlier = earlier or [crossing.t for crossing in solution.crossings[::-1] if crossing.watch == number][:1]
     if not error or not earlier:
         return False
     t = np.linspace(earlier[-1], instant, 5)

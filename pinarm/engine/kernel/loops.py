@@ -199,14 +199,22 @@ class CompiledLoops(Record, frozen=True):
         unknowns = np.array([unknown for way in self._ways for unknown in way.support], np.intc)
         known = self._records, passed, unknowns, self._weights, np.zeros(len(self.tied), LOOP_STATE)
         buffers = (
-            contiguous(units), contiguous(weights[np.argsort(self._places)]),
-            np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(unknowns), MOST_ROWS)),
-            np.zeros((model.nv + rows, MOST_ROWS)), np.zeros(model.nv), *(np.zeros(rows) for _ in range(3)),
-        )  # fmt: skip
+            contiguous(units),
+            contiguous(weights[np.argsort(self._places)]),
+            np.zeros((model.njoints, MOST_ROWS), FORCE),
+            np.zeros((len(unknowns), MOST_ROWS)),
+            np.zeros((model.nv + rows, MOST_ROWS)),
+            np.zeros(model.nv),
+            *(np.zeros(rows) for _ in range(3)),
+        )
         structure = ConstraintsStructure(
-            ctypes.addressof(loaded.structure), len(self.tied), inner, *map(pointer, known),
-            SkylineStructure(rows, *map(pointer, squares)), *map(pointer, buffers),
-        )  # fmt: skip
+            ctypes.addressof(loaded.structure),
+            len(self.tied),
+            inner,
+            *map(pointer, known),
+            SkylineStructure(rows, *map(pointer, squares)),
+            *map(pointer, buffers),
+        )
         return LoadedLoops(structure, (loaded, squares, known, buffers), self._places)
 
     @property
@@ -263,9 +271,10 @@ class CompiledLoops(Record, frozen=True):
         """The loop joints, of ``structures.LOOP``."""
         found, ways, first = np.zeros(len(self.tied), LOOP), self._ways, dict[int, int]()
         for name, counts in (
-            ("first", self._rows), ("path", [len(way.passed) for way in ways]),
+            ("first", self._rows),
+            ("path", [len(way.passed) for way in ways]),
             ("support", [len(way.support) for way in ways]),
-        ):  # fmt: skip
+        ):
             found[name] = np.cumsum([0, *counts])[:-1]
         for k, (record, one, way) in enumerate(zip(found, self._ordered, ways, strict=True)):
             record["axis"], record["size"], record["kind"] = one.axis, one.size, one.kind
@@ -273,9 +282,9 @@ class CompiledLoops(Record, frozen=True):
             record["links"], record["degrees"] = len(way.passed), len(way.support)
             record["along"][: len(one.along)], record["about"][: len(one.about)] = one.along, one.about
             for i, (joint, place) in enumerate(zip(one.joints, one.places, strict=True)):
-                record["link"][i], record["frame"]["rotation"][i], record["frame"]["translation"][i] = (
-                    self.tree.placed(joint, place)
-                )  # fmt: skip
+                record["link"][i], record["frame"]["rotation"][i], record["frame"]["translation"][i] = self.tree.placed(
+                    joint, place
+                )
             record["coupled"] = min([k, *(first.setdefault(n, k) for n in way.support)])  # shares an unknown with it
         found["tail"] = found["support"] + [way.before for way in ways]
         found["own"] = found["support"] + [len(way.unknowns) for way in ways]

@@ -27,19 +27,27 @@ LINK = np.dtype([
 ], align=True)  # fmt: skip
 """A link with its joint and its body."""
 
-DEGREE = np.dtype([
-    ("screw", SCREW), ("sprung", np.intc),
-    *((name, float) for name in ("armature", "effort", "stiffness", "damping", "rest")),
-], align=True)  # fmt: skip
+DEGREE = np.dtype(
+    [
+        ("screw", SCREW),
+        ("sprung", np.intc),
+        *((name, float) for name in ("armature", "effort", "stiffness", "damping", "rest")),
+    ],
+    align=True,
+)
 """A velocity of a joint, and what acts along it."""
 
 ROTATION_SPRING = np.dtype([("q", np.intc), ("v", np.intc), ("stiffness", float)], align=True)
 """A spring of a ball joint."""
 
-POINT_SPRING = np.dtype([
-    ("link", np.intc, 2), ("place", float, (2, 3)),
-    *((name, float) for name in ("stiffness", "damping", "rest", "pull")),
-], align=True)  # fmt: skip
+POINT_SPRING = np.dtype(
+    [
+        ("link", np.intc, 2),
+        ("place", float, (2, 3)),
+        *((name, float) for name in ("stiffness", "damping", "rest", "pull")),
+    ],
+    align=True,
+)
 """A spring between two points."""
 
 LAW_TERMS = 8
@@ -48,11 +56,15 @@ LAW_TERMS = 8
 LAW_BOUNDS = ["from", "until"]
 """The instants from and until which a law holds; infinite where nothing bounds it."""
 
-LAW = np.dtype([
-    ("v", np.intc), ("q", np.intc),
-    *((name, float) for name in (*LAW_BOUNDS, "steady", "start", "size", "origin", "unit", "amplitude", "phase")),
-    ("coefficients", float, LAW_TERMS),
-], align=True)  # fmt: skip
+LAW = np.dtype(
+    [
+        ("v", np.intc),
+        ("q", np.intc),
+        *((name, float) for name in (*LAW_BOUNDS, "steady", "start", "size", "origin", "unit", "amplitude", "phase")),
+        ("coefficients", float, LAW_TERMS),
+    ],
+    align=True,
+)
 """What follows a law over time: an effort, or a coordinate."""
 
 LINK_STATE = np.dtype([
@@ -86,7 +98,7 @@ class TreeStructure(ctypes.Structure):
         *((name, INT) for name in ("links", "nq", "nv", "rotation_springs", "point_springs", "laws")),
         *((name, POINTER) for name in ("link", "degree", "rotation_spring", "point_spring", "law")),
         *((name, POINTER) for name in ("link_state", "degree_state", "tau")),
-    ]  # fmt: skip
+    ]
 
 
 class SkylineStructure(ctypes.Structure):
@@ -109,32 +121,42 @@ class LimitsStructure(ctypes.Structure):
 
     _fields_ = [
         *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
-        ("aside", REAL), ("across", REAL * 8), ("passed", REAL), ("floor", REAL), ("rank", INT),
-    ]  # fmt: skip
+        ("aside", REAL),
+        ("across", REAL * 8),
+        ("passed", REAL),
+        ("floor", REAL),
+        ("rank", INT),
+    ]
 
 
 class ConstraintsStructure(ctypes.Structure):
     """A tree with loops, and its buffers."""
 
     _fields_ = [
-        ("tree", POINTER), ("loops", INT), ("inner", INT),
+        ("tree", POINTER),
+        ("loops", INT),
+        ("inner", INT),
         *((name, POINTER) for name in ("loop", "path", "unknown", "weight_of", "loop_state")),
         ("squares", SkylineStructure),
         *((name, POINTER) for name in ("unit", "weight", "carried", "reduced", "spread")),
         *((name, POINTER) for name in ("response", "right", "multiplier", "part")),
-    ]  # fmt: skip
+    ]
 
 
 class ClosingStructure(ctypes.Structure):
     """A motion along loops."""
 
     _fields_ = [
-        ("rows", ConstraintsStructure), ("exact", ProximalStructure), ("tolerant", ProximalStructure),
-        *((name, REAL) for name in ("projection", "closed", "stalled", "torn")), ("corrections", INT),
+        ("rows", ConstraintsStructure),
+        ("exact", ProximalStructure),
+        ("tolerant", ProximalStructure),
+        *((name, REAL) for name in ("projection", "closed", "stalled", "torn")),
+        ("corrections", INT),
         ("limits", LimitsStructure),
         *((name, POINTER) for name in ("scale", "sum", "part", "aside", "state", "saved")),
-        ("near", INT), *((name, REAL) for name in ("regular", "open", "t", "step", "floor")),
-    ]  # fmt: skip
+        ("near", INT),
+        *((name, REAL) for name in ("regular", "open", "t", "step", "floor")),
+    ]
 
 
 class PairStructure(ctypes.Structure):
@@ -152,8 +174,9 @@ class RadauStructure(ctypes.Structure):
     _fields_ = [
         *((name, SIZE) for name in ("stages", "systems")),
         *((name, POINTER) for name in ("c", "inverse", "powers", "error", "eigenvalue", "forth", "back")),
-        ("iterations", SIZE), *((name, REAL) for name in ("enough", "contraction", "kept")),
-    ]  # fmt: skip
+        ("iterations", SIZE),
+        *((name, REAL) for name in ("enough", "contraction", "kept")),
+    ]
 
 
 class NewtonStructure(ctypes.Structure):
@@ -162,9 +185,10 @@ class NewtonStructure(ctypes.Structure):
     _fields_ = [
         *((name, POINTER) for name in ("slope", "jacobian", "system", "pivot", "right", "last", "change")),
         *((name, REAL) for name in ("length", "factorised", "rate", "promise", "before", "worst")),
-        *((name, SIZE) for name in ("iterations", "evaluations")), ("spent", POINTER),
+        *((name, SIZE) for name in ("iterations", "evaluations")),
+        ("spent", POINTER),
         *((name, INT) for name in ("known", "fresh")),
-    ]  # fmt: skip
+    ]
 
 
 class FlowStructure(ctypes.Structure):

@@ -297,9 +297,7 @@ class CompiledTree(Record, frozen=True):
         """Return the tree of a model; ``None`` where there is no library, or it does not know a joint of the model."""
         return links_of(model) if library() is not None and model.nv else None
 
-    def flow(
-        self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
-    ) -> Flow | None:  # fmt: skip
+    def flow(self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()) -> Flow | None:
         """Return the free motion under loads; ``None`` where the library does not know one of them, or refuses.
 
         Args:
@@ -317,7 +315,7 @@ class CompiledTree(Record, frozen=True):
 
     def loaded(
         self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
-    ) -> LoadedTree | None:  # fmt: skip
+    ) -> LoadedTree | None:
         """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none.
 
         Args:
@@ -387,9 +385,12 @@ def links_of(model: pin.Model) -> CompiledTree | None:
 
 
 def disagreement(
-    model: pin.Model, flow: Flow, acceleration: Acceleration, t: float,
+    model: pin.Model,
+    flow: Flow,
+    acceleration: Acceleration,
+    t: float,
     onto: Callable[[Array, Array], tuple[Array, Array]] = lambda q, v: (q, v),
-) -> float:  # fmt: skip
+) -> float:
     """Return the largest difference of a flow's accelerations to those of another route, relative to ``|a| + |v|^2``.
 
     They are compared in states of no special kind, whose coordinates and velocities are about 1, the same every time.

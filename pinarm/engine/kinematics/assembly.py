@@ -134,8 +134,8 @@ def _parts(whole: _Part) -> list[_Part]:
     guided = closure.with_guides(prescribed.names, prescribed.coordinates)
     places, found = {name: place for place, name in enumerate(prescribed.names)}, []
     for joints, constraints in guided.parts:
-        own = [one for one in constraints if not isinstance(one, GuidedCoordinate)]
-        some = [places[one.name] for one in constraints if isinstance(one, GuidedCoordinate)]
+        own = [constraint for constraint in constraints if not isinstance(constraint, GuidedCoordinate)]
+        some = [places[constraint.name] for constraint in constraints if isinstance(constraint, GuidedCoordinate)]
         moving = np.flatnonzero(guided.groups == guided.groups[joints[0]])
         found.append(_Part(Closure.of(closure.model, own), prescribed.picked(some), whole.w[some], whole.t, moving))
     return found
@@ -167,9 +167,13 @@ class _Part:
     """
 
     def __init__(
-        self, closure: Closure, prescribed: PrescribedCoordinates, w: Array, t: float,
+        self,
+        closure: Closure,
+        prescribed: PrescribedCoordinates,
+        w: Array,
+        t: float,
         moving: Indices | slice = slice(None),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.closure, self.model, self.prescribed = closure, closure.model, prescribed
         self.w, self.t, self.moving = w, t, moving
         self.solver = NewtonSolver(closure, prescribed, moving)
@@ -242,7 +246,7 @@ class _Part:
         names, q, fault = (*self.prescribed.names, *(f"free motion {k}" for k in range(len(kept)))), begun, ""
         everything = PrescribedCoordinates(names, (*self.prescribed.coordinates, *kept), ())
         solver, state = NewtonSolver(self.closure, everything, self.moving), self.closure.state(begun)
-        first, still = np.array([one.value(state) for one in everything.coordinates]), np.zeros(len(w))
+        first, still = np.array([coordinate.value(state) for coordinate in everything.coordinates]), np.zeros(len(w))
         change = w - first
         try:
             rates = solver.rates(begun, change, still, 0.0)
@@ -260,7 +264,7 @@ class _Part:
         if not len(free):
             return []
         ends = [rows, *([] if direct is None else [self.solver.rows(self.closure.state(direct))])]
-        own = min(len(null_space(each[: self.closure.size])) for each in ends)
+        own = min(len(null_space(end[: self.closure.size])) for end in ends)
         if len(free) != own - len(self.w):
             return None
         directions = np.zeros((len(free), self.model.nv))
@@ -296,9 +300,9 @@ class _Part:
     def _closed(self, rough: Array) -> tuple[Array | None, AssemblyError | None]:
         """Return the first position near a rough one, whole turns back in the limits, or why there is none."""
         q = rough.copy()
-        for one, value in zip(self.prescribed.coordinates, self.w, strict=True):
-            if isinstance(one, LinearCoordinate) and one.joint is not None:
-                q[one.places[one.joint]] = value
+        for coordinate, value in zip(self.prescribed.coordinates, self.w, strict=True):
+            if isinstance(coordinate, LinearCoordinate) and coordinate.joint is not None:
+                q[coordinate.places[coordinate.joint]] = value
         try:
             return self.solver.close(q, self.w, self.t), None
         except AssemblyError as error:
@@ -327,10 +331,11 @@ class _Part:
             return Assembly(q)
         led = "The way leads" if way.end is not None and self._apart(q, way.end) <= APART else "Other starts lead"
         limits = "within the limits" if within else "as none is found within the limits"
-        return Assembly(q, (
+        note = (
             f"assembly: {way.fault}. {led} to one that is taken, {limits}: {self._words(q)}. Tried were the "
-            f"middle of the limits and {STARTS} random starts only; start: chooses another",
-        ))  # fmt: skip
+            f"middle of the limits and {STARTS} random starts only; start: chooses another"
+        )
+        return Assembly(q, (note,))
 
     def _undecided(self, chosen: Sequence[Array], way: _Way) -> InputError:
         words = " or ".join(map(self._words, chosen[:2]))
@@ -353,10 +358,14 @@ class _Part:
         """Return the prescribed coordinates at a configuration, in words."""
         state = self.closure.state(q)
         told = [
-            f"{name} = " + (f"{math.degrees(one.value(state)):.6g} deg" if one.unit == RADIAN
-                            else f"{one.value(state):.6g} {one.unit}")
-            for name, one in zip(self.prescribed.names, self.prescribed.coordinates, strict=True)
-        ]  # fmt: skip
+            f"{name} = "
+            + (
+                f"{math.degrees(coordinate.value(state)):.6g} deg"
+                if coordinate.unit == RADIAN
+                else f"{coordinate.value(state):.6g} {coordinate.unit}"
+            )
+            for name, coordinate in zip(self.prescribed.names, self.prescribed.coordinates, strict=True)
+        ]
         return f" at {several(told, LISTED)}" if told else ""
 
     def _apart(self, q: Array, other: Array) -> float:
@@ -383,9 +392,15 @@ class _Part:
     @cached_property
     def _singles(self) -> list[tuple[int, int, int]]:
         """Joints of the part with one coordinate that is not prescribed: their indices, those in v and in q."""
-        given = {one.joint for one in self.prescribed.coordinates if isinstance(one, LinearCoordinate)}
+        given = {
+            coordinate.joint for coordinate in self.prescribed.coordinates if isinstance(coordinate, LinearCoordinate)
+        }
         places = [(joint, self.model.idx_vs[joint], self.model.idx_qs[joint]) for joint in self._joints]
-        return [one for one in places if self.model.nqs[one[0]] == self.model.nvs[one[0]] == 1 and one[1] not in given]
+        return [
+            place
+            for place in places
+            if self.model.nqs[place[0]] == self.model.nvs[place[0]] == 1 and place[1] not in given
+        ]
 
 
 def _distance(start: Array, way: Array) -> StateFunction:

@@ -456,8 +456,8 @@ class StraightWays(Record, frozen=True):
         coordinates = (*prescribed.coordinates, *resting)
         whole = closure.holonomic.with_guides(names, coordinates)
         closing = BatchClosing.of(whole, solver.closure.size, whole.rows(state))
-        first = np.array([one.value(state) for one in coordinates])
-        given = {getattr(one, "joint", None) for one in prescribed.coordinates}
+        first = np.array([coordinate.value(state) for coordinate in coordinates])
+        given = {getattr(coordinate, "joint", None) for coordinate in prescribed.coordinates}
         return None if closing is None else cls(closing, start, first, [q for q in range(model.nq) if q not in given])
 
     def ends(self, w: Array) -> tuple[Array, Flags]:

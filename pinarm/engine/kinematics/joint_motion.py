@@ -274,8 +274,9 @@ class RolledMotion(JointMotion, frozen=True):
                 raise AssemblyError(
                     f"what has rolled cannot be followed beyond t = {solution.t[-1]:.9g} s: {solution.message}",
                     expected="a motion that keeps clear of singular positions",
-                    t=float(solution.t[-1]), q=solution.y[:, -1],
-                )  # fmt: skip
+                    t=float(solution.t[-1]),
+                    q=solution.y[:, -1],
+                )
             ways.append(RolledWay(first, end, solution.sol, len(solution.t) - 1))
             q, begin = solution.y[:, -1], end
         return tuple(ways)

@@ -123,7 +123,7 @@ class NewtonSolver:
         self.curved = np.array([not _is_straight(one) for one, _ in owners], dtype=bool)
         self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
         threads = [hasattr(one, "helical") and one.helical(row) for one, row in owners]
-        sums = [one.weights for one in self.coordinates if isinstance(one, LinearCoordinate)]
+        sums = [coordinate.weights for coordinate in self.coordinates if isinstance(coordinate, LinearCoordinate)]
         ties = joint_ties(closure.constraints)
         self.following = [tie for tie in ties if not any(weights[tie.rotor.v] for weights in sums)]
         self.untied = np.ones(len(self.names))
@@ -263,20 +263,20 @@ class NewtonSolver:
             h = pending[-1] - t
             w, dw, ddw = target(pending[-1])
             predicted = pin.integrate(self.model, q, h * v + 0.5 * h * h * a)
-            found = self._newton(predicted, w)
+            newton = self._newton(predicted, w)
             part = 0.5
             try:
-                rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
+                rates = None if newton is None else self.rates(newton, dw, ddw, pending[-1])
             except AssemblyError:
                 if len(pending) == 1 or abs(h) <= smallest:
                     raise
                 pending[-1] = t + part * h  # between rows, and all but singular: there are others beside it
                 continue
-            if found is not None and rates and self.continues(h * (rates[0] - v - h * a), predicted, found):
-                there = self.rows(self.closure.state(found))
+            if newton is not None and rates and self.continues(h * (rates[0] - v - h * a), predicted, newton):
+                there = self.rows(self.closure.state(newton))
                 part = part_of_leap(rows, there)
                 if part == 1.0:
-                    q, (v, a), t, rows = found, rates, pending.pop(), there
+                    q, (v, a), t, rows = newton, rates, pending.pop(), there
                     yield t, q, v, a
                     continue
             if abs(h) > smallest:
@@ -347,8 +347,9 @@ class NewtonSolver:
                 f"the position{at(t)} is singular: {', '.join(torn)} can move that way for an instant only",
                 expected="a motion on which the loops stay closed",
                 hint="a position beside it, or no velocity there",
-                t=t, q=None,
-            )  # fmt: skip
+                t=t,
+                q=None,
+            )
         return x
 
     def closed(self, state: Kinematics, gap: Array, w: Array) -> bool:
@@ -372,11 +373,13 @@ class NewtonSolver:
             f"the motion cannot be followed beyond {instant(t)}, though the loops close at {instant(to)} on another "
             "branch",
             expected="laws and velocities that are continuous, along positions that are not singular",
-            hint=f"a motion that keeps clear of the {singular}" if ratio < NEAR_SINGULAR
+            hint=f"a motion that keeps clear of the {singular}"
+            if ratio < NEAR_SINGULAR
             else "another start, which chooses the branch; "
             f"at {instant(t)} it is {format_configuration(self.model, q)}",
-            t=t, q=q,
-        )  # fmt: skip
+            t=t,
+            q=q,
+        )
 
     def _regularity(self, q: Array) -> float:
         """Return the least singular value of J over the largest."""
@@ -408,14 +411,19 @@ class NewtonSolver:
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
             expected=f"{wanted}{followed}; the closest it comes{still} is {format_configuration(self.model, q)}",
-            hint=f"other values, or another start that chooses the branch{self._beyond()}"
-            f"{self._out_of_line(gap)}",
-            t=t, q=q, gap=gap,
-        )  # fmt: skip
+            hint=f"other values, or another start that chooses the branch{self._beyond()}{self._out_of_line(gap)}",
+            t=t,
+            q=q,
+            gap=gap,
+        )
 
     def _beyond(self) -> str:
         """Return what else to try where a law may pass half a turn of an angle that nothing counts."""
-        told = [name for name, one in zip(self.names[self.closure.size :], self.coordinates, strict=True) if one.wraps]
+        told = [
+            name
+            for name, coordinate in zip(self.names[self.closure.size :], self.coordinates, strict=True)
+            if coordinate.wraps
+        ]
         return f"; beyond 180 deg, turns: [{', '.join(told)}] in the mechanism file" if told else ""
 
     def _out_of_line(self, gap: Array) -> str:

@@ -129,8 +129,12 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
 
     def linear_in(self, closure: Closure) -> bool:
         """Tell whether the positions of joints are linear in the coordinates: only couplings tie them."""
-        straight = all(isinstance(one, LinearCoordinate) for one in self.coordinates)
-        return straight and all(isinstance(one, Coupling) for one in closure.constraints) and not closure.redundant
+        straight = all(isinstance(coordinate, LinearCoordinate) for coordinate in self.coordinates)
+        return (
+            straight
+            and all(isinstance(constraint, Coupling) for constraint in closure.constraints)
+            and not closure.redundant
+        )
 
     def picked(self, places: Sequence[int]) -> PrescribedCoordinates:
         """Return some of the coordinates, those with laws with theirs."""

@@ -102,11 +102,11 @@ class LimitedPath(Record, frozen=True):
             AssemblyError: The path is out of reach, or the nearest configuration is not determined.
         """
         try:
-            found = self.solver.assemble(q, w, t)
+            assemble = self.solver.assemble(q, w, t)
         except AssemblyError as error:
             raise self.explained(error, q, t, w, t) from None
-        self.require_minimum(found, t)
-        return found
+        self.require_minimum(assemble, t)
+        return assemble
 
     def state(self, q: Array, t: float, begin: float, end: float) -> PathState:
         """Return the state at a nearest configuration on an interval without jumps."""
@@ -165,8 +165,9 @@ class LimitedPath(Record, frozen=True):
             return AssemblyError(
                 f"the position is singular at {instant(t)}: {dependent(names)} there",
                 expected="a path on which the prescribed coordinates, and joints held at their limits, are independent",
-                hint="a path that keeps clear of the stretched or folded arm, or another posture", t=t,
-            )  # fmt: skip
+                hint="a path that keeps clear of the stretched or folded arm, or another posture",
+                t=t,
+            )
         return self._undetermined(q, t) if here.least < FLAT else error
 
     def _undetermined(self, q: Array, t: float) -> AssemblyError:
@@ -176,8 +177,9 @@ class LimitedPath(Record, frozen=True):
             f"the configuration nearest to the posture is not determined at {instant(t)}: {', '.join(moving)} can move "
             "and leave the distance to it as it is",
             expected="a posture that names enough joints, and that is nearer than half-way to another configuration",
-            hint="more joints in nearest_to, another posture, or another start", t=t,
-        )  # fmt: skip
+            hint="more joints in nearest_to, another posture, or another start",
+            t=t,
+        )
 
     def crossing(
         self, before: PathState, after: PathState, target: Target, slack: float
@@ -249,9 +251,12 @@ def first_configuration(
         side, joint = np.unravel_index(int(beyond.argmin()), beyond.shape)
         held.add((int(joint), int(side)))
     raise AssemblyError(
-        f"which joints are at their limits is not determined at {instant(t)}", t=t, q=q,
-        expected="a path that does not begin where a joint just touches its limit", hint="another posture or start",
-    )  # fmt: skip
+        f"which joints are at their limits is not determined at {instant(t)}",
+        t=t,
+        q=q,
+        expected="a path that does not begin where a joint just touches its limit",
+        hint="another posture or start",
+    )
 
 
 def _rough_minimum(path: LimitedPath, q: Array, w: Array, t: float) -> Array:
@@ -278,18 +283,24 @@ def _rough_minimum(path: LimitedPath, q: Array, w: Array, t: float) -> Array:
     low, high = np.maximum(-reach, -below), np.minimum(reach, above)
     if (low <= high).all():
         found = minimize(
-            distance, np.clip(np.zeros(len(low)), low, high), method="SLSQP", bounds=np.stack([low, high], axis=1),
-            constraints={"type": "eq", "fun": gap}, options={"maxiter": 500, "ftol": 1e-12},
-        )  # fmt: skip
+            distance,
+            np.clip(np.zeros(len(low)), low, high),
+            method="SLSQP",
+            bounds=np.stack([low, high], axis=1),
+            constraints={"type": "eq", "fun": gap},
+            options={"maxiter": 500, "ftol": 1e-12},
+        )
         if np.abs(gap(found.x)).max(initial=0.0) < CLOSE:
             return pull.moved(q, found.x)
     out = [name for name, off in zip(posture.names, (below < 0.0) | (above < 0.0), strict=True) if off]
     beyond = f": on the way, {', '.join(out)} are beyond them" if out else ""
     raise AssemblyError(
         f"no configuration on the path at {instant(t)} is found within the limits of the joints{beyond}",
-        expected="a path that the arm can follow within its limits", hint="start: joint values on the path, within "
-        "the limits", t=t, q=q,
-    )  # fmt: skip
+        expected="a path that the arm can follow within its limits",
+        hint="start: joint values on the path, within the limits",
+        t=t,
+        q=q,
+    )
 
 
 class NearestMotion(JointMotion, frozen=True):
@@ -320,8 +331,9 @@ class NearestMotion(JointMotion, frozen=True):
         if len(prescribed.names) == mobility:
             raise InputError(
                 f"{mobility} coordinates follow a law and determine the motion: nothing is left to resolve",
-                expected="fewer laws than degrees of freedom", hint="resolve left out",
-            )  # fmt: skip
+                expected="fewer laws than degrees of freedom",
+                hint="resolve left out",
+            )
         if len(prescribed.names) > mobility:
             raise prescribed.miscounted(mechanism, mobility)
         return cls(mechanism, prescribed, posture, mobility)
@@ -476,10 +488,12 @@ def _words(motion: NearestMotion, limit: tuple[int, int], before: PathState, aft
 
 def _undecided(name: str, state: PathState) -> AssemblyError:
     return AssemblyError(
-        f"whether {name} stays at its limit is not determined at t = {state.t:.9g} s", t=state.t, q=state.q,
+        f"whether {name} stays at its limit is not determined at t = {state.t:.9g} s",
+        t=state.t,
+        q=state.q,
         expected="a path on which joints reach limits and come off them, and do not just touch them",
         hint="another posture, or wider limits",
-    )  # fmt: skip
+    )
 
 
 def _blocked(path: LimitedPath, name: str, state: PathState) -> AssemblyError:
@@ -488,5 +502,8 @@ def _blocked(path: LimitedPath, name: str, state: PathState) -> AssemblyError:
     return AssemblyError(
         f"the path cannot be followed within the limits of the joints beyond t = {state.t:.9g} s: there {name} reaches "
         f"its limit, and {there}",
-        expected="a path within reach", hint="another posture or start, which take another way", t=state.t, q=state.q,
-    )  # fmt: skip
+        expected="a path within reach",
+        hint="another posture or start, which take another way",
+        t=state.t,
+        q=state.q,
+    )

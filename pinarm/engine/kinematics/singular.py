@@ -110,7 +110,7 @@ def part_of_leap(rows: Array, there: Array) -> float:
     if _sign(rows, there) > 0.0:
         return 1.0
     values = [np.linalg.svd(each, compute_uv=False) for each in (rows, there)]
-    before, after = (float(each[nv - 1] / each[0]) for each in values)
+    before, after = (float(value[nv - 1] / value[0]) for value in values)
     if max(before, after) <= CROSSED:
         return 1.0
     wanted = max(NEARER * before, AIMED) if before > CROSSED else -before
@@ -184,8 +184,10 @@ def end_of_travel(solver: NewtonSolver, q: Array) -> str:
         return ""
     named = zip(solver.names[own:], solver.coordinates, u[own:, -1], strict=True)
     stuck = [
-        f"{name} = {math.degrees(one.value(state)):.6g} deg" if one.unit == RADIAN
+        f"{name} = {math.degrees(one.value(state)):.6g} deg"
+        if one.unit == RADIAN
         else f"{name} = {one.value(state):.6g} {one.unit}"
-        for name, one, part in named if abs(part) > PART
-    ]  # fmt: skip
+        for name, one, part in named
+        if abs(part) > PART
+    ]
     return f"{', '.join(stuck)} {'is' if len(stuck) == 1 else 'are'} the end of travel" if stuck else ""

@@ -283,7 +283,10 @@ class VariantMotion(Record, frozen=True):
 
     def _within(self, q: Array) -> Flags:
         """Tell in which variants configurations, shape (2, k, nq), are within the limits of joints, shape (k,)."""
-        model, given = self.own.first.model, {getattr(one, "joint", None) for one in self.solver.coordinates}
+        model, given = (
+            self.own.first.model,
+            {getattr(coordinate, "joint", None) for coordinate in self.solver.coordinates},
+        )
         judged = [k for k in range(model.nq) if k not in given]
         low, high = model.lowerPositionLimit[judged], model.upperPositionLimit[judged]
         return np.asarray(((q[..., judged] >= low) & (q[..., judged] <= high)).all(axis=(0, -1)))

@@ -93,9 +93,7 @@ def equation_derivatives(
         force_q, terms_q = force_q - load_q, terms_q + np.abs(load_q)
         force_v, terms_v = force_v - load_v, terms_v + np.abs(load_v)
     acceleration_q = np.einsum("kmj,j->mk", rows_q, a) + drift_q
-    return EquationDerivatives(
-        mass, force_q, force_v, rows, rows_q, acceleration_q, drift_v, terms_q, terms_v
-    )  # fmt: skip
+    return EquationDerivatives(mass, force_q, force_v, rows, rows_q, acceleration_q, drift_v, terms_q, terms_v)
 
 
 def _pull(model: pin.Model) -> float:

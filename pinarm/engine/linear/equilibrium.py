@@ -167,11 +167,13 @@ class ForceBalance(Record, frozen=True):
         prescribed, others = PrescribedCoordinates(tuple(held), tuple(coordinates), laws).linear_last()
         own = mechanism.closure
         return cls(
-            mechanism, Dynamics.of(model, forces).on(0.0, 1.0), prescribed,
+            mechanism,
+            Dynamics.of(model, forces).on(0.0, 1.0),
+            prescribed,
             own.with_guides(prescribed.names, prescribed.coordinates),
             own.with_guides(prescribed.names[:others], prescribed.coordinates[:others]),
             np.array([float(joint.unit != METRE) for joint in mechanism.joints.values()]),
-        )  # fmt: skip
+        )
 
     def nearest(self, q: Array) -> Array:
         """Return the configuration near q with closed loops that takes the values held.
@@ -349,8 +351,9 @@ class ForceBalance(Record, frozen=True):
         where = format_configuration(self.mechanism.model, q)
         return AssemblyError(
             f"the loads are not finite where {where}{refusals(self.dynamics.forces, q)}",
-            expected="a start at which all loads are", q=q,
-        )  # fmt: skip
+            expected="a start at which all loads are",
+            q=q,
+        )
 
     def _unbalanced(self, q: Array, reach: Array, start: str) -> AssemblyError:
         joints = list(self.mechanism.joints.values())
@@ -364,5 +367,7 @@ class ForceBalance(Record, frozen=True):
             expected="a start near a configuration that balances; the closest one reached is "
             f"{format_configuration(self.mechanism.model, q)}",
             hint="another start, or loads that can be balanced",
-            start=start, q=q, residual=free,
-        )  # fmt: skip
+            start=start,
+            q=q,
+            residual=free,
+        )

@@ -51,7 +51,7 @@ class FrictionState(Record, frozen=True):
     @property
     def note(self) -> str:
         """What is said of joints that stick; empty where none does."""
-        names = dict.fromkeys(one.name for one, stuck in zip(self.contacts, self.stuck, strict=True) if stuck)
+        names = dict.fromkeys(contact.name for contact, stuck in zip(self.contacts, self.stuck, strict=True) if stuck)
         return f"held by dry friction in the small motion: {', '.join(names)}" if names else ""
 
 
@@ -72,8 +72,12 @@ def friction_state(state: Trajectory) -> FrictionState:
     stuck = at_rest(contacts, slips, state.v[0])
     here = Kinematics.at(state.mechanism.model, state.q[0], state.v[0])
     begun = np.array([contact.slip.row(here) @ state.a[0] + contact.slip.drift(here) for contact in contacts])
-    limits = np.array([contact.law.static_mu * load + contact.law.static_constant
-                       for contact, load in zip(contacts, _loads(state, contacts)[0], strict=True)])  # fmt: skip
+    limits = np.array(
+        [
+            contact.law.static_mu * load + contact.law.static_constant
+            for contact, load in zip(contacts, _loads(state, contacts)[0], strict=True)
+        ]
+    )
     moves = np.abs(begun) > AT_REST * (1.0 + np.abs(state.a[0]).max(initial=0.0))
     for k in np.flatnonzero(stuck & (moves | (sizes(contacts, f) > (1.0 - AT_LIMIT) * limits))).tolist():
         raise DynamicsError(
@@ -127,8 +131,10 @@ def measured(contact: FrictionContact) -> Coordinate:
     """
     if isinstance(contact.slip, LinearCoordinate | PairCoordinate):
         return contact.slip
-    raise InputError(f"the linear analysis has no derivatives of the friction of {contact.name}",
-                     expected="friction of joints, threads, teeth or belts")  # fmt: skip
+    raise InputError(
+        f"the linear analysis has no derivatives of the friction of {contact.name}",
+        expected="friction of joints, threads, teeth or belts",
+    )
 
 
 def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:

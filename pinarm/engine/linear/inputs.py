@@ -66,9 +66,10 @@ def input_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], name: str
     driven = (f"force.{key}" for key, force in forces.items() if force.laws())
     expected, hint = choices(name, [*known, *driven, *(f"drive.{key}.torque" for key in mechanism.drives)])
     raise InputError(
-        f"there is no input '{name}'", expected=expected,
+        f"there is no input '{name}'",
+        expected=expected,
         hint=hint or "joint.J.position for the prescribed position of a joint",
-    )  # fmt: skip
+    )
 
 
 def _effort(name: str, known: Mapping[str, Coordinate], coordinate: str) -> Input:
@@ -91,8 +92,10 @@ def _torque(mechanism: Mechanism, name: str, drive: str) -> Input:
     """
     definition, joint = mechanism.drives[drive], mechanism.driven_joint(drive)
     if definition.efficiency < 1.0:
-        raise InputError(f"the losses of the gear of '{drive}' depend on the direction of power: they are not linear",
-                         expected=f"the effort at its joint, '{definition.coordinate}'")  # fmt: skip
+        raise InputError(
+            f"the losses of the gear of '{drive}' depend on the direction of power: they are not linear",
+            expected=f"the effort at its joint, '{definition.coordinate}'",
+        )
     weights = np.zeros(mechanism.model.nv)
     weights[joint.v] = float(definition.ratio)
     return Input(name, unit("N*m"), weights)
@@ -128,8 +131,10 @@ def _amplitude_unit(mechanism: Mechanism, force: ForceElement, name: str) -> Uni
         return effort_unit(force.coordinate)
     if isinstance(force, AppliedEffort) and force.condition is None:
         return effort_unit(next(joint for joint in mechanism.joints.values() if joint.v == force.v))
-    raise InputError(f"the force '{name}' has no amplitude: it follows no law over time",
-                     expected="a wrench, joint_effort or coordinate_effort")  # fmt: skip
+    raise InputError(
+        f"the force '{name}' has no amplitude: it follows no law over time",
+        expected="a wrench, joint_effort or coordinate_effort",
+    )
 
 
 def _factor(force: ForceElement) -> float:

@@ -135,10 +135,13 @@ class Linearisation(Record, frozen=True):
             "shapes": LabelledArray(self.shapes(), self.joints, modes, self.joint_units, one),
             "A": LabelledArray(self.A, self.states, self.states, [own * rate for own in self.state_units], inverse),
             "B": LabelledArray(
-                self.B, self.states, self.inputs, [own * rate for own in self.state_units],
+                self.B,
+                self.states,
+                self.inputs,
+                [own * rate for own in self.state_units],
                 [unit("1") / measured for measured in self.input_units],
             ),
-        }  # fmt: skip
+        }
 
 
 def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None, t: float) -> EquationDerivatives:
@@ -181,7 +184,11 @@ def linearised_row(row: Trajectory, prescribed: Sequence[str]) -> Linearisation:
         said = f"{stops[0].split('.')[1]} rests on its end stop" if stops else "a cable or cam is open"
         raise InputError(f"{said} at this instant: the motion beside it is not linear", expected="another instant")
     mechanism, own = row.mechanism, row.mechanism.closure.size
-    guides = {one.name: one.coordinate for one in row.closure.constraints if isinstance(one, GuidedCoordinate)}
+    guides = {
+        constraint.name: constraint.coordinate
+        for constraint in row.closure.constraints
+        if isinstance(constraint, GuidedCoordinate)
+    }
     named = {**guides, **{name: mechanism.coordinate(name) for name in prescribed}}
     efforts = np.zeros(len(named))
     efforts[: len(guides)] = np.asarray(row.lam)[0, own:]
@@ -210,8 +217,10 @@ def linearised(state: Trajectory, drives: Drives | None = None) -> Linearisation
     sliding = {joint.v for joint in mechanism.joints.values() if joint.unit == METRE}
     every = [unit("m") if index in sliding else unit("rad") for index in range(model.nv)]
     moved = [(drives.names[k], drives.coordinates[k].unit) for k in np.flatnonzero(drives.prescribed).tolist()]
-    positions, rates = ([*((names[index], every[index]) for index in free.tolist()), *moved]
-                        for free in (motion.placed, motion.independent))  # fmt: skip
+    positions, rates = (
+        [*((names[index], every[index]) for index in free.tolist()), *moved]
+        for free in (motion.placed, motion.independent)
+    )
     efforts = [(name, unit("N") if index in sliding else unit("N*m")) for index, name in enumerate(names)]
     inputs = [*efforts, *((f"{name}''", own / unit("s^2")) for name, own in moved)]
     second = unit("s")
@@ -257,8 +266,9 @@ def _require_pushes(mechanism: Mechanism, lam: Array) -> None:
     """
     for one in one_sided(mechanism.constraints):
         if one.side * lam[mechanism.closure.slices[one.name].start] <= AT_KINK * np.abs(lam).max():
-            raise InputError(f"{one.kind} '{one.name}' carries no load here: {one.opens}",
-                             expected="a state in which it holds")  # fmt: skip
+            raise InputError(
+                f"{one.kind} '{one.name}' carries no load here: {one.opens}", expected="a state in which it holds"
+            )
 
 
 def require_same(linear: Linearisation, later: Linearisation) -> None:

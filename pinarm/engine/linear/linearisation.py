@@ -227,9 +227,12 @@ def linear_motion(
     """
     pushes, holding = at.rows[rows.slipping], rows.holding
     at = replace(
-        at, rows=at.rows[holding], rows_q=at.rows_q[:, holding], acceleration_q=at.acceleration_q[holding],
+        at,
+        rows=at.rows[holding],
+        rows_q=at.rows_q[:, holding],
+        acceleration_q=at.acceleration_q[holding],
         acceleration_v=at.acceleration_v[holding],
-    )  # fmt: skip
+    )
     independent, allowed = independent_joints(at.rows)
     _require_regular(at, allowed)
     placed, spread, held = independent, allowed, np.setdiff1d(np.arange(len(at.rows)), rows.rolling)
@@ -272,8 +275,10 @@ def _prescribed(rows: Array, prescribed: Indices, independent: Indices, allowed:
     wanted[prescribed, np.arange(len(prescribed))] = 1.0
     moved = np.linalg.lstsq(rows, wanted, rcond=DEPENDENT)[0]
     if np.abs(rows @ moved - wanted).max(initial=0.0) > SINGULAR:
-        raise InputError("constraints hold a prescribed coordinate: it cannot move",
-                         expected="as many such inputs as the mechanism has freedoms, at most")  # fmt: skip
+        raise InputError(
+            "constraints hold a prescribed coordinate: it cannot move",
+            expected="as many such inputs as the mechanism has freedoms, at most",
+        )
     return np.asarray(moved - allowed @ moved[independent])
 
 
@@ -324,8 +329,10 @@ def _eliminated(motion: LinearMotion, slopes: Array, count: int) -> LinearMotion
     known = slopes.shape[1] - count
     matrix = np.eye(count) - slopes[:, known:]
     if count and np.linalg.cond(matrix) > 1.0 / DEPENDENT:
-        raise DynamicsError("friction of joints that slip raises the load that it depends on without end: it jams",
-                            expected="a smaller mu")  # fmt: skip
+        raise DynamicsError(
+            "friction of joints that slip raises the load that it depends on without end: it jams",
+            expected="a smaller mu",
+        )
     friction = np.linalg.solve(matrix, slopes[:, :known])
     whole_a, whole_lam = (x[:, :known] + x[:, known:] @ friction for x in (motion.whole_a, motion.whole_lam))
     a, b = _state_space(whole_a, motion.independent, motion.a[: len(motion.placed)])

@@ -37,8 +37,9 @@ def participations(linear: Linearisation) -> dict[str, LabelledArray]:
     modes = [f"mode.{k}" for k in range(1, len(linear.modes.eigenvalues) + 1)]
     return {
         name: LabelledArray(_shares(parts), [*parts], modes, [DIMENSIONLESS] * len(parts), [DIMENSIONLESS] * len(modes))
-        for name, parts in found.items() if parts
-    }  # fmt: skip
+        for name, parts in found.items()
+        if parts
+    }
 
 
 def rigid_modes(linear: Linearisation) -> list[str]:
@@ -106,8 +107,9 @@ def _slopes(linear: Linearisation, order: int) -> dict[str, Array]:
     t, q, v = float(state.grid.t[0]), state.q[0], state.v[0]
     return {
         name: -element_derivatives(state.mechanism.model, force, t, q, v)[order]
-        for name, force in state.dynamics.forces.items() if not force.steady
-    }  # fmt: skip
+        for name, force in state.dynamics.forces.items()
+        if not force.steady
+    }
 
 
 def _power(shapes: Complex, matrix: Array) -> Array:

@@ -153,8 +153,10 @@ class _Balance:
         loose = np.flatnonzero((v != 0.0) & (np.abs(free) > LOOSE).any(axis=1))
         if len(loose):
             names = ", ".join(coordinate_name(self.mechanism.model, index) for index in loose.tolist())
-            raise InputError(f"the rates do not determine how fast {names} move",
-                             expected="a rate in steady, or a value in hold, for more coordinates")  # fmt: skip
+            raise InputError(
+                f"the rates do not determine how fast {names} move",
+                expected="a rate in steady, or a value in hold, for more coordinates",
+            )
         return np.asarray(v)
 
     def slopes(self, q: Array, forces: _Forces) -> Array:
@@ -216,8 +218,9 @@ def steady_state(mechanism: Mechanism, dynamics: Dynamics, driven: Driven, q: Ar
     raise AssemblyError(
         f"no steady state is near the start: forces of {smallest:.3g} are left where "
         f"{format_configuration(mechanism.model, best)}",
-        expected="a start near one", q=best,
-    )  # fmt: skip
+        expected="a start near one",
+        q=best,
+    )
 
 
 def advanced(mechanism: Mechanism, q: Array, v: Array) -> list[Array]:

@@ -90,9 +90,11 @@ class SteppedState(Record, frozen=True):
         prescribed, stuck = drives[self.drives.prescribed], self.friction.stuck
         holding = np.concatenate([np.arange(self._own), prescribed, slips + np.flatnonzero(stuck)])
         return Rows(
-            holding, self._own + np.arange(len(prescribed)), slips + np.flatnonzero(~stuck),
+            holding,
+            self._own + np.arange(len(prescribed)),
+            slips + np.flatnonzero(~stuck),
             self.state.mechanism.closure.rolling,
-        )  # fmt: skip
+        )
 
     @cached_property
     def _measured(self) -> list[Measured]:
@@ -123,7 +125,7 @@ class SteppedState(Record, frozen=True):
         model, v, friction = self.state.mechanism.model, self.state.v[0], self.friction
         if not len(self.rows.slipping):
             return linear_motion(model, self.derivatives, v, self.rows)
-        slipping = [one for one, stuck in zip(friction.contacts, friction.stuck, strict=True) if not stuck]
+        slipping = [contact for contact, stuck in zip(friction.contacts, friction.stuck, strict=True) if not stuck]
         return linear_motion(
             model, self.derivatives, v, self.rows, lambda motion: friction_slopes(self.steps(motion), slipping)
         )
@@ -158,13 +160,17 @@ class SteppedState(Record, frozen=True):
         driven, guides = self.drives.acting(model.nv, efforts)
         t, tangent = float(state.grid.t[0]), pin.tangentMap(model, state.q[0])
         found = replace(
-            state, grid=Grid(np.full(count, t), (t, float(np.nextafter(t, np.inf))), (0, count)), columns={},
-            q=state.q[0] + 1j * STEP * (tangent @ q).T, v=state.v[0] + 1j * STEP * v.T,
-            a=state.a[0] + 1j * STEP * a.T, tau=state.tau[0] + 1j * STEP * (tau + driven).T,
+            state,
+            grid=Grid(np.full(count, t), (t, float(np.nextafter(t, np.inf))), (0, count)),
+            columns={},
+            q=state.q[0] + 1j * STEP * (tangent @ q).T,
+            v=state.v[0] + 1j * STEP * v.T,
+            a=state.a[0] + 1j * STEP * a.T,
+            tau=state.tau[0] + 1j * STEP * (tau + driven).T,
             lam=Multipliers.known(np.asarray(state.lam)[0] + 1j * STEP * np.vstack([lam[:own], guides]).T, own),
             directions=np.sign(np.broadcast_to(state.v, (count, model.nv))),
             **changes,
-        )  # fmt: skip
+        )
         return with_friction(found, state.friction[0] + 1j * STEP * f.T)
 
     def slopes(self, names: Sequence[str]) -> Array:
@@ -219,8 +225,10 @@ class SteppedState(Record, frozen=True):
         slopes = _slopes(self._stepped(still, still, still, still, stresses, slipping), names)
         for name, slope in zip(names, slopes, strict=True):
             if np.abs(slope).max() > SHARED:
-                raise InputError(f"'{name}' depends on how joints that friction holds share their load with each other",
-                                 expected="an output that they do not change, or friction in fewer joints")  # fmt: skip
+                raise InputError(
+                    f"'{name}' depends on how joints that friction holds share their load with each other",
+                    expected="an output that they do not change, or friction in fewer joints",
+                )
 
 
 def _slopes(steps: Trajectory, names: Sequence[str]) -> Array:
@@ -235,8 +243,10 @@ def _slopes(steps: Trajectory, names: Sequence[str]) -> Array:
             with complex_kept():
                 found[k] = np.imag(values[name].values) / STEP
         except FloatingPointError:
-            raise InputError(f"'{name}' has a kink here: it depends on the size of something that is 0 in this state",
-                             expected="its components, or a state in which it is not 0") from None  # fmt: skip
+            raise InputError(
+                f"'{name}' has a kink here: it depends on the size of something that is 0 in this state",
+                expected="its components, or a state in which it is not 0",
+            ) from None
         except (TypeError, np.exceptions.ComplexWarning):  # of Pinocchio, and of functions of real numbers
             raise InputError(f"the linear analysis has no derivatives of '{name}'", expected="another output") from None
     return found

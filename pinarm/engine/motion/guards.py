@@ -91,9 +91,12 @@ def _ends(segment: MotionSegment) -> tuple[Array, Array, Array]:
 
 
 def _rests(
-    closure: Closure, part: tuple[Indices, int, float], segments: Sequence[MotionSegment],
-    ends: Sequence[tuple[Array, Array, Array]], speed: Array,
-) -> list[UndeterminedRest]:  # fmt: skip
+    closure: Closure,
+    part: tuple[Indices, int, float],
+    segments: Sequence[MotionSegment],
+    ends: Sequence[tuple[Array, Array, Array]],
+    speed: Array,
+) -> list[UndeterminedRest]:
     """Return the first instant at which one part of the mechanism is slow next to a singular position, if any.
 
     ``part`` has its velocities, the rank of its rows, and their largest least singular value.
@@ -178,9 +181,11 @@ class Acting(NamedTuple):
 
 
 def acting_on_angles(
-    constraints: Iterable[Constraint], forces: Mapping[str, ForceElement], controllers: Iterable[Controller] = (),
+    constraints: Iterable[Constraint],
+    forces: Mapping[str, ForceElement],
+    controllers: Iterable[Controller] = (),
     coordinates: Mapping[str, Coordinate] = MappingProxyType({}),
-) -> list[Acting]:  # fmt: skip
+) -> list[Acting]:
     """Return what acts along angles that may leap: those of loops do not where a joint counts their turns.
 
     ``constraints`` have ties of drives, and of joints that count turns, among them; ``controllers`` are those of a

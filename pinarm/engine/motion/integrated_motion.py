@@ -74,9 +74,11 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
 
         efforts, columns = control_rows(self.motion, rows.grid, rows.q, rows.v)
         return replace(
-            driven_by(controls, rows), tau=rows.tau + efforts, columns={**rows.columns, **columns},
+            driven_by(controls, rows),
+            tau=rows.tau + efforts,
+            columns={**rows.columns, **columns},
             dynamics=without_control(self.motion.dynamics),
-        )  # fmt: skip
+        )
 
     def _directed(self, rows: Trajectory) -> Trajectory:
         """Return states with the directions of the joints, where drives have losses."""

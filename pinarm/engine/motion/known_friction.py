@@ -131,8 +131,10 @@ class KnownFriction:
     def _equation(self, row: int, direction: Array, *, at_rest: bool) -> Slipping:
         """Return the equation of the friction in one row."""
         contacts = self.run.mechanism.frictions
-        laws = [contact.law.resting if at_rest and still else contact.law.slipping(speed) for contact, still, speed
-                in zip(contacts, self.resting[row], sizes(contacts, self.slips[row]), strict=True)]  # fmt: skip
+        laws = [
+            contact.law.resting if at_rest and still else contact.law.slipping(speed)
+            for contact, still, speed in zip(contacts, self.resting[row], sizes(contacts, self.slips[row]), strict=True)
+        ]
         mu, constant = np.array(laws).reshape(-1, 2).T * (direction != 0.0)
         return Slipping(contacts, direction, mu, constant, self.loads[row])
 
@@ -238,17 +240,22 @@ class KnownFriction:
         """Return directions of friction: given ones, and both of joints that do not move but load those that do."""
         contacts, loads = self.run.mechanism.frictions, self.loads[row]
         moving = [j for j in np.flatnonzero(direction).tolist() if contacts[j].law.loaded]
-        idle = [i for i in np.flatnonzero(sizes(contacts, direction) == 0.0).tolist()
-                if any(loads.most(j, contacts[j].bearing)[i] > FEW for j in moving)]  # fmt: skip
+        idle = [
+            i
+            for i in np.flatnonzero(sizes(contacts, direction) == 0.0).tolist()
+            if any(loads.most(j, contacts[j].bearing)[i] > FEW for j in moving)
+        ]
         for i in (i for i in idle if several(contacts)[i]):
             raise DynamicsError(
                 f"{contacts[i].name} stands still, with friction in any direction, and loads joints that begin to "
                 "move: what begins to move the mechanism is not found by trying directions",
                 expected="no friction in it",
-            )  # fmt: skip
+            )
         if len(idle) > MANY:
-            raise DynamicsError(f"{len(idle)} joints that stand still load those that begin to move",
-                                expected=f"friction in at most {MANY} of them")  # fmt: skip
+            raise DynamicsError(
+                f"{len(idle)} joints that stand still load those that begin to move",
+                expected=f"friction in at most {MANY} of them",
+            )
         directions = np.tile(direction, (2 ** len(idle), 1))
         directions[:, idle] = list(product([1.0, -1.0], repeat=len(idle)))
         return list(directions)
@@ -282,8 +289,10 @@ def _band_notes(band: EffortBand, low: Array, high: Array, resting: Flags, insta
         yield from _endless_notes(name, low, high, resting)
     wide = high - low > ROUNDED * np.minimum(np.abs(low), np.abs(high))
     if (wide & instants).any():
-        yield (f"{name}: in {(wide & instants).sum()} of {n} rows a joint is at rest for an instant: {name}.lower and "
-               ".upper have the efforts that move it from rest too, the table has the side of the motion")  # fmt: skip
+        yield (
+            f"{name}: in {(wide & instants).sum()} of {n} rows a joint is at rest for an instant: {name}.lower and "
+            ".upper have the efforts that move it from rest too, the table has the side of the motion"
+        )
     held, moved = wide & resting & ~instants, wide & ~resting & ~instants
     others = ", the other drives free to take their part" if len(band.shares) > 1 else ""
     together = ": values of several bands need not hold together" if others else ""
@@ -292,8 +301,10 @@ def _band_notes(band: EffortBand, low: Array, high: Array, resting: Flags, insta
         (moved, "friction of joints at rest leaves", "though the coordinate moves", "their friction"),
     ):
         if rows.any():
-            yield (f"{name}: {what} any value from {name}.lower to {name}.upper in {rows.sum()} of {n} rows, {when}"
-                   f"{others}{together}; the table has the value without {without} there")  # fmt: skip
+            yield (
+                f"{name}: {what} any value from {name}.lower to {name}.upper in {rows.sum()} of {n} rows, {when}"
+                f"{others}{together}; the table has the value without {without} there"
+            )
     low, high = low[held], high[held]
     locked = (low <= 0.0) & (high >= 0.0) & (0.5 * np.abs(high + low) > LOADED * (high - low))
     if of_one and locked.any():
@@ -313,5 +324,7 @@ def _endless_notes(name: str, low: Array, high: Array, resting: Flags) -> Iterat
         )
     for (side, rows), way in zip(endless.items(), ("down", "up"), strict=True):
         if (rows & ~any_effort).any():
-            yield (f"{drive}: no effort moves it {way} in {(rows & ~any_effort).sum()} of {n} rows, as friction grows "
-                   f"with the effort: {name}.{side} is infinite there")  # fmt: skip
+            yield (
+                f"{drive}: no effort moves it {way} in {(rows & ~any_effort).sum()} of {n} rows, as friction grows "
+                f"with the effort: {name}.{side} is infinite there"
+            )

@@ -286,7 +286,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
             laws += [law for force in forces for law in force.laws()]
         ends, joints = sorted((self.cuts[0], self.cuts[-1])), self._joint_laws()
         passed = [t for force in forces for t in force.marked(joints, *ends)]
-        passed += [t for one in known.mechanism.relations for t in one.marked(joints, *ends)]
+        passed += [t for relation in known.mechanism.relations for t in relation.marked(joints, *ends)]
         return distinct(np.array([*(knot for law in laws for knot in law.knots()), *passed]))
 
     def _joint_laws(self) -> dict[int, MotionLaw]:

@@ -209,18 +209,25 @@ class QuinticSpline:
             InputError: There are too few rows, an instant stands twice, or an angle jumps.
         """
         if len(t) < FEWEST:
-            raise InputError(f"{len(t)} rows are too few for a spline of degree {DEGREE} and its error",
-                             expected=f"at least {FEWEST}")  # fmt: skip
+            raise InputError(
+                f"{len(t)} rows are too few for a spline of degree {DEGREE} and its error",
+                expected=f"at least {FEWEST}",
+            )
         if (np.diff(t) == 0.0).any():
             row = int((np.diff(t) == 0.0).argmax())
-            raise InputError(f"the rows {row} and {row + 1} have the same instant, {t[row]:.9g} s",
-                             expected="ascending instants, as a spline has no jumps")  # fmt: skip
+            raise InputError(
+                f"the rows {row} and {row + 1} have the same instant, {t[row]:.9g} s",
+                expected="ascending instants, as a spline has no jumps",
+            )
         for joint in mechanism.joints.values():
             steps = np.abs(np.diff(q[:, joint.q]))
             if joint.unit != METRE and steps.max() > np.pi:
                 row = int(steps.argmax())
-                raise InputError(f"'{joint.name}' jumps by {steps[row]:.3g} rad from row {row} to row {row + 1}",
-                                 expected="angles whose turns are counted", hint="np.unwrap(q, axis=0)")  # fmt: skip
+                raise InputError(
+                    f"'{joint.name}' jumps by {steps[row]:.3g} rad from row {row} to row {row + 1}",
+                    expected="angles whose turns are counted",
+                    hint="np.unwrap(q, axis=0)",
+                )
         return cls(mechanism, t, _continuous(mechanism, q))
 
     @cached_property
@@ -344,8 +351,10 @@ def consistency(mechanism: Mechanism, rows: RecordedRows) -> dict[str, float]:
         return {"velocity consistency": _relative(mechanism, steps - expected, rows.v)}
     expected -= h / 12 * (rows.a[after] - rows.a[some])
     growth = (rows.v[after] - rows.v[some]) / h - (rows.a[some] + rows.a[after]) / 2
-    return {"velocity consistency": _relative(mechanism, steps - expected, rows.v),
-            "acceleration consistency": _relative(mechanism, growth, rows.a)}  # fmt: skip
+    return {
+        "velocity consistency": _relative(mechanism, steps - expected, rows.v),
+        "acceleration consistency": _relative(mechanism, growth, rows.a),
+    }
 
 
 def _relative(mechanism: Mechanism, errors: Array, values: Array) -> float:

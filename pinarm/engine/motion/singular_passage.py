@@ -120,9 +120,13 @@ class SingularPassage(Record, frozen=True):
         """Return the passage of a motion, some rows of which are solved; ``None`` where none is interpolated."""
         mechanism, usual = known.mechanism, float(regular.max(initial=0.0))
         if (
-            not usual > 0.0 or not isinstance(known.motion, DeterminedMotion) or known.rates is not None
-            or known.directed or mechanism.model.nv > MANY or mechanism.model.nq != mechanism.model.nv
-        ):  # fmt: skip
+            not usual > 0.0
+            or not isinstance(known.motion, DeterminedMotion)
+            or known.rates is not None
+            or known.directed
+            or mechanism.model.nv > MANY
+            or mechanism.model.nq != mechanism.model.nv
+        ):
             return None
         clear = regular > CLOSE * usual
         return cls(known, rows.grid.t[clear], rows.q[clear], usual, pace)

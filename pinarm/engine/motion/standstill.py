@@ -125,8 +125,9 @@ def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
     return notes + [
         f"{name} jumps where the joint turns back, in {(inside & turns).sum()} of {len(run)} rows: the table has the "
         "side after it, with all that follows from it"
-        for name, turns in turning.items() if (inside & turns).any()
-    ]  # fmt: skip
+        for name, turns in turning.items()
+        if (inside & turns).any()
+    ]
 
 
 def _held_by_gear(run: Trajectory, name: str, drive: Drive, rest: Flags) -> list[str]:
@@ -147,8 +148,10 @@ def _held_by_gear(run: Trajectory, name: str, drive: Drive, rest: Flags) -> list
         return []
     least, most = (side[rows[0]] for side in drive.holding(low, high))
     friction = " and friction hold" if run.mechanism.frictions else " holds"
-    return [f"drive.{name}.torque: at rest its gear{friction} the load with any torque of a band, in {len(rows)} of "
-            f"{len(run)} rows: from {least:.4g} to {most:.4g} N*m in the first of them"]  # fmt: skip
+    return [
+        f"drive.{name}.torque: at rest its gear{friction} the load with any torque of a band, in {len(rows)} of "
+        f"{len(run)} rows: from {least:.4g} to {most:.4g} N*m in the first of them"
+    ]
 
 
 def _significant(x: Array, scale: Array) -> Array:

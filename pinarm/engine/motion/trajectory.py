@@ -243,12 +243,12 @@ class Trajectory(Record, frozen=True):
     @cached_property
     def _couplings(self) -> dict[int, list[JointRelation]]:
         """Couplings by the joints that they move, by their index in v."""
-        found: dict[int, list[JointRelation]] = {}
-        for one in self.mechanism.constraints:
-            if isinstance(one, JointRelation):
-                for joint in one.joints:
-                    found.setdefault(joint, []).append(one)
-        return found
+        couplings: dict[int, list[JointRelation]] = {}
+        for constraint in self.mechanism.constraints:
+            if isinstance(constraint, JointRelation):
+                for joint in constraint.joints:
+                    couplings.setdefault(joint, []).append(constraint)
+        return couplings
 
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
@@ -337,7 +337,7 @@ class Trajectory(Record, frozen=True):
         """Return the effort of the drive at a joint, without drives along sums that act through it too, shape (n,)."""
         v, known = self.mechanism.joints[joint].v, self.mechanism.coordinates
         others = (known.get(drive) for drive in self.drives if drive != joint)
-        shared = any(isinstance(one, LinearCoordinate) and one.weights[v] for one in others)
+        shared = any(isinstance(other, LinearCoordinate) and other.weights[v] for other in others)
         own = self.effort_along(joint) if shared else None
         return self.supplied[..., v] if own is None else own
 

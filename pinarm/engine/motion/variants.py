@@ -191,7 +191,10 @@ class DrivesOfVariants(Record, frozen=True):
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the efforts and the multipliers, both from G taken apart once; NaN where they are not determined."""
-        ((_, split),), weights = self.closure.splits(q).parts, np.array([one.weights for one in self.joints.values()])
+        ((_, split),), weights = (
+            self.closure.splits(q).parts,
+            np.array([joint.weights for joint in self.joints.values()]),
+        )
         ways, load = np.einsum("nkjf,dj->nkfd", split.free, weights), np.einsum("nkjf,nkj->nkf", split.free, demand)
         ways = np.broadcast_to(ways, (*load.shape, len(weights))).reshape(-1, load.shape[-1], len(weights))
         least = np.full(len(ways), WEAK * np.linalg.norm(weights, axis=1).max())

@@ -23,11 +23,13 @@ COLUMNS = {
     "joint.*.stop": "push of the end stops of the joint, on the child",
     ".effort.lower": "at rest: effort below which the coordinate begins to move down",
     ".effort.upper": "at rest: effort above which the coordinate begins to move up",
-    ".time": "when the event first took place", ".count": "how often the event took place",
+    ".time": "when the event first took place",
+    ".count": "how often the event took place",
     "control.*.command": "effort, or voltage or torque of a motor, that a controller asks for, before its limits",
     "control.*.effort": "effort of the controller of a drive, at its joint",
     "control.*.reference": "what a controlled coordinate should be",
-    "control.*.voltage": "voltage of a motor, within its limits", "control.*.current": "current of a motor",
+    "control.*.voltage": "voltage of a motor, within its limits",
+    "control.*.current": "current of a motor",
     "control.*.current_margin": "largest current of a motor less the amount of its current",
     "control.*.torque": "torque of an ideal motor, within its peak torque",
     "control.*.margin": "peak torque of a motor at its speed less the amount of what it gives",
@@ -38,16 +40,20 @@ COLUMNS = {
     "equilibrium.frequency2": "squared angular frequency of a small motion, in ascending order",
     "equilibrium.stiffness": "eigenvalue of the stiffness, ascending; of trees whose joints all turn or all slide",
     "equilibrium.end": "coordinate of a joint at one end of the positions that friction holds",
-}  # fmt: skip
+}
 """Part of the names of columns that friction, controllers and kinds of problem add, * for any name -> meaning."""
 
 
 WORLD = "world axes, .along.LINK"
 FRAMES = {
-    "joint.*.quaternion": "in the joint's placement", "joint.*.angular_*": "axes of the link",
-    "joint.*.effort": "axes of the link", "joint.*.link_effort": "axes of the link",
-    "force.*.moment": WORLD, "*.moment": f"{WORLD}, .about.LINK", "momentum.*.angular": f"{WORLD}, .about.LINK",
-}  # fmt: skip
+    "joint.*.quaternion": "in the joint's placement",
+    "joint.*.angular_*": "axes of the link",
+    "joint.*.effort": "axes of the link",
+    "joint.*.link_effort": "axes of the link",
+    "force.*.moment": WORLD,
+    "*.moment": f"{WORLD}, .about.LINK",
+    "momentum.*.angular": f"{WORLD}, .about.LINK",
+}
 """Names of vectors, * for any name -> their frame, the first that fits; any other one is in that of ``WORLD``."""
 
 
@@ -139,7 +145,7 @@ def catalogue(quantities: Quantities, title: str, like: str = "") -> QuantityCat
         like: Part of the name or of the meaning, in any case; all where it is empty.
     """
     wanted = like.casefold()
-    asked = (each for each in _meanings(quantities) if wanted in f"{each[0]} {each[1]}".casefold())
+    asked = (meaning for meaning in _meanings(quantities) if wanted in f"{meaning[0]} {meaning[1]}".casefold())
     with one_blas_thread(quantities.trajectory.mechanism.model.nv):
         return QuantityCatalogue(title, tuple(_entry(quantities, *each) for each in asked))
 

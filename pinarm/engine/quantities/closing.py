@@ -234,10 +234,12 @@ def _filled(
         shapes = ", ".join(f"{name}: {lead}" for name, lead in leads.items() if lead)
         raise InputError(f"the states have the shapes {shapes}", expected="one shape, or single states") from None
     rows = {
-        name: tuple(np.broadcast_to(x, (*shape, *own)).reshape(-1 if x.size else 0, *own)
-                    for x, own in zip(arrays[name], target.shapes, strict=True))
+        name: tuple(
+            np.broadcast_to(x, (*shape, *own)).reshape(-1 if x.size else 0, *own)
+            for x, own in zip(arrays[name], target.shapes, strict=True)
+        )
         for name, target in targets.items()
-    }  # fmt: skip
+    }
     return LeadingAxes(shape), [replace(target, given=rows[name]) for name, target in targets.items()]
 
 
@@ -256,16 +258,21 @@ def _array(name: str, what: str, value: ArrayLike | pin.SE3 | None, target: Targ
     x = real(getattr(value, "homogeneous", value), f"{what} of {name}")
     if x.shape[x.ndim - len(own) :] != own or x.ndim < len(own):
         shape = f"(..., {', '.join(map(str, own))})"
-        raise InputError(f"the {what} of {name} have the shape {x.shape}", expected=f"{shape}, or pin.SE3"
-                         if own == (4, 4) else shape)  # fmt: skip
+        raise InputError(
+            f"the {what} of {name} have the shape {x.shape}",
+            expected=f"{shape}, or pin.SE3" if own == (4, 4) else shape,
+        )
     if not np.isfinite(x).all():
         raise InputError(f"the {what} of {name} are not all finite", expected="finite numbers")
     if own == (4, 4):
         turn = x[..., :3, :3]
         off = np.abs(turn @ turn.swapaxes(-1, -2) - np.eye(3)).max(initial=0.0)
         if off > UNIT or (np.linalg.det(turn) < 0.0).any() or np.abs(x[..., 3, :] - np.eye(4)[3]).max(initial=0.0):
-            raise InputError(f"the positions of {name} are no placements", expected="[[R, p], [0, 1]], R a rotation",
-                             hint="pin.SE3(R, p), mechanism.frame(name, q)")  # fmt: skip
+            raise InputError(
+                f"the positions of {name} are no placements",
+                expected="[[R, p], [0, 1]], R a rotation",
+                hint="pin.SE3(R, p), mechanism.frame(name, q)",
+            )
     return x
 
 
@@ -281,7 +288,7 @@ def _parts(n: int, targets: Sequence[Target]) -> Iterator[tuple[Indices, list[Ta
 
 
 def _prescribed(targets: Sequence[Target]) -> PrescribedCoordinates:
-    named = {name: one for target in targets for name, one in target.coordinates.items()}
+    named = {name: coordinate for target in targets for name, coordinate in target.coordinates.items()}
     return PrescribedCoordinates(tuple(named), tuple(named.values()), ())
 
 
@@ -330,8 +337,10 @@ def _rates(
         raise InputError("the mechanism rolls: rates of its positions do not say how", hint="kind: kinematics")
     solver = NewtonSolver(closure, prescribed)
     if free := min(len(null_space(solver.rows(closure.state(x)))) for x in (start, q[0])):  # one may be singular
-        raise InputError(f"the velocities leave {free} degrees of freedom open",
-                         expected=f"positions and velocities of {free} more coordinates")  # fmt: skip
+        raise InputError(
+            f"the velocities leave {free} degrees of freedom open",
+            expected=f"positions and velocities of {free} more coordinates",
+        )
     try:
         v, a = branch_rates(mechanism, prescribed, q, laws[1], laws[2] if len(laws) > 2 else 0.0 * laws[1])
     except AssemblyError as error:
@@ -348,6 +357,9 @@ def _rates(
         bounds = AGREED * (sizes + np.abs(right) + SHORT * least)
         for k, row in np.argwhere(np.abs(reached - right) > bounds)[:1].tolist():
             name, off = whole.owners()[row][0].name, abs(reached[k, row] - right[k, row])
-            raise InputError(f"{places[k]}: the {what} do not go together: {name} is off by {off:.3g}",
-                             expected=f"{what} that the mechanism allows", hint="fewer of them")  # fmt: skip
+            raise InputError(
+                f"{places[k]}: the {what} do not go together: {name} is off by {off:.3g}",
+                expected=f"{what} that the mechanism allows",
+                hint="fewer of them",
+            )
     return v, a

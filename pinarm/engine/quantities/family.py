@@ -189,8 +189,9 @@ def _about_a_point(asked: Asked) -> InputError:
     moment = f"; the moment about it: {word}.{words[0]}.moment.{'.'.join(words[2:])}" if asked.part == "force" else ""
     return InputError(
         f"'{asked.name}': only moments and angular momenta are taken about a point, no {asked.part.replace('_', ' ')}",
-        expected=f"the name without 'about' and its link{moment}", hint=plain,
-    )  # fmt: skip
+        expected=f"the name without 'about' and its link{moment}",
+        hint=plain,
+    )
 
 
 def _rate_unit(base: Unit, order: int) -> Unit:
@@ -270,10 +271,12 @@ class WrenchFamily(Family, frozen=True):
         looser = f": {mobility.loosenings[0]}" if mobility.loosenings else ""
         flat = self._across_axis(asked)
         return InputError(
-            f"'{asked.name}': {doubt}{shared}", expected=f"a component that is determined, or looser joints{looser}",
-            hint=f"{flat}, the size of what is across the axis" if flat else
-                 "undetermined: minimum_norm, for the least multipliers",
-        )  # fmt: skip
+            f"'{asked.name}': {doubt}{shared}",
+            expected=f"a component that is determined, or looser joints{looser}",
+            hint=f"{flat}, the size of what is across the axis"
+            if flat
+            else "undetermined: minimum_norm, for the least multipliers",
+        )
 
     def _across_axis(self, asked: Asked) -> str:
         """Return the name of the size across the joint's axis in place of a length, where only that is determined.

@@ -109,5 +109,7 @@ def _ends(force: ForceElement) -> set[int]:
 
 
 def _unknown(name: str, why: str) -> InputError:
-    return InputError(f"the wrench of the fixed joint '{name}' is not known: {why}",
-                      expected="a joint that moves, before or beyond it")  # fmt: skip
+    return InputError(
+        f"the wrench of the fixed joint '{name}' is not known: {why}",
+        expected="a joint that moves, before or beyond it",
+    )

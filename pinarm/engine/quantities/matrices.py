@@ -98,8 +98,9 @@ def _is_coordinate(mechanism: Mechanism, name: str) -> bool:
     word, _, rest = name.partition(".")
     coordinates = {*mechanism.coordinates, *mechanism.balls}
     if name in coordinates and any(_is_link(frame) and frame.name == name for frame in mechanism.model.frames):
-        raise InputError(f"'{name}' is a link and a coordinate",
-                         expected=f"point.{name}, body.{name} or coordinate.{name}")  # fmt: skip
+        raise InputError(
+            f"'{name}' is a link and a coordinate", expected=f"point.{name}, body.{name} or coordinate.{name}"
+        )
     return name in coordinates or (word in COORDINATES and rest in coordinates)
 
 

@@ -365,8 +365,8 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         alone = operands.get(expression.text.strip())
         measured = alone.unit if alone is not None else Unit(1.0, dimension.dimension) if dimension else None
         doubt = next((series.doubt for series in operands.values() if series.doubt), "")
-        told = self._constant(values) if np.ndim(values) == 0 else np.asarray(values)
-        return Series(name, measured, told, doubt, terms=0.0 if alone is None else alone.terms)
+        constant = self._constant(values) if np.ndim(values) == 0 else np.asarray(values)
+        return Series(name, measured, constant, doubt, terms=0.0 if alone is None else alone.terms)
 
     def switches(self, name: str) -> list[Array]:
         """Return functions that change their sign wherever formulas behind a name go from one smooth part to another.
@@ -443,8 +443,10 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         for number in expression.measured:
             if number.words <= names:
                 said = " and ".join(f"'{word}'" for word in sorted(number.words))
-                raise InputError(f"'{number.text}' is a number with a unit, and {said} a name here too",
-                                 expected="a * before the name, or a unit that is none, such as mm for m")  # fmt: skip
+                raise InputError(
+                    f"'{number.text}' is a number with a unit, and {said} a name here too",
+                    expected="a * before the name, or a unit that is none, such as mm for m",
+                )
 
     def _unknown(self, name: str) -> InputError:
         available = self.names()

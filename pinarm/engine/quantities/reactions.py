@@ -285,7 +285,9 @@ class Reactions:
             names = {one.name for one, is_open in zip(sided, pattern, strict=True) if is_open}
             rows = np.flatnonzero((opened == pattern).all(axis=1))
             rows = rows[sampled(len(rows), self.sample)]
-            holding = Closure.of(closure.model, [one for one in closure.constraints if one.name not in names])
+            holding = Closure.of(
+                closure.model, [constraint for constraint in closure.constraints if constraint.name not in names]
+            )
             found.append((rows, SelfStresses(holding, q[rows])))
         return found
 

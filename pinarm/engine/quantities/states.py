@@ -249,8 +249,11 @@ def _check_sides(dynamics: Dynamics, leading: LeadingAxes, run: Trajectory, dema
             size = abs(float(one.push(run.q[i : i + 1], lam[i : i + 1, k])[0]))
             act = f"{'push' if one.kind == 'cable' else 'pull'} with {size:.6g} {one.push_unit()}"
             said = f"{leading.place(i)}: {one.kind} '{one.name}' would have to {act}: {one.opens}"
-            raise InputError(said, expected="states and efforts under which it holds",
-                             hint="a scenario of the kind forward, in which it may open")  # fmt: skip
+            raise InputError(
+                said,
+                expected="states and efforts under which it holds",
+                hint="a scenario of the kind forward, in which it may open",
+            )
 
 
 def _is_shared(rows: Array, lam: Array, sides: Mapping[int, float]) -> bool:

@@ -150,9 +150,11 @@ class SharedEfforts(Record, frozen=True):
         unlimited = SharedEfforts(self.weights, np.full_like(self.limits, np.inf) * np.array([[-1.0], [1.0]]))
         if not unlimited.efforts(ways[None], load[None], np.array([least]), np.array([rounding]))[1][0]:
             return _undetermined(t, drives, ways, load, least, rounding, motions)
-        limits = [f"{name} {low:.6g} to {high:.6g} {effort_unit(coordinate)}"
-                  for (name, coordinate), low, high in zip(drives.items(), *self.limits, strict=True)
-                  if np.isfinite([low, high]).any()]  # fmt: skip
+        limits = [
+            f"{name} {low:.6g} to {high:.6g} {effort_unit(coordinate)}"
+            for (name, coordinate), low, high in zip(drives.items(), *self.limits, strict=True)
+            if np.isfinite([low, high]).any()
+        ]
         factor = self._least_factor(ways, load)
         return DrivesError(
             f"at {instant(t)} the drives {', '.join(drives)} cannot carry the load within their limits "
@@ -204,8 +206,9 @@ def _undetermined(
         return DynamicsError(
             f"at {instant(t)} the efforts of {weak} are not determined: the mechanism is at a dead point of these "
             "drives",
-            expected="drives that can move the mechanism at every instant", t=t,
-        )  # fmt: skip
+            expected="drives that can move the mechanism at every instant",
+            t=t,
+        )
     lacking = max(motions, key=lambda name: abs(float(motions[name] @ uncarried)))
     return DrivesError(
         f"at {instant(t)} the drives {', '.join(drives)} leave a load of {left:.3g} N*m or N uncarried: {lacking} "

@@ -433,13 +433,19 @@ def find_measured(text: str) -> list[tuple[int, MeasuredNumber]]:
 def _measured(match: re.Match[str], text: str) -> MeasuredNumber:
     written = match[0]
     if not (_ends_term(text[: match.start()]) and _begins_term(text[match.end() :])):
-        raise ExpressionError("beside *, / and ** it is not clear where a unit ends",
-                              expected="parentheses about the number and its unit", hint=f"({written})")  # fmt: skip
+        raise ExpressionError(
+            "beside *, / and ** it is not clear where a unit ends",
+            expected="parentheses about the number and its unit",
+            hint=f"({written})",
+        )
     try:
         value, unit = read_quantity(written)
     except UnitError as error:
-        raise ExpressionError(f"this is no number with a unit ({error.message})", expected=error.expected,
-                              hint="parentheses about a number and its unit, or * before a name") from None  # fmt: skip
+        raise ExpressionError(
+            f"this is no number with a unit ({error.message})",
+            expected=error.expected,
+            hint="parentheses about a number and its unit, or * before a name",
+        ) from None
     assert unit is not None
     return MeasuredNumber(value, unit, written)
 

@@ -194,18 +194,24 @@ _ONE_ARGUMENT = (
 )  # fmt: skip
 _MATH: dict[str, tuple[Callable[..., Any], int, int]] = {
     **{function.__name__: (function, 1, 1) for function in _ONE_ARGUMENT},
-    "atan2": (math.atan2, 2, 2), "copysign": (math.copysign, 2, 2), "fmod": (math.fmod, 2, 2), "pow": (math.pow, 2, 2),
-    "log": (math.log, 1, 2), "hypot": (math.hypot, 2, MANY),
-}  # fmt: skip
+    "atan2": (math.atan2, 2, 2),
+    "copysign": (math.copysign, 2, 2),
+    "fmod": (math.fmod, 2, 2),
+    "pow": (math.pow, 2, 2),
+    "log": (math.log, 1, 2),
+    "hypot": (math.hypot, 2, MANY),
+}
 _PYTHON: dict[str, tuple[Callable[..., Any], int, int]] = {
     "abs": (abs, 1, 1), "min": (min, 2, MANY), "max": (max, 2, MANY), "round": (_round, 1, 2), "len": (len, 1, 1),
     "int": (partial(_number, int), 1, 1), "float": (partial(_number, float), 1, 1),
     "str": (str, 1, 1), "bool": (bool, 1, 1),
 }  # fmt: skip
 _FUNCTIONS = {
-    **_MATH, **_PYTHON, **{f"math.{name}": entry for name, entry in _MATH.items()},
+    **_MATH,
+    **_PYTHON,
+    **{f"math.{name}": entry for name, entry in _MATH.items()},
     **{f"python.{name}": entry for name, entry in _PYTHON.items()},
-}  # fmt: skip
+}
 _PLAIN_CONSTANTS = {name: getattr(math, name) for name in ("pi", "e", "tau", "inf", "nan")}
 _CONSTANTS = {**_PLAIN_CONSTANTS, **{f"math.{name}": value for name, value in _PLAIN_CONSTANTS.items()}}
 
@@ -217,7 +223,9 @@ GRAMMAR = Grammar(
     {
         **{name: (least, most) for name, (_, least, most) in _FUNCTIONS.items()},
         **{f"xacro.{name}": (1, MANY if name == "warning" else 1) for name in OF_FILES},
-        "load_yaml": (1, 1), "split": (1, 2), "dict": (0, 2 * MAX_ITEMS),
+        "load_yaml": (1, 1),
+        "split": (1, 2),
+        "dict": (0, 2 * MAX_ITEMS),
     },
     collections=True,
-)  # fmt: skip
+)

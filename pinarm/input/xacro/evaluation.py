@@ -239,8 +239,9 @@ class Evaluator:
         if command == "find" and name:
             return f"package://{name}"
         if command != "arg":
-            raise ModelError(f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)",
-                             hint=self.beyond)  # fmt: skip
+            raise ModelError(
+                f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)", hint=self.beyond
+            )
         return self._argument(name)
 
     def _argument(self, name: Any) -> str:
@@ -251,8 +252,12 @@ class Evaluator:
         return self.arguments[name]
 
     def _functions(self) -> dict[str, Callable[..., Any]]:
-        return {"xacro.load_yaml": self._load_yaml, "load_yaml": self._load_yaml, "xacro.warning": self.warn,
-                "xacro.arg": self._argument}  # fmt: skip
+        return {
+            "xacro.load_yaml": self._load_yaml,
+            "load_yaml": self._load_yaml,
+            "xacro.warning": self.warn,
+            "xacro.arg": self._argument,
+        }
 
     def _load_yaml(self, name: Any) -> Any:
         """Return the lists and maps of a YAML file, whose numbers may have tags such as ``!degrees``."""

@@ -66,15 +66,15 @@ class Expander:
         self.values.files.append(path)
         self.values.element = root
         try:
-            made = self._robot(root)
+            robot = self._robot(root)
         except PinarmError as error:
             raise error.at(self.values.here()) from None
         except RecursionError:
             raise self.values.error("the model is nested too deeply").at(self.values.here()) from None
         for kind in ("link", "joint"):
-            bound(f"{kind}s", len(made.findall(kind)), MAX_LINKS)
-        ElementTree.indent(made)
-        xml = ElementTree.tostring(made, encoding="unicode") + "\n"
+            bound(f"{kind}s", len(robot.findall(kind)), MAX_LINKS)
+        ElementTree.indent(robot)
+        xml = ElementTree.tostring(robot, encoding="unicode") + "\n"
         values = self.values
         return Expansion(xml, {name: values.arguments[name] for name in values.declared}, tuple(values.warnings))
 
@@ -90,11 +90,11 @@ class Expander:
         """Return an element with all that it holds, evaluated."""
         self.elements += 1
         bound("elements", self.elements, MAX_ELEMENTS)
-        made = Element(source.tag)
-        made.source, made.line = source.source, source.line
-        self._evaluate_attributes(source, made, scope)
-        self._fill(source, made, scope)
-        return made
+        element = Element(source.tag)
+        element.source, element.line = source.source, source.line
+        self._evaluate_attributes(source, element, scope)
+        self._fill(source, element, scope)
+        return element
 
     def _evaluate_attributes(self, source: Element, made: Element, scope: Scope) -> None:
         for name, text in source.attrib.items():

@@ -255,8 +255,10 @@ def plain_data(data: Any, depth: int = 0) -> Any:
     if isinstance(data, Path):
         return str(data)
     if not isinstance(data, Mapping):
-        raise InputError(f"a value of type {type(data).__name__} is nothing that a file can hold",
-                         expected="text with a unit such as '30 deg', a number, a list, or a map")  # fmt: skip
+        raise InputError(
+            f"a value of type {type(data).__name__} is nothing that a file can hold",
+            expected="text with a unit such as '30 deg', a number, a list, or a map",
+        )
     plain = {}
     for key, value in data.items():
         with within(str(key)):
@@ -381,8 +383,10 @@ def require_apart(data: Any, values: Values, others: Iterable[str]) -> None:
         steps = steps_of(path, data, place)
         for other, above in replaced:
             if steps[: len(above)] == above:
-                raise InputError(f"'{other}' is varied, and what is set there would have no effect",
-                                 expected="a path that is set or varied, not both").at(place)  # fmt: skip
+                raise InputError(
+                    f"'{other}' is varied, and what is set there would have no effect",
+                    expected="a path that is set or varied, not both",
+                ).at(place)
 
 
 def written_unit(data: Any, path: str) -> str:
@@ -398,8 +402,11 @@ def written_unit(data: Any, path: str) -> str:
 def require_unit(value: Measured, known: str, path: str) -> None:
     """Refuse a number without a unit where the number at the path that it is meant for has one."""
     if value and value.unit is None and known not in ("", "1"):
-        raise UnitError(f"'{value:g}' has no unit, and the number at '{path}' is in {known}",
-                        expected="a number with its unit", hint=f"{value:g} {known}")  # fmt: skip
+        raise UnitError(
+            f"'{value:g}' has no unit, and the number at '{path}' is in {known}",
+            expected="a number with its unit",
+            hint=f"{value:g} {known}",
+        )
 
 
 def value_at(data: Any, path: str) -> Any:
@@ -425,8 +432,10 @@ def _assignments(values: Values) -> Iterator[tuple[str, Any, Location]]:
                 raise error.at(place) from None
         return
     if isinstance(values, str) or not isinstance(values, Sequence):
-        raise InputError(f"other values are given as {str(values)[:SHOWN]!r}",
-                         expected="{'problem.time.end': '3 s'}, or ['problem.time.end=3 s']")  # fmt: skip
+        raise InputError(
+            f"other values are given as {str(values)[:SHOWN]!r}",
+            expected="{'problem.time.end': '3 s'}, or ['problem.time.end=3 s']",
+        )
     for text in values:
         name, equals, value = str(text).partition("=")
         option = Location(f"--set {text}")
@@ -444,6 +453,9 @@ def _with_unit(document: Document, path: str, value: Any, place: Location, decla
     if not text or text == "1" != written:
         return value
     if unit(text).factor != 1.0:
-        raise UnitError(f"{value!r} has no unit, and the value that it replaces is in {text}",
-                        expected="a number with its unit", hint=f"'{value!r} {text}'").at(place)  # fmt: skip
+        raise UnitError(
+            f"{value!r} has no unit, and the value that it replaces is in {text}",
+            expected="a number with its unit",
+            hint=f"'{value!r} {text}'",
+        ).at(place)
     return f"{value!r} {text}"

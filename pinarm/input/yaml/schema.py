@@ -157,8 +157,11 @@ class Measured(float):
             bound = f"at least {cls.least:g}" if cls.above is None else f"more than {cls.above:g}"
             raise InputError(f"{number:g} is out of bounds", expected=bound)
         if abs(number) > cls.within:
-            raise InputError(f"{number:g} is out of bounds", expected=f"a size of at most {cls.within:g}",
-                             hint="check the exponent and the unit")  # fmt: skip
+            raise InputError(
+                f"{number:g} is out of bounds",
+                expected=f"a size of at most {cls.within:g}",
+                hint="check the exponent and the unit",
+            )
         return measured
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -217,8 +220,10 @@ RotationStiffness = quantity("N*m/rad", least=0.0)
 RotationDamping = quantity("N*m*s/rad", least=0.0)
 GAINS = "20 N*m{0}/rad or 1500 N{0}/m; 1500 V{0}/m where the drive takes a voltage"
 Gain, IntegralGain, RateGain = (
-    quantity(examples=GAINS.format("")), quantity(examples=GAINS.format("/s")), quantity(examples=GAINS.format("*s")),
-)  # fmt: skip
+    quantity(examples=GAINS.format("")),
+    quantity(examples=GAINS.format("/s")),
+    quantity(examples=GAINS.format("*s")),
+)
 
 
 class Frequency(Measured):

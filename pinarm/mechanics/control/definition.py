@@ -33,7 +33,7 @@ Limits = tuple[AnyQuantity, AnyQuantity]
 
 Wiring = tuple[
     tuple[str, ...], tuple[Joint, ...], tuple[Signal, ...], tuple[MotionLaw, ...], Array, Array, Sampling | None
-]  # fmt: skip
+]
 """Drives, joints, signals, references, least and largest efforts, and sampling of a controller."""
 
 
@@ -79,8 +79,9 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         for key, given in (("delay", self.delay), ("resolution", self.resolution), ("rates", self.rates != "measured")):
             if given and self.period is None:
                 with within(key):
-                    raise InputError(f"a continuous controller has no {key}", expected="a sampled one",
-                                     hint="period: 1 ms")  # fmt: skip
+                    raise InputError(
+                        f"a continuous controller has no {key}", expected="a sampled one", hint="period: 1 ms"
+                    )
 
     @abstractmethod
     def bind(self, plant: Plant) -> Controller:
@@ -118,12 +119,12 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         if self.limits is None:
             return np.full(len(units), -np.inf), np.full(len(units), np.inf)
         with within("limits"):
-            given = self.limits if isinstance(self.limits, dict) else dict.fromkeys(self.drives, self.limits)
-            for name in given:
+            limits = self.limits if isinstance(self.limits, dict) else dict.fromkeys(self.drives, self.limits)
+            for name in limits:
                 if name not in self.drives:
                     expected, hint = choices(name, self.drives)
                     raise InputError(f"'{name}' is no drive of this controller", expected=expected, hint=hint)
-            pairs = [given.get(name, (-np.inf, np.inf)) for name in self.drives]
+            pairs = [limits.get(name, (-np.inf, np.inf)) for name in self.drives]
             for (low, high), measured in zip(pairs, units, strict=True):
                 check_unit(low, measured)
                 check_unit(high, measured)
@@ -166,8 +167,10 @@ class OneDriveDefinition(ControlDefinition, frozen=True, kw_only=True):
         super().check()
         if len(self.drives) > 1:
             with within("drive"):
-                raise InputError(f"this kind of controller has one drive, not {len(self.drives)}",
-                                 expected="a controller for each drive")  # fmt: skip
+                raise InputError(
+                    f"this kind of controller has one drive, not {len(self.drives)}",
+                    expected="a controller for each drive",
+                )
 
     def signals(self, plant: Plant) -> tuple[Signal, ...]:
         """Return the signal of the measured coordinate.
@@ -263,9 +266,11 @@ class References(Readable):
     def _listed(self, names: Sequence[str]) -> list[Law]:
         laws: list[Any] = self.given if isinstance(self.given, list) else [self.given]
         if len(laws) != len(names):
-            raise InputError(f"{len(laws)} law{'s are' if len(laws) != 1 else ' is'} given, for {', '.join(names)}",
-                             expected=f"{len(names)}, one for each coordinate, as a list or by their names",
-                             hint=f"{{{', '.join(f'{name}: ...' for name in names)}}}")  # fmt: skip
+            raise InputError(
+                f"{len(laws)} law{'s are' if len(laws) != 1 else ' is'} given, for {', '.join(names)}",
+                expected=f"{len(names)}, one for each coordinate, as a list or by their names",
+                hint=f"{{{', '.join(f'{name}: ...' for name in names)}}}",
+            )
         return laws
 
     def _named(self, names: Sequence[str], rest: Law | None) -> list[Law]:

@@ -45,8 +45,11 @@ class MeasuredState:
         reader = self._readers.get(name)
         if reader is None:
             if not isinstance(name, str):
-                raise InputError(f"a control function asks for state[{name!r}]", expected="the name of a quantity",
-                                 hint="state['joint.x.velocity']")  # fmt: skip
+                raise InputError(
+                    f"a control function asks for state[{name!r}]",
+                    expected="the name of a quantity",
+                    hint="state['joint.x.velocity']",
+                )
             reader = self._readers[name] = self._plant.reader(name)
         return reader(self.t, self.q, self.v)
 
@@ -99,17 +102,17 @@ def _copied_function(function: FunctionType, known: dict[int, Any]) -> FunctionT
     fresh = {id(cell): CellType() for cell in cells if id(cell) not in known}
     known.update(fresh)
     closure = tuple(known[id(cell)] for cell in cells)
-    made = FunctionType(function.__code__, function.__globals__, function.__name__, None, closure)
-    known[id(function)] = made
-    made.__defaults__, made.__kwdefaults__ = (
+    function_type = FunctionType(function.__code__, function.__globals__, function.__name__, None, closure)
+    known[id(function)] = function_type
+    function_type.__defaults__, function_type.__kwdefaults__ = (
         copied(function.__defaults__, known),
         copied(function.__kwdefaults__, known),
     )
-    made.__dict__.update(copied(function.__dict__, known))
+    function_type.__dict__.update(copied(function.__dict__, known))
     for cell in cells:
         if id(cell) in fresh and _is_filled(cell):
             known[id(cell)].cell_contents = copied(cell.cell_contents, known)
-    return made
+    return function_type
 
 
 def _is_filled(cell: CellType) -> bool:
@@ -212,8 +215,9 @@ def returned(function: ControlFunction, words: str, state: MeasuredState, count:
     except PinarmError:
         raise
     except Exception as error:
-        raise InputError(f"{words} fails {at}: {type(error).__name__}: {error}",
-                         expected="a function u(t, state)") from error  # fmt: skip
+        raise InputError(
+            f"{words} fails {at}: {type(error).__name__}: {error}", expected="a function u(t, state)"
+        ) from error
     try:
         if (given := np.asarray(effort)).dtype.kind in "USc":  # a text or a complex number is no effort
             raise TypeError
@@ -242,8 +246,11 @@ def function_controls(
         InputError: A function cannot be called, or the period is not positive.
     """
     if not isinstance(control, Mapping):
-        raise InputError(f"the control is {control!r}", expected="drives and their functions",
-                         hint="control={'knee': u}, or control={('hip', 'knee'): u}")  # fmt: skip
+        raise InputError(
+            f"the control is {control!r}",
+            expected="drives and their functions",
+            hint="control={'knee': u}, or control={('hip', 'knee'): u}",
+        )
     require_times(period, delay)
     found = []
     for name, function in control.items():
@@ -266,5 +273,7 @@ def require_times(period: float | None, delay: float) -> None:
         if not isinstance(given, int | float | np.integer | np.floating) or isinstance(given, bool):
             raise InputError(f"the {name} is {given!r}", expected="a number of seconds")
     if (period is not None and not 0.0 < period < np.inf) or not 0.0 <= delay < np.inf or (delay and period is None):
-        raise InputError(f"the period is {period} s, the delay {delay} s",
-                         expected="a positive period, and a delay of sampled functions only")  # fmt: skip
+        raise InputError(
+            f"the period is {period} s, the delay {delay} s",
+            expected="a positive period, and a delay of sampled functions only",
+        )

@@ -53,9 +53,12 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
             found = [plant.motor_inverse(name) for name in self.drives]
             motors = [motor for motor in found if motor is not None]
             if len(motors) < len(found):
-                raise InputError("the current of a motor with inductance follows its voltage late: no voltage gives an "
-                                 "effort at once", expected="a motor without inductance, or an ideal one",
-                                 hint="kind: pid, or the joint's name in place of the drive's")  # fmt: skip
+                raise InputError(
+                    "the current of a motor with inductance follows its voltage late: no voltage gives an "
+                    "effort at once",
+                    expected="a motor without inductance, or an ideal one",
+                    hint="kind: pid, or the joint's name in place of the drive's",
+                )
             inverse = plant.inverse(joints)
         gains = float(self.kp), float(self.kd)
         return ComputedTorqueController(*self.wired(plant, signals, laws), *gains, np.array(motors).T, inverse)
@@ -121,8 +124,10 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
         shape = len(joints), 2 * len(signals)
         with within("gains"):
             if len(self.gains) != shape[0] or any(len(row) != shape[1] for row in self.gains):
-                raise InputError(f"the matrix has not {shape[0]} rows of {shape[1]} gains",
-                                 expected="a row for each drive: gains of the states, then of their rates")  # fmt: skip
+                raise InputError(
+                    f"the matrix has not {shape[0]} rows of {shape[1]} gains",
+                    expected="a row for each drive: gains of the states, then of their rates",
+                )
             for k, (row, commanded) in enumerate(zip(self.gains, units, strict=True)):
                 for i, gain in enumerate(row):
                     rated = unit("1/s") if i >= len(signals) else unit("1")
@@ -183,14 +188,16 @@ class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind",
         super().check()
         if self.hysteresis < 0.0 or (self.period is None and not self.hysteresis):
             with within("hysteresis"):
-                raise InputError(f"the hysteresis is {self.hysteresis:g}: a continuous relay would switch without end",
-                                 expected="a positive one", hint="period: 1 ms for a sampled relay")  # fmt: skip
+                raise InputError(
+                    f"the hysteresis is {self.hysteresis:g}: a continuous relay would switch without end",
+                    expected="a positive one",
+                    hint="period: 1 ms for a sampled relay",
+                )
 
     def bind(self, plant: Plant) -> Controller:
         (commanded,), signals = self.units(plant), self.signals(plant)
         laws = (self.follows or References(Constant(value=0.0))).laws([self.measures or self.drives[0]], signals)
-        for key, measure in (("above", commanded), ("below", commanded),
-                             ("hysteresis", signals[0].unit)):  # fmt: skip
+        for key, measure in (("above", commanded), ("below", commanded), ("hysteresis", signals[0].unit)):
             with within(key):
                 check_unit(getattr(self, key), measure)
         numbers = float(self.above), float(self.below), float(self.hysteresis), float(self.lead)

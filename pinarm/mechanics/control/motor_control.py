@@ -125,13 +125,17 @@ class MotorController(Controller):
     def switches(self, mode: int) -> list[Switch[Given]]:
         """Return where the controller of the motors changes its way, and where an effort stops being smooth."""
         source, motors = self._mode_of_source(mode), [mode_of(mode, k) for k in range(len(self.actuators))]
-        own = [] if self.source.sampling else [
-            switch._replace(
-                value=lambda given, value=switch.value: value(self._of_limited(given)),  # type: ignore[misc]
-                mode=None if switch.mode is None else number_of(motors, switch.mode),
-            )
-            for switch in self.source.switches(source)
-        ]  # fmt: skip
+        own = (
+            []
+            if self.source.sampling
+            else [
+                switch._replace(
+                    value=lambda given, value=switch.value: value(self._of_limited(given)),  # type: ignore[misc]
+                    mode=None if switch.mode is None else number_of(motors, switch.mode),
+                )
+                for switch in self.source.switches(source)
+            ]
+        )
         for k, motor in enumerate(self.actuators):
             for switch in motor.switches(motors[k]):
                 modes = motors if switch.mode is None else [*motors[:k], switch.mode, *motors[k + 1 :]]

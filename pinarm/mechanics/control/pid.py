@@ -69,8 +69,10 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
             return abs(kp / ki) if kp and ki else np.inf
         if self.period and not float(self.tracking_time) > float(self.period) / 2:  # the integral would not settle
             with within("tracking_time"):
-                raise InputError(f"a tracking time of {float(self.tracking_time):g} s and a period of "
-                                 f"{float(self.period):g} s", expected="more than half of the period")  # fmt: skip
+                raise InputError(
+                    f"a tracking time of {float(self.tracking_time):g} s and a period of {float(self.period):g} s",
+                    expected="more than half of the period",
+                )
         return float(self.tracking_time)
 
 

@@ -76,8 +76,9 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         for key, needed in (("roller_radius", self.roller), ("normal", self.face)):
             if getattr(self, key) and not needed:
                 with within(key):
-                    raise InputError(f"{key} of no {'roller' if key == 'roller_radius' else 'face'}",
-                                     expected="the link where it is")  # fmt: skip
+                    raise InputError(
+                        f"{key} of no {'roller' if key == 'roller_radius' else 'face'}", expected="the link where it is"
+                    )
         with within("period"):
             Profile.of(self.profile, self.period).check_repeated()
 
@@ -107,8 +108,11 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         """Return the contact in the plane across the cam's axis that goes through the link named."""
         cam, follower = pair.first, pair.second
         if cam.joint.unit != RADIAN:
-            raise InputError(f"the cam's joint {cam.joint.name} slides: its contact is not known",
-                             expected="a cam that turns", hint="without roller and face")  # fmt: skip
+            raise InputError(
+                f"the cam's joint {cam.joint.name} slides: its contact is not known",
+                expected="a cam that turns",
+                hint="without roller and face",
+            )
         place = self._place(model, pair)
         contact = CamContact.through(pair, place.translation)
         p = contact.direction(place.translation - contact.origin)
@@ -129,8 +133,10 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         with within("roller" if self.roller else "face"):
             index = frame_of(model, self.roller or self.face)
             if model.frames[index].parentJoint != pair.second.body:
-                raise InputError(f"the link {self.roller or self.face} is not on the follower, which "
-                                 f"{pair.second.joint.name} moves", expected="a link of the follower")  # fmt: skip
+                raise InputError(
+                    f"the link {self.roller or self.face} is not on the follower, which {pair.second.joint.name} moves",
+                    expected="a link of the follower",
+                )
         data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
         return data.oMi[pair.carrier].actInv(data.oMf[index])
@@ -141,8 +147,10 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         with within("normal"):
             normal = place.rotation @ unit_vector(self.normal)
             if abs(normal @ plane.axis) > PARALLEL:
-                raise InputError("the normal of the face is not across the axis of the cam",
-                                 expected="a direction in the plane of the cam")  # fmt: skip
+                raise InputError(
+                    "the normal of the face is not across the axis of the cam",
+                    expected="a direction in the plane of the cam",
+                )
         return plane.direction(normal)
 
     def _facing(self, p: complex, normal: complex) -> complex:
@@ -154,9 +162,11 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         return complex(normal / abs(normal) * np.sign(distance))
 
     def _not_in_plane(self, joint: Joint, what: str) -> InputError:
-        return InputError(f"the follower's joint {joint.name} {what}: the contact is not known",
-                          expected="a follower that moves in the plane of the cam",
-                          hint="without roller and face")  # fmt: skip
+        return InputError(
+            f"the follower's joint {joint.name} {what}: the contact is not known",
+            expected="a follower that moves in the plane of the cam",
+            hint="without roller and face",
+        )
 
 
 def _require_smooth(profile: MotionLaw, cam: Joint) -> None:
@@ -167,8 +177,10 @@ def _require_smooth(profile: MotionLaw, cam: Joint) -> None:
     """
     profile.require_continuous(cam.unit)
     for w in profile.slope_jumps():
-        raise InputError(f"the slope of the profile jumps at {w:.6g} {cam.unit}: the follower would be hit",
-                         expected="a profile whose slope is continuous, such as cycloidal or polynomial")  # fmt: skip
+        raise InputError(
+            f"the slope of the profile jumps at {w:.6g} {cam.unit}: the follower would be hit",
+            expected="a profile whose slope is continuous, such as cycloidal or polynomial",
+        )
 
 
 class CamCoupling(AbstractRecord, JointRelation, frozen=True):
@@ -379,8 +391,10 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
             return f"its forces on bodies are not known: {self.missing}"
         touch = self.outline
         steepest = np.rad2deg(np.abs(touch.pressure_angle).max())
-        words = (f"{self.contact.follower.words}, cam of radius {1e3 * np.abs(touch.point).min():.6g} to "
-                 f"{1e3 * np.abs(touch.point).max():.6g} mm, pressure angle up to {steepest:.4g} deg")  # fmt: skip
+        words = (
+            f"{self.contact.follower.words}, cam of radius {1e3 * np.abs(touch.point).min():.6g} to "
+            f"{1e3 * np.abs(touch.point).max():.6g} mm, pressure angle up to {steepest:.4g} deg"
+        )
         return words + (", pushes only" if self.one_sided else "")
 
 

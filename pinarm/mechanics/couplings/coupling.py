@@ -247,9 +247,8 @@ def mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) 
 
 
 def coupled(
-    model: pin.Model, joints: Mapping[str, Joint], name: str, kind: str, weights: Mapping[Joint, float],
-    constant: float,
-) -> Coupling:  # fmt: skip
+    model: pin.Model, joints: Mapping[str, Joint], name: str, kind: str, weights: Mapping[Joint, float], constant: float
+) -> Coupling:
     """Return the coupling ``sum_i w_i q_i = constant``; the first joint gives the unit.
 
     Raises:

@@ -73,8 +73,11 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
             raise InputError("a belt couples two wheels", expected="two revolute joints")
         pair = member_pair(model, joints, (first, second))
         if np.linalg.norm(np.cross(pair.first.axis, pair.second.axis)) > PARALLEL:
-            raise InputError(f"the axes of {first.name} and {second.name} are not parallel",
-                             expected="a belt between parallel axes", hint="kind: gear, with a ratio")  # fmt: skip
+            raise InputError(
+                f"the axes of {first.name} and {second.name} are not parallel",
+                expected="a belt between parallel axes",
+                hint="kind: gear, with a ratio",
+            )
         weights = pair.weights(self._ratio(pair))
         found = coupled(model, joints, name, "belt", weights, float(self.offset))
         if self.pretension is None:
@@ -98,8 +101,10 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         one, two = (x.point + a * (height - a @ x.point) for x in (pair.first, pair.second))
         distance = float(np.linalg.norm(two - one))
         if distance <= abs(r1 - r2):
-            raise InputError(f"the axes are {distance:g} m apart: wheels of these radii leave no place for a belt",
-                             expected=f"axes more than {abs(r1 - r2):g} m apart")  # fmt: skip
+            raise InputError(
+                f"the axes are {distance:g} m apart: wheels of these radii leave no place for a belt",
+                expected=f"axes more than {abs(r1 - r2):g} m apart",
+            )
         along = (two - one) / distance
         cosine = (r1 - r2) / distance
         sine = np.sqrt(1.0 - cosine * cosine)
@@ -159,9 +164,11 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
             raise InputError(f"the ratio of a gear cannot be {self.ratio:g}", expected="a finite number other than 0")
         check_teeth(self.pressure_angle, self.helix_angle, self.plane)
         if self.planets is not None and self.pressure_angle is not None:
-            raise InputError("a gear has one pair of wheels in mesh, or planets between two",
-                             expected="pressure_angle or planets", hint="planets as links, with gears of their own",
-                             )  # fmt: skip
+            raise InputError(
+                "a gear has one pair of wheels in mesh, or planets between two",
+                expected="pressure_angle or planets",
+                hint="planets as links, with gears of their own",
+            )
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
         """Return the coupling for a model.
@@ -190,11 +197,15 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
     def _pair(self, joints: Mapping[str, Joint], model: pin.Model, pair: tuple[Joint, Joint]) -> MemberPair:
         carrier = joint_of(joints, self.carrier) if self.carrier else None
         if carrier in pair:
-            raise InputError(f"{self.carrier} is the carrier and a wheel", expected="the two wheels, and their carrier",
-                             hint="leave carrier out, where one joint moves what the other one is on")  # fmt: skip
+            raise InputError(
+                f"{self.carrier} is the carrier and a wheel",
+                expected="the two wheels, and their carrier",
+                hint="leave carrier out, where one joint moves what the other one is on",
+            )
         if pair[0].unit != RADIAN:
-            raise InputError("a gear between joints that slide has no carrier, teeth or planets",
-                             expected="revolute joints")  # fmt: skip
+            raise InputError(
+                "a gear between joints that slide has no carrier, teeth or planets", expected="revolute joints"
+            )
         return member_pair(model, joints, pair, carrier)
 
     def _transmission(self, model: pin.Model, pair: MemberPair) -> Transmission | None:
@@ -256,14 +267,15 @@ def _moments(pair: MemberPair, inner_ratio: float, planets: int) -> Transmission
     a, b = pair.first.axis, pair.second.axis
     apart = np.cross(a, pair.second.point - pair.first.point)
     if np.linalg.norm(np.cross(a, b)) > PARALLEL or np.linalg.norm(apart) > PARALLEL:
-        raise InputError(f"{pair.first.joint.name} and {pair.second.joint.name} turn about different axes",
-                         expected="planets between wheels on one axis", hint="pressure_angle: 20 deg")  # fmt: skip
+        raise InputError(
+            f"{pair.first.joint.name} and {pair.second.joint.name} turn about different axes",
+            expected="planets between wheels on one axis",
+            hint="pressure_angle: 20 deg",
+        )
     on_second, on_first = pair.sense * b, -pair.sense * inner_ratio * a
     wrench, back = (np.concatenate([np.zeros(3), moment]) for moment in (on_second, on_first))
     words = f"moments only, shared by {planets} evenly spaced planets"
-    return Transmission(
-        pair.carrier, pair.first.body, pair.second.body, pair.second.point, wrench, words, back=back
-    )  # fmt: skip
+    return Transmission(pair.carrier, pair.first.body, pair.second.body, pair.second.point, wrench, words, back=back)
 
 
 class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
@@ -362,8 +374,11 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
         weights = {joint_of(joints, joint): float(weight) for joint, weight in self.weights.items()}
         first = next(iter(weights))
         if any(joint.unit != first.unit for joint in weights):
-            raise InputError("a sum of joint coordinates cannot mix angles and lengths", expected="joints of one kind",
-                             hint="kind: screw or rack")  # fmt: skip
+            raise InputError(
+                "a sum of joint coordinates cannot mix angles and lengths",
+                expected="joints of one kind",
+                hint="kind: screw or rack",
+            )
         if isinstance(self.value, Measured):
             self.value.check(first.unit)
         found = coupled(model, joints, name, "sum", weights, float(self.value))

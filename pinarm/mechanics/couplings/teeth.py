@@ -71,11 +71,11 @@ class MemberPair(Record, frozen=True):
 
     def weights(self, inner_ratio: float) -> dict[Joint, float]:
         """Return the weights of ``s2 - inner_ratio s1``, that of the second joint being 1."""
-        found = dict.fromkeys([self.second.joint, self.first.joint], 0.0)
+        fromkeys = dict.fromkeys([self.second.joint, self.first.joint], 0.0)
         for share, member in ((self.sense, self.second), (-self.sense * inner_ratio, self.first)):
             for joint, rate in member.rates.items():
-                found[joint] = found.get(joint, 0.0) + share * rate
-        return found
+                fromkeys[joint] = fromkeys.get(joint, 0.0) + share * rate
+        return fromkeys
 
 
 def member_pair(
@@ -139,8 +139,9 @@ class _AxesAtNeutral:
                 between = self.model.names[index]
                 raise InputError(
                     f"the member at {joint.name} does not move about one axis in its carrier: {between} lies between",
-                    expected="joints about, or along, the same axis only", hint="another carrier",
-                )  # fmt: skip
+                    expected="joints about, or along, the same axis only",
+                    hint="another carrier",
+                )
             rates[step] = way * float(np.sign(axis @ self.axis(step)))
         if joint not in rates:
             raise InputError(f"{joint.name} does not move a member in the carrier", expected="another carrier")
@@ -181,8 +182,10 @@ def check_teeth(pressure_angle: float | None, helix_angle: float, plane: str) ->
     for key, angle, least in angles:
         if not least <= angle < np.pi / 2 or angle == -np.pi / 2:
             with within(key):
-                raise InputError(f"teeth have no {key} of {np.rad2deg(angle):g} deg",
-                                 expected=f"an angle between {np.rad2deg(least):g} and 90 deg")  # fmt: skip
+                raise InputError(
+                    f"teeth have no {key} of {np.rad2deg(angle):g} deg",
+                    expected=f"an angle between {np.rad2deg(least):g} and 90 deg",
+                )
 
 
 class PitchPoint(Record, frozen=True):
@@ -253,18 +256,22 @@ def _cylindrical(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: 
     if distance <= IN_LINE:
         raise InputError(
             f"the axes of {first.joint.name} and {second.joint.name} coincide: wheels on one axis do not mesh",
-            expected="parallel axes at a distance", hint="planets: 3, for evenly spaced planets between them",
-        )  # fmt: skip
+            expected="parallel axes at a distance",
+            hint="planets: 3, for evenly spaced planets between them",
+        )
     if abs(1.0 - ratio) <= IN_LINE:
-        raise InputError(f"{first.joint.name} and {second.joint.name} turn alike: such wheels do not mesh",
-                         expected="another ratio, or a carrier", hint="kind: belt")  # fmt: skip
+        raise InputError(
+            f"{first.joint.name} and {second.joint.name} turn alike: such wheels do not mesh",
+            expected="another ratio, or a carrier",
+            hint="kind: belt",
+        )
     height = plane_of(model, pair, teeth.plane)
     axial = first.point + a * (height - a @ first.point)
     at = axial - apart * ratio / (1.0 - ratio)
-    found = _pitch_point(pair, at, a)
+    pitch_point = _pitch_point(pair, at, a)
     kind = "external" if ratio < 0.0 else "internal"
-    words = f"{kind} teeth, pitch radii {1e3 * found.radii[0]:.6g} mm and {1e3 * found.radii[1]:.6g} mm"
-    return found.contact(pair, teeth, ("radial", "axial"), words)
+    words = f"{kind} teeth, pitch radii {1e3 * pitch_point.radii[0]:.6g} mm and {1e3 * pitch_point.radii[1]:.6g} mm"
+    return pitch_point.contact(pair, teeth, ("radial", "axial"), words)
 
 
 def _bevel(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
@@ -273,8 +280,11 @@ def _bevel(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth)
     a, b, names = first.axis, second.axis, f"{first.joint.name} and {second.joint.name}"
     across, apart = np.cross(a, b), second.point - first.point
     if abs(across @ apart) > IN_LINE * np.linalg.norm(across) * max(1.0, float(np.linalg.norm(apart))):
-        raise InputError(f"the axes of {names} are skew: the forces of their teeth are not known",
-                         expected="parallel axes, or axes that meet", hint="leave pressure_angle out")  # fmt: skip
+        raise InputError(
+            f"the axes of {names} are skew: the forces of their teeth are not known",
+            expected="parallel axes, or axes that meet",
+            hint="leave pressure_angle out",
+        )
     if teeth.helix_angle:
         raise InputError(f"the axes of {names} meet: bevel wheels are straight here", expected="no helix_angle")
     apex = first.point + a * float(np.cross(apart, b) @ across / (across @ across))
@@ -305,9 +315,12 @@ def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
     sizes = [float(np.linalg.norm(radius)) for radius in radii]
     if min(sizes) <= IN_LINE * max(sizes):
         member = members[int(np.argmin(sizes))]
-        raise InputError(f"the teeth would have a radius of {min(sizes):.3g} m about {member.joint.name}, "
-                         f"and of {max(sizes):.3g} m about the other axis",
-                         expected="a ratio that wheels can have", hint="leave pressure_angle out")  # fmt: skip
+        raise InputError(
+            f"the teeth would have a radius of {min(sizes):.3g} m about {member.joint.name}, "
+            f"and of {max(sizes):.3g} m about the other axis",
+            expected="a ratio that wheels can have",
+            hint="leave pressure_angle out",
+        )
     way = np.cross(pair.first.axis, radii[0])
     way /= np.linalg.norm(way)
     normal = np.cross(way, line)
@@ -326,8 +339,11 @@ def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Tee
     """
     pinion, a, slide = pair.first, pair.first.axis, pair.second.axis
     if abs(a @ slide) > PARALLEL:
-        raise InputError(f"{pair.second.joint.name} does not slide across the axis of {pinion.joint.name}",
-                         expected="a rack that slides across the axis of its pinion", hint="kind: screw")  # fmt: skip
+        raise InputError(
+            f"{pair.second.joint.name} does not slide across the axis of {pinion.joint.name}",
+            expected="a rack that slides across the axis of its pinion",
+            hint="kind: screw",
+        )
     height = plane_of(model, pair, teeth.plane)
     lever = radius * np.cross(slide, a)
     at = pinion.point + a * (height - a @ pinion.point) + lever
@@ -368,8 +384,10 @@ def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: s
         index = frame_of(model, link)
         bodies = {pair.carrier, *(one.body for one in (pair.first, pair.second) if _turns(one))}
         if model.frames[index].parentJoint not in bodies:
-            raise InputError(f"the link {link} belongs neither to a wheel nor to what carries the wheels",
-                             expected="a link fixed to one of them")  # fmt: skip
+            raise InputError(
+                f"the link {link} belongs neither to a wheel nor to what carries the wheels",
+                expected="a link fixed to one of them",
+            )
     data = new_data(model)
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     return np.asarray(data.oMi[pair.carrier].actInv(data.oMf[index].translation))

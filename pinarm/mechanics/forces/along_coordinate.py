@@ -277,7 +277,7 @@ class ElasticCable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
 
 def elastic_gear(
     model: pin.Model, deflection: LinearCoordinate, elasticity: Elasticity, backlash: float
-) -> ForceElement:  # fmt: skip
+) -> ForceElement:
     """Return the spring and damper of an elastic gear, or its flanks.
 
     Args:

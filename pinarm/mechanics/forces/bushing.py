@@ -400,8 +400,10 @@ class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
         first, second = frames_of(model, self.between)
         if model.frames[first].parentJoint == model.frames[second].parentJoint:
             with within("between"):
-                raise InputError(f"{' and '.join(self.between)} are on one body: nothing moves between them",
-                                 expected="links with a joint between them")  # fmt: skip
+                raise InputError(
+                    f"{' and '.join(self.between)} are on one body: nothing moves between them",
+                    expected="links with a joint between them",
+                )
         stiffness, damping = _matrix(self.stiffness, DIMENSIONLESS), _matrix(self.damping, unit("s"))
         return LinearBushing(model, (first, second), stiffness, damping, new_data(model))
 
@@ -449,4 +451,4 @@ def _require_no_source(matrix: Array) -> None:
                 expected="a matrix without negative eigenvalues: of two directions, an entry whose square is at most "
                 "the product of their own",
                 hint="all digits of a computed matrix",
-            )  # fmt: skip
+            )

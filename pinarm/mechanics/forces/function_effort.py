@@ -35,8 +35,10 @@ class FunctionEffort(AlongCoordinate, frozen=True):
 
     def efforts(self, t: Array | float, q: Array, v: Array) -> Array:
         if np.iscomplexobj(q) or np.iscomplexobj(v):
-            raise InputError(f"{self.words} has no exact derivatives, which this question needs",
-                             expected="a load by a law, or a spring and damper")  # fmt: skip
+            raise InputError(
+                f"{self.words} has no exact derivatives, which this question needs",
+                expected="a load by a law, or a spring and damper",
+            )
         states = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
         instants = np.broadcast_to(np.asarray(t, float), len(states[0])).tolist()
         found = [self._at(*state) for state in zip(instants, *states, strict=True)]
@@ -88,9 +90,12 @@ def function_forces(forces: Mapping[str, tuple[str, ControlFunction]]) -> list[F
         InputError: Something else is given.
     """
     found = []
-    for name, given in forces.items():
-        if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], str) and callable(given[1])):
-            raise InputError(f"the force '{name}' is {given!r}", expected="a coordinate and a function f(t, state)",
-                             hint="forces={'brake': ('knee', f)}")  # fmt: skip
-        found.append(FunctionForce(name, *given))
+    for name, force in forces.items():
+        if not (isinstance(force, tuple) and len(force) == 2 and isinstance(force[0], str) and callable(force[1])):
+            raise InputError(
+                f"the force '{name}' is {force!r}",
+                expected="a coordinate and a function f(t, state)",
+                hint="forces={'brake': ('knee', f)}",
+            )
+        found.append(FunctionForce(name, *force))
     return found

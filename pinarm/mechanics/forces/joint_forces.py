@@ -46,8 +46,9 @@ class JointSpring(InputStruct, frozen=True, tag_field="kind", tag="joint_spring"
         effort = effort_unit(joint)
         _check(self, stiffness=effort / joint.unit, rest=joint.unit, damping=effort / joint.unit * unit("s"))
         one = np.array([1.0])
-        return SpringDamper(np.array([joint.q]), np.array([joint.v]), self.stiffness * one, self.damping * one,
-                            self.rest * one)  # fmt: skip
+        return SpringDamper(
+            np.array([joint.q]), np.array([joint.v]), self.stiffness * one, self.damping * one, self.rest * one
+        )
 
 
 class SpringDamper(AbstractRecord, ForceElement, frozen=True):
@@ -85,7 +86,10 @@ class SpringDamper(AbstractRecord, ForceElement, frozen=True):
     @classmethod
     def together(cls, elements: Sequence[SpringDamper]) -> SpringDamper:
         """Return the element whose energy and power are the sums of theirs; a joint may stand in it several times."""
-        parts = zip(*((each.q, each.v, each.stiffness, each.damping, each.rest) for each in elements), strict=True)
+        parts = zip(
+            *((element.q, element.v, element.stiffness, element.damping, element.rest) for element in elements),
+            strict=True,
+        )
         return cls(*map(np.concatenate, parts))
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:

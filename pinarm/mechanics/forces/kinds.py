@@ -60,6 +60,8 @@ def _refuse_coordinate(force: JointSpring | JointEffort, coordinates: Mapping[st
     kind = (CoordinateSpring if isinstance(force, JointSpring) else CoordinateEffort).__struct_config__.tag
     what = "a coordinate" if along[0] == force.joint else "a joint that closes a loop"
     with within("joint"):
-        raise InputError(f"'{force.joint}' is {what}, no joint of the model",
-                         expected=f"a force along {' or '.join(along)}",
-                         hint=f"kind: {kind}, coordinate: {along[0]}")  # fmt: skip
+        raise InputError(
+            f"'{force.joint}' is {what}, no joint of the model",
+            expected=f"a force along {' or '.join(along)}",
+            hint=f"kind: {kind}, coordinate: {along[0]}",
+        )

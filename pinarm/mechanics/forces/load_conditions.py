@@ -174,9 +174,7 @@ def _law_of(along: MeasuredCoordinate | None, laws: Mapping[int, MotionLaw]) -> 
     return None if joint is None else laws.get(joint)
 
 
-class LoadKeys(
-    InputStruct, frozen=True, kw_only=True, rename={"while_": "while", "start": "from", "end": "until"}
-):  # fmt: skip
+class LoadKeys(InputStruct, frozen=True, kw_only=True, rename={"while_": "while", "start": "from", "end": "until"}):
     """The keys that loads with a law share.
 
     Attributes:

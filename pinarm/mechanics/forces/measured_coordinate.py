@@ -35,9 +35,7 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
 
     def edge(self, value: Callable[[Array, Array], Array], counts: Callable[[Array], Flags] | None = None) -> Edge:
         """Return an edge at zeros of a function of w and its rate, which count where another one of w says so."""
-        return Edge(
-            lambda t, q, v: value(*self.moving(q, v)[:2]), counts and (lambda t, q, v: counts(self.values(q)))
-        )  # fmt: skip
+        return Edge(lambda t, q, v: value(*self.moving(q, v)[:2]), counts and (lambda t, q, v: counts(self.values(q))))
 
     def values(self, q: Array) -> Array:
         """Return w, shape (...)."""

@@ -116,9 +116,12 @@ def belt_friction(coupling: Coupling, law: FrictionLaw) -> FrictionContact:
         return 2.0 * known.pretension * float(np.tanh(0.5 * mu * known.wrap))
 
     pull = replace(
-        law, mu=0.0, static_mu=0.0, constant=law.constant + grip(law.mu),
+        law,
+        mu=0.0,
+        static_mu=0.0,
+        constant=law.constant + grip(law.mu),
         static_constant=law.static_constant + grip(law.static_mu),
-    )  # fmt: skip
+    )
     radius, wheels = 1.0 / abs(known.difference), coupling.coordinate
     slip = CoupledSlip(wheels.unit, radius * wheels.weights, wheels.places, known.scaled(radius))
     return FrictionContact(f"coupling.{coupling.name}", unit("N"), pull, Bearing.none(), slip, coupling)
@@ -165,14 +168,17 @@ def cam_friction(cam: CamCoupling, pin: float, law: FrictionLaw, *, shared: bool
         InputError: The contact is not known, or the pin does not fit the follower.
     """
     if cam.contact is None:
-        raise InputError(f"where the cam '{cam.name}' touches its follower is not known",
-                         expected="a cam with its roller or face")  # fmt: skip
+        raise InputError(
+            f"where the cam '{cam.name}' touches its follower is not known", expected="a cam with its roller or face"
+        )
     surface, part = cam.contact.follower, 1.0
     if surface.radius:
         if not 0.0 < pin < surface.radius:
             with within("radius"):
-                raise InputError(f"friction of the roller of '{cam.name}' needs the radius of its pin",
-                                 expected=f"a radius below that of the roller, {surface.radius:g} m")  # fmt: skip
+                raise InputError(
+                    f"friction of the roller of '{cam.name}' needs the radius of its pin",
+                    expected=f"a radius below that of the roller, {surface.radius:g} m",
+                )
         part = pin / surface.radius
     elif pin:
         with within("radius"):

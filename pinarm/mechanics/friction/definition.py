@@ -106,12 +106,15 @@ class Friction(InputStruct, frozen=True):
     def check(self) -> None:
         """Refuse friction that is less at rest than in slip, and a preload that pulls."""
         for key, rest, slip in (
-            ("static_mu", self.static_mu, self.mu), ("static_constant", self.static_constant, self.constant),
-        ):  # fmt: skip
+            ("static_mu", self.static_mu, self.mu),
+            ("static_constant", self.static_constant, self.constant),
+        ):
             if rest is not None and rest < slip:
                 with within(key):
-                    raise InputError(f"friction at rest, {rest:g}, is below that of slip, {slip:g}",
-                                     expected="at least as much at rest")  # fmt: skip
+                    raise InputError(
+                        f"friction at rest, {rest:g}, is below that of slip, {slip:g}",
+                        expected="at least as much at rest",
+                    )
         for key, angle in (("flank", self.flank), ("lead_angle", self.lead_angle)):
             if angle is not None and not 0.0 <= angle < 0.5 * np.pi:
                 with within(key):
@@ -147,15 +150,13 @@ class Friction(InputStruct, frozen=True):
 
     def _of_joint(
         self, model: pin.Model, name: str, index: int, v: int, measured: Unit, bearing: Bearing, part: str = ""
-    ) -> FrictionContact:  # fmt: skip
+    ) -> FrictionContact:
         """Return the friction of a joint of the tree along one of its velocities, in the axes of the child."""
         weights = np.zeros(model.nv)
         weights[v] = 1.0
         slip = LinearCoordinate(measured, weights, np.full(model.nv, model.joints[index].idx_q, dtype=np.intp))
         law = self._law(measured)
-        return FrictionContact(
-            f"joint.{name}", _effort(measured), law, bearing, slip, index, self._shared, part
-        )  # fmt: skip
+        return FrictionContact(f"joint.{name}", _effort(measured), law, bearing, slip, index, self._shared, part)
 
     def _socket(self, name: str) -> Bearing:
         """Return the bearing of a ball joint."""
@@ -258,9 +259,7 @@ class Friction(InputStruct, frozen=True):
         self._check_sizes("a screw")
         thread = ThreadGeometry(self._thread_radius(loop.name), pitch, float(self.flank))
         turning, sliding = thread.along
-        return self._components(
-            loop, {"": (sliding * axis, turning * axis)}, METRE, Bearing.thread(axis, thread.lever)
-        )  # fmt: skip
+        return self._components(loop, {"": (sliding * axis, turning * axis)}, METRE, Bearing.thread(axis, thread.lever))
 
     def _surface(self, loop: LoopJoint) -> float:
         """Return the radius at which a cylindrical joint slips."""
@@ -322,8 +321,10 @@ def _coupled(weights: Array, name: str) -> tuple[int, int]:
     coupled = np.flatnonzero(weights)
     second = [v for v in coupled.tolist() if weights[v] == 1.0]
     if len(coupled) != 2 or len(second) != 1:
-        raise InputError(f"the joints of '{name}' do not tell which is the thread and which the nut",
-                         expected="two joints, and a ratio other than -1")  # fmt: skip
+        raise InputError(
+            f"the joints of '{name}' do not tell which is the thread and which the nut",
+            expected="two joints, and a ratio other than -1",
+        )
     return int(coupled[coupled != second[0]][0]), second[0]
 
 

@@ -101,11 +101,13 @@ class ToothMesh(Record, frozen=True):
                 f"teeth with a pressure angle of {np.rad2deg(self.surfaces.pressure_angle):g} deg are pointed below "
                 "their addendum of one module",
                 expected=f"a pressure_angle below {np.rad2deg(POINTED):.3g} deg",
-            )  # fmt: skip
+            )
         other = self.teeth * self.surfaces.radii[1] / self.surfaces.radii[0]
         if np.isfinite(other) and abs(other - round(other)) > ALIGNED * other:
-            raise InputError(f"a wheel with {self.teeth} teeth would mesh with one of {other:.6g}",
-                             expected="numbers of teeth that have the ratio of the gear")  # fmt: skip
+            raise InputError(
+                f"a wheel with {self.teeth} teeth would mesh with one of {other:.6g}",
+                expected="numbers of teeth that have the ratio of the gear",
+            )
         e1, e2 = self.contact_ratios
         foot1, foot2 = (np.sin(self.pressure_angle) / k if k > 0.0 else np.inf for k in self.surfaces.curvatures)
         if e1 + e2 < 1.0 or e2 * self.base_pitch > foot1 or e1 * self.base_pitch > foot2:
@@ -113,8 +115,9 @@ class ToothMesh(Record, frozen=True):
             raise InputError(
                 f"with addenda of one module wheels with {self.teeth} and {mates} interfere, or are not "
                 f"always in contact: contact ratios {e1:.3g} and {e2:.3g}",
-                expected="wheels that mesh without correction", hint="more teeth",
-            )  # fmt: skip
+                expected="wheels that mesh without correction",
+                hint="more teeth",
+            )
 
 
 def _integral(begins: Array, ends: Array) -> float:

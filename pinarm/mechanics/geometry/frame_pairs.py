@@ -138,9 +138,13 @@ class FramePairs(Record, frozen=True):
         ]
         senses = np.repeat(np.where(np.arange(len(joints)) < len(paths[0].up), -1.0, 1.0), counts)
         return cls(
-            LinkTree.of(model), first, second, np.array(velocities, dtype=np.intp).reshape(len(pairs), -1).T,
-            np.cumsum(counts) - counts, senses,
-        )  # fmt: skip
+            LinkTree.of(model),
+            first,
+            second,
+            np.array(velocities, dtype=np.intp).reshape(len(pairs), -1).T,
+            np.cumsum(counts) - counts,
+            senses,
+        )
 
     @classmethod
     def between(cls, model: Model, first: int, second: int) -> FramePairs:
@@ -244,14 +248,18 @@ class RelativeMotion(Record, frozen=True):
             Each of shape (3, L, ..).
         """
         own = v[self.pairs.velocities]
-        along, about = (np.add.reduceat(part * own, self.pairs.starts, axis=1) if len(own) else part
-                        for part in (self.linear, self.angular))  # fmt: skip
+        along, about = (
+            np.add.reduceat(part * own, self.pairs.starts, axis=1) if len(own) else part
+            for part in (self.linear, self.angular)
+        )
         beyond = np.cumsum(about, axis=1)
         before = beyond - about
         return (
-            along.sum(axis=1), about.sum(axis=1),
-            cross(before + beyond, along).sum(axis=1), cross(before, about).sum(axis=1),
-        )  # fmt: skip
+            along.sum(axis=1),
+            about.sum(axis=1),
+            cross(before + beyond, along).sum(axis=1),
+            cross(before, about).sum(axis=1),
+        )
 
 
 def power(directions: Array, motions: Array) -> Array:

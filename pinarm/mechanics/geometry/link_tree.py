@@ -294,10 +294,14 @@ def _single(model: Model, links: list[int], subspace: Array) -> SingleJoints:
     across = np.eye(3) - along - still
     crossing = crossed(axes[:, None], np.eye(3)).swapaxes(1, 2)
     return SingleJoints(
-        np.array(links, dtype=np.intp), np.array([joint.idx_q for joint in joints], dtype=np.intp),
-        turns @ (along + still), turns @ across, turns @ crossing,
-        shifts[..., links, :], np.matvec(turns, columns[:, :3]),
-    )  # fmt: skip
+        np.array(links, dtype=np.intp),
+        np.array([joint.idx_q for joint in joints], dtype=np.intp),
+        turns @ (along + still),
+        turns @ across,
+        turns @ crossing,
+        shifts[..., links, :],
+        np.matvec(turns, columns[:, :3]),
+    )
 
 
 def _balls(model: Model, links: list[int]) -> BallJoints:
@@ -307,6 +311,10 @@ def _balls(model: Model, links: list[int]) -> BallJoints:
     last = np.array([joint.idx_q + joint.nq - 4 for joint in joints], dtype=np.intp)
     first = np.array([joints[place].idx_q for place in floating], dtype=np.intp)
     return BallJoints(
-        np.array(links, dtype=np.intp), last[:, None] + np.arange(4), turns[..., links, :, :], shifts[..., links, :],
-        np.array(floating, dtype=np.intp), first[:, None] + np.arange(3),
-    )  # fmt: skip
+        np.array(links, dtype=np.intp),
+        last[:, None] + np.arange(4),
+        turns[..., links, :, :],
+        shifts[..., links, :],
+        np.array(floating, dtype=np.intp),
+        first[:, None] + np.arange(3),
+    )

@@ -136,9 +136,12 @@ class ModelVariants(Record, frozen=True):
     def some(self, places: Indices) -> ModelVariants:
         """Return some of the variants, in their order."""
         return replace(
-            self, frames=[frame.some(places) for frame in self.frames], parameters=self.parameters[places],
-            turns=self.turns[places], shifts=self.shifts[places],
-        )  # fmt: skip
+            self,
+            frames=[frame.some(places) for frame in self.frames],
+            parameters=self.parameters[places],
+            turns=self.turns[places],
+            shifts=self.shifts[places],
+        )
 
     def tree(self, place: int) -> pin.Model:
         """Return Pinocchio's model of one of the variants, its joints and bodies; its frames are those of the first."""
@@ -178,9 +181,10 @@ def bodies_of(model: Model) -> tuple[Array, Array, Array]:
     if not isinstance(model, ModelVariants):
         bodies = model.inertias.tolist()
         return (
-            np.array([body.mass for body in bodies]), np.array([body.lever for body in bodies]),
+            np.array([body.mass for body in bodies]),
+            np.array([body.lever for body in bodies]),
             np.array([body.matrix() for body in bodies]),
-        )  # fmt: skip
+        )
     masses, levers, inertias = (np.repeat(x[None], len(model), axis=0) for x in bodies_of(model.first))
     places, given = list(model.bodies), model.parameters
     masses[:, places] = given[..., 0]
@@ -195,9 +199,13 @@ def spatial_inertias(parameters: Array) -> Array:
     xx, xy, yy, xz, yz, zz = np.moveaxis(parameters[..., 4:], -1, 0)
     o = np.zeros_like(m)
     rows = [
-        [m, o, o, o, z, -y], [o, m, o, -z, o, x], [o, o, m, y, -x, o],
-        [o, -z, y, xx, xy, xz], [z, o, -x, xy, yy, yz], [-y, x, o, xz, yz, zz],
-    ]  # fmt: skip
+        [m, o, o, o, z, -y],
+        [o, m, o, -z, o, x],
+        [o, o, m, y, -x, o],
+        [o, -z, y, xx, xy, xz],
+        [z, o, -x, xy, yy, yz],
+        [-y, x, o, xz, yz, zz],
+    ]
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 

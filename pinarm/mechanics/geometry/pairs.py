@@ -351,9 +351,10 @@ class RollPitchYawRow(RotationRow, frozen=True):
         (sine, cosine), (slope, secant) = self._functions(axes)
         nothing = np.zeros_like(sine)
         weights = (
-            (nothing + 1.0, slope * sine, slope * cosine), (nothing, cosine, -sine),
+            (nothing + 1.0, slope * sine, slope * cosine),
+            (nothing, cosine, -sine),
             (nothing, secant * sine, secant * cosine),
-        )[self.component]  # fmt: skip
+        )[self.component]
         turned = np.asarray(combined(axes, weights))[None]
         return np.zeros_like(turned), turned
 

@@ -92,8 +92,10 @@ class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=F
 
     def check(self) -> None:
         if (self.pulsation is None) == (self.frequency is None):
-            raise InputError("an oscillation is as fast as its pulsation or its frequency says",
-                             expected="one of both, such as pulsation: 2 rad/s, or frequency: 2 Hz")  # fmt: skip
+            raise InputError(
+                "an oscillation is as fast as its pulsation or its frequency says",
+                expected="one of both, such as pulsation: 2 rad/s, or frequency: 2 Hz",
+            )
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         super().check_units(of, along)
@@ -252,8 +254,11 @@ class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE
                 function = polynomial(t, s, v, a / 2, j / 6)
                 moving.append(Piece(t, t + duration, function))
                 t += duration
-                state = (s + v * duration + a * duration**2 / 2 + j * duration**3 / 6,
-                         v + a * duration + j * duration**2 / 2, a + j * duration)  # fmt: skip
+                state = (
+                    s + v * duration + a * duration**2 / 2 + j * duration**3 / 6,
+                    v + a * duration + j * duration**2 / 2,
+                    a + j * duration,
+                )
         return _rest_move_rest(self.begin, t, self.start, self.end, *moving)
 
     def _durations(self, distance: float) -> tuple[float, float, float]:

@@ -202,8 +202,9 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
             with within("file"):
                 raise InputError(
                     f"the table {Path(self.file).name} has values of '{meant[0]}', another coordinate than '{name}'",
-                    expected=f"a heading such as {name}", hint=f"column: {heading}, if it is meant",
-                )  # fmt: skip
+                    expected=f"a heading such as {name}",
+                    hint=f"column: {heading}, if it is meant",
+                )
 
     def require_continuous(self, along: Unit = SECOND) -> None:
         """Refuse straight lines as a motion; see ``MotionLaw.require_continuous``."""
@@ -298,8 +299,10 @@ def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> l
     with np.errstate(over="ignore", invalid="ignore"):
         spline = ClampedSpline.through(times, values, speeds)
     if not np.isfinite(spline.coefficients).all():
-        raise InputError("the values change by more than 1e308 in a unit of what they are given over",
-                         expected="smaller values, or points further apart")  # fmt: skip
+        raise InputError(
+            "the values change by more than 1e308 in a unit of what they are given over",
+            expected="smaller values, or points further apart",
+        )
     first, last = float(times[0]), float(times[-1])
     return [
         Piece(-math.inf, first, polynomial(first, float(values[0]), float(speeds[0]))),
@@ -327,8 +330,10 @@ def refuse_corners(first: float, along: Unit) -> None:
     Raises:
         InputError: Always; it names the first point.
     """
-    raise InputError(f"the speed jumps at the points, the first at {first:.6g} {along}: no body can follow",
-                     expected="spline, or speed_points; straight lines are for loads")  # fmt: skip
+    raise InputError(
+        f"the speed jumps at the points, the first at {first:.6g} {along}: no body can follow",
+        expected="spline, or speed_points; straight lines are for loads",
+    )
 
 
 def check_points(points: Sequence[tuple[float, float]], along: Unit, of: Unit) -> None:
@@ -352,5 +357,7 @@ def check_ascending(times: Sequence[float], least: int, *, jumps: bool = False) 
         raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")
     for row, (before, after) in enumerate(pairwise(times)):
         if not (after > before or (jumps and after == before)):
-            raise InputError(f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})",
-                             expected="each further on than the one before")  # fmt: skip
+            raise InputError(
+                f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})",
+                expected="each further on than the one before",
+            )

@@ -131,7 +131,7 @@ class Wave(Record, frozen=True):
 
 def polynomial(origin: float, *coefficients: float) -> PowerSeries:
     """Return ``s(t) = sum_k c_k (t - origin)^k`` with its derivatives."""
-    return PowerSeries(float(origin), tuple(float(each) for each in coefficients))
+    return PowerSeries(float(origin), tuple(float(coefficient) for coefficient in coefficients))
 
 
 def _horner(c: Sequence[float], x: Array) -> Array:

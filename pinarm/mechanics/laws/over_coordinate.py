@@ -152,8 +152,10 @@ class Profile(ValueRecord, frozen=True):
             with np.errstate(over="ignore", invalid="ignore"):
                 first, last = np.floor(low / np.float64(self.period)), np.floor(high / np.float64(self.period))
                 if not (last - first + 1) * len(own) <= most:
-                    raise InputError(f"the profile is passed {last - first:.3g} times, and has {len(own)} points",
-                                     expected=f"a shorter motion, that passes {most} points at most")  # fmt: skip
+                    raise InputError(
+                        f"the profile is passed {last - first:.3g} times, and has {len(own)} points",
+                        expected=f"a shorter motion, that passes {most} points at most",
+                    )
             own = (self.period * np.arange(first, last + 1)[:, None] + own).ravel()
         return own[(own > low) & (own < high)]
 
@@ -229,8 +231,10 @@ class Profile(ValueRecord, frozen=True):
         looked_at = (() if self.law.may_jump else ("value",)) if load else ("value", "slope")
         for what, begin, end, scale in zip(looked_at, first, last, size, strict=False):
             if abs(end - begin) > CONTINUOUS * scale:
-                raise InputError(f"the profile does not close: its {what} is {begin:.6g} at 0 and {end:.6g} after a "
-                                 "period", expected="a profile that ends as it begins")  # fmt: skip
+                raise InputError(
+                    f"the profile does not close: its {what} is {begin:.6g} at 0 and {end:.6g} after a period",
+                    expected="a profile that ends as it begins",
+                )
 
     @property
     def _of_law(self) -> list[float]:
@@ -400,8 +404,9 @@ def _sampled(drive: Callable[[Array], Values], low: float, high: float) -> tuple
         if EVERY * max(_turns(speed, rounding), _turns(drive(uneven)[1], rounding)) <= samples:
             return t, speed
         samples = 2 * samples - 1
-    raise InputError(f"what a profile follows turns back more than {MOST_SAMPLES // EVERY} times",
-                     expected="a shorter motion")  # fmt: skip
+    raise InputError(
+        f"what a profile follows turns back more than {MOST_SAMPLES // EVERY} times", expected="a shorter motion"
+    )
 
 
 def _turns(speed: Array, rounding: float) -> int:

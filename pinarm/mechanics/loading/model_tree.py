@@ -188,8 +188,11 @@ def check_unique(root: str, joints: Iterable[TreeJoint]) -> None:
 
 def _claim(taken: dict[str, str], name: str, what: str, kind: str) -> None:
     if name in taken:
-        raise ModelError(f"two {kind} have the name '{name}': {taken[name]}, and {what}",
-                         expected="a name of its own for each", hint="rename one of them")  # fmt: skip
+        raise ModelError(
+            f"two {kind} have the name '{name}': {taken[name]}, and {what}",
+            expected="a name of its own for each",
+            hint="rename one of them",
+        )
     taken[name] = what
 
 
@@ -238,8 +241,10 @@ def inertia_defect(moments: Array) -> str:
     if negative:
         return f"a principal moment of inertia is negative ({principal[0]:g} kg*m^2)"
     if unequal:
-        return (f"no body has principal moments of inertia {', '.join(f'{m:g}' for m in principal)} kg*m^2: "
-                "each is at most the sum of the other two")  # fmt: skip
+        return (
+            f"no body has principal moments of inertia {', '.join(f'{m:g}' for m in principal)} kg*m^2: "
+            "each is at most the sum of the other two"
+        )
     return ""
 
 
@@ -274,8 +279,10 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
             orphans.append(f"joint '{mimic.joint}' mimics '{mimic.of}', which does not exist{meant}")
             continue
         if joints[mimic.of] not in ("revolute", "prismatic"):
-            raise ModelError(f"joint '{mimic.joint}' mimics '{mimic.of}', which is {joints[mimic.of]}",
-                             expected="a leader with one coordinate")  # fmt: skip
+            raise ModelError(
+                f"joint '{mimic.joint}' mimics '{mimic.of}', which is {joints[mimic.of]}",
+                expected="a leader with one coordinate",
+            )
         ending |= _followed(mimic.joint, leaders, ending)
         kept.append(mimic)
     return tuple(kept), tuple(orphans)

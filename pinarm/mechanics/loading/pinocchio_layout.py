@@ -41,8 +41,10 @@ if TYPE_CHECKING:
 FREE_FLYER = "root_joint"
 """Name that Pinocchio gives to the joint of a floating base."""
 
-FLOATING = ("q has the position and the quaternion x, y, z, w; v the velocity of the origin in the axes of the parent "
-            "(Pinocchio: in its own) and the angular velocity in its own")  # fmt: skip
+FLOATING = (
+    "q has the position and the quaternion x, y, z, w; v the velocity of the origin in the axes of the parent "
+    "(Pinocchio: in its own) and the angular velocity in its own"
+)
 """Which convention q and v of a joint have that moves freely."""
 
 UNIT = 1e-8
@@ -52,16 +54,21 @@ SAME = 1e-12
 """Distance of two axes that is rounding."""
 
 PARTS: Mapping[str, tuple[str, ...]] = {
-    "Planar": (".x", ".y", ".angle"), "FreeFlyer": (".x", ".y", ".z"), "Spherical": (),
+    "Planar": (".x", ".y", ".angle"),
+    "FreeFlyer": (".x", ".y", ".z"),
+    "Spherical": (),
     **{kind: tuple(f".{ending}" for ending in endings) for kind, endings in CHAINS.items()},
-}  # fmt: skip
+}
 """Kind of Pinocchio's joint -> what the names of pinarm's joints with one coordinate for it have at their end; those of
 any other kind have its own name."""
 
 TYPES: Mapping[str, Callable[[], pin.JointModel]] = {
-    "revolute": pin.JointModelRZ, "continuous": pin.JointModelRUBZ, "prismatic": pin.JointModelPZ,
-    "planar": pin.JointModelPlanar, "floating": pin.JointModelFreeFlyer,
-}  # fmt: skip
+    "revolute": pin.JointModelRZ,
+    "continuous": pin.JointModelRUBZ,
+    "prismatic": pin.JointModelPZ,
+    "planar": pin.JointModelPlanar,
+    "floating": pin.JointModelFreeFlyer,
+}
 """Type of a joint of URDF -> Pinocchio's joint; its axis does not matter for the layout."""
 
 BALLS = ("FreeFlyer", "Spherical")
@@ -139,13 +146,19 @@ def _quaternion(joint: JointStates, q: Array) -> Array:
 
 
 TAKE: Mapping[str, Change] = {
-    "same": lambda _, q, v: (q, v), "continuous": _angle_taken, "planar": _plane_taken, "floating": _flight_taken,
-}  # fmt: skip
+    "same": lambda _, q, v: (q, v),
+    "continuous": _angle_taken,
+    "planar": _plane_taken,
+    "floating": _flight_taken,
+}
 """From Pinocchio's states to pinarm's."""
 
 GIVE: Mapping[str, Change] = {
-    "same": lambda _, q, v: (q, v), "continuous": _angle_given, "planar": _plane_given, "floating": _flight_given,
-}  # fmt: skip
+    "same": lambda _, q, v: (q, v),
+    "continuous": _angle_given,
+    "planar": _plane_given,
+    "floating": _flight_given,
+}
 """From pinarm's states to Pinocchio's."""
 
 
@@ -182,21 +195,28 @@ class PinocchioLayout(Record, frozen=True):
         root = tree_of(xml)
         if root.tag != "robot":
             format = {"mujoco": "MJCF", "sdf": "SDF"}.get(root.tag, root.tag)
-            raise InputError(f"the model is {format}, which pin.buildModelFromUrdf does not read",
-                             expected="URDF or xacro")  # fmt: skip
+            raise InputError(
+                f"the model is {format}, which pin.buildModelFromUrdf does not read", expected="URDF or xacro"
+            )
         types = {joint.get("name", ""): joint.get("type", "") for joint in root.findall("joint")}
         if "spherical" in types.values():
-            raise InputError("the model has spherical joints, which pin.buildModelFromUrdf does not know",
-                             expected="types of URDF, or a mechanism of a pin.Model")  # fmt: skip
+            raise InputError(
+                "the model has spherical joints, which pin.buildModelFromUrdf does not know",
+                expected="types of URDF, or a mechanism of a pin.Model",
+            )
         floats = BASE in balls and BASE not in types
         theirs = _their_model(urdf_tree(root), types, floats=floats)
         return cls.between(theirs, model, joints, balls, {FREE_FLYER: BASE} if floats else {})
 
     @classmethod
     def between(
-        cls, theirs: pin.Model, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball],
+        cls,
+        theirs: pin.Model,
+        model: pin.Model,
+        joints: Mapping[str, Joint],
+        balls: Mapping[str, Ball],
         renamed: Mapping[str, str] = MappingProxyType({}),
-    ) -> PinocchioLayout:  # fmt: skip
+    ) -> PinocchioLayout:
         """Compare a mechanism with Pinocchio's model of the same joints.
 
         Args:
@@ -264,8 +284,10 @@ def _part(
     kind = joint.shortname().removeprefix("JointModel")
     named = [f"{name}{ending}" for ending in PARTS.get(kind, ("",))]
     if not set(named) <= joints.keys() or (kind in BALLS and name not in balls):
-        raise InputError(f"Pinocchio's reader makes '{name}' a {joint.shortname()}, which it is not here",
-                         hint="the base as the model's text has it, fixed or floating")  # fmt: skip
+        raise InputError(
+            f"Pinocchio's reader makes '{name}' a {joint.shortname()}, which it is not here",
+            hint="the base as the model's text has it, fixed or floating",
+        )
     ours = [joints[part] for part in named]
     q, v = [part.q for part in ours], [part.v for part in ours]
     if kind in BALLS:
@@ -277,8 +299,10 @@ def _part(
     elif joint.nq == 2 * joint.nv:
         way = "continuous"
     if way == "planar" and np.abs(axes - np.eye(3)).max() > SAME:
-        raise InputError(f"Pinocchio's reader takes no notice of the axis of the planar joint '{name}'",
-                         expected="planar joints whose axis is z")  # fmt: skip
+        raise InputError(
+            f"Pinocchio's reader takes no notice of the axis of the planar joint '{name}'",
+            expected="planar joints whose axis is z",
+        )
     places = range(joint.idx_q, joint.idx_q + joint.nq), range(joint.idx_v, joint.idx_v + joint.nv)
     return JointStates(name, way, *places, tuple(q), tuple(v), axes)
 
@@ -293,5 +317,8 @@ def _turned(quaternion: Array, vectors: Array) -> Array:
 def _require_unit(lengths: Array, what: str) -> None:
     """Raise an ``InputError`` with the first row where something has not the length 1."""
     for row in np.flatnonzero(~(np.abs(lengths - 1.0) <= UNIT))[:1]:
-        raise InputError(f"row {row}: {what} has the length {lengths[row]:.6g}", expected="the length 1",
-                         hint="pin.normalize(model, q)")  # fmt: skip
+        raise InputError(
+            f"row {row}: {what} has the length {lengths[row]:.6g}",
+            expected="the length 1",
+            hint="pin.normalize(model, q)",
+        )

@@ -114,9 +114,11 @@ def build_model(
     _require_weighable(model)
     forces = _passive(model, tree, creep)
     notes = [
-        *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes, *_massless(model),
+        *(f"{defect}; taken as written" for defect in tree.defects),
+        *tree.notes,
+        *_massless(model),
         *_said(tree, creep),
-    ]  # fmt: skip
+    ]
     sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
     return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.couplings, tree.gravity, tuple(notes))
 
@@ -169,9 +171,11 @@ def _within_reach(tree: Tree) -> Tree:
 def _require_small(where: str, what: str, values: Array | float, most: float, measured: str) -> None:
     size = float(np.abs(values).max())
     if size > most:
-        raise ModelError(f"{where}: its {what} is {size:g} {measured}".rstrip(),
-                         expected=f"at most {most:g} {measured}".rstrip(),
-                         hint="check the exponent and the unit")  # fmt: skip
+        raise ModelError(
+            f"{where}: its {what} is {size:g} {measured}".rstrip(),
+            expected=f"at most {most:g} {measured}".rstrip(),
+            hint="check the exponent and the unit",
+        )
 
 
 def _tree(root: ElementTree.Element, name: str) -> Tree:
@@ -208,8 +212,11 @@ def _tuned(tree: Tree) -> Tree:
     try:
         mobility = np.diag(np.linalg.inv(upper + np.triu(upper, 1).T))
     except np.linalg.LinAlgError:
-        raise ModelError("springdamper needs a mass that its joint moves", expected="masses beyond every joint",
-                         hint="stiffness and damping in its place") from None  # fmt: skip
+        raise ModelError(
+            "springdamper needs a mass that its joint moves",
+            expected="masses beyond every joint",
+            hint="stiffness and damping in its place",
+        ) from None
     return replace(tree, joints=tuple(_with_numbers(model, joint, mobility) for joint in tree.joints))
 
 
@@ -238,9 +245,12 @@ def _with_base(tree: Tree, base: Base | None) -> Tree:
         return replace(tree, joints=tuple(joints))
     if afloat:
         if standing := _standing(tree):
-            raise ModelError(f"base: floating: '{tree.root}' lets {listed('joint', afloat)} float already, and carries "
-                             f"{listed('joint', standing)} too", expected="a root without other joints",
-                             hint="without 'base: floating' the model is as its file has it")  # fmt: skip
+            raise ModelError(
+                f"base: floating: '{tree.root}' lets {listed('joint', afloat)} float already, and carries "
+                f"{listed('joint', standing)} too",
+                expected="a root without other joints",
+                hint="without 'base: floating' the model is as its file has it",
+            )
         return tree
     ground = "ground" if tree.root == "world" else "world"
     free = TreeJoint(BASE, "floating", ground, tree.root, pin.SE3.Identity(), made_for="base: floating")
@@ -266,8 +276,11 @@ def _assembled(tree: Tree) -> pin.Model:
     check_unique(tree.root, simple)
     count = sum(3 if joint.kind == "ball" else 1 for joint in simple if joint.kind != "fixed")
     if not count:
-        raise ModelError("the model has no joint that moves", expected="at least one joint that is not fixed",
-                         hint="base: floating in the mechanism file lets it move freely")  # fmt: skip
+        raise ModelError(
+            "the model has no joint that moves",
+            expected="at least one joint that is not fixed",
+            hint="base: floating in the mechanism file lets it move freely",
+        )
     if count > MOST:
         raise ModelError(f"the model has {count} degrees of freedom", expected=f"at most {MOST}")
     frames = {tree.root: model.addFrame(pin.Frame(tree.root, 0, 0, pin.SE3.Identity(), pin.FrameType.BODY))}
@@ -295,8 +308,12 @@ def _add(model: pin.Model, joint: TreeJoint, before: int) -> int:
     made, bounds = model.joints[index], joint.bounds
     for values, value in ((model.lowerPositionLimit, bounds.lower), (model.upperPositionLimit, bounds.upper)):
         values[made.idx_q : made.idx_q + made.nq] = value
-    for values, value in ((model.velocityLimit, bounds.velocity), (model.effortLimit, bounds.effort),
-                          (model.armature, joint.armature), (model.damping, joint.damping)):  # fmt: skip
+    for values, value in (
+        (model.velocityLimit, bounds.velocity),
+        (model.effortLimit, bounds.effort),
+        (model.armature, joint.armature),
+        (model.damping, joint.damping),
+    ):
         values[made.idx_v : made.idx_v + made.nv] = value
     return int(model.addJointFrame(index, before))
 
@@ -361,8 +378,11 @@ def _passive(model: pin.Model, tree: Tree, creep: float | None) -> dict[str, For
     if single := [(made.idx_q, made.idx_v, joint.stiffness, joint.rest) for joint, made in sprung if made.nv == 1]:
         q, v, stiffness, rest = (np.array(values) for values in zip(*single, strict=True))
         forces["joint springs"] = SpringDamper(q, v, stiffness, np.zeros(len(v)), rest)
-    balls = {f"spring of {joint.name}": BallSpring(made.idx_q, made.idx_v, joint.stiffness)
-             for joint, made in sprung if made.nv == 3}  # fmt: skip
+    balls = {
+        f"spring of {joint.name}": BallSpring(made.idx_q, made.idx_v, joint.stiffness)
+        for joint, made in sprung
+        if made.nv == 3
+    }
     return {**forces, **balls}
 
 
@@ -373,9 +393,11 @@ def _require_weighable(model: pin.Model) -> None:
     """
     for name, body in zip(model.names, model.inertias, strict=True):
         if 0.0 < body.mass < LIGHTEST:
-            raise ModelError(f"what joint '{name}' carries has a mass of {body.mass:.3g} kg",
-                             expected=f"0, or at least {LIGHTEST:g} kg",
-                             hint="check the exponent and the unit")  # fmt: skip
+            raise ModelError(
+                f"what joint '{name}' carries has a mass of {body.mass:.3g} kg",
+                expected=f"0, or at least {LIGHTEST:g} kg",
+                hint="check the exponent and the unit",
+            )
 
 
 def _massless(model: pin.Model) -> Iterator[str]:
@@ -391,8 +413,10 @@ def _said(tree: Tree, creep: float | None) -> Iterator[str]:
     rubbed = [joint.name for joint in _rubbing(tree) if creep or joint.kind == "ball"]
     if rubbed:
         slow = creep or CREEP
-        yield (f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {slow:g}), v in rad/s or m/s: "
-               f"a joint that ought to stick under a load creeps, with {slow:g} atanh(load / F)")  # fmt: skip
+        yield (
+            f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {slow:g}), v in rad/s or m/s: "
+            f"a joint that ought to stick under a load creeps, with {slow:g} atanh(load / F)"
+        )
     several = [joint for joint in tree.joints if joint.kind in ("ball", "planar", "floating")]
     if limited := [joint.name for joint in several if joint.bounds != Bounds()]:
         yield f"limits of {listed('joint', limited)} are not watched: they have several coordinates"

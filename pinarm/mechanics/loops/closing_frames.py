@@ -65,15 +65,20 @@ def closures_of(
 
     pairs = closing_frames(model, loops)
     if not pairs:
-        raise InputError("the model has no two frames that no loop joint ties and that are called closing_NAME_1 and "
-                         "closing_NAME_2", expected="such frames, as onshape-to-robot leaves them",
-                         hint="loops: {NAME: {kind: revolute, axis: z, between: [LINK, LINK]}}")  # fmt: skip
+        raise InputError(
+            "the model has no two frames that no loop joint ties and that are called closing_NAME_1 and closing_NAME_2",
+            expected="such frames, as onshape-to-robot leaves them",
+            hint="loops: {NAME: {kind: revolute, axis: z, between: [LINK, LINK]}}",
+        )
     named = dict.fromkeys(pairs, kinds) if isinstance(kinds, str) else dict(kinds)
     for name in named:
         if name not in pairs:
             expected, hint = choices(name, pairs)
-            raise InputError(f"there are no two frames closing_{name}_1 and closing_{name}_2 that no loop joint ties",
-                             expected=expected, hint=hint)  # fmt: skip
+            raise InputError(
+                f"there are no two frames closing_{name}_1 and closing_{name}_2 that no loop joint ties",
+                expected=expected,
+                hint=hint,
+            )
         if any(loop.name == name for loop in loops):
             raise InputError(f"there is a loop joint '{name}' already", expected="a name of its own")
     return [LOWER_KINDS[kind](between=pairs[name]).bind(model, name) for name, kind in named.items()]
@@ -82,7 +87,9 @@ def closures_of(
 def proposals(model: pin.Model, loops: Sequence[LoopJoint]) -> Iterator[str]:
     """Yield a note on each pair of frames that no loop joint ties."""
     for name, (first, second) in closing_frames(model, loops).items():
-        yield (f"an exporter opened a loop at {first} and {second}, and the file does not say by which joint: "
-               f"'closures: revolute' in the mechanism file closes all of them by joints about z, "
-               f"'closures: {{{name}: revolute}}' this one, as does "
-               f"'loops: {{{name}: {{kind: revolute, axis: z, between: [{first}, {second}]}}}}'")  # fmt: skip
+        yield (
+            f"an exporter opened a loop at {first} and {second}, and the file does not say by which joint: "
+            f"'closures: revolute' in the mechanism file closes all of them by joints about z, "
+            f"'closures: {{{name}: revolute}}' this one, as does "
+            f"'loops: {{{name}: {{kind: revolute, axis: z, between: [{first}, {second}]}}}}'"
+        )

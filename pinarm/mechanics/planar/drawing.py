@@ -122,8 +122,10 @@ class PlanarDrawing(InputStruct, frozen=True):
             with within("slots", name):
                 self._check_slide(name, slot)
                 if slot.point not in self.bodies[slot.link]:
-                    raise InputError(f"the link '{slot.link}' does not carry the point '{slot.point}'",
-                                     expected=f"one of {', '.join(self.bodies[slot.link])}")  # fmt: skip
+                    raise InputError(
+                        f"the link '{slot.link}' does not carry the point '{slot.point}'",
+                        expected=f"one of {', '.join(self.bodies[slot.link])}",
+                    )
 
     def _check_link(self, name: str, link: PlanarLink) -> None:
         if name == GROUND or name in self.points:
@@ -138,8 +140,10 @@ class PlanarDrawing(InputStruct, frozen=True):
         for index, point in enumerate(link.points):
             for other in link.points[:index]:
                 if self.points[point] == self.points[other]:
-                    raise InputError(f"the points {other} and {point} of the link '{name}' are at one place",
-                                     expected="points apart from each other")  # fmt: skip
+                    raise InputError(
+                        f"the points {other} and {point} of the link '{name}' are at one place",
+                        expected="points apart from each other",
+                    )
 
     def _check_slide(self, name: str, slide: Slider | Slot) -> None:
         if name in self.points:
@@ -152,8 +156,10 @@ class PlanarDrawing(InputStruct, frozen=True):
         first, second = slide.along
         if self.points[first] == self.points[second]:
             with within("along"):
-                raise InputError(f"the points {first} and {second} are at one place: their line has no direction",
-                                 expected="two points apart from each other")  # fmt: skip
+                raise InputError(
+                    f"the points {first} and {second} are at one place: their line has no direction",
+                    expected="two points apart from each other",
+                )
 
     def _check_points(self, *path: str, points: Iterable[str]) -> None:
         for index, point in enumerate(points):

@@ -117,7 +117,11 @@ class LockedMechanism(Record, frozen=True):
         tau[:, answered] = demand[:, answered]
         if not names:
             return replace(run, tau=tau)
-        couplings = (one for one in self.whole.constraints if isinstance(one, Coupling) and one.name in names)
+        couplings = (
+            constraint
+            for constraint in self.whole.constraints
+            if isinstance(constraint, Coupling) and constraint.name in names
+        )
         geared = np.array([coupling.coordinate.weights for coupling in couplings])
         tied = np.flatnonzero(geared.any(axis=0))
         driven = answered[geared[:, answered].any(axis=0)]
@@ -133,9 +137,9 @@ class LockedMechanism(Record, frozen=True):
             gone[self.whole.closure.slices[name]] = True
 
         def own(rows: Indices) -> Array:
-            found = np.empty((len(rows), len(gone)))
-            found[:, gone], found[:, ~gone] = geared[rows], lam.own(rows)
-            return found
+            multipliers = np.empty((len(rows), len(gone)))
+            multipliers[:, gone], multipliers[:, ~gone] = geared[rows], lam.own(rows)
+            return multipliers
 
         return Multipliers(own, lam.along) if gone.any() else lam
 
@@ -238,7 +242,7 @@ class _Part(Record, frozen=True):
             name: self._sum(known) if isinstance(known, LinearCoordinate) else self._counting(known)
             for name, known in self.whole.coordinates.items()
             if not (isinstance(known, LinearCoordinate) and known.weights[gone].any())
-        }  # fmt: skip
+        }
         return {**found, **ball_coordinates(balls), **ball_angles(balls)}
 
     def _coupling(self, one: Coupling) -> Coupling:

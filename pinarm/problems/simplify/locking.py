@@ -155,11 +155,11 @@ class _KnownMotion(Record, frozen=True):
         drives = self.declared.drives or ([] if followers_of(constraints) is not None else self.prescribed)
         rows = [coordinates[name].row(self._state) for name in drives]
         guides = [row for name, row in zip(drives, rows, strict=True) if not _is_sum(coordinates[name])]
-        for one in constraints:
-            if isinstance(one, Coupling):
-                found |= _joints_in(one.coordinate) if one.name not in self.still_couplings else set()
+        for constraint in constraints:
+            if isinstance(constraint, Coupling):
+                found |= _joints_in(constraint.coordinate) if constraint.name not in self.still_couplings else set()
             else:
-                guides.append(one.rows(self._state))
+                guides.append(constraint.rows(self._state))
         return found.union(*map(_joints_of, guides))
 
     def kept_joints(self, requested: Collection[str]) -> set[int]:
@@ -183,7 +183,9 @@ class _KnownMotion(Record, frozen=True):
         constraints, closure = self.mechanism.constraints, self.mechanism.closure
         if self.declared.drives and {*self.declared.drives} != {*self.prescribed}:
             return False
-        if any(isinstance(one, JointRelation) and not isinstance(one, Coupling) for one in constraints):
+        if any(
+            isinstance(constraint, JointRelation) and not isinstance(constraint, Coupling) for constraint in constraints
+        ):
             return False  # what a cam leaves of its joints depends on where they are
         # integrated with loops, the error of a step is measured over all coordinates: fewer of them take other steps
         straight = all(map(_is_sum, self.prescribed.values())) and len(self._couplings) == len(constraints)

@@ -239,12 +239,15 @@ def error_bounds(result: Result, other: Result | None) -> dict[str, float]:
     rounding, differences = max(_rounding(result), _rounding(other)), output_differences(result, other)
     zeros, least = rounded_to_zero(result), max(unexplained(result.figures).values(), default=0.0)
     return {
-        name: np.inf if any(decision.touches(name) for decision in undecided) else max(
+        name: np.inf
+        if any(decision.touches(name) for decision in undecided)
+        else max(
             BOUND * differences[name] + rounding * float(np.ptp(result[name].values)) / scale,
-            zeros.get(name, 0.0), least,
+            zeros.get(name, 0.0),
+            least,
         )
         for name, scale in output_scales(result).items()
-    }  # fmt: skip
+    }
 
 
 def _rounding(result: Result) -> float:
@@ -400,8 +403,8 @@ def different_course(one: Result, two: Result) -> str:
     if first.parameter != "t":
         return f"they have {len(first)} and {len(second)} rows" if len(first) != len(second) else ""
     ends = f"they end at t = {first.grid.t[-1]:.9g} s and {second.grid.t[-1]:.9g} s"
-    if found := _different_events(one.events, two.events):
-        return f"{found}; {ends}"
+    if different_events := _different_events(one.events, two.events):
+        return f"{different_events}; {ends}"
     if len(first.grid.cuts) != len(second.grid.cuts):
         counts = f"{len(first.grid.cuts) - 2} and {len(second.grid.cuts) - 2} times"
         return f"contacts, friction, controllers or loads change {counts}; {ends}"

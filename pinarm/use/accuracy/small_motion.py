@@ -126,11 +126,13 @@ def _forward(result: Result, linear: Linearisation, q: Array, v: Array, end: flo
         elif effort:
             loads[f"effort of {name}"] = CoordinateEffort(coordinate=name, effort=Constant(value=effort))
     question = Forward(
-        time=TimeGrid(end=end, samples=SAMPLES), motion=laws, loads=loads,
+        time=TimeGrid(end=end, samples=SAMPLES),
+        motion=laws,
+        loads=loads,
         start={name: value for name, value in positions.items() if name not in chosen},
         initial=InitialState(
             position={name: positions[name] for name in chosen},
             velocity={name: float(v[place]) for name, place in places.items() if place in motion.independent},
         ),
-    )  # fmt: skip
+    )
     return question.solve(mechanism, Accuracy(tolerance=TOLERANCE), nowhere).rows

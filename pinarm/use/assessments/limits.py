@@ -61,7 +61,7 @@ class Limits(InputStruct, frozen=True):
         return list(self.keep)
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        margins = {f"{slug(each.number)}.margin": _unit(each, quantities) for each in self.conditions}
+        margins = {f"{slug(condition.number)}.margin": _unit(condition, quantities) for condition in self.conditions}
         return {**margins, "least_margin": DIMENSIONLESS, "beyond": DIMENSIONLESS}
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
@@ -88,11 +88,13 @@ class Limits(InputStruct, frozen=True):
         remarks = [f"beyond its limit: {each.condition} is {each.text}" for each in compared if each.verdict == BEYOND]
         remarks += [
             f"neither kept nor beyond: {each.condition} is {each.text}, with {error_words(each.known)}"
-            for each in compared if each.verdict == OPEN
-        ]  # fmt: skip
+            for each in compared
+            if each.verdict == OPEN
+        ]
         columns = ("", "value", "limit", "margin [%]", "error", "")
-        table = SectionTable("limits", "Numbers and their limits", columns, (None,) * len(columns),
-                             [each.row() for each in compared])  # fmt: skip
+        table = SectionTable(
+            "limits", "Numbers and their limits", columns, (None,) * len(columns), [each.row() for each in compared]
+        )
         errors = {each.name: each.known for each in compared} | {"least_margin": _error_of_least(compared)}
         return Section("limits", "Limits", [table], numbers, remarks, errors=errors)
 
@@ -154,9 +156,11 @@ class _Compared:
     def row(self) -> tuple[Cell, ...]:
         """Return its row of the table, with number and error in the unit of the bound."""
         bound = f"{self.condition.relation} {self.condition.bound_text}"
-        error: Cell = "not estimated" if self.bound is None else (
-            f"{self._as_bound(self.bound):.1e}" if np.isfinite(self.bound) else "no bound"
-        )  # fmt: skip
+        error: Cell = (
+            "not estimated"
+            if self.bound is None
+            else (f"{self._as_bound(self.bound):.1e}" if np.isfinite(self.bound) else "no bound")
+        )
         return self.condition.number.label, self.text, bound, 100.0 * self.relative, error, self.verdict
 
 

@@ -119,28 +119,35 @@ class PathError(InputStruct, frozen=True):
         """
         run = result.lookup
         if run.motion is None or run.run.parameter != "t":
-            raise InputError("a path is followed by a motion in time", expected="a problem of kind kinematics, "
-                             "inverse or forward")  # fmt: skip
+            raise InputError(
+                "a path is followed by a motion in time", expected="a problem of kind kinematics, inverse or forward"
+            )
         axes, wanted = read_points(self.wanted)
         path = _Path.of(run, self, wanted)
         met = path.met() if self.times is None else path.at_times(np.array([float(time) for time in self.times]))
         errors = np.linalg.norm(met.places - wanted, axis=1)
         squares, left = float(errors @ errors), met.left
-        known = {"rms": float(np.linalg.norm(left)) / len(left) ** 0.5, "peak": float(left.max()),
-                 "sum_of_squares": float(2.0 * errors @ left + left @ left)}  # fmt: skip
+        known = {
+            "rms": float(np.linalg.norm(left)) / len(left) ** 0.5,
+            "peak": float(left.max()),
+            "sum_of_squares": float(2.0 * errors @ left + left @ left),
+        }
         values = {"rms": (squares / len(errors)) ** 0.5, "peak": float(errors.max()), "sum_of_squares": squares}
         numbers = {name: Series(name, UNITS[name], np.array([value])) for name, value in values.items()}
         rows: list[tuple[Cell, ...]] = [
             (str(k), t, *w, *p, e)
             for k, (t, w, p, e) in enumerate(
-                zip(met.t.tolist(), wanted.tolist(), met.places.tolist(), errors.tolist(), strict=True), start=1)
-        ]  # fmt: skip
+                zip(met.t.tolist(), wanted.tolist(), met.places.tolist(), errors.tolist(), strict=True), start=1
+            )
+        ]
         columns = ("point", "met at", *(f"wanted {axis}" for axis in axes), *axes, "error")
         table = SectionTable("points", "Wanted points, and where the path passes them", columns,
                              (None, SECOND, *(METRE,) * (2 * len(axes) + 1)), rows)  # fmt: skip
         how = "in their order, at the best instants" if self.times is None else "at the prescribed instants"
-        remarks = [f"error: rms {values['rms']:.6g} m, peak {values['peak']:.6g} m, {len(errors)} points, met {how}",
-                   f"distances are known to {known['peak']:.1e} m beside the error of the motion"]  # fmt: skip
+        remarks = [
+            f"error: rms {values['rms']:.6g} m, peak {values['peak']:.6g} m, {len(errors)} points, met {how}",
+            f"distances are known to {known['peak']:.1e} m beside the error of the motion",
+        ]
         return Section("path_error", f"Error of the path of {self.point}", [table], numbers, remarks,
                        _graphs(axes, path, wanted), known)  # fmt: skip
 
@@ -217,8 +224,9 @@ class _Path:
             k = int(wrong.argmax())
             raise InputError(
                 f"the path does not meet the points {k + 1} and {behind[k] + 1} one after the other: both are nearest "
-                f"to it at t = {t[k]:.6g} s", hint="another order of the points, other lengths, or a longer run",
-            )  # fmt: skip
+                f"to it at t = {t[k]:.6g} s",
+                hint="another order of the points, other lengths, or a longer run",
+            )
         return _Met(t, places, self._left(t, places))
 
     def _left(self, t: Array, places: Array) -> Array:

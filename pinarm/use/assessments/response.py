@@ -104,10 +104,12 @@ class Response(InputStruct, frozen=True):
         units = {**dict.fromkeys(names, measured), **self.units(result.quantities)}
         numbers = {name: Series(names[name], units[name] or DIMENSIONLESS, np.array([values[name]])) for name in names}
         rows = [(names[name], values[name], str(units[name] or ""), errors[name]) for name in names]
-        table = SectionTable("response", f"Step response of {self.of}", ("", "value", "unit", "error"), (None,) * 4,
-                             rows, row_unit=2)  # fmt: skip
-        graph = Graph("response", f"Step response of {self.of}",
-                      [Curve(result.quantities["t"], result.quantities[self.of])])  # fmt: skip
+        table = SectionTable(
+            "response", f"Step response of {self.of}", ("", "value", "unit", "error"), (None,) * 4, rows, row_unit=2
+        )
+        graph = Graph(
+            "response", f"Step response of {self.of}", [Curve(result.quantities["t"], result.quantities[self.of])]
+        )
         return Section("response", "Step response", [table], numbers, step.remarks(self, values), [graph], errors)
 
 
@@ -259,6 +261,8 @@ class _Step:
         if np.isnan(values["rise_time"]):
             found.append("it does not reach 90 % of the step")
         if values["peak_time"] == self.end - self.begin and values["overshoot"] > PLATEAU:
-            found.append("it is farthest beyond its final value at the end of the run, and may go on: overshoot, peak "
-                         "and settling time are those of the run so far")  # fmt: skip
+            found.append(
+                "it is farthest beyond its final value at the end of the run, and may go on: overshoot, peak "
+                "and settling time are those of the run so far"
+            )
         return found

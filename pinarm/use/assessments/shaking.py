@@ -76,10 +76,10 @@ class Shaking(InputStruct, frozen=True):
             _ = quantities[self.quantity("moment.x")]
 
     def evaluate(self, result: Result) -> Section:
-        given = self._figures(result.lookup)
-        numbers = {name: Series(name, each.unit, np.array([each.value])) for name, each in given.items()}
-        units = [given[f"{part}.peak"].unit for part in PARTS]
-        tables = [_figures_table(given, units)]
+        figures = self._figures(result.lookup)
+        numbers = {name: Series(name, each.unit, np.array([each.value])) for name, each in figures.items()}
+        units = [figures[f"{part}.peak"].unit for part in PARTS]
+        tables = [_figures_table(figures, units)]
         remarks = [f"the moment is taken about {self.about or 'the origin of the world'}"]
         if result.trajectory.mechanism.model.armature.any():
             remarks.append("the spin of rotors has no part in it: only their drives' joints have their inertia")
@@ -91,10 +91,14 @@ class Shaking(InputStruct, frozen=True):
             tables.append(_harmonics_table(amplitudes, units, 2.0 * np.pi / _length(result.lookup)))
             remarks.append(f"harmonics: quadrature error at most {error:.1e} of the largest component")
         return Section(
-            "shaking", "Shaking force and moment on the frame", tables, numbers, remarks,
+            "shaking",
+            "Shaking force and moment on the frame",
+            tables,
+            numbers,
+            remarks,
             [] if balanced else [_hodograph(result, [self.quantity(part) for part in PARTS[:3]])],
-            {name: each.error for name, each in given.items()},
-        )  # fmt: skip
+            {name: each.error for name, each in figures.items()},
+        )
 
     def _figures(self, run: Lookup) -> dict[str, CurveFigure]:
         """Return peak and rms value of every component and norm, by name."""
@@ -102,16 +106,17 @@ class Shaking(InputStruct, frozen=True):
         peaks = {part: figure(run, self.quantity(part), "peak") for part in parts}
         scales = np.array([peaks[f"{part.partition('.')[0]}.norm"].value for part in parts])
         rms, errors = rms_values(run, [self.quantity(part) for part in parts], scales)
-        found = {f"{part}.peak": peaks[part] for part in parts}
+        figures = {f"{part}.peak": peaks[part] for part in parts}
         for part, value, error in zip(parts, rms.tolist(), errors.tolist(), strict=True):
-            found[f"{part}.rms"] = CurveFigure(value, error, peaks[part].unit)
-        return found
+            figures[f"{part}.rms"] = CurveFigure(value, error, peaks[part].unit)
+        return figures
 
 
 def _figures_table(given: Mapping[str, CurveFigure], units: Sequence[Unit | None]) -> SectionTable:
     rows: list[tuple[str | float, ...]] = []
-    for part, measured in zip(("force.norm", *PARTS[:3], "moment.norm", *PARTS[3:]),
-                              (units[0], *units[:3], units[3], *units[3:]), strict=True):  # fmt: skip
+    for part, measured in zip(
+        ("force.norm", *PARTS[:3], "moment.norm", *PARTS[3:]), (units[0], *units[:3], units[3], *units[3:]), strict=True
+    ):
         peak, rms = (given[f"{part}.{name}"] for name in PEAKS)
         rows.append((part, str(measured), peak.value, peak.error, rms.value, rms.error))
     columns = ("", "unit", "peak", "its error", "rms", "its error ")
@@ -141,8 +146,9 @@ def _harmonics(run: Lookup, quantities: Sequence[str], count: int) -> tuple[Arra
     if run.run.parameter != "t" or (np.abs(ends[:, 1] - ends[:, 0]) > PERIODIC * size.max()).any():
         raise InputError(
             "the run is no whole number of periods: its shaking force at the end is not that at the start",
-            expected="a run over whole turns of a steady motion", hint="harmonics: 0, or another end of the run",
-        )  # fmt: skip
+            expected="a run over whole turns of a steady motion",
+            hint="harmonics: 0, or another end of the run",
+        )
     (start, length), orders = (run.run.grid.cuts[0], _length(run)), np.arange(1, count + 1)
 
     def products(rows: Quantities) -> Array:
@@ -159,9 +165,12 @@ def _harmonics(run: Lookup, quantities: Sequence[str], count: int) -> tuple[Arra
 def _harmonics_table(amplitudes: Array, units: Sequence[Unit | None], pulsation: float) -> SectionTable:
     rows = [(float(k), k * pulsation, *row) for k, row in enumerate(amplitudes.tolist(), start=1)]
     return SectionTable(
-        "harmonics", "Amplitudes of the harmonics of the run's length", ("order", "pulsation", *PARTS),
-        (DIMENSIONLESS, PULSATION, *units), rows,
-    )  # fmt: skip
+        "harmonics",
+        "Amplitudes of the harmonics of the run's length",
+        ("order", "pulsation", *PARTS),
+        (DIMENSIONLESS, PULSATION, *units),
+        rows,
+    )
 
 
 def _hodograph(result: Result, forces: Sequence[str]) -> Graph:

@@ -30,18 +30,20 @@ def read_points(wanted: Mapping[str, Sequence[float]] | str) -> tuple[list[str],
     Raises:
         InputError: An axis is unknown, lists have different lengths, or the file is no table of points; located.
     """
-    given = _columns(wanted) if isinstance(wanted, str) else {name: list(map(float, x)) for name, x in wanted.items()}
-    for name in given:
+    columns = _columns(wanted) if isinstance(wanted, str) else {name: list(map(float, x)) for name, x in wanted.items()}
+    for name in columns:
         if name not in AXES:
             with within(name):
                 raise InputError(f"'{name}' is no axis", expected="x, y or z")
-    lengths = {name: len(values) for name, values in given.items()}
-    if not given or len(set(lengths.values())) > 1:
+    lengths = {name: len(values) for name, values in columns.items()}
+    if not columns or len(set(lengths.values())) > 1:
         told = ", ".join(f"{count} of {name}" for name, count in lengths.items()) or "none"
-        raise InputError(f"points need as many coordinates along every axis, and there are {told}",
-                         expected="such as {x: [20 mm, 25 mm], y: [0 mm, 5 mm]}")  # fmt: skip
-    axes = [axis for axis in AXES if axis in given]
-    return axes, np.array([given[axis] for axis in axes]).T
+        raise InputError(
+            f"points need as many coordinates along every axis, and there are {told}",
+            expected="such as {x: [20 mm, 25 mm], y: [0 mm, 5 mm]}",
+        )
+    axes = [axis for axis in AXES if axis in columns]
+    return axes, np.array([columns[axis] for axis in axes]).T
 
 
 def _columns(name: str) -> dict[str, list[float]]:

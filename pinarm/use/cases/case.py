@@ -216,8 +216,11 @@ class FunctionValue(Taken):
 
         name = getattr(function, "__name__", "")
         if not callable(function) or not name.isidentifier():
-            raise InputError(f"{function!r} has no name for its column", expected="def stroke(result): ...",
-                             hint="function.__name__ = 'stroke'")  # fmt: skip
+            raise InputError(
+                f"{function!r} has no name for its column",
+                expected="def stroke(result): ...",
+                hint="function.__name__ = 'stroke'",
+            )
         try:
             code = cloudpickle.dumps(function)
         except Exception as error:  # whatever an object of the user's raises there
@@ -254,8 +257,10 @@ class FunctionValue(Taken):
         except Exception as error:  # whatever the function of the user raises
             raise InputError(f"the function '{self.name}' raised {type(error).__name__}: {error}") from error
         if np.size(said) != 1 or np.asarray(said).dtype.kind not in "bfiu":
-            raise InputError(f"the function '{self.name}' returned {str(said)[:60]!r}",
-                             expected="one number in SI, or a Series of one value")  # fmt: skip
+            raise InputError(
+                f"the function '{self.name}' returned {str(said)[:60]!r}",
+                expected="one number in SI, or a Series of one value",
+            )
         if not np.isfinite(np.asarray(said)).all():
             raise DynamicsError(f"{self.name} is not finite")
         measured = said.unit if isinstance(said, Series) else None

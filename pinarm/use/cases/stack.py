@@ -192,8 +192,10 @@ class Stack:
     def _mechanism(self, cases: CaseTable) -> tuple[Mechanism, Flags]:
         """Return the mechanism in the first case and in others, and which of them can be followed so."""
         scenario = self.first.scenario
-        given = {name: own.given if own.word is not None else scenario.mechanism.arguments[name]
-                 for name, own in scenario.content.arguments.items()}  # fmt: skip
+        given = {
+            name: own.given if own.word is not None else scenario.mechanism.arguments[name]
+            for name, own in scenario.content.arguments.items()
+        }
         columns = dict[str, Array]()
         for column in cases.columns:
             if column.path.startswith(ARGUMENT):

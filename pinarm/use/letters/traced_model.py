@@ -25,8 +25,12 @@ WORD = re.compile(r"(-?)traced_([0-9]+)")
 """A traced number in the text of an expanded model."""
 
 OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow,
-}  # fmt: skip
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": operator.pow,
+}
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "neg": operator.neg, "pos": operator.pos, "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin,
     "acos": sympy.acos, "atan": sympy.atan, "atan2": sympy.atan2, "sqrt": sympy.sqrt, "exp": sympy.exp,

@@ -122,11 +122,11 @@ def unknown_actions(
     parts = list[_Part]()
     for body, space in _joint_spaces(mechanism, links, efforts, set(balls), loaded).items():
         parts.append(_Part(str(mechanism.model.names[body]), "joint", _on_both(mechanism, body, space)))
-    for one in mechanism.constraints:
-        if isinstance(one, LoopJoint):
-            parts.append(_Part(one.name, "loop", per_unit(one, links)))
-        elif not hasattr(one, "rotor"):
-            parts.append(_of_coupling(mechanism, one, links, (senses or {}).get(one.name, 0.0)))
+    for constraint in mechanism.constraints:
+        if isinstance(constraint, LoopJoint):
+            parts.append(_Part(constraint.name, "loop", per_unit(constraint, links)))
+        elif not hasattr(constraint, "rotor"):
+            parts.append(_of_coupling(mechanism, constraint, links, (senses or {}).get(constraint.name, 0.0)))
     for name, along in efforts.items():
         parts.append(_of_drive(mechanism, name, "law" if name == law else "drive", along, links))
     for name in balls:
@@ -255,11 +255,17 @@ def _joint_spaces(
     """Return what each joint of the tree can transmit beside efforts along it, shape (c, k, 6), by joint index."""
     model = mechanism.model
     spaces = {body: held(model, links, body) for body in bodies_of(mechanism)}
-    if loaded or mechanism.frictions or any(not isinstance(one, LoopJoint) for one in mechanism.constraints):
+    if (
+        loaded
+        or mechanism.frictions
+        or any(not isinstance(constraint, LoopJoint) for constraint in mechanism.constraints)
+    ):
         return spaces
     driven = _driven(mechanism, efforts, balls)
-    whole = {body: np.concatenate([space, motions(mechanism, links, body)], axis=1) if body in driven else space
-             for body, space in spaces.items()}  # fmt: skip
+    whole = {
+        body: np.concatenate([space, motions(mechanism, links, body)], axis=1) if body in driven else space
+        for body, space in spaces.items()
+    }
     scale = np.repeat([1.0, 1.0 / mechanism.closure.extent], 3)  # moments relative to the extent
     pushed = {body for along in efforts.values() for body in along.wrenches(links, np.ones(len(links.q)))}
     for before, after in _passing(mechanism, pushed):
@@ -287,8 +293,12 @@ def _passing(mechanism: Mechanism, pushed: set[int]) -> Iterator[tuple[int, int]
         pushed: Bodies that efforts along other coordinates than those of joints act on.
     """
     model = mechanism.model
-    tied = {model.frames[frame].parentJoint for one in mechanism.constraints if isinstance(one, LoopJoint)
-            for frame in (one.first, one.second)}  # fmt: skip
+    tied = {
+        model.frames[frame].parentJoint
+        for constraint in mechanism.constraints
+        if isinstance(constraint, LoopJoint)
+        for frame in (constraint.first, constraint.second)
+    }
     for body in reversed(bodies_of(mechanism)):
         beyond = [k for k in range(1, model.njoints) if model.parents[k] == body]
         light = not model.inertias[body].mass and not np.any(model.inertias[body].inertia)

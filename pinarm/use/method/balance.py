@@ -60,18 +60,23 @@ def sources(state: Quantities, actions: Actions, *, split: bool = False) -> list
     if split:
         still = np.zeros_like(run.a)
         parts = {", accelerations": replace(run, v=still), ", velocities": replace(run, a=still)}
-    inertias = (one for words, part in parts.items() for one in _inertias(part, words))
-    weights = (one for one in _inertias(run, "") if one.kind == "weight")
-    found = [*_carried(state, actions), *forces_of(run), *weights, *(one for one in inertias if one.kind == "inertia")]
+    inertias = (inertia for words, part in parts.items() for inertia in _inertias(part, words))
+    weights = (inertia for inertia in _inertias(run, "") if inertia.kind == "weight")
+    found = [
+        *_carried(state, actions),
+        *forces_of(run),
+        *weights,
+        *(inertia for inertia in inertias if inertia.kind == "inertia"),
+    ]
     return [one for one in found if one.wrenches.any() or one.parts is not None]
 
 
 def _spread(run: Trajectory, acting: dict[int, Array]) -> Array:
     """Return wrenches on bodies as one array, shape (njoints, 6)."""
-    found = np.zeros((run.mechanism.model.njoints, 6))
+    spread = np.zeros((run.mechanism.model.njoints, 6))
     for body, wrench in acting.items():
-        found[body] += np.reshape(wrench, 6)
-    return found
+        spread[body] += np.reshape(wrench, 6)
+    return spread
 
 
 def _efforts(run: Trajectory, load: Array) -> Array:
@@ -91,9 +96,9 @@ def _carried(state: Quantities, actions: Actions) -> Iterator[Source]:
         wrench = moved(links.outwards(part), links.places)[0, body]
         acting = {int(model.parents[body]): -wrench, body: wrench}
         yield Source(str(model.names[body]), "joint", _spread(run, acting))
-    for one in run.mechanism.constraints:
-        kind = "loop" if isinstance(one, LoopJoint) else "tie" if hasattr(one, "rotor") else "coupling"
-        yield from _of_constraint(run, one, kind, lam[:, run.closure.slices[one.name]])
+    for constraint in run.mechanism.constraints:
+        kind = "loop" if isinstance(constraint, LoopJoint) else "tie" if hasattr(constraint, "rotor") else "coupling"
+        yield from _of_constraint(run, constraint, kind, lam[:, run.closure.slices[constraint.name]])
     rest = run.tau[0].copy()
     for carrier in actions.carriers:
         if carrier.kind in ("drive", "law"):

@@ -80,8 +80,10 @@ class Derivation(Record, frozen=True):
         actions = self._actions(configurations(self.mechanism, self.start))
         function = function_of(self.wanted, actions, self.quantities)
         if not np.abs(function).max(initial=0.0) > NOTHING:
-            raise InputError(f"'{self.wanted.name}': no unknown of '{self.wanted.of}' acts along it: it is 0, or known",
-                             expected="a component that the joint transmits")  # fmt: skip
+            raise InputError(
+                f"'{self.wanted.name}': no unknown of '{self.wanted.of}' acts along it: it is 0, or known",
+                expected="a component that the joint transmits",
+            )
         return Search(actions, Landmarks.at(self.mechanism, actions.links), function)
 
     @cached_property
@@ -95,7 +97,7 @@ class Derivation(Record, frozen=True):
         twists, alone = found
         group = np.isin(np.arange(twists.shape[1]), search.actions.bodies) & (np.abs(twists).max(axis=(0, 2)) > NOTHING)
         step = search.step(group, None, twists)
-        left = [one.name for one in step.unknowns(search.actions)]
+        left = [unknown.name for unknown in step.unknowns(search.actions)]
         return ("whole" if alone else "power", step) if left == [self.wanted.of] else None
 
     @cached_property
@@ -152,14 +154,17 @@ class Derivation(Record, frozen=True):
     def _named(self, vectors: Array, names: Sequence[str], place: int, step: Step) -> str:
         """Return the name of a point or direction: that of a joint that is cut, where it has the same."""
         alike = np.flatnonzero(np.abs(vectors - vectors[place]).max(axis=(1, 2)) < NOTHING).tolist()
-        cut = {one.name for one in self.search.actions.carriers if one.is_cut(step.group)}
+        cut = {carrier.name for carrier in self.search.actions.carriers if carrier.is_cut(step.group)}
         return min((names[k] for k in alike), key=lambda name: name.removeprefix("axis of ") not in cut)
 
     def _equation(self, step: Step, chain: Chain) -> Equation:
         """Return an equation without numbers."""
         carriers, left = self.search.actions.carriers, step.unknowns(self.search.actions)
-        vanishing = [(WORDS[one.kind].format(name=one.name), WORDS[self._reason(one, step)])
-                     for one in carriers if step.screw and one not in left and one.is_cut(step.group)]  # fmt: skip
+        vanishing = [
+            (WORDS[carrier.kind].format(name=carrier.name), WORDS[self._reason(carrier, step)])
+            for carrier in carriers
+            if step.screw and carrier not in left and carrier.is_cut(step.group)
+        ]
         opened = [self._component(one, step) for one in chain.opened if one in left]
         given = WORDS["gives" if len(opened) == 1 else "ties"].format(of=" and ".join(opened))
         gives = "" if step is chain.steps[-1] else given
@@ -215,7 +220,9 @@ class Derivation(Record, frozen=True):
     def _known(self) -> list[Source]:
         """What forces, frictions and rotors do in some motion, to tell in which equations they are."""
         model, q = self.mechanism.model, self.search.actions.links.q[:1]
-        columns = {one.quantity: Series(one.quantity, None, np.ones(1)) for one in self.mechanism.frictions}
+        columns = {
+            friction.quantity: Series(friction.quantity, None, np.ones(1)) for friction in self.mechanism.frictions
+        }
         moving = np.remainder(GOLDEN * np.arange(1.0, 1.0 + model.nv), 1.0)[None]
         row = Trajectory.schema_row(self.mechanism, q[0], "t", unit("s"))
         return list(forces_of(replace(row, v=moving, a=moving, columns=columns)))
@@ -223,11 +230,17 @@ class Derivation(Record, frozen=True):
     def _terms(self, step: Step) -> tuple[Term, ...]:
         """Return the terms of an equation without numbers."""
         model = self.mechanism.model
-        heavy = [body_name(model, body) for body in np.flatnonzero(step.group).tolist()
-                 if model.inertias[body].mass or np.any(model.inertias[body].inertia)]  # fmt: skip
+        heavy = [
+            body_name(model, body)
+            for body in np.flatnonzero(step.group).tolist()
+            if model.inertias[body].mass or np.any(model.inertias[body].inertia)
+        ]
         unknown = [Term(self._label(one.name, one.kind, step), "unknown") for one in step.unknowns(self.search.actions)]
-        known = [Term(self._label(one.name, one.kind, step), "known") for one in self._known
-                 if abs(one.power(step.twists[0])) > ROUNDED * one.size(step.twists[0])]  # fmt: skip
+        known = [
+            Term(self._label(one.name, one.kind, step), "known")
+            for one in self._known
+            if abs(one.power(step.twists[0])) > ROUNDED * one.size(step.twists[0])
+        ]
         roles = ("weight", "inertia") if np.any(model.gravity.linear) else ("inertia",)
         return *unknown, *known, *(Term(WORDS[role].format(name=name), role, name) for role in roles for name in heavy)
 
@@ -271,12 +284,14 @@ class Derivation(Record, frozen=True):
         solution, value = self._solution(state), float(weights @ rest) + self._offset(state, actions, acting)
         scale = max(float(np.abs(weights) @ [_size(acting, step) for step in steps]), abs(solution), TINY)
         if not abs(value - solution) <= AGREE * scale:
-            raise InputError(f"'{self.wanted.name}': the equations give {value:.9g}, the full solution {solution:.9g}: "
-                             "something acts that isolations do not tell, such as losses of a drive",
-                             expected="the derivation without numbers: Mechanism.isolate(name)")  # fmt: skip
+            raise InputError(
+                f"'{self.wanted.name}': the equations give {value:.9g}, the full solution {solution:.9g}: "
+                "something acts that isolations do not tell, such as losses of a drive",
+                expected="the derivation without numbers: Mechanism.isolate(name)",
+            )
         equations = tuple(
-            replace(one, terms=self._valued(step, acting), unit=self._unit(step), scale=_size(acting, step))
-            for one, step in zip(found.equations, steps, strict=True)
+            replace(equation, terms=self._valued(step, acting), unit=self._unit(step), scale=_size(acting, step))
+            for equation, step in zip(found.equations, steps, strict=True)
         )
         measured = self._unit(None) if self.wanted.kind == "law" else str(state[self.wanted.quantity].unit)
         found = replace(found, equations=equations, where=where, unit=measured)
@@ -287,8 +302,9 @@ class Derivation(Record, frozen=True):
         if step.screw is not None:
             return replace(step, twists=step.group[None, :, None] * marks.twists([step.screw])[0][:, None])
         if (moving := motion_of_whole(self.mechanism, q, self._acting[0], self.wanted.of)) is None:
-            raise InputError(f"'{self.wanted.of}' does not move the mechanism here: a dead point",
-                             expected="another instant")  # fmt: skip
+            raise InputError(
+                f"'{self.wanted.of}' does not move the mechanism here: a dead point", expected="another instant"
+            )
         return replace(step, twists=moving[0])
 
     def _unit(self, step: Step | None) -> str:
@@ -335,7 +351,7 @@ def _size(acting: Sequence[Source], step: Step) -> float:
 
 def _rest(acting: Sequence[Source], step: Step, actions: Actions) -> float:
     """Return what the unknowns of an equation are, together: inertias less what is known."""
-    left = {(one.name, one.kind) for one in step.unknowns(actions)}
+    left = {(unknown.name, unknown.kind) for unknown in step.unknowns(actions)}
     known = (one for one in acting if (one.name, one.kind) not in left)
     return sum((1.0 if one.kind == "inertia" else -1.0) * one.power(step.twists[0]) for one in known)
 
@@ -343,7 +359,10 @@ def _rest(acting: Sequence[Source], step: Step, actions: Actions) -> float:
 def _senses(state: Quantities) -> dict[str, float]:
     """Return the signs of the multipliers of couplings in one row."""
     run, lam = state.trajectory, np.asarray(state.trajectory.lam)[0]
-    return {one.name: float(np.sign(lam[run.closure.slices[one.name].start])) for one in run.mechanism.relations}
+    return {
+        relation.name: float(np.sign(lam[run.closure.slices[relation.name].start]))
+        for relation in run.mechanism.relations
+    }
 
 
 def isolation_in_run(result: Run, name: str, at: str = "") -> Isolation:
@@ -390,7 +409,7 @@ def isolation_of(
         return Derivation(Quantities(replace(row, driven=driven, drives=names)), wanted, start).isolation(None)
     if wanted.kind == "law" and not drives and a is None and tau is None:
         tau = np.zeros(mechanism.model.nv)
-    found = state_quantities(mechanism, start, v, a, tau, drives, t).rows
-    state = None if found.trajectory.no_efforts else found
+    rows = state_quantities(mechanism, start, v, a, tau, drives, t).rows
+    state = None if rows.trajectory.no_efforts else rows
     senses, where = ({}, "") if state is None else (_senses(state), "in the given state")
-    return Derivation(found, wanted, start, senses).isolation(state, where)
+    return Derivation(rows, wanted, start, senses).isolation(state, where)

@@ -18,11 +18,11 @@ WORDS = {
     "isolate": "isolate {bodies}: {theorem}",
     "alone": "one isolation gives {wanted}",
     "chain": "no isolation gives {wanted} alone, as the ranks for all {groups} connected groups of bodies show; "
-             "{count} equations with the unknowns of {opened} do",
+    "{count} equations with the unknowns of {opened} do",
     "tried": "none of the {groups} groups of bodies that were tried gives {wanted} alone; {count} equations with the "
-             "unknowns of {opened} do",
+    "unknowns of {opened} do",
     "screw": "no theorem about its points and axes gives {wanted} alone; {count} equations with the unknowns of "
-             "{opened} do",
+    "{opened} do",
     "whole": "the theorem of kinetic energy gives {wanted}: the mechanism has one degree of freedom",
     "power": "the principle of virtual power gives {wanted}",
     "nothing": "no equations give {wanted}: on every body other unknowns act as it does",
@@ -46,7 +46,7 @@ WORDS = {
     "hence": "hence {wanted} = {value:.9g} {unit}; the full solution differs by {residual:.1e}",
     "holds": "the equation holds but for {residual:.1e}",
     "or": "or: {other}",
-}  # fmt: skip
+}
 """Texts, with names in braces."""
 
 ROLES = ("unknown", "known", "weight", "inertia")

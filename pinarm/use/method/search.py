@@ -52,7 +52,7 @@ class Step(Record, frozen=True):
 
     def unknowns(self, actions: Actions) -> list[Carrier]:
         """Return the carriers of unknowns that are left in the equation."""
-        return [one for one in actions.carriers if self.left[one.columns].any()]
+        return [carrier for carrier in actions.carriers if self.left[carrier.columns].any()]
 
 
 class Chain(Record, frozen=True):
@@ -166,13 +166,13 @@ class Search(Record, frozen=True):
         Joints are opened one at a time, those with the fewest unknowns first, then the loop joints together: open
         there, what is left is a tree.
         """
-        free = [one for one in self.actions.carriers if one.kind in ("joint", "loop", "coupling")]
+        free = [carrier for carrier in self.actions.carriers if carrier.kind in ("joint", "loop", "coupling")]
         ordered = sorted(free, key=lambda one: (one.count, one.kind == "joint"))
         ties = tuple(one for one in free if one.kind != "joint")
         alone = [(one,) for one in ordered] if self.complete and self.mechanism.closure.size else []
         for opened in (*alone, ties):
-            if opened and (found := self._through(opened)):
-                return found
+            if opened and (through := self._through(opened)):
+                return through
         return None
 
     def _through(self, opened: tuple[Carrier, ...]) -> Chain | None:
@@ -287,13 +287,13 @@ def connected_groups(mechanism: Mechanism, actions: Actions) -> Flags:
 
 def _near(mechanism: Mechanism, actions: Actions) -> list[int]:
     """Return the bodies that joints, loop joints and couplings tie to each body, as masks of bits."""
-    found = [0] * len(actions.bodies)
+    near = [0] * len(actions.bodies)
     for pair in _ties(mechanism, actions):
         if 0 not in pair:
             one, two = (actions.bodies.index(body) for body in pair)
-            found[one] |= 1 << two
-            found[two] |= 1 << one
-    return found
+            near[one] |= 1 << two
+            near[two] |= 1 << one
+    return near
 
 
 def _spread(start: int, within: int, near: Sequence[int]) -> int:
@@ -311,12 +311,16 @@ def _spread(start: int, within: int, near: Sequence[int]) -> int:
 def _ties(mechanism: Mechanism, actions: Actions) -> list[tuple[int, int]]:
     """Return pairs of bodies that joints, loop joints and couplings tie; 0 is the ground."""
     model = mechanism.model
-    found = [(int(model.parents[body]), body) for body in actions.bodies]
-    for one in mechanism.constraints:
-        if isinstance(one, LoopJoint):
-            found.append((int(model.frames[one.first].parentJoint), int(model.frames[one.second].parentJoint)))
-    found += [pair for one in actions.carriers if one.kind == "coupling" for pair in combinations(one.bodies, 2)]
-    return found
+    ties = [(int(model.parents[body]), body) for body in actions.bodies]
+    for constraint in mechanism.constraints:
+        if isinstance(constraint, LoopJoint):
+            ties.append(
+                (int(model.frames[constraint.first].parentJoint), int(model.frames[constraint.second].parentJoint))
+            )
+    ties += [
+        pair for carrier in actions.carriers if carrier.kind == "coupling" for pair in combinations(carrier.bodies, 2)
+    ]
+    return ties
 
 
 def configurations(mechanism: Mechanism, start: Array) -> Array:

@@ -61,16 +61,22 @@ class Landmarks(Record, frozen=True):
     def at(cls, mechanism: Mechanism, links: LinkPlacements) -> Landmarks:
         """Return those of a mechanism whose links are placed."""
         model, bodies = mechanism.model, bodies_of(mechanism)
-        loops = [one for one in mechanism.constraints if isinstance(one, LoopJoint)]
+        loops = [constraint for constraint in mechanism.constraints if isinstance(constraint, LoopJoint)]
         frames = [k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
         placed = [links.frame(k) for k in frames]
         points = {str(model.names[body]): links.places[:, body] for body in bodies}
         points |= {loop.name: links.frame(loop.second)[1] for loop in loops}
         points |= {str(model.frames[k].name): place for k, (_, place) in zip(frames, placed, strict=True)}
-        axes = {f"axis of {model.names[body]}": links.turns[:, body] @ axis
-                for body in bodies if (axis := tree_axis(model, body)) is not None}  # fmt: skip
-        axes |= {f"axis of {loop.name}": links.frame(loop.first)[0] @ axis
-                 for loop in loops if (axis := loop_axis(loop)) is not None}  # fmt: skip
+        axes = {
+            f"axis of {model.names[body]}": links.turns[:, body] @ axis
+            for body in bodies
+            if (axis := tree_axis(model, body)) is not None
+        }
+        axes |= {
+            f"axis of {loop.name}": links.frame(loop.first)[0] @ axis
+            for loop in loops
+            if (axis := loop_axis(loop)) is not None
+        }
         axes |= {name: np.broadcast_to(np.eye(3)[k], (len(links.q), 3)) for k, name in enumerate("xyz")}
         for k, (turn, _) in zip(frames, placed, strict=True):
             axes |= {f"{name} of {model.frames[k].name}": turn[..., column] for column, name in enumerate("xyz")}
@@ -92,11 +98,13 @@ class Landmarks(Record, frozen=True):
     def _apart(self, rotations: list[Screw]) -> list[Screw]:
         """Return rotations about different axes: of points on one axis the first."""
         kept: dict[int, list[Screw]] = {}
-        for one in rotations:
-            arms = (crossed(self.points[one.point] - self.points[two.point], self.directions[one.direction])
-                    for two in kept.setdefault(one.direction, []))  # fmt: skip
+        for rotation in rotations:
+            arms = (
+                crossed(self.points[rotation.point] - self.points[two.point], self.directions[rotation.direction])
+                for two in kept.setdefault(rotation.direction, [])
+            )
             if all(np.abs(arm).max() > ALIKE * self.extent for arm in arms):
-                kept[one.direction].append(one)
+                kept[rotation.direction].append(rotation)
         return [one for each in kept.values() for one in each]
 
     def twists(self, screws: list[Screw]) -> Array:
@@ -114,9 +122,9 @@ class Landmarks(Record, frozen=True):
 def _distinct(vectors: Array, *, lines: bool = False) -> list[int]:
     """Return the places of vectors, shape (k, c, 3), that differ from all before; lines do not from their opposites."""
     kept: list[int] = []
-    for k, one in enumerate(vectors):
+    for k, vector in enumerate(vectors):
         others = vectors[kept]
-        gaps = crossed(np.broadcast_to(one, others.shape), others) if lines else one - others
+        gaps = crossed(np.broadcast_to(vector, others.shape), others) if lines else vector - others
         if not len(kept) or np.abs(gaps).max(axis=(1, 2)).min() > ALIKE:
             kept.append(k)
     return kept

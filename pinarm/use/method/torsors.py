@@ -150,8 +150,10 @@ class Torsor(Record, frozen=True):
         rows = self.table(value)
         widths = [max(len(row[k]) for row in rows) for k in range(3)]
         t, row = self.parameter, self.row(value)
-        lines = [f"{self.kind} torsor of {self.of} at {self.point}, axes of {self.basis}, "
-                 f"{t.name} = {t.values[row]:.6g} {t.unit}"]  # fmt: skip
+        lines = [
+            f"{self.kind} torsor of {self.of} at {self.point}, axes of {self.basis}, "
+            f"{t.name} = {t.values[row]:.6g} {t.unit}"
+        ]
         return "\n".join([*lines, *("  ".join(map(str.ljust, each, widths)).rstrip() for each in rows)])
 
     def __str__(self) -> str:
@@ -173,9 +175,11 @@ def shapes(mechanism: Mechanism, q: Array) -> dict[str, str]:
     model, links, found = mechanism.model, LinkPlacements.at(mechanism.model, q[None]), {}
     for body in bodies_of(mechanism):
         found[str(model.names[body])] = _letters(held(model, links, body), links.turns[:, body], links.places[:, body])
-    for one in mechanism.constraints:
-        if isinstance(one, LoopJoint):
-            found[one.name] = _letters(per_unit(one, links)[_second(model, one)], *links.frame(one.second))
+    for constraint in mechanism.constraints:
+        if isinstance(constraint, LoopJoint):
+            found[constraint.name] = _letters(
+                per_unit(constraint, links)[_second(model, constraint)], *links.frame(constraint.second)
+            )
     return found
 
 
@@ -256,7 +260,7 @@ def _possible(run: Trajectory, of: str, place: Array, rows: Indices) -> Array:
     if joint is not None:
         wrenches = held(mechanism.model, links, joint.index)
     else:
-        one = next(one for one in mechanism.constraints if one.name == of)
+        one = next(constraint for constraint in mechanism.constraints if constraint.name == of)
         acting = per_unit(one, links)
         wrenches = acting[_second(mechanism.model, one) if isinstance(one, LoopJoint) else one.second]  # type: ignore[attr-defined]
     return np.moveaxis(moved(wrenches, -place[rows, None]), 1, 0)

@@ -94,8 +94,11 @@ def _kind(quantities: Quantities, name: str) -> tuple[str, str] | None:
         return "effort", mechanism.drives[asked.of].coordinate
     if word in ("joint", "loop") and asked.part in WRENCH and len(words) > 2:
         if words[-1] in LENGTHS:
-            raise InputError(f"'{name}' is the length of a vector, no component", expected="one of its components",
-                             hint=name.removesuffix(words[-1]) + "x")  # fmt: skip
+            raise InputError(
+                f"'{name}' is the length of a vector, no component",
+                expected="one of its components",
+                hint=name.removesuffix(words[-1]) + "x",
+            )
         return "reaction", asked.of
     if (word, asked.part) in (("coupling", "effort"), ("loop", "tension")):
         return "multiplier", asked.of
@@ -116,29 +119,32 @@ def efforts_of(run: Trajectory, wanted: Wanted) -> tuple[dict[str, Coordinate], 
     if wanted.kind == "law" and wanted.of not in efforts:
         law, efforts[wanted.of] = wanted.of, mechanism.coordinates[wanted.of]
     if wanted.kind == "effort" and wanted.of not in efforts:
-        raise InputError(f"'{wanted.name}': no drive acts along '{wanted.of}'", expected="the effort of a drive",
-                         hint=f"drives act along {', '.join(efforts) or 'nothing'}")  # fmt: skip
+        raise InputError(
+            f"'{wanted.name}': no drive acts along '{wanted.of}'",
+            expected="the effort of a drive",
+            hint=f"drives act along {', '.join(efforts) or 'nothing'}",
+        )
     return efforts, balls, law
 
 
 def function_of(wanted: Wanted, actions: Actions, quantities: Quantities) -> Array:
     """Return the wanted quantity as a function of all unknowns, shape (c, K)."""
-    found = np.zeros(actions.wrenches.shape[::2][:2])
+    function = np.zeros(actions.wrenches.shape[::2][:2])
     if wanted.kind in ("effort", "law"):
         one = actions.carrier(wanted.of, "drive") or actions.carrier(wanted.of, "law")
         assert one is not None
-        found[:, one.columns] = 1.0
-        return found
+        function[:, one.columns] = 1.0
+        return function
     if wanted.kind == "multiplier":
         carrier = actions.carrier(wanted.of, "coupling") or actions.carrier(wanted.of, "loop")
         if carrier is None or carrier.count != 1:
             raise InputError(f"'{wanted.name}': '{wanted.of}' has no single unknown", expected=WHAT, hint=EXAMPLES)
-        found[:, carrier.columns] = -1.0 if wanted.quantity.endswith("tension") else 1.0
-        return found
+        function[:, carrier.columns] = -1.0 if wanted.quantity.endswith("tension") else 1.0
+        return function
     own, place = own_wrenches(wanted, actions)
     for k, q in enumerate(actions.links.q):
-        found[k] = component(wanted, quantities, q, moved(own[k], -place[k]), place[k])
-    return found
+        function[k] = component(wanted, quantities, q, moved(own[k], -place[k]), place[k])
+    return function
 
 
 def own_wrenches(wanted: Wanted, actions: Actions) -> tuple[Array, Array]:
@@ -147,7 +153,7 @@ def own_wrenches(wanted: Wanted, actions: Actions) -> tuple[Array, Array]:
     own = np.zeros((len(links.q), actions.wrenches.shape[2], 6))
     loop = actions.carrier(wanted.of, "loop")
     if loop is not None and wanted.quantity.startswith("loop."):
-        joint = next(one for one in mechanism.constraints if one.name == wanted.of)
+        joint = next(constraint for constraint in mechanism.constraints if constraint.name == wanted.of)
         second = mechanism.model.frames[joint.second].parentJoint  # type: ignore[attr-defined]
         own[:, loop.columns] = actions.wrenches[:, second, loop.columns]
         return own, links.frame(joint.second)[1]  # type: ignore[attr-defined]

@@ -436,11 +436,11 @@ def destination(given: Path | None, scenario: Path, name: str, kind: str = "resu
         other = _other(given, own)
         yield Destination(given, f"in place of {other}" if other else "")
         return
-    found = _free(own, name, kind)
+    free = _free(own, name, kind)
     try:
-        yield found
+        yield free
     finally:
-        release_folder(found.folder)
+        release_folder(free.folder)
 
 
 def _free(own: str, name: str, kind: str) -> Destination:

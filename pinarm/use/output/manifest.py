@@ -99,7 +99,7 @@ def _foreign(folder: Path, names: list[str]) -> InputError:
         f"{folder} holds files that pinarm did not write, or that were changed since: {shown}",
         expected="a new folder, or one that holds nothing but an earlier result",
         hint="another folder: -o DIR, or move these files away",
-    )  # fmt: skip
+    )
 
 
 def file_names(folder: Path) -> Iterator[str]:

@@ -66,9 +66,12 @@ class Report(Record, frozen=True):
 
 
 def report(
-    results: Result | Sweep | str | Path | Sequence[Result | Sweep | str | Path], path: str | Path | None = None, *,
-    title: str = "", student: bool = False,
-) -> Report:  # fmt: skip
+    results: Result | Sweep | str | Path | Sequence[Result | Sweep | str | Path],
+    path: str | Path | None = None,
+    *,
+    title: str = "",
+    student: bool = False,
+) -> Report:
     """Return one document on results: question, answers and accuracy, mechanism, curves, sections, what was left out.
 
     Tables that few readers need are in an appendix. Of a sweep: what was varied, statistics, curves, cases.

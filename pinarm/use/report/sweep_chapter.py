@@ -51,8 +51,10 @@ def _cases(sweep: Sweep) -> ReportTable:
     shown = [*sweep.given, *map(sweep.presentation.shown, sweep.results())]
     count = min(len(sweep), MOST_CASES)
     given = len(sweep.given)
-    rows = [[str(case), *(_cell(series, case, number if k < given else rounded) for k, series in enumerate(shown))]
-            for case in range(count)]  # fmt: skip
+    rows = [
+        [str(case), *(_cell(series, case, number if k < given else rounded) for k, series in enumerate(shown))]
+        for case in range(count)
+    ]
     more = f"and {len(sweep) - count} more in cases.csv" if len(sweep) > count else ""
     return ReportTable(["case", *(with_unit(series.name, series.unit) for series in shown)], rows, (), remark=more)
 

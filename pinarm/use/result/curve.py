@@ -255,8 +255,10 @@ class Curve(Struct, eq=False, dict=True):
         """
         ends = np.cumsum([span.length for span in self.spans])
         places = [int(np.searchsorted(ends, part * ends[-1])) for part in NEIGHBOURS[:, 1]]
-        spots = [(self.spans[k].number, self.spans[k].bounds[0] + self.spans[k].length * parts)
-                 for k, parts in zip(places, NEIGHBOURS, strict=True)]  # fmt: skip
+        spots = [
+            (self.spans[k].number, self.spans[k].bounds[0] + self.spans[k].length * parts)
+            for k, parts in zip(places, NEIGHBOURS, strict=True)
+        ]
         values = np.array([f.reshape(len(t), -1) for f, (_, t) in zip(self.values(spots), spots, strict=True)])
         differences = np.diff(np.where(np.isfinite(values), values, 0.0), 3, axis=1)[:, 0]
         middle = np.sort(differences**2, axis=0)[len(differences) // 2]

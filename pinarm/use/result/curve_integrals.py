@@ -189,8 +189,10 @@ class _Arcs(ValueRecord, frozen=True):
     @classmethod
     def of(cls, pieces: Pieces) -> _Arcs:
         """Return the arcs of pieces."""
-        turns = [np.concatenate([[low], pieces.extremes(k), [high]])
-                 for k, (low, high) in enumerate(zip(pieces.low, pieces.high, strict=True))]  # fmt: skip
+        turns = [
+            np.concatenate([[low], pieces.extremes(k), [high]])
+            for k, (low, high) in enumerate(zip(pieces.low, pieces.high, strict=True))
+        ]
         piece = np.repeat(np.arange(len(pieces)), [len(t) - 1 for t in turns])
         ends = np.array([np.concatenate([t[side] for t in turns]) for side in (slice(-1), slice(1, None))])
         return cls(pieces, piece, ends, np.array([pieces.at(piece, t)[:, 0] for t in ends]))

@@ -205,13 +205,19 @@ def zeros_of_angle(curve: Curve, number: int, places: Array, level: float) -> li
     found = _zeros(curve, number, places, t, values, level)
     if (np.abs(np.diff(values)) <= np.pi).all():
         return found
-    sine = Curve(lambda spots: [np.sin(f.reshape(len(t), -1)[:, :1] - level) for f, (_, t) in
-                                zip(curve.values(spots), spots, strict=True)],
-                 [replace(span, f=np.sin(span.f - level)) for span in curve.spans])  # fmt: skip
+    sine = Curve(
+        lambda spots: [
+            np.sin(f.reshape(len(t), -1)[:, :1] - level) for f, (_, t) in zip(curve.values(spots), spots, strict=True)
+        ],
+        [replace(span, f=np.sin(span.f - level)) for span in curve.spans],
+    )
     low, high = float(places[0]), float(places[-1])
     near = BESIDE * (high - low) * np.array([-1.0, 0.0, 1.0])
-    others = [place for place in zeros(sine, number, places, 0.0)
-              if np.abs(_gaps(curve, number, np.clip(place + near, low, high), level)).min() < 1.0]  # fmt: skip
+    others = [
+        place
+        for place in zeros(sine, number, places, 0.0)
+        if np.abs(_gaps(curve, number, np.clip(place + near, low, high), level)).min() < 1.0
+    ]
     return _once(sine, number, sorted({*found, *others}), set(found), high - low, TOUCHES, 0.0)
 
 

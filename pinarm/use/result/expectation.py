@@ -97,8 +97,10 @@ class Expectation(InputStruct, frozen=True):
                 "a model error is confirmed by what it assumes", expected="because: the formula of that model"
             )
         if self.erratum and self.verdict not in ERRATA:
-            raise InputError(f"an erratum is a misprint or a model error, not '{self.verdict}'",
-                             expected="verdict: misprint, or model_error")  # fmt: skip
+            raise InputError(
+                f"an erratum is a misprint or a model error, not '{self.verdict}'",
+                expected="verdict: misprint, or model_error",
+            )
 
     def _placed_twice(self) -> InputError:
         """Return the error of a quantity that has its place behind it, and how it is written here."""
@@ -110,8 +112,10 @@ class Expectation(InputStruct, frozen=True):
             if asked.of == asked.quantity:
                 pairs = [f"{key}: {value}" for key, value in asked.at.items()] if isinstance(asked.at, dict) else []
                 quantity, at = asked.quantity, f"{{{', '.join(pairs)}}}" if pairs else str(asked.at)
-        return InputError(f"'{self.quantity}' has its place behind it: here that is a key of its own",
-                          expected=f"quantity: {quantity}, at: {at}")  # fmt: skip
+        return InputError(
+            f"'{self.quantity}' has its place behind it: here that is a key of its own",
+            expected=f"quantity: {quantity}, at: {at}",
+        )
 
     def _check_place(self) -> None:
         if isinstance(self.at, dict) or self.at in PLACES:
@@ -122,9 +126,10 @@ class Expectation(InputStruct, frozen=True):
             expected, hint = choices(self.at, [*PLACES, *FIGURES])
             with within("at"):
                 raise InputError(
-                    f"there is no place '{self.at}' on a run", hint=hint,
+                    f"there is no place '{self.at}' on a run",
+                    hint=hint,
                     expected=f"{expected}, a percentile such as p95, or an instant such as {{t: 1.5 s}}",
-                )  # fmt: skip
+                )
 
     def check_names(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> None:
         """Check its names and units against the quantities of a run, and the numbers of its sections, by key.
@@ -184,5 +189,7 @@ def unreached(quantities: Quantities, key: Sequence[Expectation]) -> list[str]:
                 value, slack = in_si(text, rows.unit), 1e-12 * float(np.ptp(rows.values))
                 if not rows.values.min() - slack <= value <= rows.values.max() + slack:
                     places.setdefault(f"{along} = {text}", []).append(str(number))
-    return [f"{place} is not reached in this run; entry {', '.join(numbers)} of expect asks for it"
-            for place, numbers in places.items()]  # fmt: skip
+    return [
+        f"{place} is not reached in this run; entry {', '.join(numbers)} of expect asks for it"
+        for place, numbers in places.items()
+    ]

@@ -93,8 +93,10 @@ def unexplained(figures: Mapping[str, float]) -> dict[str, float]:
 
 def unexplained_notes(figures: Mapping[str, float]) -> list[str]:
     """Return a note for each residual that rounding does not explain."""
-    return [f"{name}: a residual of {size:.2g} is more than rounding: the motion errs by about as much, or more"
-            for name, size in unexplained(figures).items()]  # fmt: skip
+    return [
+        f"{name}: a residual of {size:.2g} is more than rounding: the motion errs by about as much, or more"
+        for name, size in unexplained(figures).items()
+    ]
 
 
 FALLEN, NEARLY_SINGULAR = 0.5, 1e-4

@@ -40,7 +40,7 @@ def _sizes(result: Result) -> dict[str, tuple[float, float]]:
     """Return the largest absolute value of every output, and what the run makes of its unit."""
     natural = natural_sizes(result.trajectory)
     columns = {name: result[name] for name in result.content.outputs}
-    return {name: (float(np.abs(one.values).max()), natural(one.unit)) for name, one in columns.items()}
+    return {name: (float(np.abs(column.values).max()), natural(column.unit)) for name, column in columns.items()}
 
 
 def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple[Series, float]]) -> Array:
@@ -56,14 +56,19 @@ def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple
     key, value = result.content.accuracy.setting
     adaptive = "evaluations" in result.figures and key == "tolerance"
     relative = max(SOLVED, STEPS * value) if adaptive else SOLVED
-    sizes = [max(_size(result, number), abs(float(series.values[0])))
-             for number, (series, _) in zip(numbers, measured, strict=True)]  # fmt: skip
+    sizes = [
+        max(_size(result, number), abs(float(series.values[0])))
+        for number, (series, _) in zip(numbers, measured, strict=True)
+    ]
     lefts = rounding(result, [series.unit for series, _ in measured])
-    return np.array([
-        _noise_of_formula(result, number) if isinstance(number, CombinedNumber)
-        else (relative * size if size > left else left) + error
-        for number, size, left, (_, error) in zip(numbers, sizes, lefts, measured, strict=True)
-    ])  # fmt: skip
+    return np.array(
+        [
+            _noise_of_formula(result, number)
+            if isinstance(number, CombinedNumber)
+            else (relative * size if size > left else left) + error
+            for number, size, left, (_, error) in zip(numbers, sizes, lefts, measured, strict=True)
+        ]
+    )
 
 
 def _noise_of_formula(result: Result, number: CombinedNumber) -> float:

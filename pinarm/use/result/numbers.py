@@ -30,8 +30,10 @@ if TYPE_CHECKING:
     from pinarm.use.result.run import Numbered, Run
 
 
-EXAMPLES = ("C_B @ max, t @ max(C_B), C_B @ t=1.5 s, C_B @ rms, C_B @ p95, C_B @ range, loads.B.life.time of a "
-            "section, or a formula of such numbers: C_B @ max - C_B @ mean")  # fmt: skip
+EXAMPLES = (
+    "C_B @ max, t @ max(C_B), C_B @ t=1.5 s, C_B @ rms, C_B @ p95, C_B @ range, loads.B.life.time of a "
+    "section, or a formula of such numbers: C_B @ max - C_B @ mean"
+)
 
 MAX_LENGTH = 2000
 """Characters of a text that is read at all."""
@@ -170,7 +172,7 @@ class RunNumber(ValueRecord, frozen=True):
         ]
         bounds = [series.values for series in result.quantities.bounds(self.quantity)]
         endless = place and np.isinf(bounds).any()
-        values = np.ravel(bounds if endless else [each.told(result.lookup)[0] for each in ends])
+        values = np.ravel(bounds if endless else [end.told(result.lookup)[0] for end in ends])
         low, high, finite = values.min(), values.max(), values[np.isfinite(values)]
         if high - low > OPEN * max(np.abs(finite).max(initial=0.0), abs(told)):
             unit = result[self.quantity].unit
@@ -256,8 +258,11 @@ class SectionNumber(ValueRecord, frozen=True):
             names = [name for name in quantities.names() if name.partition(".")[0] in (self.key, EVENT)]
             expected, hint = choices(self.label, names)
             return InputError(error.message, expected=expected, hint=hint) if hint else None
-        return InputError(f"'{self.label}' has a value at every row", expected=f"the place of one: {self.label} @ max, "
-                          f"{self.label} @ end, or a figure such as {self.label} @ rms")  # fmt: skip
+        return InputError(
+            f"'{self.label}' has a value at every row",
+            expected=f"the place of one: {self.label} @ max, "
+            f"{self.label} @ end, or a figure such as {self.label} @ rms",
+        )
 
     def _missing(self, numbers: Mapping[str, object]) -> InputError:
         expected, hint = choices(self.name, numbers)
@@ -295,8 +300,10 @@ class CombinedNumber(ValueRecord, frozen=True):
             between, number = text[done:begin], text[begin:end].strip()
             opened = re.split(r"[(,]", between)
             if begin < done or (opened[-1].strip() and (len(opened) > 1 or not done)):
-                raise InputError(f"'{label}' does not say what '@' belongs to",
-                                 expected="parentheses, such as 2*(w @ max), or (2*w) @ max")  # fmt: skip
+                raise InputError(
+                    f"'{label}' does not say what '@' belongs to",
+                    expected="parentheses, such as 2*(w @ max), or (2*w) @ max",
+                )
             ends = [number] if not re.search(r"@\s*range$", number) else [f"{number[:-5]}max", f"{number[:-5]}min"]
             formula += f"{between}({' - '.join(f'n_{len(parts) + k}' for k in range(len(ends)))})"
             parts += map(RunNumber.read, ends)
@@ -308,8 +315,10 @@ class CombinedNumber(ValueRecord, frozen=True):
                 formula = re.sub(rf"(?<![\w.]){re.escape(name)}(?![\w.])", f"n_{len(parts)}", formula)
                 parts += read_number(name).parts
             elif not re.fullmatch(r"n_\d+", name) and name not in CONSTANTS:
-                raise InputError(f"'{name}' in '{label}' has a value at every row", expected=f"a number: {name} @ max; "
-                                 f"or parentheses around a formula, such as (2*{name}) @ max")  # fmt: skip
+                raise InputError(
+                    f"'{name}' in '{label}' has a value at every row",
+                    expected=f"a number: {name} @ max; or parentheses around a formula, such as (2*{name}) @ max",
+                )
         return cls(label, formula, tuple(parts))
 
     @property
@@ -382,14 +391,16 @@ _ANGLE_POWER = 7
 
 def _unit_of_formula(formula: Expression, units: Sequence[Unit | None]) -> Unit | None:
     """Return the SI unit of a formula of numbers; a sum of angles is an angle, a ratio of angles is none."""
-    marked = [one if one is None or not any(word in str(one) for word in ANGLES) else one * _ANGLE for one in units]
+    marked = [
+        unit if unit is None or not any(word in str(unit) for word in ANGLES) else unit * _ANGLE for unit in units
+    ]
     try:
-        found = formula.dimension(_named(marked))
+        dimension = formula.dimension(_named(marked))
     except UnitError:
-        found = formula.dimension(_named(units))
-    if found is None or found.dimension[3] != _ANGLE_POWER:
-        return found
-    turning = found / _ANGLE
+        dimension = formula.dimension(_named(units))
+    if dimension is None or dimension.dimension[3] != _ANGLE_POWER:
+        return dimension
+    turning = dimension / _ANGLE
     return Unit(1.0, turning.dimension, {0: "rad", -1: "rad/s", -2: "rad/s^2"}.get(int(turning.dimension[2]), ""))
 
 
@@ -512,8 +523,10 @@ class Condition(Record, frozen=True):
         value = text[1:].removeprefix("=").strip()
         condition = cls(read_number(number), relations[text[0]], AnyQuantity.read(value, bare=False))
         if condition.compared.figure == "peak" and isinstance(condition.compared, RunNumber) and condition.bound < 0.0:
-            raise InputError(f"'{number}' is a size, which is never below {condition.bound_text}",
-                             expected=f"a bound from 0 on, or {condition.compared.quantity} @ min, @ max")  # fmt: skip
+            raise InputError(
+                f"'{number}' is a size, which is never below {condition.bound_text}",
+                expected=f"a bound from 0 on, or {condition.compared.quantity} @ min, @ max",
+            )
         return condition
 
     @property

@@ -159,11 +159,11 @@ class Result(Run, frozen=True):
             return {}
         from pinarm.use.result.numbers import measured, read_number
 
-        found = {}
+        numbers = {}
         for k, text in enumerate(self.content.numbers):
             with self.scenario.document.locating("numbers", k):
-                found[text] = measured(read_number(text), self)
-        return found
+                numbers[text] = measured(read_number(text), self)
+        return numbers
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
@@ -292,9 +292,12 @@ class Result(Run, frozen=True):
 
         rows, figures = self.trajectory, dict(self.outcome.figures)
         outcome = {
-            "figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes,
-            "decisions": self.outcome.decisions, "arrays": dict(self.outcome.arrays),
-        }  # fmt: skip
+            "figures": figures,
+            "events": tuple(self.outcome.events),
+            "notes": self.outcome.notes,
+            "decisions": self.outcome.decisions,
+            "arrays": dict(self.outcome.arrays),
+        }
         measured = {name: getattr(self, name) for name in MEASURED} | {"figures": dict(self.figures)}
         return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
 
@@ -321,8 +324,11 @@ class Result(Run, frozen=True):
             run, bad = self.trajectory, np.flatnonzero(~known)
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
             more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
-            never = [time for time, series in run.columns.items()
-                     if time.endswith(".time") and time in name and np.isnan(series.values).any()]  # fmt: skip
+            never = [
+                time
+                for time, series in run.columns.items()
+                if time.endswith(".time") and time in name and np.isnan(series.values).any()
+            ]
             said = [note for note in self.outcome.notes if note.startswith(f"row {bad[0] + 1}: ")]
             hint = (
                 f"{never[0].removesuffix('.time')} does not take place; its count is 0"
@@ -335,8 +341,11 @@ class Result(Run, frozen=True):
             at = format_configuration(run.mechanism.model, run.q[bad[0]])
             raise DynamicsError(
                 f"{name} is not finite at {where}, where {at}{more}{reasons}",
-                hint=hint, partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
-            )  # fmt: skip
+                hint=hint,
+                partial=self,
+                t=float(run.grid.t[bad[0]]),
+                q=run.q[bad[0]],
+            )
 
     def summary(self) -> dict[str, Any]:
         """Return the headline numbers with units, the measured accuracy, versions and the hash of the input."""
@@ -425,7 +434,7 @@ class Result(Run, frozen=True):
     def _bounds(self, series: Series) -> tuple[Array, Array]:
         """Return the least and greatest values of an output in each row, in its unit."""
         bounds = self.quantities.bounds(series.name)
-        least, greatest = ((each.to(series.unit) if series.unit else each).values + 0.0 for each in bounds)
+        least, greatest = ((bound.to(series.unit) if series.unit else bound).values + 0.0 for bound in bounds)
         return least, greatest
 
     def notes(self) -> list[str]:

@@ -196,8 +196,10 @@ class Lookup(Record, frozen=True):
         """
         points, most = sum(map(len, self.knots)), MOST_STATES // ((DEGREE + 1) * self._width)
         if points > most:
-            raise InputError(f"laws and profiles have {points} points in this run: it cannot be looked between all",
-                             expected=f"at most {most}, as in a shorter run")  # fmt: skip
+            raise InputError(
+                f"laws and profiles have {points} points in this run: it cannot be looked between all",
+                expected=f"at most {most}, as in a shorter run",
+            )
 
     # States and functions of them
 
@@ -270,7 +272,7 @@ class Lookup(Record, frozen=True):
             f = f[:, None] if f.ndim == 1 else f
             t, first = np.unique(np.where(np.isfinite(f).all(axis=1), t, np.nan), return_index=True)
             ends = np.abs(self.intervals[k][:2]).max()
-            here = distinct(np.concatenate([np.empty(0), *(each[k] for each in switches)]))
+            here = distinct(np.concatenate([np.empty(0), *(switch[k] for switch in switches)]))
             bounds, points_of = distinct(np.append(self._bounds(k), here)), np.append(self.knots[k], self.jumps[k])
             sides = np.concatenate([here - BESIDE_SWITCH * ends, here + BESIDE_SWITCH * ends])
             jumps = distinct(np.append(self.jumps[k], here))
@@ -281,14 +283,14 @@ class Lookup(Record, frozen=True):
     @cached_property
     def _points(self) -> list[tuple[int, Array]]:
         """Points of laws, ends of short steps, and both sides of jumps of loads, in the wide intervals."""
-        found = list[tuple[int, Array]]()
+        points = list[tuple[int, Array]]()
         for k in self._wide:
             edges, ends, jumps = self._bounds(k), self.steps[k], self.jumps[k]
             piece = np.clip(np.searchsorted(edges, ends), 1, len(edges) - 1) - 1
             short = ends[np.diff(ends, prepend=edges[0]) < SHORT * np.diff(edges)[piece]]
             before = jumps - BESIDE * np.diff(jumps, prepend=edges[0])
-            found.append((k, distinct(np.concatenate([self.knots[k], short, jumps, before]))))
-        return found
+            points.append((k, distinct(np.concatenate([self.knots[k], short, jumps, before]))))
+        return points
 
     def switches(self, name: str) -> list[Array]:
         """Return where formulas behind a name go from one smooth part to another, interval by interval, ascending.
@@ -319,8 +321,10 @@ class Lookup(Record, frozen=True):
             if not found:
                 break
             known += found
-        return [distinct([switch.t for switch in known if switch.interval == k]) if known else none[k]
-                for k in range(len(self.intervals))]  # fmt: skip
+        return [
+            distinct([switch.t for switch in known if switch.interval == k]) if known else none[k]
+            for k in range(len(self.intervals))
+        ]
 
     def _brackets(self, function: Function, known: Sequence[_Switch]) -> Iterator[tuple[_Switch, float]]:
         """Yield where functions change their signs between neighbouring places: from a place to the next one."""

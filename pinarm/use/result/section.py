@@ -54,16 +54,20 @@ class SectionTable(Record, frozen=True):
             units: The unit that numbers are in, as text -> the unit to show them in.
         """
         columns = [units.get(str(unit), unit) if unit is not None else None for unit in self.units]
-        factors = [old.factor / new.factor if old is not None and new is not None else 1.0
-                   for old, new in zip(self.units, columns, strict=True)]  # fmt: skip
+        factors = [
+            old.factor / new.factor if old is not None and new is not None else 1.0
+            for old, new in zip(self.units, columns, strict=True)
+        ]
         return replace(self, units=columns, rows=[self._row_shown(row, factors, units) for row in self.rows])
 
     def _row_shown(self, row: Sequence[Cell], factors: Sequence[float], units: Mapping[str, Unit]) -> list[Cell]:
         said = "" if self.row_unit is None else str(row[self.row_unit])
         of_row = 1.0 / units[said].factor if said in units else 1.0
         scales = [of_row if unit is None else factor for unit, factor in zip(self.units, factors, strict=True)]
-        shown: list[Cell] = [each if isinstance(each, str) or scale == 1.0 else each * scale
-                             for each, scale in zip(row, scales, strict=True)]  # fmt: skip
+        shown: list[Cell] = [
+            each if isinstance(each, str) or scale == 1.0 else each * scale
+            for each, scale in zip(row, scales, strict=True)
+        ]
         if self.row_unit is not None and said in units:
             shown[self.row_unit] = str(units[said])
         return shown
@@ -92,8 +96,10 @@ class SectionTable(Record, frozen=True):
 
     def headings(self) -> list[str]:
         """Return the names of the columns with their units."""
-        return [f"{name} [{unit}]" if unit is not None and str(unit) != "1" else name
-                for name, unit in zip(self.columns, self.units, strict=True)]  # fmt: skip
+        return [
+            f"{name} [{unit}]" if unit is not None and str(unit) != "1" else name
+            for name, unit in zip(self.columns, self.units, strict=True)
+        ]
 
     def to_dataframe(self) -> DataFrame:
         """Return it as a pandas table, units in the headings."""

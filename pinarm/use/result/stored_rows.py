@@ -43,7 +43,7 @@ AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
 
 def states(run: Trajectory) -> dict[str, Any]:
     """Return the arrays from which ``trajectory_of`` makes the states of a run again, for the same scenario."""
-    guides = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
+    guides = [constraint.name for constraint in run.closure.constraints[len(run.mechanism.constraints) :]]
     return {
         "q": run.q, "v": run.v, "a": run.a, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
         "rows": np.array(run.grid.rows), "guides": np.array(guides, str), **_of_efforts(run),
@@ -58,11 +58,13 @@ def event_arrays(events: Sequence[EventRecord]) -> dict[str, Any]:
     if not events:
         return {}
     return {
-        "event.names": np.array([one.name for one in events], str), "event.t": np.array([one.t for one in events]),
-        "event.q": np.array([one.q for one in events]), "event.v": np.array([one.v for one in events]),
-        "event.before": np.array([one.v if one.before is None else one.before for one in events]),
-        "event.impact": np.array([one.before is not None for one in events], float),
-    }  # fmt: skip
+        "event.names": np.array([event.name for event in events], str),
+        "event.t": np.array([event.t for event in events]),
+        "event.q": np.array([event.q for event in events]),
+        "event.v": np.array([event.v for event in events]),
+        "event.before": np.array([event.v if event.before is None else event.before for event in events]),
+        "event.impact": np.array([event.before is not None for event in events], float),
+    }
 
 
 def events_of(arrays: Mapping[str, Array], model: pin.Model) -> tuple[EventRecord, ...]:
@@ -138,8 +140,9 @@ class SolvedAnew(RelayedMotion, Record, frozen=True):
                 raise InputError(
                     "between the rows of this result its motion has to be solved again, and that leads elsewhere: a "
                     "function in Python drives it, its files or pinarm are others now, or errors grow along it",
-                    expected="quantities at the rows", hint=AGAIN,
-                )  # fmt: skip
+                    expected="quantities at the rows",
+                    hint=AGAIN,
+                )
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other values of the parameter.

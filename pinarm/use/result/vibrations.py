@@ -190,8 +190,10 @@ def _modes(result: Run) -> Section:
     eigenvalues = _eigenvalues(result)
     numbers = range(1, len(eigenvalues) + 1)
     errors = [float(result[f"mode.{k}.error"].values[0]) for k in numbers]
-    measured = [[_cleared(result[f"mode.{k}.{name}"], value, error) for name in MEASURES]
-                for k, value, error in zip(numbers, eigenvalues, errors, strict=True)]  # fmt: skip
+    measured = [
+        [_cleared(result[f"mode.{k}.{name}"], value, error) for name in MEASURES]
+        for k, value, error in zip(numbers, eigenvalues, errors, strict=True)
+    ]
     said = [_nature(value, error) for value, error in zip(eigenvalues, errors, strict=True)]
     rows: list[Sequence[Cell]] = [
         (f"{k}", *(float(series.values[0]) for series in row), nature)
@@ -216,8 +218,10 @@ def _parts(arrays: Mapping[str, LabelledArray], undamped: Flags) -> Iterator[tup
 
 def _part_table(name: str, table: LabelledArray) -> SectionTable:
     """Return the parts of bodies, springs or dampers in each mode [%]."""
-    rows = [(row, *("" if np.isnan(part) else round(100.0 * part, 4) + 0.0 for part in parts))
-            for row, parts in zip(table.rows, table.values.tolist(), strict=True)]  # fmt: skip
+    rows = [
+        (row, *("" if np.isnan(part) else round(100.0 * part, 4) + 0.0 for part in parts))
+        for row, parts in zip(table.rows, table.values.tolist(), strict=True)
+    ]
     headings = ("", *table.columns)
     return SectionTable(name, f"{PARTS[name][0]} [%]", headings, (None,) * len(headings), rows)
 
@@ -230,8 +234,11 @@ def _leading(parts: Mapping[str, LabelledArray], said: Sequence[str]) -> Iterato
     for k in [k for k, nature in enumerate(said) if nature in ("", "unstable")][:MOST_SAID]:
         known = {name: np.nan_to_num(table.values[:, k], nan=-np.inf) for name, table in parts.items()}
         tops = {name: int(np.argmax(shares > shares.max() - ALIKE)) for name, shares in known.items()}
-        words = [f"{PARTS[name][1]} {parts[name].rows[top]} ({100.0 * known[name][top]:.3g} %)"
-                 for name, top in tops.items() if np.isfinite(known[name][top])]  # fmt: skip
+        words = [
+            f"{PARTS[name][1]} {parts[name].rows[top]} ({100.0 * known[name][top]:.3g} %)"
+            for name, top in tops.items()
+            if np.isfinite(known[name][top])
+        ]
         if words:
             yield f"mode {k + 1}: {', '.join(words)}"
 
@@ -260,8 +267,10 @@ def _plane(eigenvalues: Complex, said: Sequence[str]) -> Iterator[Curve]:
         if chosen.any():
             yield Curve(
                 Series("real part", unit("1/s"), both[chosen].real),
-                Series("imaginary part", unit("rad/s"), both[chosen].imag), label, points=True,
-            )  # fmt: skip
+                Series("imaginary part", unit("rad/s"), both[chosen].imag),
+                label,
+                points=True,
+            )
 
 
 def _frequency_response(result: Run) -> Section:
@@ -276,11 +285,14 @@ def _frequency_response(result: Run) -> Section:
     nyquists = [_nyquist(f"nyquist{name}", group) for name, group in zip(names, groups, strict=True)]
     remarks = ["dashed lines: damped frequencies of the modes, by their numbers"] if marks else []
     peaks = [_peak(response, result) for response in known]
-    numbers = {f"{own.number}.{name}": Series(name, own.unit if name == "largest" else HERTZ, np.array([value]))
-               for own, peak in zip(known, peaks, strict=True)
-               for name, value in zip(("largest", "frequency"), peak, strict=True)}  # fmt: skip
-    return Section("frequency_response", "Frequency response", [_largest(known, peaks)], numbers, remarks,
-                   [*bodes, *nyquists])  # fmt: skip
+    numbers = {
+        f"{own.number}.{name}": Series(name, own.unit if name == "largest" else HERTZ, np.array([value]))
+        for own, peak in zip(known, peaks, strict=True)
+        for name, value in zip(("largest", "frequency"), peak, strict=True)
+    }
+    return Section(
+        "frequency_response", "Frequency response", [_largest(known, peaks)], numbers, remarks, [*bodes, *nyquists]
+    )
 
 
 def _peak(response: Response, result: Run) -> tuple[float, float]:
@@ -305,8 +317,9 @@ def _peak(response: Response, result: Run) -> tuple[float, float]:
         place = eigenvalue.imag / (2.0 * np.pi)
         if near[0] <= place <= near[-1] and abs(eigenvalue.real) <= result[f"mode.{k}.error"].values[0]:
             return np.inf, float(place)
-    found = minimize_scalar(lambda x: -amplitude(x), bounds=(near[0], near[-1]), method="bounded",
-                            options={"xatol": FINE * near[-1]})  # fmt: skip
+    found = minimize_scalar(
+        lambda x: -amplitude(x), bounds=(near[0], near[-1]), method="bounded", options={"xatol": FINE * near[-1]}
+    )
     sample = float(np.abs(response.values[top]))
     return (-float(found.fun), float(found.x)) if -found.fun > sample else (sample, float(response.frequencies[top]))
 
@@ -328,8 +341,10 @@ def _names(groups: Sequence[Sequence[Response]]) -> list[str]:
 
 def _largest(known: Sequence[Response], peaks: Sequence[tuple[float, float]]) -> SectionTable:
     """Return the largest amplitude of each response, and that at the lowest frequency."""
-    rows = [(own.output, own.input, str(own.unit or "?"), float(np.abs(own.values[0])), *peak)
-            for own, peak in zip(known, peaks, strict=True)]  # fmt: skip
+    rows = [
+        (own.output, own.input, str(own.unit or "?"), float(np.abs(own.values[0])), *peak)
+        for own, peak in zip(known, peaks, strict=True)
+    ]
     headings = ("output", "input", "unit", "at the lowest frequency", "largest", "at")
     units = (None, None, None, None, None, HERTZ)
     return SectionTable("largest", "Largest amplitudes", headings, units, rows, row_unit=2)
@@ -348,11 +363,12 @@ def _bode(name: str, group: Sequence[Response], marks: Sequence[tuple[float, str
 def _nyquist(name: str, group: Sequence[Response]) -> Graph:
     curves = [
         Curve(
-            Series("real part", own.unit, own.values.real), Series("imaginary part", own.unit, own.values.imag),
+            Series("real part", own.unit, own.values.real),
+            Series("imaginary part", own.unit, own.values.imag),
             f"input {own.input}" if len(group) > 1 else "",
         )
         for own in group
-    ]  # fmt: skip
+    ]
     return Graph(name, _title("Nyquist plot", group), curves, equal=True)
 
 

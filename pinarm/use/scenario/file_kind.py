@@ -38,8 +38,9 @@ def refuse_folder(path: Path) -> None:
     hint = _OF_ROBOT if robot else _OF_RESULT if (path / "summary.json").is_file() else ""
     raise InputError(
         "this is a folder" + (", and the name of a robot" if robot else ""),
-        expected=f"one of the files in it: {', '.join(shown)}" if shown else none, hint=hint,
-    ).at(Location(str(path)))  # fmt: skip
+        expected=f"one of the files in it: {', '.join(shown)}" if shown else none,
+        hint=hint,
+    ).at(Location(str(path)))
 
 
 _OF_RESULT = "for the saved result, the commands replay and report, or pinarm.restore in Python"
@@ -54,9 +55,11 @@ def refuse_ambiguous(path: Path) -> None:
     """
     refuse_folder(path)
     if path.exists() and _is_robot(path):
-        raise InputError("this is a file, and the name of a robot",
-                         expected="a scenario or a mechanism file (.yaml), or a model", hint=_OF_ROBOT,
-                         ).at(Location(str(path)))  # fmt: skip
+        raise InputError(
+            "this is a file, and the name of a robot",
+            expected="a scenario or a mechanism file (.yaml), or a model",
+            hint=_OF_ROBOT,
+        ).at(Location(str(path)))
 
 
 def refuse_robot(path: Path) -> None:
@@ -93,9 +96,10 @@ def refuse_model(path: Path) -> None:
     """
     if path.name.endswith(ENDINGS) and path.is_file():
         raise InputError(
-            "this is a model, not a scenario", expected="a scenario (.yaml): a question about a mechanism",
+            "this is a model, not a scenario",
+            expected="a scenario (.yaml): a question about a mechanism",
             hint=f"python -m pinarm new {path}, which writes a scenario for it; or python -m pinarm explain {path}",
-        ).at(Location(str(path)))  # fmt: skip
+        ).at(Location(str(path)))
 
 
 def refuse_mechanism(path: Path, data: Any) -> None:
@@ -109,7 +113,7 @@ def refuse_mechanism(path: Path, data: Any) -> None:
             "this is a mechanism file, not a scenario",
             expected=f"a scenario, with 'mechanism: {path.name}' and a 'problem:'",
             hint=f"python -m pinarm explain {path}; or python -m pinarm new four_bar, for a scenario to begin with",
-        ).at(Location(str(path)))  # fmt: skip
+        ).at(Location(str(path)))
 
 
 def refuse_keys_of_mechanism(values: Values, keys: Collection[str]) -> None:
@@ -122,8 +126,11 @@ def refuse_keys_of_mechanism(values: Values, keys: Collection[str]) -> None:
         path = str(text).partition("=")[0].strip()
         first = path.partition(".")[0]
         if first not in keys and (place := map_in_mechanism_file(first)) is not None:
-            raise InputError(f"'{first}' is a key of mechanism files", expected="a path in the scenario",
-                             hint=f"changes.{place}{path}").at(Location(path))  # fmt: skip
+            raise InputError(
+                f"'{first}' is a key of mechanism files",
+                expected="a path in the scenario",
+                hint=f"changes.{place}{path}",
+            ).at(Location(path))
 
 
 def map_in_mechanism_file(key: str) -> str | None:
@@ -147,9 +154,11 @@ def refuse_changes(data: Mapping[str, Any]) -> None:
     """
     for key in ("arguments", "gravity", "payloads", "changes"):
         if data.get(key):
-            raise InputError(f"the mechanism is given as an object, which '{key}' does not change",
-                             expected="its file or its name, or the changes where the mechanism is made",
-                             hint="Mechanism.load(path, values={...})")  # fmt: skip
+            raise InputError(
+                f"the mechanism is given as an object, which '{key}' does not change",
+                expected="its file or its name, or the changes where the mechanism is made",
+                hint="Mechanism.load(path, values={...})",
+            )
 
 
 def refuse_misplaced_keys(document: Document, keys: Collection[str]) -> None:
@@ -158,15 +167,16 @@ def refuse_misplaced_keys(document: Document, keys: Collection[str]) -> None:
     Raises:
         InputError: Says where the key belongs.
     """
-    given: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
-    for key in [*given]:
+    data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
+    for key in [*data]:
         if key in keys:
             continue
-        problem = given.get("problem")
+        problem = data.get("problem")
         kind = problem.get("kind") if isinstance(problem, dict) else None
         if isinstance(kind, str) and kind in KINDS and key in _keys(kind):
-            raise InputError(f"'{key}' is a key of the problem", expected=f"'{key}:' below 'problem:', indented",
-                             ).at(document.locate((Key(key),)))  # fmt: skip
+            raise InputError(f"'{key}' is a key of the problem", expected=f"'{key}:' below 'problem:', indented").at(
+                document.locate((Key(key),))
+            )
         _refuse_key_of_mechanism(document, key)
 
 
@@ -185,16 +195,19 @@ def refuse_misplaced_keys_of_problem(document: Document, kind: str, keys: Collec
         if key in others:
             continue
         if key in keys:
-            raise InputError(f"'{key}' is a key of the scenario", expected=f"'{key}:' beside 'problem:', not below it",
-                             ).at(document.locate(("problem", Key(key))))  # fmt: skip
+            raise InputError(
+                f"'{key}' is a key of the scenario", expected=f"'{key}:' beside 'problem:', not below it"
+            ).at(document.locate(("problem", Key(key))))
         _refuse_key_of_mechanism(document, key, "problem")
     drives = given.get("drives")
     for index, drive in enumerate(drives if isinstance(drives, list) else ()):
         if isinstance(drive, dict):
             name = drive.get("along", drive.get("joint"))
-            error = InputError("a drive of a problem is the name of the coordinate that it acts along",
-                               expected="such names; motors and gears stand under 'drives' of the mechanism file",
-                               hint=f"drives: [{name}]" if isinstance(name, str) else "")  # fmt: skip
+            error = InputError(
+                "a drive of a problem is the name of the coordinate that it acts along",
+                expected="such names; motors and gears stand under 'drives' of the mechanism file",
+                hint=f"drives: [{name}]" if isinstance(name, str) else "",
+            )
             raise error.at(document.locate(("problem", "drives", index)))
 
 

@@ -37,8 +37,9 @@ def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
     structs = [with_types(struct, struct.deferred) for struct in (file, *kinds)]
     roots, definitions = msgspec.json.schema_components(
         [structs[0], Union[tuple(structs[1:])]] if kinds else structs,  # noqa: UP007
-        schema_hook=json_schema, ref_template="#/$defs/{name}",
-    )  # fmt: skip
+        schema_hook=json_schema,
+        ref_template="#/$defs/{name}",
+    )
     if kinds:
         definitions["ScenarioFile"]["properties"]["problem"] = roots[1]
     meanings, examples = _meanings(InputStruct), json.loads(EXAMPLES.read_text(encoding="utf-8"))
@@ -54,17 +55,17 @@ _KEY = re.compile(r"([A-Za-z]\w*): (.*)")
 
 def _meanings(base: type[Any]) -> dict[str, tuple[str, dict[str, str]]]:
     """Return of every struct below a base what it is, and what each of its keys means, out of their docstrings."""
-    found: dict[str, tuple[str, dict[str, str]]] = {}
+    meanings: dict[str, tuple[str, dict[str, str]]] = {}
     for struct in base.__subclasses__():
-        found |= _meanings(struct)
+        meanings |= _meanings(struct)
         text, _, attributes = inspect.cleandoc(struct.__doc__ or "").partition("\nAttributes:\n")
         inherited: dict[str, str] = {}
         for parent in reversed(struct.__mro__[1:]):
             inherited |= _keys(inspect.cleandoc(parent.__doc__ or "").partition("\nAttributes:\n")[2])
         own = {**inherited, **_keys(attributes)}
         names = {field.name: field.encode_name for field in msgspec.structs.fields(struct)}
-        found[struct.__name__] = text.strip(), {names[key]: own[key] for key in own if key in names}
-    return found
+        meanings[struct.__name__] = text.strip(), {names[key]: own[key] for key in own if key in names}
+    return meanings
 
 
 def _keys(attributes: str) -> dict[str, str]:

@@ -345,10 +345,13 @@ def _slsqp(landscape: Landscape, start: Array) -> str:
     for kind, chosen in (("eq", True), ("ineq", False)):
         rows = np.flatnonzero(np.array(landscape.equations, dtype=bool) == chosen)
         if len(rows):
-            parts.append({
-                "type": kind, "fun": lambda x, rows=rows: landscape.margins(x)[rows],
-                "jac": lambda x, rows=rows: landscape.slopes(x)[1 + rows],
-            })  # fmt: skip
+            parts.append(
+                {
+                    "type": kind,
+                    "fun": lambda x, rows=rows: landscape.margins(x)[rows],
+                    "jac": lambda x, rows=rows: landscape.slopes(x)[1 + rows],
+                }
+            )
     ended = minimize(
         landscape.height, start, jac=lambda x: landscape.slopes(x)[0], bounds=[(0.0, 1.0)] * len(start),
         constraints=parts, method="SLSQP", options={"maxiter": 50, "ftol": 1e-10},
@@ -361,9 +364,13 @@ def _cobyqa(landscape: Landscape, start: Array) -> str:
 
     first, last = POLISH_RADII
     minimize(
-        landscape.height, start, bounds=[(0.0, 1.0)] * len(start), constraints=_constraints(landscape), method="COBYQA",
+        landscape.height,
+        start,
+        bounds=[(0.0, 1.0)] * len(start),
+        constraints=_constraints(landscape),
+        method="COBYQA",
         options={"initial_tr_radius": first, "final_tr_radius": last, "maxfev": POLISH_RUNS * len(start)},
-    )  # fmt: skip
+    )
     return FURTHER
 
 
@@ -391,8 +398,11 @@ def _reach(landscape: Landscape, x: Array, k: int, allowed: float) -> Reach:
     """Return how far an unknown may go with the others held: doubled steps until something ends it, then halves."""
     sides = [_edge(landscape, x, sign * np.eye(len(x))[k], allowed) for sign in (-1.0, 1.0)]
     (low, below), (high, above) = sides
-    return Reach(landscape.values(x - low * np.eye(len(x))[k])[k], landscape.values(x + high * np.eye(len(x))[k])[k],
-                 (below, above))  # fmt: skip
+    return Reach(
+        landscape.values(x - low * np.eye(len(x))[k])[k],
+        landscape.values(x + high * np.eye(len(x))[k])[k],
+        (below, above),
+    )
 
 
 def _edge(landscape: Landscape, x: Array, direction: Array, allowed: float) -> tuple[float, str]:

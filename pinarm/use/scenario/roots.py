@@ -244,16 +244,18 @@ class _Search:
 
     def _joined(self, parts: Mapping[str, Array]) -> Array:
         """Return all remainders, those of turning angles without whole turns, shape (rows,)."""
-        return np.concatenate([
-            np.remainder(part + np.pi, 2.0 * np.pi) - np.pi if name in self.turning else part
-            for name, part in parts.items()
-        ])  # fmt: skip
+        return np.concatenate(
+            [
+                np.remainder(part + np.pi, 2.0 * np.pi) - np.pi if name in self.turning else part
+                for name, part in parts.items()
+            ]
+        )
 
     def _left(self, points: Sequence[Array]) -> list[Array | Refused]:
         """Return the remainders at points, or why they cannot be run."""
-        found = [parts if callable(parts) else self._joined(parts) for parts in self._run(points)]
-        self.refusals += [each for each in found if callable(each)]
-        return found
+        left = [parts if callable(parts) else self._joined(parts) for parts in self._run(points)]
+        self.refusals += [each for each in left if callable(each)]
+        return left
 
     def _sizes(self, x: Array) -> Array:
         """Return the sizes of the numbers at a point, shape (k,): one of their units where they have been 0 so far."""

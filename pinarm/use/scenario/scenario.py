@@ -166,9 +166,7 @@ class Scenario(Record, frozen=True):
         path = self.document.path
         document = replace(self.document, path=path.parent.resolve() / path.name) if path else self.document
         folder = self.folder.resolve()
-        return ScenarioSource(
-            type(self), document, folder, self.seed, self.given, self.functions, self.function_forces
-        )  # fmt: skip
+        return ScenarioSource(type(self), document, folder, self.seed, self.given, self.functions, self.function_forces)
 
     def varied(self, values: Values) -> Self:
         """Return the scenario with other values.
@@ -295,10 +293,10 @@ class Scenario(Record, frozen=True):
         """
         part, _, rest = path.partition(".")
         if (argument := argument_of(path)) in self.mechanism.arguments:
-            given = Measured(self.mechanism.arguments[argument])
+            number = Measured(self.mechanism.arguments[argument])
             own = self.content.arguments.get(argument)
-            given.unit = own.unit if own is not None and own.unit else self.mechanism.argument_units.get(argument)
-            return given
+            number.unit = own.unit if own is not None and own.unit else self.mechanism.argument_units.get(argument)
+            return number
         value = value_at(self.document.data, path)
         if value is None and part == "changes":
             value = value_at(self._file_data(), rest)
@@ -321,8 +319,10 @@ class Scenario(Record, frozen=True):
         name = argument_of(path)
         declared = self.mechanism.description.written_unit(name) if name else ""
         if written and declared and unit(written) != unit(declared):
-            raise InputError(f"the argument '{name}' is in {written} here and in {declared} in the mechanism",
-                             expected=f"numbers with their unit, such as '1, 2, 3 {written}'")  # fmt: skip
+            raise InputError(
+                f"the argument '{name}' is in {written} here and in {declared} in the mechanism",
+                expected=f"numbers with their unit, such as '1, 2, 3 {written}'",
+            )
         return written or declared
 
     def _file_data(self) -> Mapping[str, Any]:
@@ -657,9 +657,10 @@ def _with_digits(document: Document) -> Document:
     values = [entry.get("value") if isinstance(entry, dict) else None for entry in entries]
     written = [
         {**entry, "value": document.written(("expect", k, "value"))}
-        if isinstance(value, float) and math.isfinite(value) else entry
+        if isinstance(value, float) and math.isfinite(value)
+        else entry
         for k, (entry, value) in enumerate(zip(entries, values, strict=True))
-    ]  # fmt: skip
+    ]
     return replace(document, data={**document.data, "expect": written})
 
 

@@ -132,8 +132,9 @@ def _of_other_rows() -> PinarmError:
     """Return that the rows of two runs cannot be compared."""
     return InputError(
         "so_that compares runs row by row, and they have not as many rows: one ends earlier, or has other impacts",
-        expected="runs with the same rows", hint="a number of the run, such as 'C_B @ end' or 'C_B @ max'",
-    )  # fmt: skip
+        expected="runs with the same rows",
+        hint="a number of the run, such as 'C_B @ end' or 'C_B @ max'",
+    )
 
 
 def _angles(search: Find, numbers: Mapping[str, AnyNumber | None]) -> list[str]:
@@ -159,11 +160,11 @@ def _best(bare: Scenario, search: Find) -> Optimum:
     with solving(Task.of(bare, judge.wanted, search.case(search.start)), bare.runners) as solve:
 
         def trials(judge: _Judge, points: Sequence[Array]) -> list[Trial]:
-            found = []
+            best = []
             for row in solve([search.case(values) for values in points]):
                 tell(f"find: run {next(runs)}")
-                found.append(judge.trial(row))
-            return found
+                best.append(judge.trial(row))
+            return best
 
         (first,) = trials(judge, [search.start])
         if not first.refusal:
@@ -233,7 +234,7 @@ class _Judge:
 
 def _bounds(search: Find) -> tuple[Array, Array]:
     unknowns = search.unknown.values()
-    return np.array([one.low for one in unknowns]), np.array([one.high for one in unknowns])
+    return np.array([unknown.low for unknown in unknowns]), np.array([unknown.high for unknown in unknowns])
 
 
 def refusal(figures: Mapping[str, float]) -> str:
@@ -278,8 +279,9 @@ def _values(search: Find, found: Optimum) -> SectionTable:
         low, value, high = (float(x) / one.factor for x in (reach.low, end, reach.high))
         rows.append((path, str(one.unit or "1"), value, low, reach.stops[0], high, reach.stops[1]))
     names = ("", "unit", "best", "from", "stopped by", "to", "stopped by ")
-    return SectionTable("values", "Best values, and how far each may go with the others held", names,
-                        (None,) * len(names), rows)  # fmt: skip
+    return SectionTable(
+        "values", "Best values, and how far each may go with the others held", names, (None,) * len(names), rows
+    )
 
 
 def _starts(search: Find, found: Optimum, sign: float, unit: Unit | None) -> SectionTable:
@@ -295,7 +297,7 @@ def _starts(search: Find, found: Optimum, sign: float, unit: Unit | None) -> Sec
     texts = [f"{path} {end} [{search.unknown[path].unit or '1'}]" for end in ("at start", "at end") for path in paths]
     names = ("start", *texts, f"objective [{unit or '1'}]", "violation", "runs", "end")
     return SectionTable("starts", "All starts, and where each has led", names, (None,) * len(names),
-                        [row(k, one) for k, one in enumerate(found.descents, start=1)])  # fmt: skip
+                        [row(k, descent) for k, descent in enumerate(found.descents, start=1)])  # fmt: skip
 
 
 def _conditions(search: Find, found: Optimum) -> list[SectionTable]:
@@ -328,14 +330,16 @@ def _remarks(search: Find, found: Optimum, objective: Series, value: float) -> l
             if abs(end - bound) <= 1e-6 * (one.high - one.low):
                 held.append(f"{path} at its {name} bound {one.written(bound)}")
     held += _edges(search, found)
-    starts = [one for one in found.descents if one.status != FURTHER]
+    starts = [descent for descent in found.descents if descent.status != FURTHER]
     gap = max(AGREED * abs(found.best.trial.objective), 0.1 * found.allowance)
-    same = sum(abs(one.trial.objective - found.best.trial.objective) <= gap for one in starts if one.valid)
-    refused = sum(bool(one.trial.refusal) for one in starts)
+    same = sum(abs(start.trial.objective - found.best.trial.objective) <= gap for start in starts if start.valid)
+    refused = sum(bool(start.trial.refusal) for start in starts)
     unit = objective.unit or DIMENSIONLESS
-    base = f"{FLAT:.0%} of the objective" if found.allowance <= 1.01 * FLAT * abs(value) else (
-        f"{FLAT:.0%} of what it is at the starts, since it vanishes"
-    )  # fmt: skip
+    base = (
+        f"{FLAT:.0%} of the objective"
+        if found.allowance <= 1.01 * FLAT * abs(value)
+        else (f"{FLAT:.0%} of what it is at the starts, since it vanishes")
+    )
     said = [
         f"{objective.name} = {value:.7g} {unit} after {found.runs} runs; {same} of {len(starts)} starts "
         "led to that value" + (f", {refused} could not be run" if refused else ""),

@@ -118,10 +118,10 @@ def free_body_diagrams(result: Result, at: float | str | None = None, *, titled:
     seen = scene(mechanism, result.trajectory.dynamics.forces, result.trajectory.q)
     axes, place = seen.framing.view().axes, placed(mechanism.model, row.trajectory.q)[0]
     bodies = [*free_bodies(row, seen.framing.normal)]
-    shown = [each for free in bodies if not free.left_out for each in free.actions]
+    shown = [action for free in bodies if not free.left_out for action in free.actions]
     scale, panels = _scale(shown, axes, result.presentation, seen.framing.size), []
     for free in bodies:
-        own = [] if free.left_out else [each for each in free.actions if scale.words(each)]
+        own = [] if free.left_out else [action for action in free.actions if scale.words(action)]
         if not (own or free.left_out):
             continue
         sticks = [stick for stick in seen.figure.lines if stick.node == free.body]

@@ -67,20 +67,21 @@ def link_graph(mechanism: Mechanism) -> Picture:
 
 def _edges(mechanism: Mechanism) -> list[Edge]:
     model, idle = mechanism.model, {tie.rotor.index for tie in joint_ties(mechanism.constraints)}
-    found = [
+    edges = [
         Edge((int(model.parents[k]), k), (symbol(str(model.names[k])), joint_kind(model, k)))
-        for k in range(1, model.njoints) if k not in idle
-    ]  # fmt: skip
-    for one in mechanism.constraints:
-        if isinstance(one, LoopJoint):
-            ends = (int(model.frames[one.first].parentJoint), int(model.frames[one.second].parentJoint))
-            found.append(Edge((min(ends), max(ends)), (symbol(one.name), one.kind), LOOP))
+        for k in range(1, model.njoints)
+        if k not in idle
+    ]
+    for constraint in mechanism.constraints:
+        if isinstance(constraint, LoopJoint):
+            ends = (int(model.frames[constraint.first].parentJoint), int(model.frames[constraint.second].parentJoint))
+            edges.append(Edge((min(ends), max(ends)), (symbol(constraint.name), constraint.kind), LOOP))
     for relation in mechanism.relations:
         bodies = [k for k in range(1, model.njoints) if model.joints[k].idx_v in relation.joints and k not in idle]
         bodies = [k for k in bodies if len(bodies) == 2 or k not in {model.parents[other] for other in bodies}]
         if len(bodies) == 2:  # a third one is the carrier of both
-            found.append(Edge((bodies[0], bodies[1]), (symbol(relation.name), relation.kind), COUPLED))
-    return found
+            edges.append(Edge((bodies[0], bodies[1]), (symbol(relation.name), relation.kind), COUPLED))
+    return edges
 
 
 def _places(edges: list[Edge]) -> dict[int, tuple[float, float]]:
@@ -93,8 +94,10 @@ def _places(edges: list[Edge]) -> dict[int, tuple[float, float]]:
     places: dict[int, tuple[float, float]] = {}
     for level in range(max(depth.values()) + 1):
         row = [body for body, at in depth.items() if at == level]
-        below = {body: [places[end][0] for edge in edges for end in edge.ends if body in edge.ends and end in places]
-                 for body in row}  # fmt: skip
+        below = {
+            body: [places[end][0] for edge in edges for end in edge.ends if body in edge.ends and end in places]
+            for body in row
+        }
         row.sort(key=lambda body: float(np.mean(below[body] or [0.0])))
         places |= {body: (k - 0.5 * (len(row) - 1), float(level)) for k, body in enumerate(row)}
     return places

@@ -21,7 +21,7 @@ from pinarm.use.result.measures import (
     RESIDUALS,
     SOLVED,
     singularity_words,
-)  # fmt: skip
+)
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
@@ -68,8 +68,10 @@ def ranges(result: Result, written: Callable[[float], str] = seven_digits) -> li
     names = [_heading(presentation.label(series.name), series.unit) for series in outputs]
     if run.numbered and len(run) <= FEW:
         rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
-        rows += [[*name, *(written(_cleared(number, _finest(result, series, zeros))) for number in series.values)]
-                 for name, series in zip(names, outputs, strict=True)]  # fmt: skip
+        rows += [
+            [*name, *(written(_cleared(number, _finest(result, series, zeros))) for number in series.values)]
+            for name, series in zip(names, outputs, strict=True)
+        ]
         return rows
     along = presentation.unit(result.parameter)
     factor = along.factor if along is not None else 1.0
@@ -155,8 +157,10 @@ def remarks(result: Result) -> list[str]:
     lines.append("; ".join(filter(None, [f"rows: {len(run)}", *about])))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
     lines += event_lines(result)
-    lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
-              for name, payload in run.mechanism.payloads.items()]  # fmt: skip
+    lines += [
+        f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
+        for name, payload in run.mechanism.payloads.items()
+    ]
     lines += removal_lines(result.removals)
     lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
     lines += [f"note: {note}" for note in counted(result.notes())]
@@ -187,8 +191,10 @@ def _number_lines(result: Result) -> list[str]:
     from pinarm.use.result.number_accuracy import global_error
     from pinarm.use.result.numbers import read_number
 
-    return [_number_line(series, result.presentation.shown(series), error, global_error(result, read_number(text)))
-            for text, (series, error) in result.numbers().items()]  # fmt: skip
+    return [
+        _number_line(series, result.presentation.shown(series), error, global_error(result, read_number(text)))
+        for text, (series, error) in result.numbers().items()
+    ]
 
 
 def _number_line(series: Series, shown: Series, left: float, bound: float | None) -> str:
@@ -198,9 +204,9 @@ def _number_line(series: Series, shown: Series, left: float, bound: float | None
         return f"{series.name}: no value in this run"
     scale = series.unit.factor / shown.unit.factor if series.unit and shown.unit else 1.0
     known = f" (known to {left * scale:.1e})" if left else ""
-    error = known if bound is None else f" (error below {bound * scale:.1e})" if isfinite(bound) else (
-        " (error unknown)"
-    )  # fmt: skip
+    error = (
+        known if bound is None else f" (error below {bound * scale:.1e})" if isfinite(bound) else (" (error unknown)")
+    )
     return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + error
 
 
@@ -232,8 +238,9 @@ def accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
     lines += [f"prescribed coordinates [m or rad, s]: {path}"] if path else []
     lines += [f"given rows, relative: {rows}"] if rows else []
     if words := singularity_words(figures):
-        lines.append(f"regularity: {words}, at {parameter} = {figures['least regular at']:.6g}; "
-                     "0 at a singular position")  # fmt: skip
+        lines.append(
+            f"regularity: {words}, at {parameter} = {figures['least regular at']:.6g}; 0 at a singular position"
+        )
     return lines + ([f"condition of the masses: {figures['condition']:.2g}"] if "condition" in figures else [])
 
 

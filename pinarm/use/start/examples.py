@@ -43,8 +43,9 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
     except OSError as error:
         raise InputError(
             f"the examples cannot be written to {target}: {reason(error)}",
-            expected="a folder, or a path where one can be made", hint="another folder: -o DIR",
-        ) from None  # fmt: skip
+            expected="a folder, or a path where one can be made",
+            hint="another folder: -o DIR",
+        ) from None
     return target
 
 
@@ -55,9 +56,11 @@ def _require_inside(target: Path, folder: Path) -> None:
         InputError: It is.
     """
     if (target / folder).resolve() != target.resolve() / folder:
-        raise InputError(f"{target / folder} leads to {(target / folder).resolve()}, by a symbolic link",
-                         expected="folders of their own in the folder of the examples",
-                         hint="another folder: -o DIR")  # fmt: skip
+        raise InputError(
+            f"{target / folder} leads to {(target / folder).resolve()}, by a symbolic link",
+            expected="folders of their own in the folder of the examples",
+            hint="another folder: -o DIR",
+        )
 
 
 def example_files() -> Path:
@@ -72,8 +75,9 @@ def example_files() -> Path:
             return folder
     raise InputError(
         "this installation of pinarm has no example files",
-        expected=f"{', '.join(FOLDERS)} in {package / 'example_files'}", hint="install pinarm's wheel again",
-    )  # fmt: skip
+        expected=f"{', '.join(FOLDERS)} in {package / 'example_files'}",
+        hint="install pinarm's wheel again",
+    )
 
 
 def _files(source: Path) -> Iterator[Path]:

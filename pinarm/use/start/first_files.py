@@ -136,7 +136,7 @@ def _independent(mechanism: Mechanism, q: Array) -> list[str]:
     state = closure.state(q)
     coordinates = [mechanism.coordinate(name) for name in names]
     units = closure.with_guides(names, coordinates).measure[closure.size :]
-    rows = np.array([one.row(state) for one in coordinates]) * closure.scale / units[:, None]
+    rows = np.array([coordinate.row(state) for coordinate in coordinates]) * closure.scale / units[:, None]
     left = np.linalg.qr(closure.split(closure.rows(state)).free / closure.scale[:, None])[0]
     chosen: list[int] = []
     while left.shape[1]:
@@ -155,11 +155,15 @@ def _scenario(mechanism: Mechanism, q: Array, names: Sequence[str], part: float,
     lines = [
         "# Which efforts does a motion from rest to rest take?",
         "# Solve: python -m pinarm run scenario.yaml     Look: python -m pinarm replay RESULT, the folder it names",
-        "pinarm: 1", f"title: {_quoted(f'{mechanism.title or TITLE}, a motion from rest to rest')}",
-        "mechanism: mechanism.yaml", "problem:",
+        "pinarm: 1",
+        f"title: {_quoted(f'{mechanism.title or TITLE}, a motion from rest to rest')}",
+        "mechanism: mechanism.yaml",
+        "problem:",
         "  kind: inverse                  # the motion is known, the efforts are wanted",
-        f"  time: {{end: {duration:g} s, samples: 201}}", *([f"  start: {{{rough}}}"] if start else []), "  motion:",
-    ]  # fmt: skip
+        f"  time: {{end: {duration:g} s, samples: 201}}",
+        *([f"  start: {{{rough}}}"] if start else []),
+        "  motion:",
+    ]
     for name, (first, last, unit) in ways.items():
         begin, end = (f"{round(value, 12) + 0.0:.9g} {unit}" for value in (first, last))
         law = f"law: polynomial, from: {begin}, to: {end}, duration: {duration:g} s"
@@ -207,7 +211,7 @@ def _unit(joint: Joint) -> tuple[str, float]:
 
 def _carried(mechanism: Mechanism) -> set[str]:
     """Return the joints that are not given a way: those that mimic others, and the slides of floating bases."""
-    followers = {one.follower for one in mechanism.constraints if isinstance(one, Coupling)}
+    followers = {constraint.follower for constraint in mechanism.constraints if isinstance(constraint, Coupling)}
     mimics = {joint.name for joint in mechanism.joints.values() if joint.v in followers}
     return mimics | {f"{ball}.{axis}" for ball in mechanism.balls for axis in "xyz"}
 

@@ -89,8 +89,9 @@ def _robot(name: str) -> dict[str, str]:
         raise InputError(
             f"there is no template '{name}'",
             expected=f"one of {', '.join(templates())}; a URDF, xacro, MJCF or SDF file; a mechanism file with "
-            "'planar:'; or the name of a robot", hint=hint,
-        )  # fmt: skip
+            "'planar:'; or the name of a robot",
+            hint=hint,
+        )
     mechanism = load_mechanism(name)
     return {"mechanism.yaml": mechanism_text(mechanism, name), "scenario.yaml": scenario_text(mechanism)}
 
@@ -125,9 +126,11 @@ def _written(folder: Path, files: Mapping[str, str]) -> Path:
     try:
         for path in (folder / name for name in files):
             if os.path.lexists(path) or not write_new_file(path, files[path.name].encode()):
-                raise InputError(f"{path} exists already: nothing is written",
-                                 expected="a folder without files of these names", hint="another folder: -o DIR",
-                                 )  # fmt: skip
+                raise InputError(
+                    f"{path} exists already: nothing is written",
+                    expected="a folder without files of these names",
+                    hint="another folder: -o DIR",
+                )
             written.append(path)
     except (OSError, InputError) as error:
         for path in written:
@@ -136,6 +139,7 @@ def _written(folder: Path, files: Mapping[str, str]) -> Path:
             raise
         raise InputError(
             f"the files cannot be written to {folder}: {reason(error)}",
-            expected="a folder, or a path where one can be made", hint="another folder: -o DIR",
-        ) from None  # fmt: skip
+            expected="a folder, or a path where one can be made",
+            hint="another folder: -o DIR",
+        ) from None
     return folder

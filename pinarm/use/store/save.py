@@ -34,9 +34,13 @@ if TYPE_CHECKING:
 
 
 def save(
-    result: Result, folder: Path, *, plots: PictureFormat | bool = True, dpi: int = 200,
+    result: Result,
+    folder: Path,
+    *,
+    plots: PictureFormat | bool = True,
+    dpi: int = 200,
     timing: dict[str, float] | None = None,
-) -> Path:  # fmt: skip
+) -> Path:
     """Write a result.
 
     The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``mechanism.yaml`` and the model (the
@@ -51,8 +55,11 @@ def save(
     """
     scenario, given = folder / "scenario.yaml", result.scenario.document.path
     if functions := result.scenario.function_forces:
-        raise InputError(f"the force '{functions[0].name}' is a function in Python, which no file holds",
-                         expected="a result whose forces have laws", hint="result.to_dataframe()")  # fmt: skip
+        raise InputError(
+            f"the force '{functions[0].name}' is a function in Python, which no file holds",
+            expected="a result whose forces have laws",
+            hint="result.to_dataframe()",
+        )
     if given is not None and scenario.exists() and scenario.resolve() == given.resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
     with whole_folder(folder, "result", source=result.source or given) as draft:
@@ -150,9 +157,11 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     stored = {**states(result.trajectory), **event_arrays(result.events), **plain_arrays(result.arrays), "units": units}
     behind = {f"state.{name}": array for name, array in stored.items()}
     if taken := [series.name for series in columns if series.name in behind]:
-        raise InputError(f"the output '{taken[0]}' has the name of an array of every result's trajectory.npz",
-                         expected="another name, by a symbol",
-                         hint=f"joint.{taken[0]}.position, of a joint")  # fmt: skip
+        raise InputError(
+            f"the output '{taken[0]}' has the name of an array of every result's trajectory.npz",
+            expected="another name, by a symbol",
+            hint=f"joint.{taken[0]}.position, of a joint",
+        )
     return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
 
 
@@ -201,8 +210,8 @@ def _resolved(result: Result, folder: Path, laws: LawTables) -> str:
 
 def mechanism_text(source: Source, model: str, laws: LawTables) -> str:
     """Return the mechanism file for the model beside it, which has no arguments any more."""
-    given = laws.beside(source.data, source.folder)
-    data = {key: value for key, value in given.items() if key not in ("arguments", "packages")}
+    beside = laws.beside(source.data, source.folder)
+    data = {key: value for key, value in beside.items() if key not in ("arguments", "packages")}
     base = {"base": source.base} if source.base else {}
     return yaml_text({**data, "robot": model, **base, "defects": source.defects})
 
@@ -266,5 +275,8 @@ def _tables(result: Result) -> dict[str, tuple[str, Path]]:
     """Return the files that assessments of a result read, which its folder keeps: assessment -> name there, file."""
     named = {key: result.data[key].get(of) for key, of in FILES.items() if key in result.content.assessments}
     root = root_of(result.folder)
-    return {key: (f"{key}_{FILES[key]}.csv", contained_file((result.folder / name).absolute(), root))
-            for key, name in named.items() if isinstance(name, str)}  # fmt: skip
+    return {
+        key: (f"{key}_{FILES[key]}.csv", contained_file((result.folder / name).absolute(), root))
+        for key, name in named.items()
+        if isinstance(name, str)
+    }

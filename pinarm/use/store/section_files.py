@@ -65,16 +65,19 @@ def _section(section: Section) -> dict[str, Any]:
 
 def _section_again(data: Any) -> Section:
     return Section(
-        str(data["key"]), str(data["title"]), [_table_again(each) for each in data["tables"]],
+        str(data["key"]),
+        str(data["title"]),
+        [_table_again(each) for each in data["tables"]],
         {str(name): _series_again(each) for name, each in data["numbers"].items()},
-        [str(remark) for remark in data["remarks"]], [_graph_again(each) for each in data["graphs"]],
+        [str(remark) for remark in data["remarks"]],
+        [_graph_again(each) for each in data["graphs"]],
         {str(name): _number_again(each) for name, each in data["errors"].items()},
-    )  # fmt: skip
+    )
 
 
 def _table(table: SectionTable) -> dict[str, Any]:
     rows = [[cell if isinstance(cell, str) else _number(cell) for cell in row] for row in table.rows]
-    units = [_unit(each) for each in table.units]
+    units = [_unit(unit) for unit in table.units]
     return {"name": table.name, "title": table.title, "columns": list(table.columns), "units": units, "rows": rows,
             "row_unit": table.row_unit}  # fmt: skip
 

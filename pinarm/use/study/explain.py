@@ -141,48 +141,50 @@ class Explanation:
 
     def _ties(self) -> list[str]:
         model, lines = self.mechanism.model, ["loops and couplings:"]
-        for one in self.mechanism.constraints:
-            if isinstance(one, LoopJoint):
-                between = f"{model.frames[one.first].name} and {model.frames[one.second].name}"
-                lines.append(f"  {one.name}: {one.kind} between {between}, {one.size} rows")
-            elif isinstance(one, JointRelation):
-                lines.append(f"  {one.name}: {one.kind}, 1 row; {one.description}")
-            elif isinstance(one, CableLoop):
-                given = self.mechanism.description.loops.get(one.name)
+        for constraint in self.mechanism.constraints:
+            if isinstance(constraint, LoopJoint):
+                between = f"{model.frames[constraint.first].name} and {model.frames[constraint.second].name}"
+                lines.append(f"  {constraint.name}: {constraint.kind} between {between}, {constraint.size} rows")
+            elif isinstance(constraint, JointRelation):
+                lines.append(f"  {constraint.name}: {constraint.kind}, 1 row; {constraint.description}")
+            elif isinstance(constraint, CableLoop):
+                given = self.mechanism.description.loops.get(constraint.name)
                 drawn = ", as with all joint coordinates at 0" if getattr(given, "length", 0.0) is None else ""
-                course = f"through {one.path.words(model)}, {one.length:g} m long{drawn}"
-                lines.append(f"  {one.name}: cable {course}, 1 row; pulls only")
-            elif isinstance(one, GearedRotor):
-                lines.append(f"  {one.name}: ties {one.rotor.name}, 1 row")
+                course = f"through {constraint.path.words(model)}, {constraint.length:g} m long{drawn}"
+                lines.append(f"  {constraint.name}: cable {course}, 1 row; pulls only")
+            elif isinstance(constraint, GearedRotor):
+                lines.append(f"  {constraint.name}: ties {constraint.rotor.name}, 1 row")
         lines += self._slipping_belts()
         return lines if len(lines) > 1 else ["no loops: an open chain"]
 
     def _slipping_belts(self) -> list[str]:
         """Return a line for every belt that slips: no row ties its wheels."""
-        belts = [one.coupling for one in self.mechanism.frictions if one.coupling and one.replaces]
+        belts = [friction.coupling for friction in self.mechanism.frictions if friction.coupling and friction.replaces]
         return [f"  {belt.name}: belt, no row: friction ties its wheels; {belt.description}" for belt in belts]
 
     def _mobility(self) -> list[str]:
-        found = self.mobility
-        counted = f"{found.joints} joint coordinates, {found.rank} independent of {found.rows} constraint rows"
-        lines = [f"mobility {found.mobility} {self.where}: {counted}"]
+        mobility = self.mobility
+        counted = f"{mobility.joints} joint coordinates, {mobility.rank} independent of {mobility.rows} constraint rows"
+        lines = [f"mobility {mobility.mobility} {self.where}: {counted}"]
         if (closure := self.mechanism.closure).rolls:
             held = closure.holonomic
             free = held.split_at(self.q).free.shape[1]
             lines.append(f"{free} positions may be chosen: rolling binds velocities alone")
-        if found.rows:
-            lines.append(f"regularity {found.regularity:.2g} in this position: smallest singular value of the rows "
-                         "over the largest. Runs tell how far it falls: 0 at a singular position")  # fmt: skip
-        lines += [_spinning(found.spins)] if found.spins else []
+        if mobility.rows:
+            lines.append(
+                f"regularity {mobility.regularity:.2g} in this position: smallest singular value of the rows "
+                "over the largest. Runs tell how far it falls: 0 at a singular position"
+            )
+        lines += [_spinning(mobility.spins)] if mobility.spins else []
         opened = self._left_open()
-        if not found.degree:
+        if not mobility.degree:
             but = " but for what couplings leave open:" if opened else ""
             return [*lines, f"isostatic: every reaction is determined{but}", *opened]
-        lines.append(f"hyperstatic of degree {found.degree}; not determined by rigid bodies:")
-        lines += _together((name, f": {', '.join(parts)}") for name, parts in found.undetermined.items())
+        lines.append(f"hyperstatic of degree {mobility.degree}; not determined by rigid bodies:")
+        lines += _together((name, f": {', '.join(parts)}") for name, parts in mobility.undetermined.items())
         best: dict[str, Loosening] = {}
-        for one in found.loosenings:
-            best.setdefault(one.changes[0][0], one)
+        for loosening in mobility.loosenings:
+            best.setdefault(loosening.changes[0][0], loosening)
         if opened:
             lines += ["left open by couplings:", *opened]
         alone = {name: str(one).removeprefix(name) for name, one in best.items() if len(one.changes) == 1}
@@ -201,7 +203,9 @@ class Explanation:
         mechanism, model, found = self.mechanism, self.mechanism.model, self.mobility
         idle = {tie.rotor.index for tie in joint_ties(mechanism.constraints)}
         moving = [model.joints[k].nv for k in range(1, model.njoints) if k not in idle]
-        closing = [6 - one.size for one in mechanism.constraints if isinstance(one, LoopJoint | CableLoop)]
+        closing = [
+            6 - constraint.size for constraint in mechanism.constraints if isinstance(constraint, LoopJoint | CableLoop)
+        ]
         if not closing and not mechanism.relations:
             return []
         joints, freedoms, ties = len(moving) + len(closing), sum(moving) + sum(closing), len(mechanism.relations)
@@ -218,9 +222,9 @@ class Explanation:
     def _left_open(self) -> list[str]:
         """Return a line for every joint whose reaction depends on how couplings transmit their forces."""
         mechanism = self.mechanism
-        couplings = [one for one in mechanism.constraints if isinstance(one, JointRelation)]
+        couplings = [constraint for constraint in mechanism.constraints if isinstance(constraint, JointRelation)]
         return [
-            f"  {mechanism.model.names[joint]}: by {', '.join(one.name for one in found.couplings)}"
+            f"  {mechanism.model.names[joint]}: by {', '.join(coupling.name for coupling in found.couplings)}"
             for joint, found in left_open(mechanism.model, couplings).items()
         ]
 
@@ -229,10 +233,10 @@ class Explanation:
         direction = mechanism.model.gravity.linear
         lines = [f"gravity: {', '.join(f'{x:g}' for x in direction)} m/s^2" if direction.any() else "no gravity"]
         lines += [
-            ": ".join(filter(None, (f"force {name}", one.description))) + self._pulling(one)
-            for name, one in mechanism.forces.items()
+            ": ".join(filter(None, (f"force {name}", force.description))) + self._pulling(force)
+            for name, force in mechanism.forces.items()
         ]
-        frictions = {one.name: one.law.words(one.effort) for one in mechanism.frictions}
+        frictions = {friction.name: friction.law.words(friction.effort) for friction in mechanism.frictions}
         lines += [f"friction of {name.replace('.', ' ', 1)}: {law}" for name, law in frictions.items()]
         lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
         acting = [*mechanism.control, *self.control]
@@ -257,7 +261,7 @@ class Explanation:
         if self.removals:
             count = model.njoints - 1
             lines.append(f"solved for: {count - len(self.removals)} of {count} joints")
-        lines += [f"  {one.joint}: {one.how}, {one.why}" for one in self.removals]
+        lines += [f"  {removal.joint}: {removal.how}, {removal.why}" for removal in self.removals]
         reason = absence()
         return [*lines, f"compiled kernel: {reason}; steps of motions are computed in Python"] if reason else lines
 
@@ -285,9 +289,11 @@ def _together(said: Iterable[tuple[str, str]]) -> list[str]:
 
 def _spinning(joints: Sequence[str]) -> str:
     """Return what free spins are, and how to leave them out."""
-    return (f"{len(joints)} of these are links that spin by themselves about their own axis, such as rods between "
-            f"two ball joints: {', '.join(joints)}. They move nothing else; a universal joint in place of one of the "
-            "ball joints, or a loop of the kind rod in place of the link, leaves them out")  # fmt: skip
+    return (
+        f"{len(joints)} of these are links that spin by themselves about their own axis, such as rods between "
+        f"two ball joints: {', '.join(joints)}. They move nothing else; a universal joint in place of one of the "
+        "ball joints, or a loop of the kind rod in place of the link, leaves them out"
+    )
 
 
 def explain(path: Subject, values: Values | None = None) -> Explanation:

@@ -125,9 +125,13 @@ class Sheet:
         if compare(self._result, answer).ok:
             return self._generally(answer) if not is_number else "Right."
         mistake = likely_mistake(
-            given, series.values, self._result, entry.quantity, lambda run: computed_rows(run, answer)[1].values,
+            given,
+            series.values,
+            self._result,
+            entry.quantity,
+            lambda run: computed_rows(run, answer)[1].values,
             NUMBER if is_number else FORMULA,
-        )  # fmt: skip
+        )
         return f"Not right: {mistake}." if mistake else "Not right."
 
     def _require_derived(self, entry: Expectation, text: str) -> None:

@@ -34,8 +34,10 @@ def subject(given: Subject, values: Values | None = None) -> Scenario | Mechanis
     """
     if isinstance(given, Mechanism) or (isinstance(given, Mapping) and is_mechanism(given)):
         if values:
-            raise InputError("the mechanism is given as such, which other values do not change",
-                             expected="its file, or the changes where it is made")  # fmt: skip
+            raise InputError(
+                "the mechanism is given as such, which other values do not change",
+                expected="its file, or the changes where it is made",
+            )
         return given if isinstance(given, Mechanism) else mechanism_of_data(given)
     if not isinstance(given, str | PathLike):
         return load(given, values)

@@ -133,9 +133,9 @@ def _summary(path: Path) -> dict[str, Any]:
             raw = stream.read(MOST_SUMMARY + 1)
         if len(raw) > MOST_SUMMARY:
             raise ValueError(f"it has more than {MOST_SUMMARY} bytes")
-        found = msgspec.json.decode(raw)
-        accuracy = found["accuracy"]
-        figures = {name: accuracy[name] for name in accuracy if name in MEASURES} | found["cost"] | found["findings"]
+        decode = msgspec.json.decode(raw)
+        accuracy = decode["accuracy"]
+        figures = {name: accuracy[name] for name in accuracy if name in MEASURES} | decode["cost"] | decode["findings"]
         errors, of_numbers = (
             {name: float("inf") if x is None else x for name, x in accuracy.get(f"error of {what}", {}).items()}
             for what in ("outputs", "numbers")
@@ -144,9 +144,9 @@ def _summary(path: Path) -> dict[str, Any]:
         if not all(isinstance(value, int | float) for value in told):
             raise ValueError("figures that are no numbers")
         doubts = ": least multipliers; ", ": not determined in "  # which the outputs bring along themselves
-        notes = [str(note) for note in found["notes"] if not any(doubt in str(note) for doubt in doubts)]
-        removals = tuple(Removal(**one) for one in found["not solved for"])
-        return {"scenario": found["scenario"], "notes": notes, "removals": removals, "figures": figures,
+        notes = [str(note) for note in decode["notes"] if not any(doubt in str(note) for doubt in doubts)]
+        removals = tuple(Removal(**one) for one in decode["not solved for"])
+        return {"scenario": decode["scenario"], "notes": notes, "removals": removals, "figures": figures,
                 "errors": errors, "number_errors": of_numbers, "setting": str(accuracy.get("setting", "")),
                 "no_bound": str(accuracy.get("no bound", ""))}  # fmt: skip
     except OSError as error:
@@ -164,20 +164,22 @@ def _arrays(path: Path) -> dict[str, Array]:
     try:
         with zipfile.ZipFile(path) as archive:
             further = [match[1] for name in archive.namelist() if (match := FURTHER.fullmatch(name))]
-            found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *further)}
-        texts = {name for name in found if TEXTS.fullmatch(name)}
-        tables = {name for name in found if name.startswith("array.")} - texts
-        found = {name: array if name in tables else array.astype(str if name in texts else float)
-                 for name, array in found.items()}  # fmt: skip
+            arrays = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *further)}
+        texts = {name for name in arrays if TEXTS.fullmatch(name)}
+        tables = {name for name in arrays if name.startswith("array.")} - texts
+        arrays = {
+            name: array if name in tables else array.astype(str if name in texts else float)
+            for name, array in arrays.items()
+        }
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
-    unknown = {name for name in ("v", "a") if np.isnan(found[name]).all()}  # of recorded motions
+    unknown = {name for name in ("v", "a") if np.isnan(arrays[name]).all()}  # of recorded motions
     told = {name for name in further if name.rpartition(".")[2] == "further"}  # NaN of an event that takes no place
     if not all(
-        np.isfinite(found[name]).all() for name in {*STATE, *further} & found.keys() - unknown - texts - tables - told
+        np.isfinite(arrays[name]).all() for name in {*STATE, *further} & arrays.keys() - unknown - texts - tables - told
     ):
         raise InputError(f"the states in {path} are not finite")
-    return found
+    return arrays
 
 
 def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:

@@ -43,9 +43,9 @@ def run(
         PinarmError: The input has a mistake or is impossible, or the numerics failed; then ``partial`` holds the result
             until there.
     """
-    return load(scenario, values).with_workers(workers, executor).run(
-        control, period=period, delay=delay, forces=forces
-    )  # fmt: skip
+    return (
+        load(scenario, values).with_workers(workers, executor).run(control, period=period, delay=delay, forces=forces)
+    )
 
 
 def validate(scenario: Given, values: Values | None = None) -> list[Scenario]:
@@ -91,9 +91,10 @@ def scenario_files(*paths: Path) -> Iterator[Path]:
         places = ", ".join(map(str, paths))
         below = sorted({str(file.parent) for path in paths if path.is_dir() for file in path.glob("*/*.yaml")})
         raise InputError(
-            f"there are no scenarios in {places}", expected="files ending in .yaml, with a 'problem:'",
+            f"there are no scenarios in {places}",
+            expected="files ending in .yaml, with a 'problem:'",
             hint=f"the folders below: {' '.join(below[:MOST])}" if below else "",
-        )  # fmt: skip
+        )
 
 
 MOST = 12
@@ -112,8 +113,9 @@ def input_files(path: Path) -> tuple[list[Path], int]:
 
     if not path.is_dir():
         return [path], 0
-    visible = [file for file in path.rglob("*.yaml")
-               if not any(part.startswith(".") for part in file.relative_to(path).parts)]  # fmt: skip
+    visible = [
+        file for file in path.rglob("*.yaml") if not any(part.startswith(".") for part in file.relative_to(path).parts)
+    ]
     written = {folder for folder in {file.parent for file in visible} - {path} if read_manifest(folder) is not None}
     own = sorted(file for file in visible if file.parent not in written and is_input(file))
     return own, len(visible) - len(own)

@@ -128,9 +128,11 @@ def tradeoff(
     scenario = load(scenario, values).with_workers(workers, executor)
     integrated = scenario.problem.kind == "forward"
     if not integrated and not scenario.content.variants:
-        raise InputError(f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "
-                         "whatever the setting, and the scenario has no variants",
-                         hint="variants: {light: {arguments.mass: 0 kg}}")  # fmt: skip
+        raise InputError(
+            f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "
+            "whatever the setting, and the scenario has no variants",
+            hint="variants: {light: {arguments.mass: 0 kg}}",
+        )
     against = reference_solution(scenario) if integrated else None
     with solving_trials(scenario) as solve:
         tried = tried_settings(scenario, against, solve) if against else []

@@ -52,9 +52,11 @@ def advice(trade: Tradeoff) -> list[str]:
     assert trade.reference
     return [
         f"reference: {trade.reference.words}; known to {trade.reference.bound:.1e}",
-        *(f"for {wanted:g}: {point.setting}; every finer one too" if point else f"for {wanted:g}: no setting tried"
-          for wanted, point in trade.recommended().items()),
-    ]  # fmt: skip
+        *(
+            f"for {wanted:g}: {point.setting}; every finer one too" if point else f"for {wanted:g}: no setting tried"
+            for wanted, point in trade.recommended().items()
+        ),
+    ]
 
 
 def variant_rows(trade: Tradeoff) -> list[list[str]]:
@@ -76,8 +78,11 @@ def remarks(trade: Tradeoff) -> list[str]:
     exact = f"exact model: {1e3 * trade.variants[0].seconds:.1f} ms; relative to its largest value"
     simpler = trade.variants[1:]
     failed = [f"{variant.name}: failed: {variant.failure}" for variant in simpler if variant.result is None]
-    parted = [f"{variant.name}: compared only in rows that both models have: {variant.course}"
-              for variant in simpler if variant.course]  # fmt: skip
+    parted = [
+        f"{variant.name}: compared only in rows that both models have: {variant.course}"
+        for variant in simpler
+        if variant.course
+    ]
     return [exact, *failed, *parted]
 
 

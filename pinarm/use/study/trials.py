@@ -175,8 +175,10 @@ def reference_solution(scenario: Scenario) -> Reference:
         if why := reason_for_no_bound(result, other):
             raise IntegrationError(f"there is no reference to measure errors against: {why}", hint=UNDECIDED)
         return Reference(result, max(output_differences(result, other).values()), f"{one}, compared with {two}")
-    raise IntegrationError("no two tight settings get to the end: there is no reference to measure errors against",
-                           hint="a shorter time, away from singular positions")  # fmt: skip
+    raise IntegrationError(
+        "no two tight settings get to the end: there is no reference to measure errors against",
+        hint="a shorter time, away from singular positions",
+    )
 
 
 def tried_settings(scenario: Scenario, against: Reference, solve: SolveTrials) -> list[TriedSetting]:
@@ -276,8 +278,10 @@ def _compared(variant: Variant, exact: Result) -> Variant:
         return variant
     one, two = common_rows(exact.trajectory, variant.result.trajectory)
     if not len(one):
-        raise InputError(f"the rows of the variant '{variant.name}' are not those of the scenario",
-                         expected="the same time or range, and as many samples")  # fmt: skip
+        raise InputError(
+            f"the rows of the variant '{variant.name}' are not those of the scenario",
+            expected="the same time or range, and as many samples",
+        )
     errors, relative, where = {}, {}, {}
     for name, scale in output_scales(exact).items():
         apart = np.abs(exact[name].values[one] - variant.result[name].values[two])

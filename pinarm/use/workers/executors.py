@@ -301,9 +301,11 @@ def cluster(address: str) -> Iterator[Executor]:
         raise InputError("Dask is not installed", hint="pip install 'pinarm[cluster]'") from None
     _quieten()
     if address.startswith("tls://") and not distributed.Security().get_connection_args("client").get("ssl_context"):
-        raise InputError(f"{address} wants certificates, and none are configured",
-                         expected="distributed.comm.tls in Dask's configuration: ca-file, client.key and client.cert",
-                         hint="DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like") from None  # fmt: skip
+        raise InputError(
+            f"{address} wants certificates, and none are configured",
+            expected="distributed.comm.tls in Dask's configuration: ca-file, client.key and client.cert",
+            hint="DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like",
+        ) from None
     try:
         with asyncio.Runner() as runner:  # whose ``run`` would make of an interrupt a cancellation, which may be lost
             # a client that has not found a scheduler takes 20 s to give up
@@ -311,9 +313,11 @@ def cluster(address: str) -> Iterator[Executor]:
         client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False, name="pinarm")
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         said = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise InputError(f"no scheduler of Dask answers at {address}: {said}",
-                         expected="tcp://HOST:PORT, or tls://HOST:PORT with distributed.comm.tls configured",
-                         hint="dask scheduler") from None  # fmt: skip
+        raise InputError(
+            f"no scheduler of Dask answers at {address}: {said}",
+            expected="tcp://HOST:PORT, or tls://HOST:PORT with distributed.comm.tls configured",
+            hint="dask scheduler",
+        ) from None
     try:
         yield client.get_executor()
     finally:

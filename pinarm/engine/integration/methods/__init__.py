@@ -72,10 +72,13 @@ METHODS: dict[MethodName, Entry] = {
     ),
     "rk4": Entry("explicit", "FixedStep", "step", "Runge-Kutta 4, order 4, steps of one length", finest=7),
     "stiff": Entry(
-        "stiff", "radau_of", "tolerance",
-        "Radau IIA, order 5, 9 or 13, adaptive, implicit: for stiff springs with dampers", finest=7,
+        "stiff",
+        "radau_of",
+        "tolerance",
+        "Radau IIA, order 5, 9 or 13, adaptive, implicit: for stiff springs with dampers",
+        finest=7,
     ),
-}  # fmt: skip
+}
 """Name -> method. The search for a tolerance tries them in this order, the other way round where a motion is stiff."""
 
 REMOVED: dict[MethodName, MethodName] = {"conserving": "dop853", "collocation": "dop853"}

@@ -361,9 +361,10 @@ class FixedStepper(ExplicitStepper):
         length = self.interval.end - self.interval.start
         if length > MOST_STEPS * self.longest:
             raise MethodError(
-                f"steps of {self.longest:g} s are too short for {length:g} s", expected=f"at most {MOST_STEPS:g} steps",
+                f"steps of {self.longest:g} s are too short for {length:g} s",
+                expected=f"at most {MOST_STEPS:g} steps",
                 hint=f"step: {length / 1000.0:.1g} s, or an adaptive method",
-            )  # fmt: skip
+            )
         self.h = length / math.ceil(length / self.longest * (1.0 - 1e-12))
         return self.h
 

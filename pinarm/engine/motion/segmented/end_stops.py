@@ -181,9 +181,11 @@ def opening_remarks(stops: Sequence[Stop], events: Iterable[EventRecord]) -> lis
 
 
 def pressed(
-    touched: Iterable[int], away: Callable[[Held], Mapping[int, float]],
-    ties: Callable[[Held, int], Mapping[int, float]], slight: Callable[[], float],
-) -> Held:  # fmt: skip
+    touched: Iterable[int],
+    away: Callable[[Held], Mapping[int, float]],
+    ties: Callable[[Held, int], Mapping[int, float]],
+    slight: Callable[[], float],
+) -> Held:
     """Return which of several stops that are touched push: none that does pulls, and none that does not is entered.
 
     The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself
@@ -208,8 +210,11 @@ def pressed(
         seen.add(held)
         leaving = away(held)
         moving = {k: ties(held, k) for k in known if k not in held and leaving[k] < 0.0}
-        wrong = [k for k in known if (k in held and leaving[k] <= 0.0) or (k in moving
-                 and (not moving[k] or leaving[k] < -slight()))]  # fmt: skip
+        wrong = [
+            k
+            for k in known
+            if (k in held and leaving[k] <= 0.0) or (k in moving and (not moving[k] or leaving[k] < -slight()))
+        ]
         if not wrong:
             return held
         relieved = [k for k, with_it in sorted(moving.get(wrong[0], {}).items()) if with_it > TIED]
@@ -335,8 +340,9 @@ def _energy_and_work(contacts: Contacts, hit: EventRecord) -> tuple[float, float
     assert hit.before is not None
     own, stops = rows.rows(rows.state(q)), [stop for stop in contacts.bounds if stop.name == hit.name]
     stops += [contacts.bounds[k] for k in contacts.near(q) if contacts.bounds[k].name != hit.name]
-    split = split_rows(np.vstack([own, *(stop.row(q) for stop in stops)]),
-                       np.append(rows.reach, [stop.reach for stop in stops]))  # fmt: skip
+    split = split_rows(
+        np.vstack([own, *(stop.row(q) for stop in stops)]), np.append(rows.reach, [stop.reach for stop in stops])
+    )
     change = mass_matrix(rows.model, q) @ (hit.v - hit.before)
     law = contacts.prescribed.on(hit.t, hit.t)(hit.t)[1]
     work = float(split.multipliers(change)[contacts.closure.size : len(own)] @ law)

@@ -308,8 +308,9 @@ class _Integration(Record, frozen=True):
                 "whether it meets it is below the accuracy of the integration",
                 expected=f"a stop farther than {reach:.1g} {unit} from where the motion turns, as at a dead point",
                 hint="move the stop, or leave it out",
-                partial=self.motion, t=end.t,
-            )  # fmt: skip
+                partial=self.motion,
+                t=end.t,
+            )
 
     def _settled(self, t: float, q: Array, v: Array, mode: Mode, before: Held) -> tuple[Array, Mode]:
         """Return the velocity and the mode with joints at rest on stops that they begin to rest on.

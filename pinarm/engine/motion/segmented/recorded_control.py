@@ -181,9 +181,11 @@ def motor_remarks(motion: SegmentedMotion) -> list[str]:
     nodes = _Nodes.of(motion)
     every = zip(record.controllers, record.parts(nodes.t, nodes.q, nodes.v), strict=True)
     return [
-        line for controller, part in every if isinstance(controller, MotorController)
+        line
+        for controller, part in every
+        if isinstance(controller, MotorController)
         for line in _motor_remarks(controller, part, nodes)
-    ]  # fmt: skip
+    ]
 
 
 def _motor_remarks(controller: MotorController, part: dict[str, Array], nodes: _Nodes) -> Iterator[str]:

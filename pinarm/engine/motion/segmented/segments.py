@@ -141,8 +141,9 @@ class SegmentedMotion(Record, frozen=True):
                 expected="no more than accuracy.max_events",
                 hint="a shorter time, a restitution below 1, a wider hysteresis of a relay, or a larger "
                 "accuracy.max_events: each takes some milliseconds",
-                partial=self, t=self.end,
-            )  # fmt: skip
+                partial=self,
+                t=self.end,
+            )
         if len(self.segments) <= CROWDED:
             return
         before, end = self.segments[-1 - CROWDED].solution.end, self.end
@@ -150,8 +151,9 @@ class SegmentedMotion(Record, frozen=True):
             raise IntegrationError(
                 f"the integration cannot go on at t = {end:.12g} s: {CROWDED} events follow one another there",
                 hint="look for a controller, a stop or friction that switches back as soon as it has switched",
-                partial=self, t=end,
-            )  # fmt: skip
+                partial=self,
+                t=end,
+            )
 
     def add(self, segment: MotionSegment) -> None:
         self.segments.append(segment)
@@ -190,8 +192,11 @@ class SegmentedMotion(Record, frozen=True):
 
     def cost(self) -> dict[str, float]:
         work = self.work
-        cost = {"steps": float(work.steps), "evaluations": float(work.evaluations),
-                "rejected steps": float(work.rejected)}  # fmt: skip
+        cost = {
+            "steps": float(work.steps),
+            "evaluations": float(work.evaluations),
+            "rejected steps": float(work.rejected),
+        }
         return {**cost, "steps at the noise floor": float(work.floored)} if work.floored else cost
 
     def remarks(self) -> list[str]:

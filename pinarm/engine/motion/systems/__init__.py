@@ -111,17 +111,23 @@ class CompletedStates(Record, frozen=True):
         """Return the rows of several, one after another."""
         if len(motions) == 1:
             return motions[0]
-        arrays = zip(*((one.q, one.v, one.a, one.tau, one.friction) for one in motions), strict=True)
+        arrays = zip(*((motion.q, motion.v, motion.a, motion.tau, motion.friction) for motion in motions), strict=True)
         q, v, a, tau, friction = map(np.concatenate, arrays)
-        count = max(len(one.others) for one in motions)
-        others = [cls.joined([one.others[k] if k < len(one.others) else replace(one, others=()) for one in motions])
-                  for k in range(count)]  # fmt: skip
-        lam = Multipliers.joined([one.lam for one in motions])
-        opened = np.concatenate([np.full(len(one.q), one.opened is not None) for one in motions])
+        count = max(len(motion.others) for motion in motions)
+        others = [
+            cls.joined(
+                [motion.others[k] if k < len(motion.others) else replace(motion, others=()) for motion in motions]
+            )
+            for k in range(count)
+        ]
+        lam = Multipliers.joined([motion.lam for motion in motions])
+        opened = np.concatenate([np.full(len(motion.q), motion.opened is not None) for motion in motions])
         endless = np.concatenate(
-            [np.zeros(len(one.q), bool) if one.endless is None else one.endless for one in motions]
+            [np.zeros(len(motion.q), bool) if motion.endless is None else motion.endless for motion in motions]
         )
-        pushed = np.concatenate([np.zeros_like(one.tau) if one.pushed is None else one.pushed for one in motions])
+        pushed = np.concatenate(
+            [np.zeros_like(motion.tau) if motion.pushed is None else motion.pushed for motion in motions]
+        )
         return cls(q, v, a, tau, lam, friction, opened if opened.any() else None, tuple(others),
                    endless if endless.any() else None, pushed if pushed.any() else None)  # fmt: skip
 

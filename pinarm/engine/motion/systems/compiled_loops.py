@@ -147,9 +147,13 @@ class JudgedLoops(Record, frozen=True):
         )  # fmt: skip
         gaps = loop_motion.ROUNDED * motion.coarse, loop_motion.STALLED * motion.coarse
         return ClosingSystem.of(
-            self.loops, motion.scale, motion.rows.model.nq, self.exact,
-            (self.term, *gaps, MET * LEAST, loop_motion.ITERATIONS), limits,
-        )  # fmt: skip
+            self.loops,
+            motion.scale,
+            motion.rows.model.nq,
+            self.exact,
+            (self.term, *gaps, MET * LEAST, loop_motion.ITERATIONS),
+            limits,
+        )
 
 
 class LoopFlow(Flow, frozen=True):
@@ -243,7 +247,7 @@ class LoadedMotion:
 
 def judged_loops(
     motion: LoopMotion, settled: Settled, near: Array, laws: Mapping[int, MotionLaw], interval: tuple[float, float]
-) -> tuple[JudgedLoops | None, str]:  # fmt: skip
+) -> tuple[JudgedLoops | None, str]:
     """Return the loops in compiled code where Pinocchio agrees, and what is to be said where it does not.
 
     ``motion`` is that in Python on an interval [s], ``settled`` closes states, ``near`` is a configuration near
@@ -264,7 +268,7 @@ def judged_loops(
 
 def _judged(
     tree: LoadedTree, motion: LoopMotion, settled: Settled, near: Array, t: float, *, alone: bool
-) -> tuple[JudgedLoops | None, str]:  # fmt: skip
+) -> tuple[JudgedLoops | None, str]:
     """Return loops of a tree with loads, or without any where these are not known, and what is to be said."""
     measure, compiled, dynamics = motion.measure, _loops(motion.measure), motion.dynamics
     units = measure.closure.scale.copy()
@@ -290,9 +294,10 @@ def _loops(measure: Regularity) -> CompiledLoops | None:
     """Return the loops for the library; ``None`` where it is missing, or does not know one, or rows are too rounded."""
     closure = measure.closure
     tied = [
-        one for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True)
+        one
+        for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True)
         if (one := _tied(closure.model, constraint, measure.kept, part)) is None or len(one.along)
-    ]  # fmt: skip
+    ]
     known = [one for one in tied if one is not None]
     if not known or len(known) < len(tied) or not measure.exact:
         return None

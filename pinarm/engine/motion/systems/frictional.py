@@ -255,8 +255,9 @@ class FrictionalSystem:
                 raise IntegrationError(
                     f"at t = {t:.9g} s the friction that holds {self.friction.contacts[group.first].name} exceeds its "
                     "bound: a step has gone past the instant at which it breaks loose",
-                    expected="steps short enough for the loads that act on joints at rest", hint="accuracy.tolerance",
-                )  # fmt: skip
+                    expected="steps short enough for the loads that act on joints at rest",
+                    hint="accuracy.tolerance",
+                )
 
     def _beyond(self, solution: FrictionSolution) -> Flags:
         """Return which stuck groups are held by more than their friction can be, shape (g,)."""
@@ -271,15 +272,19 @@ class FrictionalSystem:
             return np.zeros_like(demand), lam
         first, count = prescribed.linear_last()
         efforts = own.with_guides(first.names, first.coordinates).splits(q).multipliers(demand)[:, own.size :]
-        weights = [one.weights for one in first.coordinates if isinstance(one, LinearCoordinate)]
+        weights = [coordinate.weights for coordinate in first.coordinates if isinstance(coordinate, LinearCoordinate)]
         tau = efforts[:, count:] @ np.reshape(weights, (-1, demand.shape[-1]))
         return tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :count])
 
 
 def _demand(dynamics: Dynamics, grid: Grid, states: CompletedStates) -> Array:
     """Return ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv)."""
-    return np.concatenate([one.inverse(grid.t[rows], states.q[rows], states.v[rows], states.a[rows])
-                           for rows, one in parts(dynamics, grid)])  # fmt: skip
+    return np.concatenate(
+        [
+            one.inverse(grid.t[rows], states.q[rows], states.v[rows], states.a[rows])
+            for rows, one in parts(dynamics, grid)
+        ]
+    )
 
 
 def remarks_on_rest(systems: Iterable[System]) -> list[str]:

@@ -136,8 +136,10 @@ def _independent(places: Sequence[Array], parts: Sequence[slice]) -> tuple[Indic
         left = [_beyond(basis, rows[part]) for basis, rows in zip(bases, places, strict=True)]
         for row in range(part.start, part.stop):
             lengths = [float(np.linalg.norm(some[row - part.start])) for some in left]
-            added = [size > max(RANK * float(np.linalg.norm(rows[row])), VANISHED * largest)
-                     for size, rows in zip(lengths, places, strict=True)]  # fmt: skip
+            added = [
+                size > max(RANK * float(np.linalg.norm(rows[row])), VANISHED * largest)
+                for size, rows in zip(lengths, places, strict=True)
+            ]
             exact &= any(added) or max(lengths) <= NOISE * largest
             kept += [row] if any(added) else []
             for k in np.flatnonzero(added):
@@ -361,5 +363,6 @@ def require_closed_accelerations(rows: Array, a: Array, right: Array, t: float, 
             "[m/s^2 or rad/s^2]",
             expected=f"no more than {MET:g} of its terms",
             hint="masses many orders apart in one loop, or a position all but singular, may be the reason",
-            t=t, q=q,
-        )  # fmt: skip
+            t=t,
+            q=q,
+        )

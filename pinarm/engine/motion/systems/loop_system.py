@@ -77,9 +77,13 @@ class LoopSystem(Record, frozen=True):
         """Return the system of a mechanism with its own constraints, some of whose coordinates follow laws."""
         prescribed, others = prescribed.linear_last()
         return cls(
-            prescribed, dynamics.manifold, own, own.with_guides(prescribed.names, prescribed.coordinates),
-            own.with_guides(prescribed.names[:others], prescribed.coordinates[:others]), near,
-        )  # fmt: skip
+            prescribed,
+            dynamics.manifold,
+            own,
+            own.with_guides(prescribed.names, prescribed.coordinates),
+            own.with_guides(prescribed.names[:others], prescribed.coordinates[:others]),
+            near,
+        )
 
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
         """Return the closed state nearest to the initial one that has what is given of it.
@@ -190,7 +194,7 @@ class LoopSystem(Record, frozen=True):
 
     def _compiled(
         self, dynamics: Dynamics, start: float, end: float, motion: LoopMotion
-    ) -> tuple[LoopFlow | None, str]:  # fmt: skip
+    ) -> tuple[LoopFlow | None, str]:
         """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
         if self._driven is None:
             return None, ""
@@ -252,8 +256,11 @@ class LoopSystem(Record, frozen=True):
         (name, measured), size = max(sizes.items(), key=lambda item: item[1])
         return AssemblyError(
             f"at t = {t:.9g} s {name} stays open by {size:.3g} {measured}",
-            expected="a motion on which the loops stay closed", t=t, q=q, gap=gap,
-        )  # fmt: skip
+            expected="a motion on which the loops stay closed",
+            t=t,
+            q=q,
+            gap=gap,
+        )
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         return q, v
@@ -271,9 +278,7 @@ class LoopSystem(Record, frozen=True):
                     whole[some] = values
         return self._with_efforts(dynamics, grid, *found)
 
-    def _solved(
-        self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array
-    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+    def _solved(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
         """Return closed states at n instants, their accelerations, and the efforts of what is prescribed.
 
         ``w`` are prescribed coordinates and their two derivatives, shape (3, n, k).
@@ -288,8 +293,9 @@ class LoopSystem(Record, frozen=True):
         self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array
     ) -> CompletedStates:
         """Return a motion with the efforts of the prescribed coordinates: at joints and along others."""
-        demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
-                                 for rows, local in parts(dynamics, grid)])  # fmt: skip
+        demand = np.concatenate(
+            [local.inverse(grid.t[rows], q[rows], v[rows], a[rows]) for rows, local in parts(dynamics, grid)]
+        )
         others = self.closure.size - self.own.size
         weights = [
             coordinate.weights for coordinate in self.prescribed.coordinates if isinstance(coordinate, LinearCoordinate)

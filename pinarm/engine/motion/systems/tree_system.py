@@ -55,7 +55,7 @@ class TreeSystem(Record, frozen=True):
     @classmethod
     def of(
         cls, closure: Closure, manifold: Manifold, prescribed: PrescribedCoordinates, initial: Initial
-    ) -> TreeSystem:  # fmt: skip
+    ) -> TreeSystem:
         """Return the system of a tree with its couplings and laws; joints with initial values stay free if they can.
 
         Raises:
@@ -63,16 +63,18 @@ class TreeSystem(Record, frozen=True):
         """
         couplings: list[Coupling] = [*closure.constraints]  # type: ignore[list-item]
         sums = PrescribedCoordinates(
-            (*(one.name for one in couplings), *prescribed.names),
-            (*(one.coordinate for one in couplings), *prescribed.coordinates),
-            (*(Constant(value=one.constant) for one in couplings), *prescribed.laws),
+            (*(coupling.name for coupling in couplings), *prescribed.names),
+            (*(coupling.coordinate for coupling in couplings), *prescribed.coordinates),
+            (*(Constant(value=coupling.constant) for coupling in couplings), *prescribed.laws),
         )
         if not sums.names:
             return cls(manifold, closure, sums)
         from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 
         given = tuple(sorted({*initial.positions, *initial.velocities}))
-        rows = np.array([one.weights for one in sums.coordinates if isinstance(one, LinearCoordinate)])
+        rows = np.array(
+            [coordinate.weights for coordinate in sums.coordinates if isinstance(coordinate, LinearCoordinate)]
+        )
         return cls(manifold, closure, sums, CoordinatePartition.of(closure.model, rows, sums.names, given))
 
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
@@ -114,7 +116,7 @@ class TreeSystem(Record, frozen=True):
 
     def _compiled(
         self, dynamics: Dynamics, acceleration: Acceleration, start: float, end: float
-    ) -> tuple[Flow | None, str]:  # fmt: skip
+    ) -> tuple[Flow | None, str]:
         """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
         from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES, disagreement
 

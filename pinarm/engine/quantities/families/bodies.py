@@ -28,8 +28,10 @@ class PointQuantities(Family, frozen=True):
     element: ClassVar[str] = "P"
     of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
-        "position": "position of the link's origin", "velocity": "its velocity", "acceleration": "its acceleration",
-    }  # fmt: skip
+        "position": "position of the link's origin",
+        "velocity": "its velocity",
+        "acceleration": "its acceleration",
+    }
 
     def entries(self) -> Iterator[Offered]:
         """Yield position, velocity and acceleration of every link's origin."""
@@ -50,8 +52,9 @@ class BodyQuantities(Family, frozen=True):
     element: ClassVar[str] = "B"
     of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
-        "angular_velocity": "angular velocity of the link", "angular_acceleration": "its angular acceleration",
-    }  # fmt: skip
+        "angular_velocity": "angular velocity of the link",
+        "angular_acceleration": "its angular acceleration",
+    }
 
     def entries(self) -> Iterator[Offered]:
         """Yield angular velocity and acceleration of every link."""

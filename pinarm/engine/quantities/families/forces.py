@@ -42,13 +42,14 @@ class ForceQuantities(Family, frozen=True):
 
     element: ClassVar[str] = "F"
     meanings: ClassVar[Mapping[str, str]] = {
-        "length": "distance of the ends of a point spring", "tension": "pull of a point spring on its ends",
+        "length": "distance of the ends of a point spring",
+        "tension": "pull of a point spring on its ends",
         "effort": "effort along the coordinate, or at the joint, that the element acts along",
         "displacement": "of a bushing: of its second frame from the first",
         "rotation": "of a bushing: rotation vector of its second frame from the first",
         "force": "of a bushing: force of the first link on the second, at the second one's frame",
         "moment": "of a bushing: moment of the first link on the second, about the second one's frame",
-    }  # fmt: skip
+    }
 
     def entries(self) -> Iterator[Offered]:
         """Yield the measures of the force elements."""
@@ -76,9 +77,10 @@ class PowerQuantities(Family, frozen=True):
 
     element: ClassVar[str] = ""
     meanings: ClassVar[Mapping[str, str]] = {
-        "gravity": "power of the weights", "friction": "power of all friction that sticks",
+        "gravity": "power of the weights",
+        "friction": "power of all friction that sticks",
         "": "power of the force element on the mechanism",
-    }  # fmt: skip
+    }
 
     def entries(self) -> Iterator[Offered]:
         """Yield the powers."""

@@ -65,21 +65,25 @@ class JointQuantities(WrenchFamily, frozen=True):
     element: ClassVar[str] = "J"
     of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
-        "position": "coordinate of the joint", "velocity": "its rate", "acceleration": "its second derivative",
+        "position": "coordinate of the joint",
+        "velocity": "its rate",
+        "acceleration": "its second derivative",
         "effort": "effort of all drives at the joint, those along sums of joints and their rotors' shares included; "
-                  "that of one drive is coordinate.J.effort; of a joint without a drive, of the couplings that move "
-                  "it, or where none do what its end stops push; behind an elastic gear, what it gives, in every kind "
-                  "of problem, and what drives the joint itself beside it",
+        "that of one drive is coordinate.J.effort; of a joint without a drive, of the couplings that move "
+        "it, or where none do what its end stops push; behind an elastic gear, what it gives, in every kind "
+        "of problem, and what drives the joint itself beside it",
         "link_effort": "what of the effort reaches the links: without armature * acceleration",
         "power": "effort times velocity",
         "force": "force of the parent on the child, at the child's origin; of fixed joints of the model too",
         "moment": "moment of the parent on the child, about the child's origin",
         f"moment.{AT_PARENT}": "the same moment about the joint's place on the parent",
         "quaternion": "orientation of a ball joint's link in the joint's placement",
-        "roll": "its angle about x", "pitch": "its angle about y", "yaw": "its angle about z",
+        "roll": "its angle about x",
+        "pitch": "its angle about y",
+        "yaw": "its angle about z",
         "angular_velocity": "of a ball joint's link, in the link's own axes",
         "angular_acceleration": "of a ball joint's link, in the link's own axes",
-    }  # fmt: skip
+    }
 
     def entries(self) -> Iterator[Offered]:
         """Yield the quantities of joints with one coordinate, then of ball joints."""
@@ -201,9 +205,11 @@ class CoordinateQuantities(JointQuantities, frozen=True):
 
     element: ClassVar[str] = "C"
     meanings: ClassVar[Mapping[str, str]] = {
-        "position": "coordinate", "velocity": "its rate", "acceleration": "its second derivative",
+        "position": "coordinate",
+        "velocity": "its rate",
+        "acceleration": "its second derivative",
         "effort": "effort of the drive along it",
-    }  # fmt: skip
+    }
 
     def entries(self) -> Iterator[Offered]:
         """Yield all coordinates, and the efforts of drives along those that are no joint's."""
@@ -266,9 +272,11 @@ class DriveQuantities(Family, frozen=True):
             return Series(asked.name, unit("rad/s"), speed)
         self.require_efforts(asked)
         torque = self._torque(asked, drive, index)
-        return Series(asked.name, NEWTON_METRE, torque) if asked.part == "torque" else Series(
-            asked.name, WATT, torque * speed
-        )  # fmt: skip
+        return (
+            Series(asked.name, NEWTON_METRE, torque)
+            if asked.part == "torque"
+            else Series(asked.name, WATT, torque * speed)
+        )
 
     def _torque(self, asked: Asked, drive: Drive, index: int) -> Array:
         """Return the torque of the motor, by the index of the joint that it moves, shape (n,).

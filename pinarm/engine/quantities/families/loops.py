@@ -102,16 +102,18 @@ class CouplingQuantities(WrenchFamily, frozen=True):
         "effort": "multiplier: effort at its second joint, without friction",
         "force": "force of the first member on the second, where they touch, friction included",
         "moment": "moment of the first member on the second, about the point where they touch, friction included",
-        "tangential": "force of the teeth along the pitch circle", "radial": "force of the teeth towards the axis",
+        "tangential": "force of the teeth along the pitch circle",
+        "radial": "force of the teeth towards the axis",
         "axial": "force of the teeth, or of a thread with its friction, along the axis",
         "separating": "force of bevel teeth along the normal of the pitch cone",
         "torque": "moment of the thread about its axis, friction included",
-        "tight": "tension of the strand that pulls", "slack": "tension of the other strand",
+        "tight": "tension of the strand that pulls",
+        "slack": "tension of the other strand",
         "normal": "contact force of a cam on its follower, along the normal; negative where it would have to pull",
         "pressure_angle": "angle from the direction in which a cam's follower moves to the normal of the contact",
         "curvature_radius": "radius of curvature of a cam where the follower touches it, negative where it is hollow",
         "eccentricity": "distance of the contact on a cam's flat-faced follower from the face's point",
-    }  # fmt: skip
+    }
 
     def entries(self) -> Iterator[Offered]:
         """Yield the quantities of couplings; their forces where these are known."""

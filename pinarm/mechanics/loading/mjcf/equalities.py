@@ -77,8 +77,11 @@ class Equalities:
             elif element.tag in TIES:
                 self._tie(element.tag, attributes.get("name") or f"{element.tag}_{number}", attributes, where)
             else:
-                raise ModelError(f"{where}: a <{element.tag}> is not read", expected=f"joint, {', '.join(TIES)}",
-                                 hint="remove it, and use 'loops:' or 'couplings:' of the mechanism file")  # fmt: skip
+                raise ModelError(
+                    f"{where}: a <{element.tag}> is not read",
+                    expected=f"joint, {', '.join(TIES)}",
+                    hint="remove it, and use 'loops:' or 'couplings:' of the mechanism file",
+                )
         return self
 
     def _couple(self, attributes: Attributes, where: str) -> None:
@@ -88,8 +91,10 @@ class Equalities:
         curve = numbers_in({"polycoef": " ".join([*text, *["0"] * (5 - len(text))])}, "polycoef", where, 5)
         drawn = {name: joint.drawn for name, joint in self.joints.items()}
         if follower in self.held or any(mimic.joint == follower for mimic in self.mimics):
-            raise ModelError(f"{where}: '{follower}' is held or coupled by another equality already",
-                             expected="one equality for each 'joint1'")  # fmt: skip
+            raise ModelError(
+                f"{where}: '{follower}' is held or coupled by another equality already",
+                expected="one equality for each 'joint1'",
+            )
         if leader is None:
             if self.joints[known(follower, self.joints, "joint", where)].kind not in ("revolute", "prismatic"):
                 raise ModelError(
@@ -143,8 +148,11 @@ class Equalities:
         from pinarm.mechanics.loops.lower_pairs import Revolute, Spherical
 
         frames = {**self.sites, **{frame.child: frame for frame in self.frames}}
-        balls = {name: [frames[end] for end in loop.between]
-                 for name, loop in self.loops.items() if isinstance(loop, Spherical)}  # fmt: skip
+        balls = {
+            name: [frames[end] for end in loop.between]
+            for name, loop in self.loops.items()
+            if isinstance(loop, Spherical)
+        }
         for name, other in combinations(balls, 2):
             if not {name, other} <= self.loops.keys() or (axes := _hinge_axes(*balls[name], *balls[other])) is None:
                 continue
@@ -156,8 +164,10 @@ class Equalities:
                 turned = [
                     frame.placement * pin.SE3(from_z(axis), np.zeros(3)) for frame, axis in zip(ends, axes, strict=True)
                 ]
-                self.frames += [fixed_frame(end, frame.parent, place, name)
-                                for end, frame, place in zip(between, ends, turned, strict=True)]  # fmt: skip
+                self.frames += [
+                    fixed_frame(end, frame.parent, place, name)
+                    for end, frame, place in zip(between, ends, turned, strict=True)
+                ]
             del self.loops[other]
             self.loops[name] = Revolute(between=between, axis=(x, y, z))
             yield f"{name} and {other} tie two points of the same bodies: together they are a revolute joint {name}"

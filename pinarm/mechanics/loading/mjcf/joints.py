@@ -26,9 +26,11 @@ from pinarm.records import replace
 KINDS: dict[str, Kind] = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "floating"}
 
 COEFFICIENTS: dict[str, frozenset[str]] = {
-    "stiffness": frozenset({"passive", "spring"}), "damping": frozenset({"passive", "damper"}),
-    "frictionloss": frozenset({"frictionloss", "constraint"}), "armature": frozenset(),
-}  # fmt: skip
+    "stiffness": frozenset({"passive", "spring"}),
+    "damping": frozenset({"passive", "damper"}),
+    "frictionloss": frozenset({"frictionloss", "constraint"}),
+    "armature": frozenset(),
+}
 """Coefficients of joints, and the flags of the model that switch them off."""
 
 POLYNOMIALS = ("stiffness", "damping")
@@ -137,8 +139,11 @@ def _coefficient(attributes: Attributes, key: str, settings: Settings, where: st
     count = max(len(attributes.get(key, "").split()), 1) if key in POLYNOMIALS else 1
     value, *higher = numbers_in(attributes, key, where, count, (0.0,))
     if any(higher):
-        raise ModelError(f"{where}: {key}='{attributes[key][:60]}' is a polynomial, which is not read",
-                         expected="one number", hint=f"no {key} here, and 'forces:' in the mechanism file")  # fmt: skip
+        raise ModelError(
+            f"{where}: {key}='{attributes[key][:60]}' is a polynomial, which is not read",
+            expected="one number",
+            hint=f"no {key} here, and 'forces:' in the mechanism file",
+        )
     if value < 0.0:
         raise ModelError(f"{where}: its {key} is negative")
     return 0.0 if COEFFICIENTS[key] & settings.off else float(value)

@@ -105,9 +105,11 @@ def _refuse_generated(model: Element) -> None:
     for world in model.findall("worldbody"):
         for holder in world.iter():
             if holder.tag in HOLDERS and (tag := next((child.tag for child in holder if child.tag in GENERATED), "")):
-                raise ModelError(f"in '{holder.get('name', WORLD)}': <{tag}> is not read",
-                                 expected="the bodies that it stands for",
-                                 hint="the model as MuJoCo writes it, by mj_saveLastXML")  # fmt: skip
+                raise ModelError(
+                    f"in '{holder.get('name', WORLD)}': <{tag}> is not read",
+                    expected="the bodies that it stands for",
+                    hint="the model as MuJoCo writes it, by mj_saveLastXML",
+                )
 
 
 @dataclass
@@ -235,8 +237,11 @@ def geom_inertia(attributes: Attributes, settings: Settings, where: str) -> pin.
         raise ModelError(f"{where}: its mass or density is negative")
     if kind not in SIZES or "mesh" in attributes or attributes.get("shellinertia", "false") != "false":
         what = "mesh" if kind in ("mesh", "sdf") or "mesh" in attributes else f"'{kind}' or shell"
-        raise MeshMass(f"{where}: the mass of a {what} is not computed here", expected="an <inertial> of its body",
-                       hint="pip install 'pinarm[mjcf]', by which MuJoCo's compiler computes it")  # fmt: skip
+        raise MeshMass(
+            f"{where}: the mass of a {what} is not computed here",
+            expected="an <inertial> of its body",
+            hint="pip install 'pinarm[mjcf]', by which MuJoCo's compiler computes it",
+        )
     place, size = _shape(attributes, kind, settings, where)
     return place.act(solid_inertia(kind, size, density if density >= 0.0 else WATER, mass if mass >= 0.0 else None))
 
@@ -245,8 +250,10 @@ def _shape(attributes: Attributes, kind: str, settings: Settings, where: str) ->
     """Return placement and size; with ``fromto`` the length is that between the two points."""
     size = numbers_in(attributes, "size", where, len(attributes.get("size", "").split()), ())
     if len(size) > MOST_SIZES:
-        raise ModelError(f"{where}: size='{attributes['size'][:60]}' has {len(size)} numbers",
-                         expected=f"{SIZES[kind]} positive numbers, {MOST_SIZES} at most")  # fmt: skip
+        raise ModelError(
+            f"{where}: size='{attributes['size'][:60]}' has {len(size)} numbers",
+            expected=f"{SIZES[kind]} positive numbers, {MOST_SIZES} at most",
+        )
     place, half = settings.shape_placement(attributes, where)
     if half is not None and len(size):
         size = np.array([size[0], half] if SIZES[kind] == 2 else [size[0], size[0], half])

@@ -144,8 +144,10 @@ class SdfJoint:
         if len(axes) == 1:
             return Revolute(between=between, axis=axes[0])
         if abs(self.steps[0].axis @ self.steps[1].axis) > SQUARE:
-            raise ModelError(f"joint '{self.name}': it closes a loop, and its axes are not at right angles",
-                             expected="axes at right angles, or another joint of the loop that closes it")  # fmt: skip
+            raise ModelError(
+                f"joint '{self.name}': it closes a loop, and its axes are not at right angles",
+                expected="axes at right angles, or another joint of the loop that closes it",
+            )
         return Universal(between=between, axes=(axes[0], axes[1]))
 
 
@@ -213,9 +215,13 @@ def _moving(plain: TreeJoint, axis: Element | None, where: str, notes: list[str]
         raise ModelError(f"{where}: its damping, friction or stiffness is negative")
     most = {"effort": effort if effort >= 0.0 else np.inf, "velocity": speed if speed >= 0.0 else np.inf}
     return replace(
-        plain, damping=damping, friction=friction, stiffness=stiffness, bounds=replace(bounds, **most),
+        plain,
+        damping=damping,
+        friction=friction,
+        stiffness=stiffness,
+        bounds=replace(bounds, **most),
         rest=number_in(axis, "dynamics/spring_reference", 0.0, where),
-    )  # fmt: skip
+    )
 
 
 def _bounds(axis: Element | None, where: str, notes: list[str]) -> Bounds:
@@ -243,8 +249,10 @@ def _lead(joint: Element, where: str, notes: list[str]) -> float:
         if tag == "screw_thread_pitch":
             return pitch
         lead = -2.0 * np.pi / pitch
-        notes.append(f"{where}: its thread_pitch is read as Gazebo does, in rad/m and positive for a left-handed "
-                     f"thread: {lead:g} m per turn; 'screw_thread_pitch' has one meaning")  # fmt: skip
+        notes.append(
+            f"{where}: its thread_pitch is read as Gazebo does, in rad/m and positive for a left-handed "
+            f"thread: {lead:g} m per turn; 'screw_thread_pitch' has one meaning"
+        )
         return lead
     raise ModelError(f"{where}: a screw without a pitch", expected="<screw_thread_pitch>, in metres per turn")
 
@@ -303,9 +311,11 @@ def _hinge(hinges: Iterable[Hinge], base: str, link: str, axis: Array, where: st
         ends = hinge.parent, hinge.child
         if {*ends} == {base, link} and np.linalg.norm(np.cross(hinge.axis, axis)) < ALONG:
             return hinge.name, float(np.sign(hinge.axis @ axis)) * (1.0 if ends == (base, link) else -1.0)
-    raise ModelError(f"{where}: no revolute joint of the tree turns '{link}' against '{base}' about the gearbox's axis",
-                     expected="one between its gearbox_reference_body and each of its links",
-                     hint="without it, a coupling of the mechanism file: couplings: {kind: gear}")  # fmt: skip
+    raise ModelError(
+        f"{where}: no revolute joint of the tree turns '{link}' against '{base}' about the gearbox's axis",
+        expected="one between its gearbox_reference_body and each of its links",
+        hint="without it, a coupling of the mechanism file: couplings: {kind: gear}",
+    )
 
 
 FREE = "root"

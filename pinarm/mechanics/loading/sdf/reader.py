@@ -118,8 +118,11 @@ def _version(root: Element) -> tuple[int, int]:
         raise ModelError(f"the model is SDF of version '{root.get('version', '')}'", expected="1.4 to 1.12")
     version = int(parts[0][:4]), int(parts[1][:4])
     if version < (1, 4):
-        raise ModelError(f"the model is SDF of version {version[0]}.{version[1]}", expected="1.4 to 1.12",
-                         hint="a newer version, as 'gz sdf -p' writes it")  # fmt: skip
+        raise ModelError(
+            f"the model is SDF of version {version[0]}.{version[1]}",
+            expected="1.4 to 1.12",
+            hint="a newer version, as 'gz sdf -p' writes it",
+        )
     return version
 
 
@@ -143,15 +146,20 @@ def _model(root: Element, name: str, notes: list[str]) -> Element:
         raise ModelError(said, expected=expected, hint=hint or ("model: NAME in the mechanism file" if names else ""))
     (home, model), others = chosen[0], [other for _, other in models if other is not chosen[0][1]]
     if others:
-        notes.append(f"not read, beside the model '{model.get('name', '')}': "
-                     f"{listed('model', [other.get('name', '') for other in others])}")  # fmt: skip
+        notes.append(
+            f"not read, beside the model '{model.get('name', '')}': "
+            f"{listed('model', [other.get('name', '') for other in others])}"
+        )
     for holder in [root, *root.findall("world")]:
         holder[:] = [
             child for child in holder if child is model or child is home or child.tag not in ("model", "world")
         ]
     if any(model.find(tag) is not None for tag in ("include", "model")):
-        raise ModelError("the model is made of other models", expected="one <model> with links and joints",
-                         hint="one without <include> and nested <model>, as 'gz sdf -p' writes it")  # fmt: skip
+        raise ModelError(
+            "the model is made of other models",
+            expected="one <model> with links and joints",
+            hint="one without <include> and nested <model>, as 'gz sdf -p' writes it",
+        )
     return model
 
 
@@ -164,15 +172,20 @@ def _require_still(static: bool, joints: Sequence[Element]) -> None:
     """Raise where a model that is said not to move has joints that do."""
     if static and (moving := _moving(joints)):
         verb = "move" if len(moving) > 1 else "moves"
-        raise ModelError(f"the model is static, and its {listed('joint', moving)} {verb}",
-                         expected="fixed joints alone",
-                         hint="without <static>, and a fixed joint from the world to its base")  # fmt: skip
+        raise ModelError(
+            f"the model is static, and its {listed('joint', moving)} {verb}",
+            expected="fixed joints alone",
+            hint="without <static>, and a fixed joint from the world to its base",
+        )
 
 
 SOLIDS = {
-    "box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
     "ellipsoid": ("radii",),
-}  # fmt: skip
+}
 """Shape of a ``<geometry>`` -> the elements with its sizes [m]."""
 
 WATER = 1000.0
@@ -186,8 +199,11 @@ def _solids(link: Element, inertial: Element, where: str) -> pin.Inertia:
         part = f"{where}: collision '{collision.get('name', '')}'"
         shape = next((shape for shape in collision.findall("geometry/*") if shape.tag in SOLIDS), None)
         if shape is None:
-            raise ModelError(f"{part}: the mass of its shape is not computed", expected=f"one of {', '.join(SOLIDS)}",
-                             hint="<mass> and <inertia> in the <inertial> of the link")  # fmt: skip
+            raise ModelError(
+                f"{part}: the mass of its shape is not computed",
+                expected=f"one of {', '.join(SOLIDS)}",
+                hint="<mass> and <inertia> in the <inertial> of the link",
+            )
         words = " ".join(text_of(shape, tag) for tag in SOLIDS[shape.tag])
         sizes = numbers(words, 3 if shape.tag in ("box", "ellipsoid") else len(SOLIDS[shape.tag]), f"{part}: size")
         halved = {"box": [0.5] * 3, "cylinder": [1.0, 0.5], "capsule": [1.0, 0.5]}.get(shape.tag, 1.0)

@@ -35,9 +35,13 @@ if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop
 
 KINDS: Mapping[str, str] = {
-    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",
+    "fixed": "fixed",
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "planar": "planar",
     "spherical": "spherical",
-}  # fmt: skip
+}
 """Type of a ``<loop>`` or ``<loop_joint>`` -> kind of loop joint."""
 
 ENDS = (("predecessor",), ("successor", "sucessor"))
@@ -70,9 +74,13 @@ def with_loops(tree: Tree, robot: Element) -> Tree:
             closed.add_joint_of_sdf(element)
     frames = {joint.child: pin.Inertia.Zero() for joint in closed.frames}
     return replace(
-        tree, links={**tree.links, **frames}, joints=(*tree.joints, *closed.frames), loops=closed.loops,
-        couplings=closed.couplings, notes=(*tree.notes, *closed.notes()),
-    )  # fmt: skip
+        tree,
+        links={**tree.links, **frames},
+        joints=(*tree.joints, *closed.frames),
+        loops=closed.loops,
+        couplings=closed.couplings,
+        notes=(*tree.notes, *closed.notes()),
+    )
 
 
 @dataclass
@@ -116,8 +124,10 @@ class _Closed:
         ways = [[*self._way(self._known(_link(_end(element, tags)), where))] for tags in ENDS]
         shared = {*ways[0]} & {*ways[1]}
         ratio = number(text_in(element.find("ratio"), "value"), f"{where}: ratio", 1.0)
-        weights = [{joint: weight for joint in way if joint not in shared}
-                   for way, weight in zip(ways, (-ratio, 1.0), strict=True)]  # fmt: skip
+        weights = [
+            {joint: weight for joint in way if joint not in shared}
+            for way, weight in zip(ways, (-ratio, 1.0), strict=True)
+        ]
         if ratio == 0.0 or not all(weights):
             raise ModelError(f"{where}: it couples no two joints", expected="links on two branches, and a ratio but 0")
         self.couplings[name] = WeightedSum(weights={**weights[1], **weights[0]})
@@ -163,8 +173,10 @@ class _Closed:
         name = element.get("name", "")
         taken = {*self.loops, *self.couplings, *(joint.name for joint in self.tree.joints)}
         if not name or name in taken:
-            raise ModelError(f"two joints have the name '{name}'" if name else f"a <{element.tag}> has no name",
-                             expected="a name of its own for each")  # fmt: skip
+            raise ModelError(
+                f"two joints have the name '{name}'" if name else f"a <{element.tag}> has no name",
+                expected="a name of its own for each",
+            )
         return name
 
     def _known(self, link: str, where: str) -> str:

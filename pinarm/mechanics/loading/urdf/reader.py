@@ -39,36 +39,38 @@ KINDS: Mapping[str, Kind] = {
 CLOSING = ("loop", "coupling", "loop_joint")
 """Elements of a robot that close loops or couple joints, beside joints in ``<gazebo>``."""
 
-URDF = format_names({
-    "robot": "name version > link* joint* material- loop* coupling* loop_joint* gazebo-",
-    "link": "name > inertial visual* collision-",
-    "inertial": "> origin mass inertia",
-    "mass": "value",
-    "inertia": "ixx ixy ixz iyy iyz izz iyx izx izy",
-    "origin": "xyz rpy quat_xyzw",
-    "visual": "name > origin* geometry* material*",
-    "geometry": "name > box* cylinder* sphere* capsule* mesh*",
-    "box": "size",
-    "cylinder": "radius length",
-    "sphere": "radius",
-    "capsule": "radius length",
-    "mesh": "filename scale",
-    "material": "name > color* texture-",
-    "color": "rgba",
-    "joint": "name type > origin parent child axis limit dynamics mimic calibration- safety_controller-",
-    "parent": "link",
-    "child": "link",
-    "axis": "xyz",
-    "limit": "lower upper effort velocity",
-    "dynamics": "damping friction armature",
-    "mimic": "joint multiplier offset",
-    "loop": "name type > predecessor=end* successor=end* sucessor=end* axis",
-    "coupling": "name > predecessor=end* successor=end* sucessor=end* ratio",
-    "end": "link name > origin",
-    "ratio": "value",
-    "loop_joint": "name type > link1=linked* link2=linked* axis",
-    "linked": "link xyz rpy quat_xyzw",
-})  # fmt: skip
+URDF = format_names(
+    {
+        "robot": "name version > link* joint* material- loop* coupling* loop_joint* gazebo-",
+        "link": "name > inertial visual* collision-",
+        "inertial": "> origin mass inertia",
+        "mass": "value",
+        "inertia": "ixx ixy ixz iyy iyz izz iyx izx izy",
+        "origin": "xyz rpy quat_xyzw",
+        "visual": "name > origin* geometry* material*",
+        "geometry": "name > box* cylinder* sphere* capsule* mesh*",
+        "box": "size",
+        "cylinder": "radius length",
+        "sphere": "radius",
+        "capsule": "radius length",
+        "mesh": "filename scale",
+        "material": "name > color* texture-",
+        "color": "rgba",
+        "joint": "name type > origin parent child axis limit dynamics mimic calibration- safety_controller-",
+        "parent": "link",
+        "child": "link",
+        "axis": "xyz",
+        "limit": "lower upper effort velocity",
+        "dynamics": "damping friction armature",
+        "mimic": "joint multiplier offset",
+        "loop": "name type > predecessor=end* successor=end* sucessor=end* axis",
+        "coupling": "name > predecessor=end* successor=end* sucessor=end* ratio",
+        "end": "link name > origin",
+        "ratio": "value",
+        "loop_joint": "name type > link1=linked* link2=linked* axis",
+        "linked": "link xyz rpy quat_xyzw",
+    }
+)
 """Names of URDF; exporters also write ``sucessor``."""
 
 TWINS = {"iyx": "ixy", "izx": "ixz", "izy": "iyz"}
@@ -155,8 +157,10 @@ def _joint(joint: Element, name: str, links: Mapping[str, Any], notes: list[str]
     plain = TreeJoint(name, KINDS[type_name], parent, child, placement, x)
     if plain.kind == "fixed":
         return plain
-    passive = {key: not_negative(text_in(joint.find("dynamics"), key), f"{where}: its {key}")
-               for key in ("damping", "friction", "armature")}  # fmt: skip
+    passive = {
+        key: not_negative(text_in(joint.find("dynamics"), key), f"{where}: its {key}")
+        for key in ("damping", "friction", "armature")
+    }
     axis = x if plain.kind in ("floating", "ball") else axis_of(joint.find("axis"), where)
     return replace(plain, axis=axis, bounds=_bounds(joint, where, notes), **passive)
 
@@ -209,10 +213,13 @@ def _unmodelled(robot: Element, elements: Mapping[str, Element]) -> Iterator[str
         yield "springs that the model gives to its joints for Gazebo are not modelled"
     idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
     geared = [
-        transmission.get("name", "without name") for transmission in robot.findall("transmission")
-        if any(part.tag in idle and is_decimal(part.text) and abs(float(part.text or 0)) != idle[part.tag]
-               for part in transmission.iter())
-    ]  # fmt: skip
+        transmission.get("name", "without name")
+        for transmission in robot.findall("transmission")
+        if any(
+            part.tag in idle and is_decimal(part.text) and abs(float(part.text or 0)) != idle[part.tag]
+            for part in transmission.iter()
+        )
+    ]
     if geared:
         yield f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}"
 

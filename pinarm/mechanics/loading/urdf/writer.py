@@ -115,9 +115,11 @@ def _links(model: pin.Model) -> list[str]:
     """Return the name of the link of every joint: that of a body's frame at the joint, or the joint's with _link."""
     links: list[str] = []
     for joint in range(model.njoints):
-        bodies = [frame.name for frame in model.frames
-                  if frame.type == pin.FrameType.BODY and frame.parentJoint == joint
-                  and frame.placement.isIdentity(0.0)]  # fmt: skip
+        bodies = [
+            frame.name
+            for frame in model.frames
+            if frame.type == pin.FrameType.BODY and frame.parentJoint == joint and frame.placement.isIdentity(0.0)
+        ]
         base = "universe" if joint == 0 else f"{model.names[joint]}_link"
         links.append(next((name for name in bodies if name not in links), base))
     return links
@@ -193,12 +195,17 @@ def _add_limits(element: Element, model: pin.Model, joint: pin.JointModel, k: in
 def _add_dynamics(element: Element, model: pin.Model, places: range, name: str) -> None:
     """Add damping, dry friction and armature, which are the same in all directions of a joint."""
     values: dict[str, float] = {}
-    for key, limits in (("damping", model.damping), ("friction", model.upperDryFrictionLimit),
-                       ("armature", model.armature)):  # fmt: skip
+    for key, limits in (
+        ("damping", model.damping),
+        ("friction", model.upperDryFrictionLimit),
+        ("armature", model.armature),
+    ):
         some = {float(limits[k]) for k in places}
         if len(some) > 1:
-            raise ModelError(f"the joint '{name}' has another {key} in each direction",
-                             expected="the same in all, or joints with one coordinate")  # fmt: skip
+            raise ModelError(
+                f"the joint '{name}' has another {key} in each direction",
+                expected="the same in all, or joints with one coordinate",
+            )
         if (value := some.pop()) and value < UNLIMITED:
             values[key] = value
     if values:

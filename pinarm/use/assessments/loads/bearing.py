@@ -66,9 +66,13 @@ class RollingBearing(InputStruct, frozen=True):
 
     key: ClassVar[str] = "bearing"
     units: ClassVar[Mapping[str, Unit]] = {
-        "load.peak": NEWTON, "rate.peak": SPIN, "load.mean": NEWTON, "rate.mean": SPIN, "life.turns": DIMENSIONLESS,
+        "load.peak": NEWTON,
+        "rate.peak": SPIN,
+        "load.mean": NEWTON,
+        "rate.mean": SPIN,
+        "life.turns": DIMENSIONLESS,
         "life.time": SECOND,
-    }  # fmt: skip
+    }
 
     @property
     def exponent(self) -> float:
@@ -153,8 +157,12 @@ class PlainBearing(InputStruct, frozen=True):
 
     key: ClassVar[str] = "bushing"
     units: ClassVar[Mapping[str, Unit]] = {
-        "pressure.peak": PASCAL, "speed.peak": SPEED, "pv.peak": INTENSITY, "pv.mean": INTENSITY, "speed.mean": SPEED
-    }  # fmt: skip
+        "pressure.peak": PASCAL,
+        "speed.peak": SPEED,
+        "pv.peak": INTENSITY,
+        "pv.mean": INTENSITY,
+        "speed.mean": SPEED,
+    }
 
     def pressure(self, rows: Quantities, joint: LoadedJoint) -> Array:
         """Return the mean pressure on the projected area [Pa], shape (n,)."""

@@ -98,10 +98,12 @@ def _across(rows: Quantities, joint: LoadedJoint, kind: str, link: str, axis: Ar
         InputError: A component is not determined. That along the axis need not be, where the axis is one of the link's.
     """
     name, still = f"{joint.prefix}.{kind}" + (f".along.{link}" if link else ""), np.zeros(len(rows.trajectory))
-    vector = np.array([
-        still if abs(part) > 1.0 - EVEN else rows.determined(f"{name}.{letter}").values
-        for letter, part in zip("xyz", axis, strict=True)
-    ])  # fmt: skip
+    vector = np.array(
+        [
+            still if abs(part) > 1.0 - EVEN else rows.determined(f"{name}.{letter}").values
+            for letter, part in zip("xyz", axis, strict=True)
+        ]
+    )
     return np.asarray(vector - np.outer(axis, axis @ vector))
 
 

@@ -130,6 +130,7 @@ def _rings(model: pin.Model, joint: int) -> tuple[tuple[str, Array], ...]:
         return ()
     child, parent = moved_links(model, joint)[0], int(model.parents[joint])
     carrier, outwards = moved_links(model, parent)[0] if parent else "", model.jointPlacements[joint].rotation @ axis
-    inner, outer = (model.frames[model.getBodyId(link)].placement.rotation if link else np.eye(3)
-                    for link in (child, carrier))  # fmt: skip
+    inner, outer = (
+        model.frames[model.getBodyId(link)].placement.rotation if link else np.eye(3) for link in (child, carrier)
+    )
     return (child, inner.T @ axis), (carrier, outer.T @ outwards)

@@ -113,10 +113,13 @@ class LoadSet:
                 remarks.setdefault(f"{how}; {free.doubt}", []).append(free.link)
             if free.left_out:
                 continue
-            inner = np.array([_inwards(each, turns[free.body], places[free.body]) for each in free.actions])
+            inner = np.array([_inwards(action, turns[free.body], places[free.body]) for action in free.actions])
             missed, relative = _residual(inner)
             residuals.append(relative)
-            named = [*((each.what, line) for each, line in zip(free.actions, inner, strict=True)), ("residual", missed)]
+            named = [
+                *((action.what, line) for action, line in zip(free.actions, inner, strict=True)),
+                ("residual", missed),
+            ]
             rows += [_row((name, float(run.grid.t[0]), free.link, what), line) for what, line in named]
         return cls(name, rows, max(residuals), [f"{', '.join(links)} {why}" for why, links in remarks.items()])
 
@@ -134,8 +137,8 @@ def free_bodies(row: Quantities, normal: Array | None = None) -> Iterator[FreeBo
         across = np.outer(normal, normal)
         plane = np.block([[np.eye(3) - across, np.zeros((3, 3))], [np.zeros((3, 3)), across]])
     acting, model = dict[int, list[Action]](), row.trajectory.mechanism.model
-    for each in _with_shares(row, plane):
-        acting.setdefault(each.body, []).append(each)
+    for with_share in _with_shares(row, plane):
+        acting.setdefault(with_share.body, []).append(with_share)
     for body, links in enumerate(links_behind(model)):
         if body and (links or model.inertias[body].mass):
             own = acting.get(body, [])
@@ -175,8 +178,8 @@ def _with_shares(row: Quantities, plane: Array) -> list[Action]:
     scale = max((np.linalg.norm(each.wrench) for each in acting), default=0.0)
     for other in row.others:
         acting = [
-            replace(own, doubt=SHARED) if np.abs(each.wrench - own.wrench).max() > OPEN * scale else own
-            for own, each in zip(acting, _actions(other.reactions, whole, plane), strict=True)
+            replace(own, doubt=SHARED) if np.abs(action.wrench - own.wrench).max() > OPEN * scale else own
+            for own, action in zip(acting, _actions(other.reactions, whole, plane), strict=True)
         ]
     return acting
 

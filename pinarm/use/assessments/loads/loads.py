@@ -72,8 +72,10 @@ class Loads(InputStruct, frozen=True):
 
     def requested(self, mechanism: Mechanism) -> list[str]:
         names = [*mechanism.joints] if self.sets and self.joints else [*self.rotors]
-        return [*(f"joint.{name}.force.x" for name in names),
-                *(f"{joint.prefix}.force.x" for joint, _ in self._loaded(mechanism))]  # fmt: skip
+        return [
+            *(f"joint.{name}.force.x" for name in names),
+            *(f"{joint.prefix}.force.x" for joint, _ in self._loaded(mechanism)),
+        ]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         units = dict[str, Unit | None]()
@@ -146,8 +148,16 @@ def _joint_loads(
 
 def _numbers_table(numbers: Mapping[str, LoadNumber], at: Unit) -> SectionTable:
     rows: list[tuple[str | float, ...]] = [
-        (name, str(each.unit), each.value, "" if each.at is None else each.at, each.direction, each.axes, each.error)
-        for name, each in numbers.items()
+        (
+            name,
+            str(number.unit),
+            number.value,
+            "" if number.at is None else number.at,
+            number.direction,
+            number.axes,
+            number.error,
+        )
+        for name, number in numbers.items()
     ]
     columns = ("", "unit", "value", "at", "direction x y z", "in axes of", "error")
     units = (None, None, None, at, None, None, None)

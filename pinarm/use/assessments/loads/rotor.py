@@ -68,8 +68,10 @@ class Rotor(InputStruct, frozen=True):
             raise InputError(f"there is no revolute joint '{name}'", expected=expected, hint=hint)
         beyond = [mechanism.model.names[k] for k in mechanism.model.subtrees[joint.index] if k != joint.index]
         if beyond:
-            raise InputError(f"{', '.join(beyond)} move beyond '{name}': it is no rigid rotor",
-                             expected="a joint that moves a single body")  # fmt: skip
+            raise InputError(
+                f"{', '.join(beyond)} move beyond '{name}': it is no rigid rotor",
+                expected="a joint that moves a single body",
+            )
         if not mechanism.model.inertias[joint.index].mass > 0.0:
             raise InputError(f"'{name}' moves no mass", expected="a joint that moves a body with mass")
 
@@ -87,14 +89,18 @@ class Rotor(InputStruct, frozen=True):
             mass, centre, static, couple = _unbalance(run.run.mechanism, name)
             off, off_couple = _rounding(run.run.mechanism, name)
             eccentricity = float(np.linalg.norm(static)) / mass
-            numbers = {f"{name}.unbalance": LoadNumber(mass * eccentricity, UNBALANCE, error=off),
-                       f"{name}.eccentricity": LoadNumber(eccentricity, METRE, error=off / mass)}  # fmt: skip
+            numbers = {
+                f"{name}.unbalance": LoadNumber(mass * eccentricity, UNBALANCE, error=off),
+                f"{name}.eccentricity": LoadNumber(eccentricity, METRE, error=off / mass),
+            }
             graded = [(eccentricity, off / mass)]
             if self.planes:
                 inner, between = _in_planes(static, couple, *self.planes), abs(self.planes[1] - self.planes[0])
                 wrong = [(off_couple + abs(plane) * off) / between for plane in reversed(self.planes)]
-                numbers |= {f"{name}.unbalance.{k}": LoadNumber(x, UNBALANCE, error=error)
-                            for k, (x, error) in enumerate(zip(inner, wrong, strict=True), start=1)}  # fmt: skip
+                numbers |= {
+                    f"{name}.unbalance.{k}": LoadNumber(x, UNBALANCE, error=error)
+                    for k, (x, error) in enumerate(zip(inner, wrong, strict=True), start=1)
+                }
                 permitted = [mass * share for share in _shares(centre, *self.planes)]
                 graded += [(x / m, error / m) for x, error, m in zip(inner, wrong, permitted, strict=True)]
             largest, error = (max(each[k] for each in graded) for k in (0, 1))
@@ -167,7 +173,8 @@ def _shares(centre: float, first: float, second: float) -> tuple[float, float]:
     share = (second - centre) / (second - first)
     if not 0.0 < share < 1.0:
         with within("planes"):
-            raise InputError(f"the centre of mass at {centre:.4g} m is not between the planes",
-                             expected="a plane on each side of it")  # fmt: skip
+            raise InputError(
+                f"the centre of mass at {centre:.4g} m is not between the planes", expected="a plane on each side of it"
+            )
     share = min(max(share, LEAST_SHARE), 1.0 - LEAST_SHARE)
     return share, 1.0 - share

@@ -104,11 +104,11 @@ class _Differences:
         return Derivative(float(self.central[k]), float(self.error[k]), left, right)
 
     def settled(self, k: int) -> bool:
-        found = self.derivative(k)
+        derivative = self.derivative(k)
         if self.quotient[k] <= self.rounding[k]:
             return True  # it does not depend on the input
-        excused = min(10.0 * float(self.rounding[k]), CONVINCING * abs(found.value))
-        return found.error <= GOOD * abs(found.value) + excused and self.apart(k) <= self.alike(k)
+        excused = min(10.0 * float(self.rounding[k]), CONVINCING * abs(derivative.value))
+        return derivative.error <= GOOD * abs(derivative.value) + excused and self.apart(k) <= self.alike(k)
 
     def apart(self, k: int) -> float:
         """Return how far the one-sided derivatives are from the central one."""
@@ -159,9 +159,9 @@ class _Sought:
         if any(row.error for row in rows):
             return False
         taken = np.array([row.taken for row in rows]).reshape(2, 3, -1)
-        found = _differences(taken[0], taken[1], at_zero, step, noise)
-        self.rounds.append(found)
-        return all(found.settled(k) or self._is_kink(k) for k in range(len(at_zero)))
+        differences = _differences(taken[0], taken[1], at_zero, step, noise)
+        self.rounds.append(differences)
+        return all(differences.settled(k) or self._is_kink(k) for k in range(len(at_zero)))
 
     def _is_kink(self, k: int) -> bool:
         """Tell whether the last two steps have found the same kink."""
@@ -202,13 +202,16 @@ def derivatives(
         if not left:
             break
         rows = varied.rows(np.concatenate([np.outer(step * STEPS, unit[k]) for k, step in steps.items()]))
-        left = [k for k, step in steps.items()
-                if not sought[k].settled_by(islice(rows, len(STEPS)), at_zero, step, noise)]  # fmt: skip
+        left = [
+            k for k, step in steps.items() if not sought[k].settled_by(islice(rows, len(STEPS)), at_zero, step, noise)
+        ]
     for each, of in zip(sought, varied.inputs, strict=True):
         if not each.rounds:
             with within("to", of.name):
-                raise InputError(f"no run succeeds on both sides of {of.text(of.value)}: {each.failure}",
-                                 hint="another value, from which the mechanism can be changed both ways")  # fmt: skip
+                raise InputError(
+                    f"no run succeeds on both sides of {of.text(of.value)}: {each.failure}",
+                    hint="another value, from which the mechanism can be changed both ways",
+                )
     return [[each.best(k) for k in range(len(at_zero))] for each in sought]
 
 

@@ -64,8 +64,10 @@ def monte_carlo(varied: Varied, count: int, seed: int, distribution: Distributio
         else:
             values.append(row.taken)
     if len(values) < 2:
-        raise InputError(f"{len(failures)} of {count} runs within the tolerances cannot be solved: {failures[0]}",
-                         hint="smaller tolerances")  # fmt: skip
+        raise InputError(
+            f"{len(failures)} of {count} runs within the tolerances cannot be solved: {failures[0]}",
+            hint="smaller tolerances",
+        )
     return Samples(np.array(values), failures)
 
 
@@ -88,9 +90,7 @@ class SobolIndices:
     total_error: Array
 
 
-def sobol_indices(
-    varied: Varied, count: int, seed: int, distribution: DistributionName, noise: Array
-) -> SobolIndices:  # fmt: skip
+def sobol_indices(varied: Varied, count: int, seed: int, distribution: DistributionName, noise: Array) -> SobolIndices:
     """Return the Sobol' indices of the numbers, from ``count * (k + 2)`` runs by Saltelli's scheme.
 
     ``noise``, shape (m,), is what may change irregularly in the numbers from run to run: how far it is shared among the
@@ -106,8 +106,10 @@ def sobol_indices(
         from SALib.analyze import sobol as analysis
         from SALib.sample import sobol as sampling
     except ImportError:
-        raise InputError("Sobol' indices need SALib, which is not installed",
-                         hint="pip install 'pinarm[sensitivity]', or leave sobol out") from None  # fmt: skip
+        raise InputError(
+            "Sobol' indices need SALib, which is not installed",
+            hint="pip install 'pinarm[sensitivity]', or leave sobol out",
+        ) from None
     k = len(varied.inputs)
     problem = {"num_vars": k, "names": [str(j) for j in range(k)], "bounds": [[0.0, 1.0]] * k}
     draws = sampling.sample(problem, count, calc_second_order=False, seed=seed)
@@ -128,6 +130,8 @@ def sobol_indices(
 
 def _taken(row: Row) -> tuple[float, ...]:
     if row.error:
-        raise InputError(f"a run within the tolerances cannot be solved: {row.error}",
-                         hint="smaller tolerances, or uniform ones, which end there")  # fmt: skip
+        raise InputError(
+            f"a run within the tolerances cannot be solved: {row.error}",
+            hint="smaller tolerances, or uniform ones, which end there",
+        )
     return row.taken

@@ -217,8 +217,8 @@ def _corners(variation: Varied, slopes: Sequence[Sequence[Derivative]]) -> list[
     tolerances = np.array([each.tolerance for each in variation.inputs])
     signs = np.sign([[slope.value for slope in row] for row in slopes]).T
     rows = [*variation.rows(np.concatenate([-signs * tolerances, signs * tolerances]))]
-    found = []
+    corners = []
     for k, (low, high) in enumerate(zip(rows[: len(signs)], rows[len(signs) :], strict=True)):
         ends = [np.nan if row.error else row.taken[k] for row in (low, high)]
-        found.append((ends[0], ends[1], high.error or low.error))
-    return found
+        corners.append((ends[0], ends[1], high.error or low.error))
+    return corners

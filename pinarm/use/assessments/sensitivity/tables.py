@@ -93,8 +93,10 @@ class Band:
     def numbers(self, inputs: Sequence[Input]) -> dict[str, Series]:
         """Return bands and derivatives by name."""
         name, unit = slug(self.number), self.measured.unit
-        found = {f"{name}.worst_case": _single(unit, self.worst_case(inputs)),
-                 f"{name}.rss": _single(unit, self.rss(inputs))}  # fmt: skip
+        found = {
+            f"{name}.worst_case": _single(unit, self.worst_case(inputs)),
+            f"{name}.rss": _single(unit, self.rss(inputs)),
+        }
         for each, slope in zip(inputs, self.slopes, strict=True):
             found[f"{name}.by.{each.name}"] = _single(unit_over(unit, each.si), slope.value)
         return found
@@ -125,8 +127,9 @@ class Band:
         said += [
             f"{label} has a kink in {each.name}: its derivative is {slope.left:.6g} below and {slope.right:.6g} above; "
             "the steeper one counts"
-            for each, slope in zip(inputs, self.slopes, strict=True) if slope.kink
-        ]  # fmt: skip
+            for each, slope in zip(inputs, self.slopes, strict=True)
+            if slope.kink
+        ]
         if self.is_rounding(inputs):
             said.append(
                 f"all that the tolerances make of {label} may be errors of its derivatives: no input has a share"
@@ -147,8 +150,11 @@ def drawn_remarks(band: Band, inputs: Sequence[Input], prescribed: Sequence[str]
         inputs: The inputs.
         prescribed: Coordinates that the problem prescribes.
     """
-    still = [each.name for each, slope in zip(inputs, band.slopes, strict=True)
-             if DRAWN in each.path and abs(slope.value) <= slope.error]  # fmt: skip
+    still = [
+        each.name
+        for each, slope in zip(inputs, band.slopes, strict=True)
+        if DRAWN in each.path and abs(slope.value) <= slope.error
+    ]
     if not still:
         return []
     held = f"the prescribed coordinates ({', '.join(prescribed)})" if prescribed else "the initial coordinates"
@@ -168,8 +174,9 @@ def band_table(bands: Sequence[Band], inputs: Sequence[Input]) -> SectionTable:
     ]  # fmt: skip
     columns = ("", "unit", "value", "numerical error", "± worst case", "± root-sum-square", "at least corner",
                "at largest corner")  # fmt: skip
-    return SectionTable("bands", "Values, and their bands by the tolerances", columns, (None,) * len(columns), rows,
-                        row_unit=1)  # fmt: skip
+    return SectionTable(
+        "bands", "Values, and their bands by the tolerances", columns, (None,) * len(columns), rows, row_unit=1
+    )
 
 
 def effect_table(band: Band, inputs: Sequence[Input]) -> SectionTable:
@@ -198,8 +205,12 @@ def ranking_graph(band: Band, inputs: Sequence[Input]) -> Graph:
         Series(label, band.measured.unit, np.array(parts)),
         Series("rank", DIMENSIONLESS, np.arange(1.0, len(parts) + 1.0)),
     )
-    return Graph(f"ranking_{slug(band.number)}", f"{band.number.label}: what it depends on, with % of root-sum-square",
-                 [bars], bars=names)  # fmt: skip
+    return Graph(
+        f"ranking_{slug(band.number)}",
+        f"{band.number.label}: what it depends on, with % of root-sum-square",
+        [bars],
+        bars=names,
+    )
 
 
 MOST_BARS = 20
@@ -279,8 +290,10 @@ def distribution_remarks(
         deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
         if abs(deviation - linear) > CERTAIN * linear / (2.0 * (count - 1)) ** 0.5 + band.doubt(inputs):
             known = f"{deviation:.4g} ± {deviation_error(values):.1g}"
-            said.append(f"{band.number.label}: the deviation is {known} and that of root-sum-square {linear:.4g}: "
-                        "it is not linear within the tolerances")  # fmt: skip
+            said.append(
+                f"{band.number.label}: the deviation is {known} and that of root-sum-square {linear:.4g}: "
+                "it is not linear within the tolerances"
+            )
     return said
 
 
@@ -321,8 +334,9 @@ def sobol_remarks(bands: Sequence[Band], indices: SobolIndices, count: int) -> l
     few = f"± 95 % of Sobol' indices by fewer than {ENOUGH} base samples are too small: two indices of three are within"
     return [few] * (count < ENOUGH) + [
         f"{band.number.label} does not vary within the tolerances but for its numerical error: it has no Sobol' indices"
-        for band, first in zip(bands, indices.first, strict=True) if np.isnan(first).all()
-    ]  # fmt: skip
+        for band, first in zip(bands, indices.first, strict=True)
+        if np.isnan(first).all()
+    ]
 
 
 def sobol_table(

@@ -86,8 +86,11 @@ class Tolerance(Measured):
             InputError: It is about another value, or a part of 0.
         """
         if self.about is not None and abs(self.about - value) > SAME * max(abs(value), abs(self.about)):
-            raise InputError(f"the tolerance is about {self._text(self.about)}, and the value is {self._text(value)}",
-                             expected="a tolerance about the value of the file", hint=EXAMPLES)  # fmt: skip
+            raise InputError(
+                f"the tolerance is about {self._text(self.about)}, and the value is {self._text(value)}",
+                expected="a tolerance about the value of the file",
+                hint=EXAMPLES,
+            )
         if self.relative and not value:
             raise InputError("a part of 0 is no tolerance", expected="an absolute one, such as 0.1 mm")
         return float(self) * abs(value) if self.relative else float(self)

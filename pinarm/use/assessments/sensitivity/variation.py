@@ -83,17 +83,17 @@ def inputs_of(scenario: Scenario, tolerances: Mapping[str, Tolerance]) -> list[I
     Raises:
         InputError: A path leads to no number, two names mean the same, or a tolerance is none of that number.
     """
-    found = list[Input]()
+    inputs = list[Input]()
     for name, tolerance in tolerances.items():
         with within("to", name):
             path = path_of(name, scenario)
-            if path in [each.path for each in found]:
+            if path in [each.path for each in inputs]:
                 raise InputError(f"'{path}' has two tolerances", expected="one")
             value = scenario.number_at(path)
             _check_unit(tolerance, value, path)
             own = None if value else tolerance.unit
-            found.append(Input(name, path, float(value), tolerance.size(float(value)), value.unit or own))
-    return found
+            inputs.append(Input(name, path, float(value), tolerance.size(float(value)), value.unit or own))
+    return inputs
 
 
 def _check_unit(tolerance: Tolerance, value: Measured, path: str) -> None:
@@ -135,7 +135,7 @@ class Variation:
     runs: Iterator[int] = field(default_factory=partial(count, 1), repr=False)
 
     def rows(self, changes: Array) -> Iterator[Row]:
-        for row in self.solve(case_of(self.inputs, each) for each in changes.tolist()):
+        for row in self.solve(case_of(self.inputs, change) for change in changes.tolist()):
             tell(f"sensitivity: run {next(self.runs)}")
             yield row
 

@@ -114,8 +114,9 @@ def _columns(headings: list[str], file: str) -> dict[str, tuple[int, float]]:
         if name not in columns:
             expected, hint = choices(name, [heading.partition("[")[0].strip() for heading in headings])
             needed = ", ".join(["name", *(f"{key} [{of}]" if of else key for key, of in UNITS.items())])
-            raise InputError(f"the catalogue has no column '{name}', but {expected}", expected=f"the columns {needed}",
-                             hint=hint).at(Location(file, 1))  # fmt: skip
+            raise InputError(
+                f"the catalogue has no column '{name}', but {expected}", expected=f"the columns {needed}", hint=hint
+            ).at(Location(file, 1))
     return columns
 
 

@@ -147,9 +147,11 @@ class Sizing(InputStruct, frozen=True):
                 raise InputError(f"there is no drive '{self.drive}'", expected=expected, hint=hint)
         if drives[self.drive].elasticity is not None:
             with within("drive"):
-                raise InputError(f"the drive '{self.drive}' is elastic: how its joint moves depends on the rotor",
-                                 expected="a drive that moves its joint as the rotor turns",
-                                 hint="size it without elasticity, then run the motor that fits with it")  # fmt: skip
+                raise InputError(
+                    f"the drive '{self.drive}' is elastic: how its joint moves depends on the rotor",
+                    expected="a drive that moves its joint as the rotor turns",
+                    hint="size it without elasticity, then run the motor that fits with it",
+                )
         _ = quantities[f"drive.{self.drive}.torque"]
 
     def evaluate(self, result: Result) -> Section:
@@ -160,15 +162,21 @@ class Sizing(InputStruct, frozen=True):
         """
         run = result.trajectory
         if result.outcome.motion is None or run.parameter != "t":
-            raise InputError("a motor is sized for a motion in time", expected="a problem of kind inverse or forward",
-                             hint=made_a_motion(run))  # fmt: skip
+            raise InputError(
+                "a motor is sized for a motion in time",
+                expected="a problem of kind inverse or forward",
+                hint=made_a_motion(run),
+            )
         self._check_drive(result.quantities)
         drive = run.mechanism.drives[self.drive]
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency
         held = [removal.joint for removal in result.scenario.simplification.removals]
         duty = duty_of(result.lookup, drive.coordinate, drive.armature, efficiency, float(self.rest), held)
-        candidates = [self._candidate(duty, motor, ratio) for motor in read_catalogue(Path(self.catalogue))
-                      for ratio in self.ratios_tried]  # fmt: skip
+        candidates = [
+            self._candidate(duty, motor, ratio)
+            for motor in read_catalogue(Path(self.catalogue))
+            for ratio in self.ratios_tried
+        ]
         ranked = sorted(candidates, key=lambda each: each.order)
         while not ranked[0].refined:
             ranked[0] = _refined(duty, ranked[0])
@@ -273,16 +281,20 @@ class Candidate:
     def reasons(self) -> list[str]:
         """Why it does not fit; empty where it does."""
         short = {what: margin for what, (margin, _) in self.margins.items() if margin < self.safety}
-        said = [f"needs {100.0 / margin:.0f} % of its {what}" if margin else f"has no {what} left"
-                for what, margin in short.items()]  # fmt: skip
+        said = [
+            f"needs {100.0 / margin:.0f} % of its {what}" if margin else f"has no {what} left"
+            for what, margin in short.items()
+        ]
         warmest, _ = self.winding
         return said + [f"winding at {warmest:.0f} degC"] * (warmest > self.motor.max_temperature)
 
     @property
     def undecided(self) -> bool:
         """Whether a margin is nearer to the safety, or the winding to its largest temperature, than its error."""
-        compared = [*((margin, self.safety) for margin in self.margins.values()),
-                    (self.winding, self.motor.max_temperature)]  # fmt: skip
+        compared = [
+            *((margin, self.safety) for margin in self.margins.values()),
+            (self.winding, self.motor.max_temperature),
+        ]
         return any(abs(value - bound) <= error for (value, error), bound in compared if error and np.isfinite(value))
 
     @property
@@ -380,8 +392,9 @@ def _first_table(best: Candidate, known: Mapping[str, Known]) -> SectionTable:
     """Return the numbers of the first in the ranking, with their errors."""
     rows = [(name.replace("_", " "), str(NUMBERS[name]), *known[name]) for name in NUMBERS]
     rows.append(("winding", "degC", *best.winding))
-    return SectionTable("first", "Numbers of the first, and their errors", ("", "unit", "value", "error"),
-                        (None,) * 4, rows, row_unit=1)  # fmt: skip
+    return SectionTable(
+        "first", "Numbers of the first, and their errors", ("", "unit", "value", "error"), (None,) * 4, rows, row_unit=1
+    )
 
 
 def _errors(best: Candidate) -> str:
@@ -396,11 +409,11 @@ def _errors_of_others(others: Sequence[Candidate], count: int) -> list[str]:
         return []
     said = []
     for what in ("peak torque", "torque margin", "energy", "regenerated"):
-        known = [one.known[what] for one in others]
+        known = [other.known[what] for other in others]
         errors = [error / abs(value) for value, error in known if error and value and np.isfinite(error / value)]
         said.append(f"{what} {100.0 * max(errors, default=0.0):.1e} %")
-    winding = max(one.winding[1] for one in others)
-    undecided = sum(one.undecided for one in others)
+    winding = max(other.winding[1] for other in others)
+    undecided = sum(other.undecided for other in others)
     return [
         f"errors of the others, of {count} instants, at most: {', '.join(said)}, winding {winding:.1e} K",
         *([f"{undecided} of them fit or do not within these errors"] if undecided else []),
@@ -411,8 +424,10 @@ def _best_ratios(duty: Duty, ranked: Sequence[Candidate]) -> SectionTable:
     """Return for every motor the ratio of the least rms torque."""
     motors = list({candidate.motor.name: candidate.motor for candidate in ranked}.values())
     best = [(motor, duty.best_ratio(motor.rotor_inertia)) for motor in motors]
-    rows = [(motor.name, ratio, *(duty.rms_torque(motor.rotor_inertia, ratio) if ratio < np.inf else (0.0, 0.0)))
-            for motor, ratio in best]  # fmt: skip
+    rows = [
+        (motor.name, ratio, *(duty.rms_torque(motor.rotor_inertia, ratio) if ratio < np.inf else (0.0, 0.0)))
+        for motor, ratio in best
+    ]
     return SectionTable("best_ratios", "Ratio of the least rms torque", ("motor", "ratio", "rms torque", "error"),
                         (None, None, TORQUE, TORQUE), rows)  # fmt: skip
 
@@ -432,7 +447,7 @@ def _cloud(duty: Duty, best: Candidate) -> Graph:
         np.array([best.ratio * duty.mean_speed()[0]]), np.array([best.rms_torque[0]]), "rms torque", points=True
     )
     return Graph(
-        "torque_speed", f"{motor.name}, ratio {best.ratio:g}",
-        [curve(speeds, motor.short_torque(speeds), "peak"), curve(speeds, continuous, "continuous"), cloud,
-         point],
-    )  # fmt: skip
+        "torque_speed",
+        f"{motor.name}, ratio {best.ratio:g}",
+        [curve(speeds, motor.short_torque(speeds), "peak"), curve(speeds, continuous, "continuous"), cloud, point],
+    )

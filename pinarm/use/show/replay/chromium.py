@@ -179,9 +179,13 @@ def browser(*options: str) -> Iterator[Page]:
 
         process = subprocess.Popen(
             [program, *OPTIONS, *options, f"--user-data-dir={profile}", "about:blank"],
-            preexec_fn=connect, close_fds=False, start_new_session=True,
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+            preexec_fn=connect,
+            close_fds=False,
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         for end in (theirs, writes, *high):
             os.close(end)
         try:
@@ -233,9 +237,13 @@ def picture(replay: Replay, value: float, target: Path) -> Path:
 
 
 def video(
-    replay: Replay, target: Path, *, fps: float = 30.0, speed: float = 1.0,
+    replay: Replay,
+    target: Path,
+    *,
+    fps: float = 30.0,
+    speed: float = 1.0,
     progress: Callable[[str], None] = lambda _: None,
-) -> Path:  # fmt: skip
+) -> Path:
     """Write an MP4 of the whole motion of a replay.
 
     Args:
@@ -257,8 +265,11 @@ def video(
         encoded = Path(folder) / "video.mp4"
         frames = 1 + round(shown.evaluate("replay.player.seconds()") * fps / speed)
         if frames > MOST_FRAMES:
-            raise InputError(f"the video would have {frames} pictures", expected=f"at most {MOST_FRAMES}",
-                             hint="a higher --speed, or a lower --fps")  # fmt: skip
+            raise InputError(
+                f"the video would have {frames} pictures",
+                expected=f"at most {MOST_FRAMES}",
+                hint="a higher --speed, or a lower --fps",
+            )
         encoder = subprocess.Popen(
             [program, "-y", "-loglevel", "error", "-f", "image2pipe", "-c:v", "png", "-framerate", f"{fps:g}",
              "-i", "-", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(encoded)],

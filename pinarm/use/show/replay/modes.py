@@ -74,9 +74,12 @@ class ModePictures(Record, frozen=True):
     def period(self) -> Trajectory:
         """The first mode over one period, to name a phase of it."""
         return replace(
-            self.run.some(np.arange(PHASES)), grid=Grid.cover(self.phases, []), parameter="phase", unit=unit("rad"),
+            self.run.some(np.arange(PHASES)),
+            grid=Grid.cover(self.phases, []),
+            parameter="phase",
+            unit=unit("rad"),
             separate=False,
-        )  # fmt: skip
+        )
 
 
 def mode_pictures(result: Result) -> ModePictures:

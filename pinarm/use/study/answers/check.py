@@ -131,8 +131,9 @@ def told_apart(checked: Mapping[Path, Findings]) -> Findings:
     names = Counter(name for findings in checked.values() for name in {finding.scenario for finding in findings})
     return Findings(
         replace(finding, scenario=str(path)) if names[finding.scenario] > 1 else finding
-        for path, findings in checked.items() for finding in findings
-    )  # fmt: skip
+        for path, findings in checked.items()
+        for finding in findings
+    )
 
 
 def finding_of(result: Result, expectation: Expectation) -> Finding:
@@ -244,9 +245,11 @@ def wanted_rows(
         if expectation.rtol is None and expectation.atol is None:
             absolute = _half_unit(str(expectation.value), float(wanted[0]))
             if not wanted.any() and "." not in str(expectation.value):
-                raise InputError(f"'{expectation.value}' does not say how near to it the number must be",
-                                 expected="atol beside it, or decimals, half a unit of the last of which counts",
-                                 hint=f"atol: 1e-9 {measured or ''}".rstrip())  # fmt: skip
+                raise InputError(
+                    f"'{expectation.value}' does not say how near to it the number must be",
+                    expected="atol beside it, or decimals, half a unit of the last of which counts",
+                    hint=f"atol: 1e-9 {measured or ''}".rstrip(),
+                )
     return wanted, absolute + (expectation.rtol or 0.0) * float(np.abs(wanted).max())
 
 

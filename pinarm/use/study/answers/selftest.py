@@ -82,7 +82,7 @@ def _checks(folder: Path) -> Iterator[KindCheck]:
         except Exception as error:  # whatever it is, it is what is wrong with this installation
             yield KindCheck(kind, name, 0, " ".join(fault(error).split()))
             continue
-        missed = [f"{one.expectation.quantity} = {one.computed:.9g}" for one in findings if not one.ok]
+        missed = [f"{finding.expectation.quantity} = {finding.computed:.9g}" for finding in findings if not finding.ok]
         yield KindCheck(kind, name, len(findings), f"not as in the answer key: {', '.join(missed)}" if missed else "")
 
 

@@ -89,7 +89,7 @@ def errata(findings: Iterable[Finding], verdict: str) -> int:
 
 def _counted(findings: Sequence[Finding], verdict: str) -> str:
     """Return how many findings of a verdict there are, and of how many errata they are; empty for none."""
-    count, words = sum(one.verdict == verdict for one in findings), verdict.replace("_", " ")
+    count, words = sum(finding.verdict == verdict for finding in findings), verdict.replace("_", " ")
     different = errata(findings, verdict) if verdict in ERRATA else count
     if different < count:
         return f"{different} {words} in {count} entries"

@@ -73,8 +73,11 @@ class Cases:
         if twice := [path for path, times in Counter(paths).items() if times > 1]:
             raise InputError(f"'{min(twice)}' is varied twice", expected="each path once")
         if not paths:
-            raise InputError("nothing is varied", expected="paths of numbers with their values, or a file of cases",
-                             hint="--over problem.time.end='1, 2, 3 s', or --cases FILE.csv")  # fmt: skip
+            raise InputError(
+                "nothing is varied",
+                expected="paths of numbers with their values, or a file of cases",
+                hint="--over problem.time.end='1, 2, 3 s', or --cases FILE.csv",
+            )
         if not 0 < len(cases) <= MOST:
             raise InputError(f"the sweep has {len(cases)} cases", expected=f"1 to {MOST}")
         return cases
@@ -164,8 +167,8 @@ def draw(distributions: Sequence[Distribution], samples: int, seed: int, how: Sa
         shares = generator.random((samples, len(distributions)))
     return Axis(
         tuple(
-            Column(each.path, array("d", each.quantile(shares[:, index]).tobytes()), each.unit)
-            for index, each in enumerate(distributions)
+            Column(distribution.path, array("d", distribution.quantile(shares[:, index]).tobytes()), distribution.unit)
+            for index, distribution in enumerate(distributions)
         ),
         drawn=True,
     )
@@ -214,9 +217,10 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
             return Axis((_grid(path, found, unit_of),))
         if "(" in given or ":" in given:
             raise InputError(
-                f"'{given[:SHOWN]}' are no values", expected="20:100:81 kg, 20, 40 kg, or normal(40, 2) kg",
+                f"'{given[:SHOWN]}' are no values",
+                expected="20:100:81 kg, 20, 40 kg, or normal(40, 2) kg",
                 hint="the unit once, at the end",
-            )  # fmt: skip
+            )
         if re.fullmatch(r"0,[0-9]+\s*[^,]*", given):
             one, two = given[:SHOWN].replace(",", "."), given[:SHOWN].replace(",", ", ")
             raise InputError(f"'{given[:SHOWN]}' may be one number or two", expected=f"{one}, with a point; or {two}")
@@ -233,8 +237,11 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
 def _distribution(path: str, found: re.Match[str], unit_of: UnitOf) -> Distribution:
     kind, a, b = found[1], float(found[2]), float(found[3])
     if b <= (a if kind == "uniform" else 0.0):
-        needed = {"normal": "a mean and a standard deviation above 0", "uniform": "a lower and an upper bound",
-                  "tolerance": "a value and a deviation above 0"}  # fmt: skip
+        needed = {
+            "normal": "a mean and a standard deviation above 0",
+            "uniform": "a lower and an upper bound",
+            "tolerance": "a value and a deviation above 0",
+        }
         raise InputError(f"'{found[0].strip()}' has no width", expected=needed[kind])
     return Distribution(path, kind, a, b, _unit(path, found[4], unit_of))
 
@@ -347,8 +354,8 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
 
 
 def _is_number(text: str) -> bool:
-    found = _item(text)
-    return found is not None and math.isfinite(float(found[0]))
+    item = _item(text)
+    return item is not None and math.isfinite(float(item[0]))
 
 
 def _same(measured: str, path: str) -> str:

@@ -347,10 +347,14 @@ class MotionFiles:
 
 
 def batch(
-    scenario: Given, position: Mapping[str, ArrayLike] | None = None,
-    velocity: Mapping[str, ArrayLike] | None = None, *, values: Values | None = None, workers: int | None = None,
+    scenario: Given,
+    position: Mapping[str, ArrayLike] | None = None,
+    velocity: Mapping[str, ArrayLike] | None = None,
+    *,
+    values: Values | None = None,
+    workers: int | None = None,
     executor: Executor | None = None,
-) -> Batch:  # fmt: skip
+) -> Batch:
     """Ask a scenario of kind ``forward`` from many initial states.
 
     Args:

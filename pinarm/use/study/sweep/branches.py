@@ -121,10 +121,13 @@ def _measure(name: str, values: Complex, errors: Array) -> Series | None:
     size, decay = np.abs(value), np.where(np.abs(value.real) > error, value.real, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         computed: Mapping[str, Array] = {
-            "frequency": size / (2.0 * np.pi), "damped_frequency": value.imag / (2.0 * np.pi),
-            "damping": np.where(size > 0.0, -decay / size, 0.0 * size), "growth": decay + 0.0 * size,
-            "time_constant": np.where(decay != 0.0, -1.0 / decay, np.nan), "error": error,
-        }  # fmt: skip
+            "frequency": size / (2.0 * np.pi),
+            "damped_frequency": value.imag / (2.0 * np.pi),
+            "damping": np.where(size > 0.0, -decay / size, 0.0 * size),
+            "growth": decay + 0.0 * size,
+            "time_constant": np.where(decay != 0.0, -1.0 / decay, np.nan),
+            "error": error,
+        }
     return Series(name, MODE_UNITS[measure], computed[measure])
 
 
@@ -156,8 +159,11 @@ def _sizes(shapes: Complex) -> Array:
 def _way(cases: Cases, known: Flags) -> Iterator[tuple[int, int, int | None]]:
     """Yield cases in the order of their values, each with the known case beside it, and the one beyond in that line."""
     shape = [len(axis) for axis in cases.axes]
-    sorts = [np.argsort(column.as_array, kind="stable") if column.is_numeric else np.arange(len(axis))
-             for axis in cases.axes for column in axis.columns]  # fmt: skip
+    sorts = [
+        np.argsort(column.as_array, kind="stable") if column.is_numeric else np.arange(len(axis))
+        for axis in cases.axes
+        for column in axis.columns
+    ]
     numbers = np.arange(len(cases)).reshape(shape)[np.ix_(*sorts)]
     for place in np.ndindex(*shape):
         line = next((axis for axis in reversed(range(len(shape))) if place[axis]), None)
@@ -202,5 +208,7 @@ def _words(doubtful: Sequence[tuple[int, int, int]]) -> list[str]:
         return []
     places = [f"mode {branch} from case {before} to {case}" for branch, before, case in doubtful[:NAMED]]
     more = f" and {len(doubtful) - NAMED} more" if len(doubtful) > NAMED else ""
-    return [f"branches of modes may be mistaken where shapes change by much: {', '.join(places)}{more}; "
-            "more cases there tell"]  # fmt: skip
+    return [
+        f"branches of modes may be mistaken where shapes change by much: {', '.join(places)}{more}; "
+        "more cases there tell"
+    ]

@@ -328,9 +328,9 @@ def _of_mechanism(mechanism: Mechanism) -> list[str]:
     """Return digests of what the file of a mechanism says, and of what was made of that, numbers of tables included."""
     described = msgspec.to_builtins(mechanism.description, enc_hook=plain)
     _, (_, fields) = mechanism.__reduce__()
-    made = io.BytesIO()
-    _Pickler(made, protocol=5).dump([fields[name] for name in fields if name not in ("description", "locate")])
-    return [digest(described), hashlib.sha256(made.getvalue()).hexdigest()]
+    bytes_io = io.BytesIO()
+    _Pickler(bytes_io, protocol=5).dump([fields[name] for name in fields if name not in ("description", "locate")])
+    return [digest(described), hashlib.sha256(bytes_io.getvalue()).hexdigest()]
 
 
 class _Pickler(pickle.Pickler):

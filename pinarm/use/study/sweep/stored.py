@@ -30,8 +30,11 @@ def stored_sweep(folder: Path) -> Sweep:
         cases = Cases.of(axes_of(lambda path: units.get(path, ""), definition["over"], source, *drawn))
         with np.load(folder / "cases.npz", allow_pickle=False) as arrays:
             given = {column.path for column in cases.columns()}
-            columns = [Series(name, None if text == "?" else unit(text), arrays[name])
-                       for name, text in arrays["units"].tolist() if name not in given]  # fmt: skip
+            columns = [
+                Series(name, None if text == "?" else unit(text), arrays[name])
+                for name, text in arrays["units"].tolist()
+                if name not in given
+            ]
             errors = {case: text for case, text in enumerate(arrays["error"].tolist()) if text}
         if {len(cases)} != {len(series.values) for series in columns}:
             raise InputError(f"{folder / 'cases.npz'} has not the cases of {file}")
