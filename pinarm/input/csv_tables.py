@@ -32,12 +32,7 @@ Row = tuple[int, list[str]]
 
 
 def table(path: Path, source: str) -> tuple[list[str], Iterator[Row]]:
-    """Return the heading of a CSV file, and its rows with the numbers of their lines; see ``rows``.
-
-    Raises:
-        InputError: The cells are separated by something else than commas, a comment stands above them, or a row has
-            more cells than the heading, as where numbers have decimal commas; located at the line.
-    """
+    """Return the heading of a CSV file, and its rows with the numbers of their lines; see ``rows``."""
     lines = rows(path, source)
     line, heads = next(lines, (1, []))
     if heads and heads[0].lstrip().startswith("#") and "[" not in "".join(heads):
@@ -68,12 +63,7 @@ def in_line(
 
 
 def rows(path: Path, source: str) -> Iterator[Row]:
-    """Yield the rows of a CSV file that are not empty, with the numbers of their lines; messages call it ``source``.
-
-    Raises:
-        InputError: It is no regular file, too large, not UTF-8, a quote is not closed, or a cell goes over several
-            lines; located at the line.
-    """
+    """Yield the rows of a CSV file that are not empty, with the numbers of their lines; messages call it ``source``."""
     last = 0
     try:
         if path.exists() and not path.is_file():  # a pipe would keep the reader waiting
@@ -128,9 +118,7 @@ class MotionTable(Record, frozen=True):
     """Two columns of a CSV file: values over instants or over a coordinate.
 
     Attributes:
-        heading: Name in the heading of the values.
         columns: Instants or values of the coordinate, and the values, in SI.
-        units: In which they are written.
     """
 
     heading: str
@@ -147,10 +135,6 @@ def read_table(name: str, column: str | None, stamp: Stamp, *, jumps: bool = Fal
         column: Name in the heading of the other column; ``None`` for the second, if it alone has a unit.
         stamp: Of the file; part of the cache key, so that a changed file is read again.
         jumps: Whether two rows may have the same value in the first column.
-
-    Raises:
-        InputError: The file cannot be read, has no heading, a cell is not a finite number or lies beyond the heading,
-            the first column does not increase, or it is not clear which column is meant; located at the line.
     """
     file = Path(name).name
     heads, below = table(Path(name), file)
@@ -207,10 +191,6 @@ def read_columns(
         names: Names in the headings of the columns that are read; others may hold anything, and come without numbers.
         stamp: Time and size of the file; part of the cache key, so that a changed file is read again.
         most: How many rows to read; all where it is ``None``.
-
-    Raises:
-        InputError: The file cannot be read, two headings are the same, or a cell is not a finite number; located at
-            the line.
     """
     file = Path(name).name
     heads, below = table(Path(name), file)

@@ -16,11 +16,7 @@ _LEADING = re.compile(DECIMAL)
 
 
 def decimal(text: str) -> float:
-    """Return the number that a text is, with or without blanks around it; also ``inf`` and ``nan``.
-
-    Raises:
-        ValueError: It is none, or is not in ASCII digits.
-    """
+    """Return the number that a text is, with or without blanks around it; also ``inf`` and ``nan``."""
     if not text.isascii() or "_" in text:
         raise ValueError(f"not a decimal number: {text[:40]!r}")
     return float(text)

@@ -37,11 +37,7 @@ HELD = frozenset({"talos_left_arm"})
 
 @cache
 def robots() -> dict[str, Path]:
-    """Return the model files by name: that of the file, with and without ``_robot`` at its end, and that of the loader.
-
-    Raises:
-        ModelError: The package is not installed.
-    """
+    """Return the model files by name: the file's, with and without ``_robot`` at its end, and the loader's."""
     folder = example_robot_data() / "robots"
     files: dict[str, Path] = {}
     places = sorted(Path(place) for place in _in_folders_below(folder))
@@ -65,11 +61,7 @@ def _in_folders_below(folder: Path) -> Iterator[str]:
 
 
 def robot(name: str) -> Path:
-    """Return the model file of a robot.
-
-    Raises:
-        ModelError: There is no robot of that name; the message lists the names.
-    """
+    """Return the model file of a robot."""
     files = robots()
     if name in files:
         return files[name]

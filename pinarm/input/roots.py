@@ -143,11 +143,7 @@ def contained_path(path: str | Path, root: Path, packages: Packages = NO_PACKAGE
 
     Args:
         path: Absolute, relative to ``root``, ``file://...`` or ``package://NAME/...``.
-        root: Folder under which files are allowed.
         packages: Packages whose files are allowed too, beside those of ``file_root``.
-
-    Raises:
-        InputError: It leads outside of the root and the packages, or is not a path.
     """
     packages = {**_packages.get(), **packages}
     allowed = [os.path.realpath(folder) for folder in (root, *packages.values())]
@@ -212,11 +208,7 @@ def _short(path: str | Path) -> str:
 
 @cache
 def example_robot_data() -> Path:
-    """Return the folder of the robots of ``example-robot-data``, without importing its loaders.
-
-    Raises:
-        ModelError: It is not installed.
-    """
+    """Return the folder of the robots of ``example-robot-data``, without importing its loaders."""
     for prefix in _prefixes():
         folder = prefix / "share" / "example-robot-data"
         if os.path.isdir(folder / "robots"):  # not of pathlib, which raises where a folder is closed to the user

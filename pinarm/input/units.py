@@ -25,7 +25,6 @@ class Unit(Record, frozen=True):
     """A unit of measurement.
 
     Attributes:
-        factor: SI value of one of it.
         dimension: Exponents of (m, kg, s, A).
         text: As it is written; only for display.
     """
@@ -149,9 +148,6 @@ def unit(text: str) -> Unit:
 
     Args:
         text: Names of the table joined by ``*`` and ``/``, each with an integer power, or one such as ``kg^(1/2)``.
-
-    Raises:
-        UnitError: A name is unknown, or the text is no product of names.
     """
     if len(text) > MAX_LENGTH:
         raise UnitError(f"'{text[:20]}...' is not a unit", expected=f"at most {MAX_LENGTH} characters")
@@ -210,11 +206,7 @@ def _apart(name: str) -> str:
 
 
 def read_quantity(text: str) -> tuple[float, Unit | None]:
-    """Split ``"30 deg"`` into its SI value and its unit; the unit is ``None`` for a bare number.
-
-    Raises:
-        UnitError: There is no number, or the unit is unknown.
-    """
+    """Split ``"30 deg"`` into its SI value and its unit; the unit is ``None`` for a bare number."""
     parts = _parts(text)
     if not parts:
         expected = "a number and a unit, such as 30 deg or 1.5 N*m"

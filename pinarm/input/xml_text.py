@@ -33,7 +33,6 @@ class Element(ElementTree.Element):
     """An element of a model file.
 
     Attributes:
-        source: Name of its file in messages.
         line: Line of the file in which it begins; 0 for an element that no file has.
     """
 
@@ -42,12 +41,7 @@ class Element(ElementTree.Element):
 
 
 def read(path: Path, source: str, most: int) -> str:
-    """Return the text of a model file that has at most ``most`` bytes; messages call it ``source``.
-
-    Raises:
-        InputError: It cannot be read, or is not UTF-8.
-        ModelError: It is too large.
-    """
+    """Return the text of a model file that has at most ``most`` bytes; messages call it ``source``."""
     try:
         with open(path, "rb") as stream:
             raw = stream.read(most + 1)
@@ -65,9 +59,6 @@ def tree_of(text: str, source: str = "the model") -> Element:
 
     Names keep their prefixes as written, declared or not, and namespaces without a prefix are ignored: the readers of
     ROS, Gazebo and MuJoCo take names so.
-
-    Raises:
-        ModelError: It is malformed, has a DOCTYPE, or exceeds a bound.
     """
     builder, parser, counts = ElementTree.TreeBuilder(element_factory=Element), expat.ParserCreate(), Counter[str]()
 
@@ -137,13 +128,8 @@ def resolve_includes(text: str, path: Path, root: Path) -> str:
     """Return MJCF text with the content of its included files; any other text is returned unchanged.
 
     Args:
-        text: Text of the file.
         path: The file; included files are relative to its folder.
         root: Folder under which they must lie; they count against the bounds of size.
-
-    Raises:
-        ModelError: A file is malformed, too large, or included twice (also by including itself).
-        InputError: A file is missing or lies elsewhere.
     """
     if "<include" not in text or (model := tree_of(text, str(path))).tag != "mujoco":
         return text
@@ -186,7 +172,6 @@ class Kind(ValueRecord, frozen=True):
     """Names in one kind of element.
 
     Attributes:
-        attributes: Its attributes.
         children: Tags of the elements in it -> their kind; empty where their content is not examined.
         once: Tags of those that stand in it once at most.
     """
@@ -223,7 +208,6 @@ class UnknownName(ModelError):
 
     Attributes:
         parent: Tag of the element around it; empty for the outermost.
-        tag: Tag of the element.
         attribute: The attribute; ``None`` where the element itself is unknown.
     """
 
@@ -250,10 +234,6 @@ def check_names(root: ElementTree.Element, known: Format) -> Counter[str]:
 
     Returns:
         What is not read, such as ``<transmission>`` or ``colour of <board>``, with its number.
-
-    Raises:
-        UnknownName: The first misprint in the order of the file.
-        ModelError: An element stands twice where one would be passed over.
     """
     unread: Counter[str] = Counter()
     waiting: list[tuple[tuple[ElementTree.Element, ...], Mapping[str, str]]] = [((root,), {root.tag: root.tag})]

@@ -32,10 +32,7 @@ class Ball(ValueRecord, frozen=True):
     """A joint that turns about a point.
 
     Attributes:
-        name: Its name in the model.
-        index: Pinocchio's joint index.
         q: Index in q of its quaternion (x, y, z, w).
-        v: Index in v of its angular velocity.
     """
 
     name: str
@@ -82,13 +79,7 @@ def roll_pitch_yaw(quaternion: Array) -> Array:
 
 
 class BallCoordinate(ValueRecord, frozen=True):
-    """Component k of a ball joint's rotation vector.
-
-    Attributes:
-        ball: The joint.
-        component: k.
-        unit: Radian.
-    """
+    """Component k of a ball joint's rotation vector."""
 
     wraps: ClassVar[bool] = False
     kind: ClassVar[type[RotationVectorRow | RollPitchYawRow]] = RotationVectorRow
@@ -213,11 +204,7 @@ def places_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[st
 
 
 def unit_of(name: str, units: Mapping[str, Unit]) -> Unit:
-    """Return the unit of a value given by name.
-
-    Raises:
-        InputError: Nothing has this name; the message lists what there is.
-    """
+    """Return the unit of a value given by name."""
     if name not in units:
         expected, hint = choices(name, units)
         raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
@@ -230,13 +217,9 @@ def configuration(
     """Return a configuration from values by name, shape (nq,); what is not given is 0.
 
     Args:
-        model: Pinocchio's model.
         joints: Joints with one coordinate, whose names are keys.
         balls: Ball joints J, with the keys ``J.rotation.x`` and so on, or ``J.roll``, ``J.pitch``, ``J.yaw``.
         values: Values [rad or m].
-
-    Raises:
-        InputError: A name is unknown, or a ball joint is given by both.
     """
     units = positions_of(joints, balls)
     for name in values:
@@ -261,7 +244,6 @@ def velocity(
     """Return velocities from values by name, shape (nv,); what is not given is 0.
 
     Args:
-        model: Pinocchio's model.
         joints: Joints with one coordinate, whose names are keys.
         balls: Ball joints J, with the keys ``J.angular_velocity.x`` and so on, in the child's axes.
         values: Values [rad/s or m/s].

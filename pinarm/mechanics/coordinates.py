@@ -74,8 +74,6 @@ class LinearCoordinate(ValueRecord, frozen=True):
     """A joint's own coordinate, or a weighted sum of several: ``w = sum_i weight_i q_i``.
 
     Attributes:
-        unit: Unit of its value.
-        weights: Shape (nv,).
         places: Index in q for every index in v, shape (nv,).
     """
 
@@ -125,8 +123,6 @@ class PairCoordinate(Record, frozen=True):
     """The one row of a pair between two frames: a place along an axis, a distance, or a part of a rotation.
 
     Attributes:
-        way: The frames and the pair between them.
-        unit: Unit of its value.
         loop: Name of the loop joint whose coordinate it is; empty of others.
     """
 
@@ -172,10 +168,6 @@ class PathLength(Record, frozen=True):
     """Length of the path through the origins of links, straight from each to the next: ``w = sum_k |p_k+1 - p_k|``.
 
     Such as of a cable over small pulleys.
-
-    Attributes:
-        parts: The distances of neighbours.
-        unit: Metre.
     """
 
     wraps: ClassVar[bool] = False
@@ -184,11 +176,7 @@ class PathLength(Record, frozen=True):
 
     @classmethod
     def through(cls, model: pin.Model, links: Sequence[str]) -> PathLength:
-        """Return the path through links; errors are located at the key ``through``.
-
-        Raises:
-            InputError: A link does not exist, follows itself, or all of them are one rigid body.
-        """
+        """Return the path through links; errors are located at the key ``through``."""
         frames = []
         for k, name in enumerate(links):
             with within("through", k):
@@ -241,9 +229,6 @@ class HeldCoordinate(Record, frozen=True):
     """A coordinate that is held by a force along itself: a constraint of one row, whose multiplier is that force.
 
     Attributes:
-        name: Its name.
-        coordinate: The coordinate.
-        size: One row.
         side: Sense in which the force can act, 1 or -1; 0 where it holds both ways.
     """
 
@@ -350,11 +335,7 @@ class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
     relative_to: str = ""
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate for a model.
-
-        Raises:
-            InputError: A link does not exist, or the two are one rigid body.
-        """
+        """Return the coordinate for a model."""
         with within("body"):
             frame = frame_of(model, self.body)
         if not self.relative_to:
@@ -374,11 +355,7 @@ CoordinateDefinition = AngleSum | PointCoordinate | Distance | Rotation
 
 
 def coordinate_of(model: pin.Model, coordinates: Mapping[str, Coordinate], name: str) -> Coordinate:
-    """Return a coordinate by name.
-
-    Raises:
-        InputError: There is none of that name; of a point and an axis, ``hand.y``, the message says how to define it.
-    """
+    """Return a coordinate by name."""
     if name not in coordinates:
         expected, hint = choices(name, coordinates)
         hint = _definition_of(model, name) or hint
@@ -399,11 +376,7 @@ def _definition_of(model: pin.Model, name: str) -> str:
 
 
 def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) -> LinearCoordinate:
-    """Return the sum of the coordinates of joints.
-
-    Raises:
-        InputError: A joint is unknown, or angles and lengths are mixed.
-    """
+    """Return the sum of the coordinates of joints."""
     units = {joint_of(joints, name).unit for name in names}
     if len(units) > 1:
         raise InputError("a sum of joint coordinates cannot mix angles and lengths", expected="joints of one kind")
@@ -428,9 +401,6 @@ def coordinates_of(
     """Return every coordinate by name: those of the joints, then those defined in the file.
 
     ``known`` are further names that are taken.
-
-    Raises:
-        InputError: A definition takes the name of a joint, or names something that does not exist.
     """
     coordinates: dict[str, Coordinate] = {name: sum_of(model, joints, [name]) for name in joints}
     for name, definition in definitions.items():

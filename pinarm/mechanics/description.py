@@ -49,23 +49,14 @@ class Gravity(InputStruct, frozen=True):
 
 
 def gravity_vector(gravity: Gravity | Literal["none"] | None, otherwise: Array | None) -> Array:
-    """Return the gravity field of a mechanism [m/s^2], world axes, shape (3,).
-
-    Args:
-        gravity: Entry of the mechanism file.
-        otherwise: Gravity field of the model file.
-    """
+    """Return the gravity field of a mechanism [m/s^2], world axes, shape (3,)."""
     if gravity is None:
         return Gravity().vector() if otherwise is None else otherwise
     return np.zeros(3) if isinstance(gravity, str) else gravity.vector()
 
 
 def gravity_words(model: pin.Model) -> dict[str, Any] | Literal["none"]:
-    """Return the gravity of a ``pin.Model`` as a mechanism file says it.
-
-    Raises:
-        ModelError: It has an angular part.
-    """
+    """Return the gravity of a ``pin.Model`` as a mechanism file says it."""
     if np.any(model.gravity.angular):
         raise ModelError("the gravity of the model has an angular part", expected="a uniform field")
     field = np.asarray(model.gravity.linear)

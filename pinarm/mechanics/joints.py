@@ -28,11 +28,7 @@ Direction = Axis | tuple[float, float, float]
 
 
 def unit_vector(direction: Direction) -> Array:
-    """Return a direction as a unit vector, shape (3,).
-
-    Raises:
-        InputError: Its length is 0 or infinite.
-    """
+    """Return a direction as a unit vector, shape (3,)."""
     vector = np.array(AXES[direction] if isinstance(direction, str) else direction, float)
     length = float(np.linalg.norm(vector))
     if not 0.0 < length < np.inf:
@@ -44,10 +40,6 @@ class Joint(ValueRecord, frozen=True):
     """A joint of the model with one coordinate.
 
     Attributes:
-        name: Name in the model.
-        index: Pinocchio's joint index.
-        q: Index of its coordinate in q.
-        v: Index of its velocity in v.
         unit: Unit of its coordinate, rad or m.
     """
 
@@ -114,11 +106,7 @@ def moved_links(model: pin.Model, joint: int) -> list[str]:
 
 
 def frame_of(model: pin.Model, name: str) -> int:
-    """Return the index of the frame of a link.
-
-    Raises:
-        InputError: The model has no link of that name.
-    """
+    """Return the index of the frame of a link."""
     if (index := model.getFrameId(name, pin.FrameType.BODY)) < model.nframes:
         return int(index)
     expected, hint = choices(name, links_of(model))
@@ -126,11 +114,7 @@ def frame_of(model: pin.Model, name: str) -> int:
 
 
 def frames_of(model: pin.Model, between: tuple[str, str]) -> tuple[int, int]:
-    """Return the frame indices of two links; errors are located at the key ``between``.
-
-    Raises:
-        InputError: The model has no link of that name.
-    """
+    """Return the frame indices of two links; errors are located at the key ``between``."""
     with within("between", 0):
         first = frame_of(model, between[0])
     with within("between", 1):
@@ -138,11 +122,7 @@ def frames_of(model: pin.Model, between: tuple[str, str]) -> tuple[int, int]:
 
 
 def joint_of(joints: Mapping[str, Joint], name: str) -> Joint:
-    """Return a joint by name.
-
-    Raises:
-        InputError: There is none of that name with one coordinate.
-    """
+    """Return a joint by name."""
     if name not in joints:
         expected, hint = choices(name, joints)
         raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
@@ -168,11 +148,7 @@ def check_parallel(model: pin.Model, columns: Mapping[str, int]) -> None:
     """Raise where joints turn, or slide, about other than parallel axes of one sense, wherever the mechanism is.
 
     Args:
-        model: Pinocchio's model.
         columns: Index in v of every joint, by name; all turn or all slide.
-
-    Raises:
-        InputError: Names the first joint and one that differs.
     """
     data, somewhere = new_data(model), np.sin(np.arange(1.0, model.nv + 1.0))
     first, *others = columns

@@ -56,7 +56,6 @@ def number_of(modes: Iterable[int], further: int = 0) -> int:
     """Return the number that stands for the modes of many states; see ``mode_of``.
 
     Args:
-        modes: One for each state.
         further: A number for something else that the same number stands for, above the digits of the modes.
     """
     digits = [*modes]
@@ -75,12 +74,6 @@ class StateLimits(NamedTuple):
         A free state at a limit is held where its rate points outwards: rates jump, and two states may reach their
         limits at one instant, of which one event is located. A rate of rounding holds nothing: it is that of the
         instant at which a state was let go.
-
-        Args:
-            value: The state.
-            rate: Its rate if it were free.
-            scale: Size of the terms of the rate.
-            before: The mode until then.
         """
         for mode, limit, sign in ((HIGHEST, self.upper, 1.0), (LOWEST, self.lower, -1.0)):
             if not np.isfinite(limit):
@@ -93,13 +86,7 @@ class StateLimits(NamedTuple):
     def switches(
         self, mode: int, value: Callable[[Inputs], Array], rate: Callable[[Inputs], Array]
     ) -> list[Switch[Inputs]]:
-        """Return where a free state reaches its limits, or where a state that is held is let go.
-
-        Args:
-            mode: The present mode.
-            value: The state.
-            rate: Its rate if it were free.
-        """
+        """Return where a free state reaches its limits, or where a state that is held is let go."""
         if mode != FREE:
             return [Switch(rate, -1 if mode == HIGHEST else 1, FREE, jumps=True)]
         lower, upper = self

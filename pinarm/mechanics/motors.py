@@ -49,11 +49,7 @@ class CommandOfEffort(NamedTuple):
 
 
 class Actuator(Record, frozen=True):
-    """A motor behind its gear, without states of its own.
-
-    Attributes:
-        states: Number s of its own states.
-    """
+    """A motor behind its gear, without states of its own."""
 
     states: ClassVar[int] = 0
 
@@ -170,7 +166,6 @@ class Winding(Actuator, frozen=True):
     """A DC motor without inductance behind its gear: voltage and velocity determine the current.
 
     Attributes:
-        motor: The motor.
         ratio: N, turns of the motor per turn of the joint, or radians per metre.
     """
 

@@ -42,7 +42,6 @@ def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
 
     Args:
         given: A struct of the file's keys, a collection, or a value; what is not a quantity stays as it is.
-        generator: Of the random changes.
     """
     found: object = given
     if isinstance(given, PureNumber):
@@ -87,10 +86,6 @@ def perturbed(model: pin.Model, seed: int) -> pin.Model:
     """Return a copy of a model whose lengths, masses, moments of inertia and gravity differ by up to ``PERTURBATION``.
 
     What is 0 stays 0, so that planes stay planes, but a loop that closes only at special lengths is off by the change.
-
-    Args:
-        model: Pinocchio's model.
-        seed: Of the random changes.
     """
     generator, changed = np.random.default_rng(seed), pin.Model(model)
 

@@ -33,11 +33,7 @@ class PointDefinition(InputStruct, frozen=True):
 
 
 def with_points(model: pin.Model, points: Iterable[tuple[str, PointDefinition]]) -> pin.Model:
-    """Return a copy of a model with points on its links, each usable as a link by those that follow.
-
-    Raises:
-        InputError: The model has no link of that name, or has a link with the name of the point.
-    """
+    """Return a copy of a model with points on its links, each usable as a link by those that follow."""
     marked = pin.Model(model)
     for name, point in points:
         if any(frame.name == name and frame.type == pin.FrameType.BODY for frame in marked.frames):
@@ -79,11 +75,7 @@ def with_payloads(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
     the payload's mass stood in the model's text. The model that is given stays as it is.
 
     Args:
-        model: Pinocchio's model.
         payloads: Any number, several on one link too.
-
-    Raises:
-        InputError: The model has no link of that name, or the link does not move.
     """
     loaded = pin.Model(model)
     for payload in payloads:

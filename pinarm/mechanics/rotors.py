@@ -140,9 +140,6 @@ class Drive(InputStruct, frozen=True):
             direction: Sign of the joint's motion: of its velocity, at standstill of the motion about to begin or just
                 ended, 0 at rest; shape (n,).
             a: Joint acceleration [rad/s^2], shape (n,).
-
-        Raises:
-            FloatingPointError: The losses have a kink in a complex step: no power passes the gear.
         """
         if self.efficiency < 1.0 and np.iscomplexobj(effort) and not (np.real(effort) * direction).all():
             raise FloatingPointError("the losses of a gear have a kink where it passes no power")
@@ -156,7 +153,6 @@ class Drive(InputStruct, frozen=True):
 
         Args:
             low: Least effort at the joint that holds it [N*m or N], shape (n,).
-            high: Largest one.
         """
         ends = (
             np.where(side * effort > 0.0, 1.0 / self.efficiency, self.efficiency) * effort / self.ratio
@@ -178,7 +174,6 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
 
     Attributes:
         name: ``gear of D``, ``shaft of D``, or ``turns of L.angle``.
-        coordinate: What it moves as.
         rotor: The joint, whose coordinate is that of the driven side.
     """
 
@@ -242,7 +237,6 @@ class DriveTrain(NamedTuple):
     """The joints of its own between the motor of a drive and what it drives; none of them but the rotor has an inertia.
 
     Attributes:
-        drive: Name of the drive.
         wheel: Whether the wheel of a gear with losses is one, ``D.wheel``: an elastic output shaft begins there.
         shaft: Whether the end of an elastic shaft is one, ``D.shaft``: it ends in teeth with losses, or drives a
             coordinate that is no sum of joints.
@@ -289,11 +283,7 @@ class DriveTrain(NamedTuple):
 
 
 def with_rotors(model: pin.Model, drives: Mapping[str, Drive], coordinates: Mapping[str, Coordinate]) -> pin.Model:
-    """Return a copy of the model with the joints of drives, whose rotors are joints of their own, at the end.
-
-    Raises:
-        InputError: A joint has the name of one of them.
-    """
+    """Return a copy of the model with the joints of drives, whose rotors are joints of their own, at the end."""
     found = pin.Model(model)
     for name, drive in drives.items():
         driven = coordinates[drive.coordinate]
@@ -314,11 +304,7 @@ def counted_angle(joint: str) -> str | None:
 
 
 def with_counters(model: pin.Model, angles: Sequence[str]) -> pin.Model:
-    """Return a copy of the model with joints at the end that count the turns of angles.
-
-    Raises:
-        InputError: A joint has the name of one of them.
-    """
+    """Return a copy of the model with joints at the end that count the turns of angles."""
     found = pin.Model(model)
     for angle in angles:
         _add_joint(found, f"counter of '{angle}'", counter_name(angle), RADIAN, 0.0)
@@ -326,11 +312,7 @@ def with_counters(model: pin.Model, angles: Sequence[str]) -> pin.Model:
 
 
 def _add_joint(model: pin.Model, part: str, name: str, unit: Unit, armature: float) -> None:
-    """Add a joint to a model, without a body, that is known to people as some part.
-
-    Raises:
-        InputError: A joint has its name.
-    """
+    """Add a joint to a model, without a body, that is known to people as some part."""
     if model.existJointName(name):
         raise InputError(f"the model has a joint '{name}', as the {part} is named", expected="another name of one")
     kind = pin.JointModelPX() if unit == METRE else pin.JointModelRX()

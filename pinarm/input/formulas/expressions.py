@@ -32,10 +32,7 @@ class Expression(Record, frozen=True):
     """A formula, parsed and checked.
 
     Attributes:
-        text: The formula as written.
-        tree: Its syntax tree.
         names: The names in it, constants such as ``pi`` included: a given name takes precedence over them.
-        measured: The numbers with a unit in it.
     """
 
     unshown = ("tree", "names", "measured")
@@ -54,11 +51,7 @@ class Expression(Record, frozen=True):
 
     @classmethod
     def parse(cls, text: str) -> Expression:
-        """Read a formula.
-
-        Raises:
-            ExpressionError: The text is not a formula, or too long.
-        """
+        """Read a formula."""
         return _parsed(text)
 
     def evaluate(self, names: Mapping[str, Any]) -> Any:
@@ -66,10 +59,6 @@ class Expression(Record, frozen=True):
 
         Args:
             names: Numbers and arrays whose shapes broadcast.
-
-        Raises:
-            ExpressionError: A name is unknown, the shapes do not fit, or a number is divided by zero, overflows or is
-                otherwise not finite. Arrays take ``inf`` and ``nan`` instead.
         """
         with np.errstate(all="ignore"):
             result = interpret(self.tree, _Values(names), self.text)
@@ -97,10 +86,6 @@ class Expression(Record, frozen=True):
 
         Args:
             names: Units of the names; ``None`` is unknown and fits everything, as a literal 0 does.
-
-        Raises:
-            UnitError: Quantities of different dimensions are added or compared, or one goes into a function of numbers.
-            ExpressionError: A name is unknown.
         """
         measure = interpret(self.tree, _Units(names), self.text)
         return None if measure.value == 0 else measure.unit

@@ -51,13 +51,7 @@ _SYMBOLS: Mapping[type[ast.AST], str] = {
 
 
 class MeasuredNumber(ValueRecord, frozen=True):
-    """A number with a unit, as a literal of a formula.
-
-    Attributes:
-        value: In SI.
-        unit: Its unit.
-        text: As it is written.
-    """
+    """A number with a unit, as a literal of a formula."""
 
     value: float
     unit: Unit
@@ -101,7 +95,6 @@ class Grammar(Record, frozen=True):
     """Literals and functions of a language.
 
     Attributes:
-        literals: Types of its literals.
         arities: Functions -> least and greatest number of arguments.
         collections: Whether it has lists and maps: ``[a, b]``, ``{a: b}``, ``dict(a=b)``, ``a[b]``, ``a in b``, and
             ``a.split(b)``. The algebra is asked for them as for functions: ``list``, ``dict`` (keys and values by
@@ -162,11 +155,7 @@ def _meaning(node: ast.expr, algebra: Algebra[T]) -> T:
 
 @lru_cache(maxsize=4096)
 def read_tree(text: str, grammar: Grammar) -> ast.expr:
-    """Parse a text and check every node of it.
-
-    Raises:
-        ExpressionError: With the column and a hint.
-    """
+    """Parse a text and check every node of it."""
     text = text.translate(_BLANKS).strip()
     if not text:
         raise ExpressionError("the formula is empty", expected="a number, a name, or a formula such as 2*(a + b)")
@@ -400,11 +389,7 @@ def _short(text: str) -> str:
 
 
 def look_up(name: str, *tables: Mapping[str, Any]) -> Any:
-    """Return the value of a name in the first table that has it.
-
-    Raises:
-        ExpressionError: None has; lists the names there are.
-    """
+    """Return the value of a name in the first table that has it."""
     for table in tables:
         if name in table:
             return table[name]
@@ -413,11 +398,7 @@ def look_up(name: str, *tables: Mapping[str, Any]) -> Any:
 
 
 def find_measured(text: str) -> list[tuple[int, MeasuredNumber]]:
-    """Return the numbers with a unit in a formula, each with its place, in time that grows as its length.
-
-    Raises:
-        ExpressionError: One stands beside ``*``, ``/`` or ``**``, or has no unit that is known.
-    """
+    """Return the numbers with a unit in a formula, each with its place, in time that grows as its length."""
     numbers = []
     for match in re.finditer(_MEASURED, text):
         if match[1] in _OPERATOR_WORDS:

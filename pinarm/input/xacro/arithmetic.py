@@ -24,7 +24,6 @@ class Expressions(ValueRecord, frozen=True):
     """The algebra of expressions, of plain values and of columns.
 
     Attributes:
-        names: Properties in reach.
         functions: Functions that the file's place matters to, such as ``xacro.load_yaml``.
     """
 

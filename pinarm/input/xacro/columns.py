@@ -49,12 +49,7 @@ def column(values: Iterable[Any]) -> AnyColumn:
 
 
 class Column:
-    """A value of an expansion in all rows; its text is a mark, its truth a decision.
-
-    Args:
-        rows: The rows.
-        values: Its values in them.
-    """
+    """A value of an expansion in all rows; its text is a mark, its truth a decision."""
 
     def __init__(self, rows: Rows, values: AnyColumn) -> None:
         self.rows, self.values, self.place = rows, values, -1
@@ -72,9 +67,6 @@ class Column:
 class Rows:
     """The rows of an expansion.
 
-    Args:
-        count: Their number.
-
     Attributes:
         holds: Rows that take all decisions as the first one does, shape (count,).
         marked: Columns that stand in text, by the numbers of their marks.
@@ -90,13 +82,7 @@ class Rows:
         return bool(outcomes[0])
 
     def applied(self, function: Callable[..., Any], operands: Sequence[Any], symbol: str = "") -> Column:
-        """Return the values of a function in all rows; those of rows that are not held are of the first row.
-
-        Args:
-            function: Of plain values.
-            operands: Columns and plain values.
-            symbol: Operator that the function is.
-        """
+        """Return the values of a function in all rows; those of rows that are not held are of the first row."""
         values = [operand.values if isinstance(operand, Column) else operand for operand in operands]
         if symbol in EXACT and all(map(_are_floats, values)) and (symbol != "/" or np.all(values[1])):
             with np.errstate(all="ignore"):  # what overflows is infinite in Python, too

@@ -81,7 +81,6 @@ class Evaluator:
     """The values of one expansion: its arguments, the files that it reads, its place in them, and its budget.
 
     Args:
-        root: Folder of the files that may be read.
         arguments: Values of arguments; defaults are added.
         rows: Where arguments are columns, given as their marks.
 
@@ -90,7 +89,6 @@ class Evaluator:
         warnings: What is passed over, in words.
         files: The file that is read, after those that include it.
         macros: Names of the macros that are expanded, the innermost last.
-        element: What is evaluated.
     """
 
     def __init__(self, root: Path, arguments: dict[str, str], rows: Rows | None = None) -> None:

@@ -30,7 +30,6 @@ class Expansion(ValueRecord, frozen=True):
     """A model as plain URDF.
 
     Attributes:
-        xml: The text.
         arguments: Every ``xacro:arg`` with its value, given or default.
         warnings: Warnings, such as on unknown attributes.
     """
@@ -51,7 +50,6 @@ class Expander:
     """One expansion: it makes the elements, of the values that ``Evaluator`` gives.
 
     Args:
-        root: Folder of the files that may be read.
         arguments: Values of arguments; defaults are added.
         rows: Where arguments are columns, given as their marks.
     """

@@ -35,7 +35,6 @@ class ExpandedColumns(ValueRecord, frozen=True):
         xml: The model, with words for the numbers that vary.
         columns: These words, with the numbers or texts in their place.
         arguments: Every ``xacro:arg``: its text, or its texts, floats in the place of what Python writes for them.
-        holds: The rows for which the model is this one.
     """
 
     xml: str
@@ -48,14 +47,8 @@ def expand(path: Path, arguments: Mapping[str, float | str], *, root: Path) -> E
     """Expand a xacro file; a plain URDF file is checked and comes back as it is.
 
     Args:
-        path: The file.
         arguments: Values of its ``xacro:arg``, in place of the defaults.
         root: Folder under which the file and what it includes must lie.
-
-    Raises:
-        ModelError: The model is malformed, does something that is not allowed, or is too large.
-        UnknownArgument: It has no argument of a given name.
-        InputError: A file is missing or lies elsewhere, or an expression is wrong.
     """
     texts = {name: _argument(name, value) for name, value in arguments.items()}
     file, source = contained_file(path.absolute(), root), str(path)
@@ -75,13 +68,9 @@ def expand_columns(
     """Expand a xacro file for columns of arguments; ``None`` where its expansion cannot be followed for many rows.
 
     Args:
-        path: The file.
         arguments: Values of its ``xacro:arg`` in the first row.
         columns: Those that vary, with their values in all rows.
         root: Folder under which the file and what it includes must lie.
-
-    Raises:
-        PinarmError: A file may not be read any more, or a number follows that cannot be computed.
     """
     rows = Rows(len(next(iter(columns.values()))))
     texts = {name: _argument(name, value) for name, value in arguments.items()}

@@ -71,11 +71,7 @@ class Document(ValueRecord, frozen=True):
 
     @classmethod
     def read(cls, path: Path, *, source: str | None = None) -> Document:
-        """Read a file.
-
-        Raises:
-            InputError: The file is missing, too large, not UTF-8, or not the accepted subset of YAML.
-        """
+        """Read a file."""
         name = source or str(path)
         try:
             if path.exists() and not path.is_file():  # a pipe would keep the reader waiting
@@ -102,9 +98,6 @@ class Document(ValueRecord, frozen=True):
         """Return data built in Python as if they had been read: maps, lists, text, numbers, arrays, ``None``.
 
         The location of a value is its path.
-
-        Raises:
-            InputError: Something else is among them.
         """
         try:
             plain = plain_data(data)
@@ -148,11 +141,7 @@ class Document(ValueRecord, frozen=True):
 
         Args:
             name: The path, see ``steps_of``; missing keys are created.
-            value: Plain data.
             option: Location of the value, for messages.
-
-        Raises:
-            InputError: The path is not in the document.
         """
         holder = data = _copy(self.data)
         path: Path_ = ()
@@ -178,21 +167,13 @@ class Document(ValueRecord, frozen=True):
         return replace(self, data=self.data[key], places=places, keys=keys)
 
     def merged(self, changes: Document) -> Document:
-        """Return the document with values replaced by those of another document at the same paths.
-
-        Raises:
-            InputError: An index of a list does not exist.
-        """
+        """Return the document with values replaced by those of another document at the same paths."""
         data = _merged(self.data, changes.data, Location(changes.source))
         places, keys = {**self.places, **changes.places}, {**self.keys, **changes.keys}
         return replace(self, data=data, places=places, keys=keys)
 
     def validate(self, struct: type[StructT], *at: str | int) -> StructT:
-        """Validate the document, or its part at a path, as an input struct.
-
-        Raises:
-            InputError: The first error, located, with what was expected.
-        """
+        """Validate the document, or its part at a path, as an input struct."""
         data = self.data
         for key in at:
             data = data[key]
@@ -239,11 +220,7 @@ def _named(source: str, path: Path_) -> Location:
 
 
 def plain_data(data: Any, depth: int = 0) -> Any:
-    """Return data as a file would give them: of numpy's types and tuples, Python's numbers and lists.
-
-    Raises:
-        InputError: They hold what no file can hold, or, as lists that hold themselves, too many levels.
-    """
+    """Return data as a file would give them: of numpy's types and tuples, Python's numbers and lists."""
     if depth > MAX_DEPTH:
         raise InputError(NESTED, expected=LEVELS)
     if isinstance(data, np.ndarray | np.generic):
@@ -294,12 +271,8 @@ def steps_of(path: str, data: Any, place: Location) -> list[str]:
     """Return the keys and indices, as texts, by which a path leads through data.
 
     Args:
-        path: The path.
         data: What it leads into; a step that does not exist stays as it is written.
         place: Of the path, for messages.
-
-    Raises:
-        InputError: A step is empty, there are too many, or the path ends in the middle of keys that have dots.
     """
     parts, steps = _parts(path, place), list[str]()
     if len(parts) > MAX_DEPTH:
@@ -362,12 +335,7 @@ def _inner(data: Any, step: str) -> Any:
 
 
 def varied(document: Document, values: Values, declared: Callable[[str], str] = lambda path: "") -> Document:
-    """Return a file with other values; ``declared`` knows the unit at a path where the file itself has none.
-
-    Raises:
-        InputError: A path does not lead into the file, or a value is no plain data.
-        UnitError: A number has no unit, and the value that it replaces is not in SI.
-    """
+    """Return a file with other values; ``declared`` knows the unit at a path where the file itself has none."""
     for path, value, place in _assignments(values):
         document = document.assigned(path, _with_unit(document, path, value, place, declared), place)
     return document

@@ -38,15 +38,12 @@ class Builder:
     """Builds plain data from YAML events.
 
     Args:
-        text: The YAML.
-        source: Its name in messages.
         tagged: For tables of other programs, which may have tags, anchors and aliases, and keys that stand twice, of
             which the last counts: returns the value of a scalar with a tag, from the tag and the text; ``None`` for a
             tag that is unknown.
 
     Attributes:
         places: Path of keys and indices -> location of the value; that of a list or map in a map is its key's.
-        keys: Path -> location of the key.
     """
 
     def __init__(self, text: str, source: str, tagged: Callable[[str, str], Any] | None = None) -> None:
@@ -60,11 +57,7 @@ class Builder:
         self.anchors: dict[str, Any] = {}
 
     def build(self) -> Any:
-        """Return the data.
-
-        Raises:
-            InputError: The text is not the accepted subset of YAML.
-        """
+        """Return the data."""
         import yaml
 
         try:

@@ -54,11 +54,7 @@ def with_parameters(parameters: Mapping[str, "Measured"]) -> Iterator[None]:
 
 
 def _quantity(text: str) -> tuple[float, Unit | None, bool]:
-    """Return the SI value and the unit of a quantity, or of a formula of parameters, and whether it is a formula.
-
-    Raises:
-        InputError: It is neither.
-    """
+    """Return the SI value and the unit of a quantity, or of a formula of parameters, and whether it is a formula."""
     try:
         return *read_quantity(text), False
     except InputError:
@@ -92,12 +88,9 @@ class Measured(float):
 
     Attributes:
         unit: The unit as written; ``None`` for a bare number.
-        computed: Whether a formula of parameters gives it.
         expected: Unit whose dimension it must have; ``None`` for any.
         order: For fields of a law: order of the derivative of its value.
         along: For fields of a law: power of the variable that the law runs along.
-        least: Lower bound in SI.
-        above: Strict lower bound in SI.
         within: Bound of its size in SI, either way.
         forms: What may stand for it in a file, as JSON Schemas.
         examples: Values that a message shows where the unit is missing.
@@ -116,12 +109,7 @@ class Measured(float):
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read ``"30 deg"``, or a number in SI, of numpy too; where ``bare`` is false, only 0 needs no unit.
-
-        Raises:
-            UnitError: The unit is missing, unknown, or of another dimension.
-            InputError: It is not a finite number, or out of bounds.
-        """
+        """Read ``"30 deg"``, or a number in SI, of numpy too; where ``bare`` is false, only 0 needs no unit."""
         if isinstance(value, cls):
             return value
         if isinstance(value, np.ndarray | np.generic):
@@ -169,11 +157,7 @@ class Measured(float):
         return _plain, (float(self), self.unit)
 
     def check(self, expected: Unit) -> None:
-        """Raise where the written unit has another dimension than the expected one.
-
-        Raises:
-            UnitError: The dimensions differ.
-        """
+        """Raise where the written unit has another dimension than the expected one."""
         if self.unit is not None and not self.unit.fits(expected):
             if self.unit.text == HERTZ.text and self.unit.dimension == expected.dimension:
                 raise UnitError("Hz is ambiguous between turns and radians", hint="rpm, rev/s or rad/s")
@@ -239,11 +223,7 @@ class Readable:
 
     @classmethod
     def read(cls, value: object) -> Self:
-        """Return the object that plain data say.
-
-        Raises:
-            InputError: They have a mistake; its path leads there.
-        """
+        """Return the object that plain data say."""
         raise NotImplementedError
 
     @classmethod
@@ -263,11 +243,7 @@ class PureNumber(Measured):
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read a number with or without the unit ``1``.
-
-        Raises:
-            InputError: It is none, has a unit, or is out of bounds.
-        """
+        """Read a number with or without the unit ``1``."""
         number = super().read(value)
         if number.unit is not None and number.unit.text not in PURE:
             raise UnitError(f"'{number.unit}' is a unit, and this number has none", expected="such as 0.4, or 40 %")
@@ -382,11 +358,7 @@ def _filled(annotation: Any, kind: Any) -> Any:
 
 
 def validated(value: object, field: msgspec.structs.FieldInfo) -> object:
-    """Return a value converted to the type of its field.
-
-    Raises:
-        InputError: It is not of this type.
-    """
+    """Return a value converted to the type of its field."""
     plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     try:
         return msgspec.convert(plain, field.type, dec_hook=convert)
@@ -418,12 +390,7 @@ def plain(value: Measured | Readable) -> object:
 
 
 def without_formulas(data: Any, read: object) -> Any:
-    """Return plain data of a file with quantities in place of the formulas of parameters.
-
-    Args:
-        data: The data.
-        read: What has been read of them.
-    """
+    """Return plain data of a file with quantities in place of the formulas of parameters."""
     if isinstance(read, Measured) and read.computed:
         return f"{float(read)!r} {read.unit}" if read.unit else float(read)
     if isinstance(data, dict) and isinstance(read, msgspec.Struct):
@@ -437,21 +404,13 @@ def without_formulas(data: Any, read: object) -> Any:
 
 
 def check_unit(value: float, expected: Unit) -> None:
-    """Check the unit of a value; plain numbers have none and pass.
-
-    Raises:
-        UnitError: It has another dimension.
-    """
+    """Check the unit of a value; plain numbers have none and pass."""
     if isinstance(value, Measured):
         value.check(expected)
 
 
 def check_each(values: Sequence[float], *expected: Unit) -> None:
-    """Check the units of the values of a list, each against its own.
-
-    Raises:
-        UnitError: A unit has another dimension.
-    """
+    """Check the units of the values of a list, each against its own."""
     for index, (value, wanted) in enumerate(zip(values, expected, strict=True)):
         with within(index):
             check_unit(value, wanted)
@@ -494,10 +453,6 @@ def in_si(text: str | float | None, measured: Unit | None) -> float:
     Args:
         text: The value with its unit; 0 goes without.
         measured: Unit of its dimension; ``None`` where that is unknown.
-
-    Raises:
-        UnitError: It has another dimension.
-        InputError: It has no unit, or is no quantity.
     """
     number, written = read_quantity(str(text))
     value = Measured(number)

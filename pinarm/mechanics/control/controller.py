@@ -33,8 +33,6 @@ class Signal(Record, frozen=True):
     """A coordinate that a controller measures.
 
     Attributes:
-        name: Its name.
-        coordinate: The coordinate.
         state: Evaluates one state (q, v), shapes (nq,) and (nv,).
     """
 
@@ -81,11 +79,7 @@ class Plant(Protocol):
         ...
 
     def inverse(self, joints: Sequence[Joint]) -> Callable[[Array | float, Array, Array, Array], Array]:
-        """Return ``(t, q, v, a) -> efforts``: those that give joints the accelerations a, shapes (..., k).
-
-        Raises:
-            InputError: The joints cannot be accelerated independently.
-        """
+        """Return ``(t, q, v, a) -> efforts``: those that give joints the accelerations a, shapes (..., k)."""
         ...
 
 
@@ -146,8 +140,6 @@ class Controller(ABC):
     """A controller of one mechanism.
 
     Attributes:
-        drives: Names of the k drives.
-        joints: The joints that they move.
         signals: What is measured, s coordinates.
         references: What each signal should be; none where there is no reference.
         lower: Least efforts [N*m or N], shape (k,).

@@ -85,11 +85,7 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
 
     @abstractmethod
     def bind(self, plant: Plant) -> Controller:
-        """Return the controller of one mechanism.
-
-        Raises:
-            InputError: A drive or a coordinate does not exist, or a unit is another.
-        """
+        """Return the controller of one mechanism."""
 
     def wired(self, plant: Plant, signals: tuple[Signal, ...], laws: tuple[MotionLaw, ...]) -> Wiring:
         """Return the fields of ``Controller``, given what is measured and the laws of the references."""
@@ -97,11 +93,7 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         return tuple(self.drives), self.joints(plant), signals, laws, *bounds, self.sampling(signals)
 
     def joints(self, plant: Plant) -> tuple[Joint, ...]:
-        """Return the joints that the drives move.
-
-        Raises:
-            InputError: A drive does not exist.
-        """
+        """Return the joints that the drives move."""
         with within("drive"):
             return tuple(plant.drive(name) for name in self.drives)
 
@@ -111,11 +103,7 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
             return [plant.command_unit(name) for name in self.drives]
 
     def bounds(self, units: Sequence[Unit]) -> tuple[Array, Array]:
-        """Return least and largest commands in given units, shape (k,) each.
-
-        Raises:
-            InputError: A limit has another unit, or there is no room between two.
-        """
+        """Return least and largest commands in given units, shape (k,) each."""
         if self.limits is None:
             return np.full(len(units), -np.inf), np.full(len(units), np.inf)
         with within("limits"):
@@ -134,11 +122,7 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
             return lower, upper
 
     def sampling(self, signals: Sequence[Signal]) -> Sampling | None:
-        """Return when the controller acts.
-
-        Raises:
-            UnitError: The resolution has another dimension than a coordinate.
-        """
+        """Return when the controller acts."""
         if self.period is None:
             return None
         with within("resolution"):
@@ -173,11 +157,7 @@ class OneDriveDefinition(ControlDefinition, frozen=True, kw_only=True):
                 )
 
     def signals(self, plant: Plant) -> tuple[Signal, ...]:
-        """Return the signal of the measured coordinate.
-
-        Raises:
-            InputError: The coordinate does not exist.
-        """
+        """Return the signal of the measured coordinate."""
         return measured(plant, [self.measures or self.drives[0]])
 
 
@@ -189,11 +169,7 @@ def rhythm(period: float | None, delay: float) -> str:
 
 
 def measured(plant: Plant, names: list[str]) -> tuple[Signal, ...]:
-    """Return the signals of coordinates.
-
-    Raises:
-        InputError: One does not exist.
-    """
+    """Return the signals of coordinates."""
     with within("measures"):
         return tuple(plant.signal(name) for name in names)
 
@@ -221,11 +197,7 @@ class References(Readable):
 
     @classmethod
     def read(cls, value: object) -> Self:
-        """Read any of the forms.
-
-        Raises:
-            InputError: A law has a mistake; its path leads there.
-        """
+        """Read any of the forms."""
         if isinstance(value, cls):
             return value
         if isinstance(value, list):
@@ -250,11 +222,7 @@ class References(Readable):
 
         Args:
             names: Names of the coordinates or drives, as the controller has them.
-            signals: What is measured of them.
             rest: What coordinates follow that a map leaves out; ``None`` where it must not.
-
-        Raises:
-            InputError: A unit is another, the number of laws, or a name.
         """
         with within("follows"):
             laws = self._named(names, rest) if isinstance(self.given, dict) else self._listed(names)
@@ -295,11 +263,7 @@ class References(Readable):
 
 
 def _law(value: Any, *at: str | int) -> Law:
-    """Return the law that plain data say; one that was built in Python as it is.
-
-    Raises:
-        InputError: It has a mistake.
-    """
+    """Return the law that plain data say; one that was built in Python as it is."""
     if isinstance(value, MotionLaw):
         return value  # type: ignore[return-value]  # Law is the union of its kinds
     try:

@@ -37,11 +37,7 @@ class MeasuredState:
         self.q.flags.writeable = self.v.flags.writeable = False
 
     def __getitem__(self, name: str) -> float:
-        """Return a quantity by name [SI].
-
-        Raises:
-            InputError: There is none of that name, or the state does not determine it.
-        """
+        """Return a quantity by name [SI]."""
         reader = self._readers.get(name)
         if reader is None:
             if not isinstance(name, str):
@@ -83,7 +79,6 @@ def copied(thing: Any, known: dict[int, Any]) -> Any:
     """Return a copy of a function, with its variables, or of another object; the same where it cannot be copied.
 
     Args:
-        thing: What is copied.
         known: Copies that were made already, by the ``id`` of the originals, as for ``copy.deepcopy``.
     """
     if isinstance(thing, FunctionType):
@@ -132,7 +127,6 @@ class FunctionControl:
     begins with it as it was given; see ``FreshFunction``.
 
     Attributes:
-        drives: Names of the drives.
         function: ``(t, state) -> effort``, or efforts in the order of the drives.
         period: Of a sampled one [s].
         delay: From a sample to the change of the effort [s].
@@ -162,11 +156,7 @@ class FunctionControl:
         return FunctionControl, (self.drives, self.function, self.period, self.delay)
 
     def bind(self, plant: Plant) -> Controller:
-        """Return the controller of one mechanism.
-
-        Raises:
-            InputError: A drive does not exist.
-        """
+        """Return the controller of one mechanism."""
         with within("drive"):
             joints = tuple(plant.drive(name) for name in self.drives)
         endless, readers = np.full(len(joints), np.inf), dict[str, Reader]()
@@ -180,7 +170,6 @@ class FunctionController(Controller):
 
     Attributes:
         function: ``(t, state) -> effort``.
-        plant: Gives it named quantities.
         readers: Those that it has asked for, by name.
     """
 
@@ -204,11 +193,7 @@ class FunctionController(Controller):
 
 
 def returned(function: ControlFunction, words: str, state: MeasuredState, count: int) -> Array:
-    """Return the efforts that a function returns in a state [N*m or N], shape (count,).
-
-    Raises:
-        InputError: It fails, or returns something else than finite efforts; ``words`` say which function.
-    """
+    """Return the efforts that a function returns in a state [N*m or N], shape (count,)."""
     at = f"at t = {state.t:.9g} s"
     try:
         effort = function(state.t, state)
@@ -241,9 +226,6 @@ def function_controls(
         control: Drive, or several in a tuple -> ``u(t, state)``.
         period: Of sampled ones [s]; continuous where it is left out.
         delay: From a sample to the change of the effort [s].
-
-    Raises:
-        InputError: A function cannot be called, or the period is not positive.
     """
     if not isinstance(control, Mapping):
         raise InputError(
@@ -264,11 +246,7 @@ def function_controls(
 
 
 def require_times(period: float | None, delay: float) -> None:
-    """Raise where the period [s] or the delay [s] of functions is none.
-
-    Raises:
-        InputError: Says what they are.
-    """
+    """Raise where the period [s] or the delay [s] of functions is none."""
     for name, given in (("period", 1.0 if period is None else period), ("delay", delay)):
         if not isinstance(given, int | float | np.integer | np.floating) or isinstance(given, bool):
             raise InputError(f"the {name} is {given!r}", expected="a number of seconds")

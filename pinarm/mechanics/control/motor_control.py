@@ -23,8 +23,6 @@ class MotorController(Controller):
     that of the other controller, followed by a digit for each motor.
 
     Attributes:
-        source: The controller that commands the motors.
-        actuators: The motors of its k drives.
         place: Place of the first command among the commands of sampled controllers.
     """
 

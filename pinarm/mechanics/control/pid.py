@@ -59,11 +59,7 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
         return PidController(*self.wired(plant, signals, laws), kp, ki, kd, self._tracking())
 
     def _tracking(self) -> float:
-        """Return T_t [s]; infinite where it is not given and kp is 0.
-
-        Raises:
-            InputError: It is shorter than half of the period.
-        """
+        """Return T_t [s]; infinite where it is not given and kp is 0."""
         if self.tracking_time is None:
             kp, ki = float(self.kp), float(self.ki)
             return abs(kp / ki) if kp and ki else np.inf
@@ -77,11 +73,7 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
 
 
 def _check_gain(gain: float, commanded: Unit, measured: Signal, per: str) -> None:
-    """Check the unit of a gain; ``per`` is that of the time in it.
-
-    Raises:
-        UnitError: Says which unit the drive and the coordinate ask for.
-    """
+    """Check the unit of a gain; ``per`` is that of the time in it."""
     try:
         check_unit(gain, commanded / measured.unit / unit(per))
     except UnitError as error:

@@ -83,13 +83,7 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
             Profile.of(self.profile, self.period).check_repeated()
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> CamCoupling:
-        """Return the coupling of one model.
-
-        Raises:
-            InputError: A joint or link is unknown, the slope jumps, or the follower does not move in a plane across the
-                cam's axis.
-            UnitError: The profile's values or its abscissa have another dimension than their joint.
-        """
+        """Return the coupling of one model."""
         first, second = (joint_of(joints, joint) for joint in self.joints)
         if first == second:
             raise InputError(f"the joint {first.name} cannot be coupled to itself", expected="two joints")
@@ -170,11 +164,7 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
 
 
 def _require_smooth(profile: MotionLaw, cam: Joint) -> None:
-    """Raise where the value or the slope of a profile jumps.
-
-    Raises:
-        InputError: Names the first place.
-    """
+    """Raise where the value or the slope of a profile jumps."""
     profile.require_continuous(cam.unit)
     for w in profile.slope_jumps():
         raise InputError(
@@ -187,12 +177,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
     """A follower's joint that stands where the profile over the cam's joint says.
 
     Attributes:
-        name: Its name.
-        nv: Number of velocities of the model.
-        cam_joint: Joint of the cam.
-        follower_joint: Joint of the follower.
-        profile: f.
-        one_sided: Whether the cam pushes only.
         contact: Where they touch; ``None`` where that is not known.
         missing: What would have to be given for the forces on bodies to be known, in words.
     """
@@ -244,11 +228,7 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return rows
 
     def drifts_at(self, q: Array, v: Array) -> Array:
-        """Return ``-f'' q1'^2``.
-
-        Raises:
-            InputError: A complex step moves a turning cam: that takes a third derivative of f.
-        """
+        """Return ``-f'' q1'^2``."""
         if (np.imag(q[:, self.cam_joint.q]) * np.real(v[:, self.cam_joint.v])).any():
             raise InputError(
                 f"the linear analysis has no derivatives of the turning cam '{self.name}'", expected="a cam at rest"

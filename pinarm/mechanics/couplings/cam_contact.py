@@ -137,7 +137,6 @@ class CamContact(Record, frozen=True):
     """A cam and its follower in their plane, in the axes of their carrier.
 
     Attributes:
-        pair: The cam and the follower.
         origin: Where the axis of the cam meets the plane [m], shape (3,).
         axes: Unit vectors of the plane and of the axis of the cam, right-handed, shape (3, 3).
         follower: The follower; it stands in the origin where it is not yet known.

@@ -33,10 +33,8 @@ class JointRelation(ABC):
     where these meet: steps of integrations end there; see ``ForceElement`` for ``edges``, ``marked`` and ``passed``.
 
     Attributes:
-        name: Its name.
         kind: Its kind, as files call it.
         missing: What would have to be given for the forces on bodies to be known, in words.
-        size: One row.
         flaw: What is wrong with it at flawed configurations, in words.
         in_pieces: Whether its row is made of pieces, along the coordinate of a joint.
         side: Sense in which its multiplier can act, 1 or -1; 0 where it holds both ways.
@@ -165,9 +163,7 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
     """A sum of joint coordinates that stays constant; its multiplier is the effort at a joint of weight 1.
 
     Attributes:
-        name: Its name.
         kind: Its kind, as files call it.
-        coordinate: The weighted sum of joint coordinates.
         constant: c, its value at all times.
         follower: Index in v of the joint that mimics the other one and has no drive; ``None`` where either may be
             driven.
@@ -249,11 +245,7 @@ def mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) 
 def coupled(
     model: pin.Model, joints: Mapping[str, Joint], name: str, kind: str, weights: Mapping[Joint, float], constant: float
 ) -> Coupling:
-    """Return the coupling ``sum_i w_i q_i = constant``; the first joint gives the unit.
-
-    Raises:
-        InputError: A joint is coupled to itself.
-    """
+    """Return the coupling ``sum_i w_i q_i = constant``; the first joint gives the unit."""
     first = next(iter(weights))
     if len(weights) < 2:
         raise InputError(f"the joint {first.name} cannot be coupled to itself", expected="two joints")
@@ -268,7 +260,6 @@ class OpenReaction(Record, frozen=True):
     """The part of a joint's reaction that couplings leave open.
 
     Attributes:
-        couplings: Those that do.
         wrenches: Wrenches [f; m] at the joint's origin, in its own axes, that span what they may add, shape (k, 6).
     """
 

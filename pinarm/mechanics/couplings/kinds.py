@@ -63,11 +63,7 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
     plane: str = ""
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model.
-
-        Raises:
-            InputError: A joint is unknown or slides; the axes are not parallel, or too close for the wheels.
-        """
+        """Return the coupling of one model."""
         first, second = (joint_of(joints, joint) for joint in self.joints)
         if first.unit != RADIAN or second.unit != RADIAN:
             raise InputError("a belt couples two wheels", expected="two revolute joints")
@@ -171,11 +167,7 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
             )
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling for a model.
-
-        Raises:
-            InputError: A joint is unknown, the joints are of different kinds, or their axes carry no such gear.
-        """
+        """Return the coupling for a model."""
         first, second = (joint_of(joints, joint) for joint in self.joints)
         if first.unit != second.unit:
             raise InputError(
@@ -247,11 +239,7 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
         check_teeth(self.pressure_angle, self.helix_angle, self.plane)
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model.
-
-        Raises:
-            InputError: A joint is unknown, is not of its kind, or the rack does not slide across the pinion's axis.
-        """
+        """Return the coupling of one model."""
         turns, slides = turning_and_sliding(joints, self.joints, "rack")
         weights = {slides: 1.0, turns: -float(self.radius)}
         found = coupled(model, joints, name, "rack", weights, float(self.offset))
@@ -301,11 +289,7 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
             raise InputError("a screw without a lead couples nothing", expected="a length other than 0")
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model.
-
-        Raises:
-            InputError: A joint is unknown, the first is not revolute, or the second not prismatic.
-        """
+        """Return the coupling of one model."""
         turns, slides = turning_and_sliding(joints, self.joints, "screw")
         pitch = self.lead / (2.0 * np.pi)
         found = coupled(model, joints, name, "screw", {slides: 1.0, turns: -pitch}, float(self.offset))
@@ -319,11 +303,7 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
 
 
 def turning_and_sliding(joints: Mapping[str, Joint], names: tuple[str, str], kind: str) -> tuple[Joint, Joint]:
-    """Return a revolute and a prismatic joint by name.
-
-    Raises:
-        InputError: A joint is unknown, the first is not revolute, or the second not prismatic.
-    """
+    """Return a revolute and a prismatic joint by name."""
     turns, slides = (joint_of(joints, joint) for joint in names)
     if (turns.unit, slides.unit) != (RADIAN, METRE):
         raise InputError(
@@ -366,11 +346,7 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
                     raise InputError(f"the weight of {name} cannot be {weight:g}", expected="a finite number but 0")
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model.
-
-        Raises:
-            InputError: A joint is unknown, or angles and lengths are mixed.
-        """
+        """Return the coupling of one model."""
         weights = {joint_of(joints, joint): float(weight) for joint, weight in self.weights.items()}
         first = next(iter(weights))
         if any(joint.unit != first.unit for joint in weights):

@@ -34,7 +34,6 @@ class Member(Record, frozen=True):
 
     Attributes:
         body: Index of the joint that moves it; 0 for the ground.
-        joint: The joint that the coupling names.
         axis: Unit vector of the axis in the carrier, the positive sense of the joint, shape (3,).
         point: A point of the axis in the carrier: the origin of the joint [m], shape (3,).
         rates: Joint -> its part in the angle or way of the body in the carrier, 1 or -1.
@@ -52,8 +51,6 @@ class MemberPair(Record, frozen=True):
 
     Attributes:
         carrier: Index of the joint that moves the carrier; 0 for the ground.
-        first: The first member.
-        second: The second one.
     """
 
     carrier: int
@@ -85,9 +82,6 @@ def member_pair(
 
     Without a carrier it is the body that both joints are at: the parent of both, or the link between them where one
     carries the other. The member of the latter joint is then what that joint stands on, such as a fixed ring.
-
-    Raises:
-        InputError: No body carries both, or a member does not move about one axis in it.
     """
     first, second = pair
     bodies = (carrier.index, first.index, second.index) if carrier is not None else _bodies(model, first, second)
@@ -236,11 +230,7 @@ class PitchPoint(Record, frozen=True):
 
 
 def wheels_in_mesh(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
-    """Return the contact of two wheels, about parallel axes or about axes that meet.
-
-    Raises:
-        InputError: Axes coincide or are skew; both turn alike; or the plane of the teeth is not known.
-    """
+    """Return the contact of two wheels, about parallel axes or about axes that meet."""
     a, b = pair.first.axis, pair.second.axis
     if np.linalg.norm(np.cross(a, b)) <= PARALLEL:
         return _cylindrical(model, pair, inner_ratio, teeth)
@@ -306,9 +296,6 @@ def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
 
     The normal leads to the wheel that curves away from it: ``N . r1 / r1^2 > N . r2 / r2^2`` with the radii r1 and r2
     from the axes to the point, for outer teeth, inner teeth and cones alike.
-
-    Raises:
-        InputError: It lies on an axis, as far as numbers tell: one radius is nothing beside the other.
     """
     members = (pair.first, pair.second)
     radii = [_across(one.axis, at - one.point) for one in members]
@@ -332,11 +319,7 @@ def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
 
 
 def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Teeth) -> ToothContact:
-    """Return the contact of a pinion and a rack: ``radius`` is the way of the rack per angle, with its sign.
-
-    Raises:
-        InputError: The rack does not slide across the pinion's axis.
-    """
+    """Return the contact of a pinion and a rack: ``radius`` is the way of the rack per angle, with its sign."""
     pinion, a, slide = pair.first, pair.first.axis, pair.second.axis
     if abs(a @ slide) > PARALLEL:
         raise InputError(
@@ -354,11 +337,7 @@ def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Tee
 
 
 def plane_of(model: pin.Model, pair: MemberPair, link: str) -> float:
-    """Return where the middle of the teeth is along the first axis [m].
-
-    Raises:
-        InputError: The origins of the joints lie in different planes, and no link tells.
-    """
+    """Return where the middle of the teeth is along the first axis [m]."""
     first, second, a = pair.first, pair.second, pair.first.axis
     if link:
         return float(a @ _link_in_carrier(model, pair, link, ""))
@@ -373,11 +352,7 @@ def plane_of(model: pin.Model, pair: MemberPair, link: str) -> float:
 
 
 def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: str) -> Array:
-    """Return the origin of a link of the carrier or of a member in the carrier's frame, at the neutral configuration.
-
-    Raises:
-        InputError: It is none of theirs, or not given.
-    """
+    """Return the origin of a link of the carrier or of a member in the carrier's frame, where q is neutral."""
     with within("plane"):
         if not link:
             raise InputError(otherwise, expected="plane: a link of the carrier in the middle of the teeth")

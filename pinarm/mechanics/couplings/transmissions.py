@@ -40,8 +40,6 @@ class Part(NamedTuple):
     """A single force or moment of a transmission.
 
     Attributes:
-        unit: N or N*m.
-        size: Its value for a unit multiplier.
         keeps: Whether it keeps its sign where the multiplier changes sides.
     """
 
@@ -64,7 +62,6 @@ class Transmission(Record, frozen=True):
         wrench: On the second member, of a unit multiplier, [f; m] at the carrier's origin, shape (6,).
         words: What transmits it, in words.
         folds: Multipliers at which the wrenches change their slope, with half of the change, shape (6,).
-        single: Name -> single force or moment.
         back: On the first member, where it is not the opposite, shape (6,).
     """
 

@@ -265,11 +265,7 @@ class ElasticCable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
     damping: Damping = 0.0
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model.
-
-        Raises:
-            InputError: A link does not exist, or the cable ties nothing that moves.
-        """
+        """Return the element of one model."""
         path = PathLength.through(model, self.through)
         numbers = float(self.stiffness), float(self.damping), float(self.free_length)
         return TautSpring(model, path, *numbers, (1.0,))
@@ -281,13 +277,8 @@ def elastic_gear(
     """Return the spring and damper of an elastic gear, or its flanks.
 
     Args:
-        model: Pinocchio's model.
         deflection: w, of the rotor less what it drives.
-        elasticity: Stiffness and damping.
         backlash: [rad or m].
-
-    Raises:
-        UnitError: A unit is not that of what is driven.
     """
     stiff = effort_unit(deflection) / deflection.unit
     given = ("stiffness", elasticity.stiffness, stiff), ("damping", elasticity.damping, stiff * unit("s"))

@@ -74,7 +74,6 @@ class Deflection(Record, Generic[Number], frozen=True):
         axis: u; any where theta is 0.
         sine: sin(theta / 2).
         cosine: cos(theta / 2).
-        scale: c.
     """
 
     d: Vector[Number]
@@ -171,11 +170,9 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
     stiffness matrix of linear elasticity. What acts on the two links is opposite, and the same whichever comes first.
 
     Attributes:
-        model: Pinocchio's model.
         frames: Indices of the two frames, on different bodies.
         stiffness: K, symmetric [N/m, N/rad, N*m/rad], shape (6, 6).
         damping: D, symmetric [N*s/m, N*s/rad, N*m*s/rad], shape (6, 6).
-        data: Buffers of its own.
     """
 
     unshown = ("model", "data")
@@ -392,11 +389,7 @@ class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
     damping: DampingRates = msgspec.field(default_factory=DampingRates)
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model.
-
-        Raises:
-            InputError: The model has no link of that name, or both are on one body.
-        """
+        """Return the element of one model."""
         first, second = frames_of(model, self.between)
         if model.frames[first].parentJoint == model.frames[second].parentJoint:
             with within("between"):
@@ -409,16 +402,7 @@ class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
 
 
 def _matrix(rates: SpringRates | DampingRates, time: Unit) -> Array:
-    """Return the matrix of a bushing, shape (6, 6).
-
-    Args:
-        rates: Its entries.
-        time: What the units have beside those of a stiffness: 1, or s.
-
-    Raises:
-        InputError: A name of an entry is none, or there are deflections in which it gives energy away.
-        UnitError: An entry has another dimension.
-    """
+    """Return the matrix of a bushing, shape (6, 6)."""
     matrix = np.diag([*rates.translation, *rates.rotation])
     places = {f"{DIRECTIONS[i]}_{DIRECTIONS[j]}": (i, j) for i, j in combinations(range(6), 2)}
     for name, value in rates.coupling.items():
@@ -435,11 +419,7 @@ def _matrix(rates: SpringRates | DampingRates, time: Unit) -> Array:
 
 
 def _require_no_source(matrix: Array) -> None:
-    """Raise where a symmetric matrix has a negative eigenvalue.
-
-    Raises:
-        InputError: It has; names the deflection.
-    """
+    """Raise where a symmetric matrix has a negative eigenvalue."""
     size = np.sqrt(np.diag(matrix))
     scale = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))

@@ -87,9 +87,7 @@ class ElementQuantity(ValueRecord, frozen=True):
     """Something of a force element that can be asked over the rows of a run, as ``force.NAME.MEASURE``.
 
     Attributes:
-        unit: Its unit.
         values: From t, q and v of n rows to a number each, shape (n,), or a vector in world axes, shape (n, 3).
-        vector: Whether it is a vector.
     """
 
     unit: Unit
@@ -205,7 +203,6 @@ class ForceElement(ABC):
 
         Args:
             kept_q: Places of the part's configuration in that of the whole.
-            kept_v: Places of its velocity.
 
         Returns:
             ``None`` where it takes more than indices to tell.
@@ -254,7 +251,6 @@ class LawElement(ForceElement):
     """An element whose load follows a law of time, times what a condition says of the state.
 
     Attributes:
-        law: The law.
         function: The smooth piece of the law on the present interval.
         condition: What of the load depends on the state; ``None`` where nothing does.
     """
@@ -326,11 +322,7 @@ def refusals(forces: Mapping[str, ForceElement], q: Array) -> str:
 
 
 def check_new(name: str, known: Container[str]) -> None:
-    """Raise where the name of a force is that of another one, or of the weights.
-
-    Raises:
-        InputError: It is.
-    """
+    """Raise where the name of a force is that of another one, or of the weights."""
     if name in known or name == "gravity":
         raise InputError(f"the mechanism has a force '{name}' already", expected="a name of its own")
 

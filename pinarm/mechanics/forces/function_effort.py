@@ -21,8 +21,6 @@ class FunctionEffort(AlongCoordinate, frozen=True):
 
     Attributes:
         function: ``(t, state) -> effort`` [N*m or N]. It is called in states in no order of time.
-        words: What it is called in messages.
-        plant: Gives it named quantities.
         readers: Those that it has asked for, by name.
     """
 
@@ -60,8 +58,6 @@ class FunctionForce:
     """A load given as a function, of any mechanism.
 
     Attributes:
-        name: Its name among the forces.
-        along: The coordinate that it acts along.
         function: ``(t, state) -> effort`` [N*m or N].
     """
 
@@ -70,11 +66,7 @@ class FunctionForce:
     function: ControlFunction
 
     def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate], plant: Plant) -> FunctionEffort:
-        """Return the element of one mechanism.
-
-        Raises:
-            InputError: The coordinate does not exist.
-        """
+        """Return the element of one mechanism."""
         with within("forces", self.name):
             along = coordinate_of(model, coordinates, self.along)
         return FunctionEffort(model, along, self.function, f"the force function '{self.name}'", plant, {})
@@ -85,9 +77,6 @@ def function_forces(forces: Mapping[str, tuple[str, ControlFunction]]) -> list[F
 
     Args:
         forces: Name -> coordinate, and its function.
-
-    Raises:
-        InputError: Something else is given.
     """
     found = []
     for name, force in forces.items():

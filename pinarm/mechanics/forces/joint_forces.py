@@ -230,7 +230,6 @@ class AppliedEffort(AbstractRecord, LawElement, frozen=True):
     """A torque or force at a joint that follows a law; all of its power is supplied, also where it could be a spring.
 
     Attributes:
-        v: Index in v.
         law: The effort [N*m or N] over time, or a factor over time of that of the condition.
     """
 
@@ -284,7 +283,6 @@ class MotorCurve(AbstractRecord, ForceElement, frozen=True):
     """A motor at full power: its effort is a function of its velocity, linear between points, constant beyond them.
 
     Attributes:
-        v: Index in v.
         speeds: Velocities of the points, ascending [rad/s or m/s], shape (k,).
         efforts: Efforts there [N*m or N], shape (k,).
     """

@@ -33,11 +33,7 @@ Force = (
 def bound(
     force: Force, model: pin.Model, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate]
 ) -> ForceElement:
-    """Return the element of one model that a file gives.
-
-    Raises:
-        InputError: A joint, link or coordinate does not exist, or a unit is another.
-    """
+    """Return the element of one model that a file gives."""
     if isinstance(force, CoordinateSpring | CoordinateEffort):
         return force.bind(model, coordinates)
     if isinstance(force, JointSpring | JointEffort) and force.joint not in joints:
@@ -48,11 +44,7 @@ def bound(
 
 
 def _refuse_coordinate(force: JointSpring | JointEffort, coordinates: Mapping[str, Coordinate]) -> None:
-    """Refuse a coordinate or a loop joint in place of a joint of the tree.
-
-    Raises:
-        InputError: Says which kind of force acts along it.
-    """
+    """Refuse a coordinate or a loop joint in place of a joint of the tree."""
     named = force.joint, f"{force.joint}.angle", f"{force.joint}.position"
     along = [name for name in named if name in coordinates]
     if not along:

@@ -40,7 +40,6 @@ class Gate(Record, frozen=True):
     """A direction of motion in which a load acts.
 
     Attributes:
-        along: The coordinate.
         sense: 1 where the load acts while it increases, -1 while it decreases.
         is_open: Whether it acts until the next edge; ``None`` where the rate tells.
     """
@@ -66,7 +65,6 @@ class LoadCondition(Record, frozen=True):
 
     Attributes:
         profile: f; ``None`` for 1.
-        along: w.
         gates: The load acts while all of these directions hold.
         stretch: Values of w between the jumps of f that hold until the next edge; ``None`` where w tells.
         history: The condition in a motion from instants on [s].
@@ -209,13 +207,7 @@ class LoadKeys(InputStruct, frozen=True, kw_only=True, rename={"while_": "while"
         """Return the law over time of a load, and the part that depends on the state.
 
         Args:
-            key: The key of the law.
-            measured: Unit of its values.
-            model: Pinocchio's model.
             coordinates: Coordinates of the mechanism, by name.
-
-        Raises:
-            InputError: A coordinate does not exist, a unit is another, or the profile does not fit its period.
         """
         law: MotionLaw = getattr(self, key)
         gates = tuple(

@@ -21,12 +21,7 @@ if TYPE_CHECKING:
 
 
 class MeasuredCoordinate(AbstractRecord, frozen=True):
-    """A coordinate w with the row J, ``w' = J v``.
-
-    Attributes:
-        model: Pinocchio's model.
-        coordinate: The coordinate.
-    """
+    """A coordinate w with the row J, ``w' = J v``."""
 
     unshown: ClassVar[tuple[str, ...]] = ("model",)
 

@@ -39,7 +39,6 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
     All of its power is supplied; the potential of a constant force is not counted as energy of the mechanism.
 
     Attributes:
-        model: Pinocchio's model.
         frame: Index of the frame at whose origin it acts.
         axes: Index of the frame in whose axes it is given.
         wrench: [force; moment] [N, N*m], shape (6,).

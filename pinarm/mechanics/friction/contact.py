@@ -40,10 +40,7 @@ class FrictionLaw(ValueRecord, frozen=True):
     N is in units of F: the normal forces in a bearing times their levers (``Bearing.load``).
 
     Attributes:
-        mu: Coefficient while it slips.
-        static_mu: Coefficient at rest.
         constant: Part that does not depend on the load, while it slips [N*m or N].
-        static_constant: The same at rest.
         viscous: [N*m*s/rad or N*s/m].
         stribeck: w [rad/s or m/s]; 0 without a transition.
     """
@@ -128,11 +125,8 @@ class FrictionContact(Record, frozen=True):
 
     Attributes:
         name: ``joint.J``, ``loop.L``, ``coupling.C`` or ``drive.D``: the components of one slip have one name.
-        effort: Unit of the friction.
-        law: How it depends on load and speed.
         bearing: How its load follows from what is transmitted: of joints by the wrench in the axes of the child, of
             loop joints in those of frame 1, of couplings and gears by the multiplier as its first component.
-        slip: The slip.
         of: What slips: a joint of the tree by its index, a loop joint, a coupling, or the gear of a rotor.
         shared: Whether what rigid bodies leave open of its load is taken from the least multipliers.
         part: Component of the slip: ``x``, ``y``, ``z`` of a ball joint, ``tangential`` and ``axial`` of a cylindrical
@@ -197,7 +191,6 @@ class FrictionContact(Record, frozen=True):
         """Return the wrench that the bearing carries, in axes in which its parts are given, shape (n, 6).
 
         Args:
-            links: Where the links are.
             joints: Wrenches of parents on children, at the joints' origins, world axes, shape (n, njoints, 6).
             lam: Multipliers of the constraints by name, each of shape (n, m).
         """

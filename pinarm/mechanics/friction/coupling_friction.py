@@ -103,11 +103,7 @@ class ThreadGeometry(ValueRecord, frozen=True):
 
 
 def belt_friction(coupling: Coupling, law: FrictionLaw) -> FrictionContact:
-    """Return the friction of a belt on its wheels.
-
-    Raises:
-        InputError: The belt has no pretension.
-    """
+    """Return the friction of a belt on its wheels."""
     known = coupling.transmission
     if not isinstance(known, Strands) or not known.pretension:
         raise InputError(f"without a pretension the belt '{coupling.name}' has no grip", expected="its pretension")
@@ -159,13 +155,8 @@ def cam_friction(cam: CamCoupling, pin: float, law: FrictionLaw, *, shared: bool
     """Return the friction of a cam and its follower.
 
     Args:
-        cam: The cam.
         pin: Radius of the pin of its roller [m]; 0 where it has none.
-        law: Of friction.
         shared: See ``FrictionContact``.
-
-    Raises:
-        InputError: The contact is not known, or the pin does not fit the follower.
     """
     if cam.contact is None:
         raise InputError(
@@ -187,11 +178,7 @@ def cam_friction(cam: CamCoupling, pin: float, law: FrictionLaw, *, shared: bool
 
 
 class GearSlip(Record, frozen=True):
-    """Mean of the velocities of a rotor and of what it drives.
-
-    Attributes:
-        gear: What ties them.
-    """
+    """Mean of the velocities of a rotor and of what it drives."""
 
     gear: GearedRotor
 

@@ -126,11 +126,7 @@ class Friction(InputStruct, frozen=True):
     def bind(
         self, name: str, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[LoopJoint | JointRelation]
     ) -> tuple[FrictionContact, ...]:
-        """Return the friction of a joint of the tree, a loop joint or a coupling, by its name: its components.
-
-        Raises:
-            InputError: There is none, or none that turns or slides; or a size is missing.
-        """
+        """Return the friction of a joint of the tree, a loop joint or a coupling, by its name: its components."""
         known, balls = {constraint.name: constraint for constraint in constraints}, balls_of(model)
         if name in joints:
             joint = joints[name]

@@ -51,7 +51,6 @@ class ToothMesh(Record, frozen=True):
 
     Attributes:
         teeth: z1.
-        surfaces: On which they roll on each other.
     """
 
     teeth: int
@@ -130,12 +129,7 @@ def tooth_friction(coupling: Coupling, teeth: int, law: FrictionLaw, *, shared: 
 
     Args:
         coupling: The gear, or the rack.
-        teeth: Number of teeth of the first member.
-        law: Of friction.
         shared: See ``FrictionContact``.
-
-    Raises:
-        InputError: Its teeth are not known, or do not mesh.
     """
     known = coupling.transmission
     if not isinstance(known, ToothContact) or not known.surfaces.pressure_angle:

@@ -109,7 +109,6 @@ class FramePairs(Record, frozen=True):
     """L pairs of frames; the joints between them have the same numbers of velocities, in their order.
 
     Attributes:
-        tree: The tree.
         first: Frames 1.
         second: Frames 2.
         velocities: Velocities of the joints from frame 1 to frame 2, shape (s, L).
@@ -195,7 +194,6 @@ class RelativeMotion(Record, frozen=True):
     """Frames 2 seen from frames 1, in the axes of these.
 
     Attributes:
-        pairs: The frames.
         p: Origins of frames 2 [m], shape (3, L, ..).
         turn: Rotations, columns are the axes of frames 2, shape (3, 3, L, ..).
         linear: Velocities of these origins for unit velocities, shape (3, s, L, ..).

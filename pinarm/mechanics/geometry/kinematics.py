@@ -71,9 +71,6 @@ def require_depth_first(model: pin.Model) -> None:
 
     ``crba`` and the derivatives of ``rnea`` and ``aba`` take the velocities beyond a joint for those that follow its
     own, and are wrong without a word where they do not.
-
-    Raises:
-        ModelError: A joint is numbered apart from the one that carries it.
     """
     path, names = list[int](), model.names
     for joint, carrier in list(enumerate(model.parents.tolist()))[1:]:
@@ -176,7 +173,6 @@ class Kinematics(Struct, eq=False):
     It owns its buffers for as long as it lives: no other state overwrites them.
 
     Attributes:
-        model: Pinocchio's model.
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,).
         data: Pinocchio's buffers, to be read only: placements of joints and frames, joint Jacobians, twists, and the
@@ -193,7 +189,6 @@ class Kinematics(Struct, eq=False):
         """Return the evaluated state; at rest where the velocity is left out.
 
         Args:
-            model: Pinocchio's model.
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
         """

@@ -142,7 +142,6 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
     route to the same numbers is Pinocchio's ``forwardKinematics``, state by state.
 
     Args:
-        model: Pinocchio's model.
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
@@ -175,7 +174,6 @@ def summed_wrenches(links: LinkPlacements, q: Array, v: Array, a: Array, acting:
     It is the sum of what the motion of the link and of those beyond it demands, less what else acts on them.
 
     Args:
-        links: Where the links are.
         q: Configurations, shape (n, .., nq).
         v: Velocities, shape (n, .., nv).
         a: Accelerations, shape (n, .., nv).
@@ -225,12 +223,6 @@ def _inwards(turns: Array, linear: Array, angular: Array) -> Array:
 
 
 def _columns(places: Array, linear: Array, angular: Array) -> Array:
-    """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv).
-
-    Args:
-        places: Origins of the links that they move first [m], shape (3, nv, n).
-        linear: Velocities of these origins, shape (3, nv, n).
-        angular: Angular velocities, likewise.
-    """
+    """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
     found = np.concatenate([linear + cross(places, angular), angular])
     return found.transpose(*range(2, found.ndim), 0, 1)

@@ -77,8 +77,6 @@ class LinkTree(Record, frozen=True):
         jumps: The ancestors 1, 2, 4, ... joints before every link, as far as there are any, each of shape (njoints,).
         moved: Link that every velocity moves first, shape (nv,).
         starts: First velocity of every joint, shape (njoints - 1,).
-        single: The joints with one coordinate.
-        balls: The others.
         subspace: S, what unit velocities do to their links in the axes of these, shape (6, nv).
         masses: Of the links [kg], shape (njoints,), of variants (k, njoints).
         levers: Their centres of mass in link axes [m], shape (njoints, 3), of variants (k, njoints, 3).
@@ -233,8 +231,6 @@ def states_last(x: Array, rank: int, tail: int) -> Array:
 
     Args:
         x: Vectors or matrices, with k variants in place of the dots, or nothing.
-        rank: Number of axes of the states.
-        tail: Number of axes behind the dots.
     """
     first = components_first(x, tail)
     return first.reshape(*first.shape[:tail], *(1,) * (rank - first.ndim + tail), *first.shape[tail:])

@@ -69,9 +69,7 @@ class VariantFrame(Record, frozen=True):
     """A frame of variants of a model.
 
     Attributes:
-        name: Its name.
         type: Its kind, as Pinocchio has it.
-        parentJoint: Index of its joint.
         placed: Where it is on the joint; ``None`` where that is not known of all variants.
     """
 
@@ -86,11 +84,7 @@ class VariantFrame(Record, frozen=True):
 
     @property
     def placement(self) -> VariantPlacement:
-        """Where it is on the joint.
-
-        Raises:
-            VariantsDiffer: That is not known of all variants.
-        """
+        """Where it is on the joint."""
         if self.placed is None:
             raise VariantsDiffer(f"the placement of '{self.name}'")
         return self.placed
@@ -103,9 +97,7 @@ class ModelVariants(Record, frozen=True):
     that is asked of it raises ``VariantsDiffer``: no number of a single variant can be taken for that of another.
 
     Attributes:
-        first: Pinocchio's model of one of them.
         frames: Its frames, with the placements of all variants.
-        bodies: Indices of the joints whose bodies vary.
         parameters: Their dynamic parameters, see ``PARAMETERS`` [kg, kg*m, kg*m^2], shape (k, len(bodies), 10).
         moved: Indices of the joints whose placements vary.
         turns: Their axes in those of their parents' joints, shape (k, len(moved), 3, 3).
@@ -159,11 +151,7 @@ class ModelVariants(Record, frozen=True):
         return not self.moved and all(still)
 
     def __getattr__(self, name: str) -> Any:
-        """Return what all variants have in common.
-
-        Raises:
-            VariantsDiffer: They may differ in it.
-        """
+        """Return what all variants have in common."""
         if name in ALIKE or name in METHODS:
             return getattr(self.first, name)
         raise VariantsDiffer(f"'{name}' of a model, of which there are several variants")

@@ -105,11 +105,7 @@ CONTINUOUS = 1e-9
 
 
 def _check_reached(value: float, reached: float, size: float) -> None:
-    """Raise where a law does not begin at the value that the laws before it reached.
-
-    Raises:
-        InputError: Names both values.
-    """
+    """Raise where a law does not begin at the value that the laws before it reached."""
     if abs(value - reached) > CONTINUOUS * max(abs(value), size):
         raise InputError(
             f"the law begins at {value:.6g}, but the laws before it end at {reached:.6g}",

@@ -263,11 +263,6 @@ def _slopes(h: Array, chord: Array, ends: tuple[float, float]) -> Array:
 
     ``h_k m_{k-1} + 2 (h_{k-1} + h_k) m_k + h_{k-1} m_{k+1} = 3 (h_k d_{k-1} + h_{k-1} d_k)``, with the slopes d of the
     chords: eliminated from the first knot to the last and solved backwards, stable since the diagonal is dominant.
-
-    Args:
-        h: Lengths of the intervals, shape (n - 1,).
-        chord: d, shape (n - 1,).
-        ends: The first and the last slope.
     """
     right_sides = (3.0 * (h[1:] * chord[:-1] + h[:-1] * chord[1:])).tolist()
     lengths = h.tolist()
@@ -291,11 +286,7 @@ def cached_table(path: str, column: str | None = None, *, jumps: bool = False) -
 
 
 def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> list[Piece]:
-    """Return a clamped cubic spline with constant speed before and after it.
-
-    Raises:
-        InputError: Its slopes are larger than numbers can be.
-    """
+    """Return a clamped cubic spline with constant speed before and after it."""
     with np.errstate(over="ignore", invalid="ignore"):
         spline = ClampedSpline.through(times, values, speeds)
     if not np.isfinite(spline.coefficients).all():
@@ -325,11 +316,7 @@ def linear_pieces(x: Array, y: Array) -> list[Piece]:
 
 
 def refuse_corners(first: float, along: Unit) -> None:
-    """Refuse straight lines between points as a motion.
-
-    Raises:
-        InputError: Always; it names the first point.
-    """
+    """Refuse straight lines between points as a motion."""
     raise InputError(
         f"the speed jumps at the points, the first at {first:.6g} {along}: no body can follow",
         expected="spline, or speed_points; straight lines are for loads",
@@ -337,22 +324,14 @@ def refuse_corners(first: float, along: Unit) -> None:
 
 
 def check_points(points: Sequence[tuple[float, float]], along: Unit, of: Unit) -> None:
-    """Check the units of points.
-
-    Raises:
-        UnitError: One has another dimension.
-    """
+    """Check the units of points."""
     for row, point in enumerate(points):
         with within("points", row):
             check_each(point, along, of)
 
 
 def check_ascending(times: Sequence[float], least: int, *, jumps: bool = False) -> None:
-    """Raise where there are too few points, or their instants do not increase, or where jumps are allowed decrease.
-
-    Raises:
-        InputError: Names the first point that does not.
-    """
+    """Raise where there are too few points, or their instants do not increase, or where jumps are allowed decrease."""
     if len(times) < least:
         raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")
     for row, (before, after) in enumerate(pairwise(times)):

@@ -108,7 +108,6 @@ class Wave(Record, frozen=True):
 
     Attributes:
         start: Mean of the wave, where x is 0.
-        size: Its amplitude.
         slope: What it rises by beside, in a radian and relative to the amplitude.
         rate: Angular frequency [rad/s].
         phase: Angle at ``begin`` [rad].
@@ -167,15 +166,7 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
         return self.pieces()
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        """Check that every field was written in a unit that fits.
-
-        Args:
-            of: Unit of the law's values.
-            along: Unit of what it runs along.
-
-        Raises:
-            UnitError: A field has another dimension.
-        """
+        """Check that every field was written in a unit that fits."""
         for name, kind in measured_fields(type(self)).items():
             with within(FILE_KEYS.get(name, name)):
                 if kind.order is not None:
@@ -184,15 +175,7 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
                     check_unit(getattr(self, name), along**kind.along)
 
     def check_follower(self, name: str, names: Collection[str]) -> None:
-        """Check that the law is meant for the coordinate that follows it, where it says for which it is.
-
-        Args:
-            name: That coordinate.
-            names: All coordinates of the mechanism.
-
-        Raises:
-            InputError: It is meant for another one.
-        """
+        """Check that the law is meant for the coordinate that follows it, where it says for which it is."""
 
     def breakpoints(self) -> list[float]:
         """Return the instants at which one piece meets the next [s]."""
@@ -223,14 +206,7 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
             yield after.start, np.abs(left - right)[:, 0] > JUMP * size
 
     def require_continuous(self, along: Unit = SECOND) -> None:
-        """Refuse jumps of s.
-
-        Args:
-            along: Unit of what the law runs along.
-
-        Raises:
-            InputError: Names the instant of the first one.
-        """
+        """Refuse jumps of s."""
         for t in self.value_jumps():
             raise InputError(
                 f"the value jumps at {t:.6g} {along}",
@@ -270,8 +246,6 @@ class Grid(ValueRecord, frozen=True):
 
         Args:
             t: Instants, shape (n,).
-            laws: Their breakpoints cut the grid.
-            jumps: Further instants of jumps.
             kinks: Further instants that cut the grid without rows of their own.
         """
         first, last, laws, jumps = float(t[0]), float(t[-1]), list(laws), set(jumps)

@@ -76,7 +76,6 @@ class Profile(ValueRecord, frozen=True):
         """Return f, f' and f'' at values w of the coordinate, each of the shape of w.
 
         Args:
-            w: The values.
             toward: Which side counts on a breakpoint: 1 for greater values, -1 for lesser ones.
             stretch: Values beyond it are those of the pieces at its ends, continued; see ``stretch``.
         """
@@ -96,19 +95,11 @@ class Profile(ValueRecord, frozen=True):
         return w if self.period == math.inf else w - self.period * np.floor(w / self.period)
 
     def breaks(self, low: float, high: float) -> Array:
-        """Return the breakpoints between two values of the coordinate, ascending.
-
-        Raises:
-            InputError: There are more than ``MANY``.
-        """
+        """Return the breakpoints between two values of the coordinate, ascending."""
         return self._repeated(self.starts, low, high, MANY)
 
     def knots(self, low: float, high: float) -> Array:
-        """Return the knots of pieces between two values of the coordinate, ascending.
-
-        Raises:
-            InputError: There are more than ``MANY_KNOTS``.
-        """
+        """Return the knots of pieces between two values of the coordinate, ascending."""
         return self._repeated([knot for piece in self.pieces for knot in piece.knots], low, high, MANY_KNOTS)
 
     @property
@@ -131,7 +122,6 @@ class Profile(ValueRecord, frozen=True):
         """Return the jumps of f below and above a value of the coordinate, infinite where there are none.
 
         Args:
-            w: The value.
             toward: Which stretch counts on a jump: 1 for the one of greater values, -1 for that of lesser ones.
         """
         near, leaps = w + toward * ON_BREAKPOINT * max(1.0, abs(w)), np.array(self.leaps)
@@ -142,11 +132,7 @@ class Profile(ValueRecord, frozen=True):
         return float(below.max(initial=-math.inf)), float(above.min(initial=math.inf))
 
     def _repeated(self, places: Sequence[float] | Array, low: float, high: float, most: int) -> Array:
-        """Return places of the first period in every one between two values, ascending.
-
-        Raises:
-            InputError: There are too many.
-        """
+        """Return places of the first period in every one between two values, ascending."""
         own = np.array(places)
         if self.period < math.inf and math.isfinite(low) and math.isfinite(high):
             with np.errstate(over="ignore", invalid="ignore"):
@@ -160,27 +146,15 @@ class Profile(ValueRecord, frozen=True):
         return own[(own > low) & (own < high)]
 
     def passages(self, drive: MotionLaw, start: float, end: float) -> list[float]:
-        """Return the instants at which a law over time passes the breakpoints between two instants, ascending [s].
-
-        Raises:
-            InputError: There are more than ``MANY``.
-        """
+        """Return the instants at which a law over time passes the breakpoints between two instants, ascending [s]."""
         return self._passed(self.starts, drive, start, end, MANY)
 
     def jumped(self, drive: MotionLaw, start: float, end: float) -> list[float]:
-        """Return the instants at which a law over time passes jumps of f between two instants, ascending [s].
-
-        Raises:
-            InputError: There are more than ``MANY``.
-        """
+        """Return the instants at which a law over time passes jumps of f between two instants, ascending [s]."""
         return self._passed(self.leaps, drive, start, end, MANY)
 
     def marked(self, drive: MotionLaw, start: float, end: float) -> list[float]:
-        """Return the instants at which a law over time passes breakpoints or knots, ascending [s].
-
-        Raises:
-            InputError: There are more than ``MANY_KNOTS``.
-        """
+        """Return the instants at which a law over time passes breakpoints or knots, ascending [s]."""
         return self._passed(self.marks, drive, start, end, MANY_KNOTS)
 
     def _passed(
@@ -212,9 +186,6 @@ class Profile(ValueRecord, frozen=True):
 
         Args:
             load: Whether its slope may differ there, and of a law that may jump its value too.
-
-        Raises:
-            InputError: Names the point, or both values.
         """
         if self.period == math.inf:
             return
@@ -282,15 +253,7 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
             Profile.of(self.profile, self.period).check_repeated()
 
     def check_units(self, of: Unit, along: Unit) -> None:
-        """Check the profile's units.
-
-        Args:
-            of: Unit of the values.
-            along: Unit of the other coordinate.
-
-        Raises:
-            UnitError: A field has another dimension.
-        """
+        """Check the profile's units."""
         with within("profile"):
             self.profile.check_units(of, along)
         with within("period"):
@@ -308,12 +271,8 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
         is valid as well, but not divided.
 
         Args:
-            drive: Law of the other coordinate.
             start: First instant [s].
             end: Last instant [s].
-
-        Raises:
-            InputError: More than ``MANY`` breakpoints are passed.
         """
         profile = Profile.of(self.profile, self.period)
         parts: list[Piece] = []
@@ -362,11 +321,7 @@ def _pieces_between(
 
 
 def reversals(law: MotionLaw, start: float, end: float) -> list[float]:
-    """Return the instants at which a law turns back within its pieces between two instants, ascending [s].
-
-    Raises:
-        InputError: There are too many.
-    """
+    """Return the instants at which a law turns back within its pieces between two instants, ascending [s]."""
     instants: list[float] = []
     for function, low, high in _pieces_between(law, start, end):
         t, w = _one_way(function, low, high)
@@ -377,11 +332,7 @@ def reversals(law: MotionLaw, start: float, end: float) -> list[float]:
 
 
 def _one_way(drive: Callable[[Array], Values], low: float, high: float) -> tuple[Array, Array]:
-    """Return instants between which a smooth motion goes one way, ascending, and where it is then, both (n,).
-
-    Raises:
-        InputError: It turns back too often.
-    """
+    """Return instants between which a smooth motion goes one way, ascending, and where it is then, both (n,)."""
     t, speed = _sampled(drive, low, high)
     back = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     turns = _roots(lambda x, speed: drive(x)[1] - speed, t[back], t[back + 1], np.zeros(len(back)))
@@ -390,11 +341,7 @@ def _one_way(drive: Callable[[Array], Values], low: float, high: float) -> tuple
 
 
 def _sampled(drive: Callable[[Array], Values], low: float, high: float) -> tuple[Array, Array]:
-    """Return even instants, as many as a motion asks for that swings, and its speeds there, both (n,).
-
-    Raises:
-        InputError: It turns back too often.
-    """
+    """Return even instants, as many as a motion asks for that swings, and its speeds there, both (n,)."""
     samples = SAMPLES
     while samples <= MOST_SAMPLES:
         t, k = np.linspace(low, high, samples), np.arange(samples - 1.0)

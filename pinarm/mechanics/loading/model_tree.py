@@ -47,14 +47,10 @@ class TreeJoint(ValueRecord, frozen=True):
     """A joint with its child link.
 
     Attributes:
-        name: Name of the joint.
         kind: Kind of motion; a revolute joint counts turns.
-        parent: Parent link.
-        child: Child link.
         placement: Placement of the joint frame in the parent link, at coordinate 0.
         axis: Unit vector in joint axes, shape (3,): of rotation or sliding, or normal to the plane.
         offset: Placement of the child link in the joint frame.
-        bounds: Limits.
         damping: Viscous damping [N*m*s/rad or N*s/m], the same in all directions of the joint.
         friction: Dry friction [N*m or N], likewise.
         stiffness: Stiffness of a spring to the rest position [N*m/rad or N/m], likewise.
@@ -98,10 +94,8 @@ class Tree(ValueRecord, frozen=True):
     """Links and joints of a model file.
 
     Attributes:
-        name: Name of the model.
         links: Inertia of every link about its own frame, 0 where none is given; the root first.
         joints: Joints depth-first: each after the joint of its parent link.
-        mimics: Joints coupled to others.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
         defects: Physically impossible values with which the model can still be built, in words.
         notes: Parts of the file that are modelled differently or not at all, in words.
@@ -153,11 +147,7 @@ def tied_frames(name: str, ends: Iterable[tuple[str, pin.SE3]]) -> tuple[list[Tr
 
 
 def depth_first(root: str, joints: Sequence[TreeJoint]) -> tuple[TreeJoint, ...]:
-    """Return joints with those beyond each right behind it, as Pinocchio's algorithms need them.
-
-    Raises:
-        ModelError: Two joints or links have the same name, or joints hang in a circle.
-    """
+    """Return joints with those beyond each right behind it, as Pinocchio's algorithms need them."""
     check_unique(root, joints)
     beyond: dict[str, list[TreeJoint]] = {}
     for joint in reversed(joints):
@@ -174,11 +164,7 @@ def depth_first(root: str, joints: Sequence[TreeJoint]) -> tuple[TreeJoint, ...]
 
 
 def check_unique(root: str, joints: Iterable[TreeJoint]) -> None:
-    """Refuse names that two parts of a tree have: those of links, frames and joints, of the file or made for it.
-
-    Raises:
-        ModelError: Two links or frames have the same name, or two joints.
-    """
+    """Refuse names that two parts of a tree have: those of links, frames and joints, of the file or made for it."""
     links, names = {root: f"the root, '{root}'"}, dict[str, str]()
     for joint in joints:
         part = f"a part of '{joint.made_for}'" if joint.made_for else ""
@@ -203,7 +189,6 @@ def body_inertia(mass: float, place: pin.SE3, moments: Array, where: str) -> pin
         mass: Mass [kg].
         place: Centre of mass, and axes of the moments, in the link.
         moments: Inertia matrix about the centre of mass [kg*m^2], shape (3, 3).
-        where: Begins the message.
     """
     if mass < 0.0:
         raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
@@ -217,9 +202,6 @@ def inertia(mass: float, centre: Array, moments: Array) -> pin.Inertia:
         mass: Mass [kg].
         centre: Centre of mass in link axes [m], shape (3,).
         moments: Inertia matrix about the centre of mass, link axes [kg*m^2], shape (3, 3).
-
-    Raises:
-        ModelError: The mass or a moment is not finite.
     """
     if not (math.isfinite(mass) and np.isfinite(moments).all()):
         raise ModelError("a mass, or a moment of inertia, is beyond all numbers", hint="sizes and masses below 1e50")
@@ -262,12 +244,7 @@ def _principal(moments: Array) -> tuple[Array, Flags, Flags]:
 
 
 def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple[tuple[Mimic, ...], tuple[str, ...]]:
-    """Return the couplings whose leaders exist, and a note on each of the others.
-
-    Raises:
-        ModelError: A joint follows itself, directly or through others, or a joint without exactly one coordinate, or
-            has two couplings.
-    """
+    """Return the couplings whose leaders exist, and a note on each of the others."""
     leaders = {mimic.joint: mimic.of for mimic in mimics}
     kept, orphans, ending = [], [], set[str]()
     if twice := [joint for joint, count in Counter(mimic.joint for mimic in mimics).items() if count > 1]:

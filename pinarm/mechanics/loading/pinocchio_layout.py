@@ -81,10 +81,6 @@ class JointStates(Record, frozen=True):
     Attributes:
         name: Its name, for messages.
         way: How they differ: an entry of ``TAKE`` and ``GIVE``, ``same`` where they do not.
-        p_q: Indices in Pinocchio's q.
-        p_v: Indices in Pinocchio's v.
-        q: Indices in q.
-        v: Indices in v.
         axes: Axes of Pinocchio's position in those of pinarm's, shape (3, 3).
     """
 
@@ -163,15 +159,7 @@ GIVE: Mapping[str, Change] = {
 
 
 class PinocchioLayout(Record, frozen=True):
-    """How the states of a mechanism stand in the arrays of ``pin.buildModelFromUrdf``.
-
-    Attributes:
-        p_nq: Length of Pinocchio's q.
-        p_nv: Length of Pinocchio's v.
-        nq: Length of q.
-        nv: Length of v.
-        parts: The joints.
-    """
+    """How the states of a mechanism stand in the arrays of ``pin.buildModelFromUrdf``."""
 
     p_nq: int
     p_nv: int
@@ -184,13 +172,8 @@ class PinocchioLayout(Record, frozen=True):
         """Compare a mechanism with the joints that ``pin.buildModelFromUrdf`` makes of the same text.
 
         Args:
-            xml: The URDF text.
-            model: pinarm's model of it.
             joints: Its joints with one coordinate, by name.
             balls: Its ball joints, by name.
-
-        Raises:
-            InputError: The text is no URDF, or the reader of Pinocchio would make other joints of it.
         """
         root = tree_of(xml)
         if root.tag != "robot":
@@ -220,14 +203,9 @@ class PinocchioLayout(Record, frozen=True):
         """Compare a mechanism with Pinocchio's model of the same joints.
 
         Args:
-            theirs: Pinocchio's model.
-            model: pinarm's model of it.
             joints: Its joints with one coordinate, by name.
             balls: Its ball joints, by name.
             renamed: Names there -> names here, where they differ.
-
-        Raises:
-            InputError: They have other joints.
         """
         names = [renamed.get(name, name) for name in theirs.names]
         parts = tuple(_part(theirs, k, names[k], model, joints, balls) for k in range(1, theirs.njoints))

@@ -64,10 +64,8 @@ class RobotModel(ValueRecord, frozen=True):
 
     Attributes:
         model: Pinocchio's model; joints depth-first, limits that are not given are infinite.
-        xml: The text of the file.
         forces: Springs and damping of the joints, and regularised dry friction, by name.
         friction: Dry friction of joints with one coordinate, by name, which sticks [N*m or N].
-        mimics: Joints that the file couples to others.
         loops: Joints that close loops of the tree, by name.
         couplings: Gears, screws and sums of joint coordinates, by name.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
@@ -91,7 +89,6 @@ def build_model(
     """Build the model of a URDF, MJCF or SDF text.
 
     Args:
-        xml: The text.
         base: Whether the root is fixed or floating; as in the file if ``None``.
         defects: Whether impossible inertias, and joints that mimic a missing one, are refused, or used and noted.
         creep: Velocity below which dry friction decreases that is to be regularised [rad/s or m/s]; ``None`` where it

@@ -22,11 +22,7 @@ FINITE = sys.float_info.max
 def numbers(
     text: str | None, count: int, where: str, default: Sequence[float] | None = None, *, most: float = FINITE
 ) -> Array:
-    """Return the numbers in a text, shape (count,); the default where there is no text.
-
-    Raises:
-        ModelError: It is missing without a default, or is not so many finite numbers of at most that size.
-    """
+    """Return the numbers in a text, shape (count,); the default where there is no text."""
     if text is None:
         if default is None:
             raise ModelError(f"{where} is missing")

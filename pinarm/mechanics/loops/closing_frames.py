@@ -54,12 +54,7 @@ def closures_of(
     """Return the joints between closing frames.
 
     Args:
-        model: Pinocchio's model.
         kinds: Kind of all of them, or name of the closure -> its kind.
-        loops: The other loop joints.
-
-    Raises:
-        InputError: There are no such frames, a closure does not exist, or has the name of another loop joint.
     """
     from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS
 

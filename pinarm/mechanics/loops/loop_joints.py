@@ -21,7 +21,6 @@ class LoopJoint(TiedFrames, frozen=True, kw_only=True):
     """A loop joint of one mechanism, ready for evaluation.
 
     Attributes:
-        name: Its name.
         kind: Its kind, as files call it.
         side: 0: it holds both ways.
         rolling: Rows that bind velocities alone: their gap is 0 in all positions.
@@ -56,11 +55,7 @@ class LoopDefinition(InputStruct, frozen=True):
         raise NotImplementedError
 
     def bind(self, model: pin.Model, name: str) -> LoopJoint:
-        """Return the loop joint of one model.
-
-        Raises:
-            InputError: A link does not exist, or both belong to one rigid body.
-        """
+        """Return the loop joint of one model."""
         first, second = (frame_of(model, link) for link in self.between)
         if model.frames[first].parentJoint == model.frames[second].parentJoint:
             raise InputError(
@@ -77,7 +72,6 @@ class CableLoop(HeldCoordinate, frozen=True, kw_only=True):
     The multiplier lam pushes the points apart: the tension is ``-lam``.
 
     Attributes:
-        coordinate: The length of its path.
         length: [m].
         opens: What happens where it opens, in words.
     """

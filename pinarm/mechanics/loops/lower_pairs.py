@@ -68,7 +68,6 @@ class Thread(Record, frozen=True):
     """The open rotation of a screw.
 
     Attributes:
-        tilt: That of the axes.
         across: Two normals u, v of the axis, with it right-handed, shape (2, 3).
         pitch: h, way per angle [m/rad].
         offset: z where the angle is 0 [m].

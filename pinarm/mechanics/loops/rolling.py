@@ -114,11 +114,7 @@ class Wheel(Record, frozen=True):
         return self.normal.reshape(3, *(1,) * (p.ndim - 1))
 
     def _frame(self, p: Array, axes: Axes) -> tuple[Array, Array, Array]:
-        """Return the axis, the way up in the plane of the wheel, and the way ahead, all in frame 1.
-
-        Raises:
-            DynamicsError: The wheel lies flat.
-        """
+        """Return the axis, the way up in the plane of the wheel, and the way ahead, all in frame 1."""
         axis, normal = combined(axes, self.axis), self._normal(p)
         ahead = cross(axis, normal)
         if (np.real(dot(ahead, ahead)) < FLAT**2).any():
@@ -162,7 +158,6 @@ class SomeRows(Record, frozen=True):
     """Some rows of a pair.
 
     Attributes:
-        pair: The pair.
         rows: Which of its rows, shape (k,).
     """
 

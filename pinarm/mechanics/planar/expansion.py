@@ -49,7 +49,6 @@ class DrawnJoint(Record, frozen=True):
 
     Attributes:
         first: The body that carries in the tree, or comes first in the file.
-        second: The other body.
         point: Name of the point where it is in the drawing.
         direction: Direction of a slide, that of its coordinate, shape (3,); ``None`` for a pin.
     """
@@ -67,11 +66,7 @@ class DrawnJoint(Record, frozen=True):
 
 
 def expanded(drawing: PlanarDrawing) -> ExpandedDrawing:
-    """Return a drawing as URDF text and loop joints.
-
-    Raises:
-        InputError: A link hangs on nothing, two are joined twice, or a mass has no place or no inertia.
-    """
+    """Return a drawing as URDF text and loop joints."""
     tree, closing = joined(drawing)
     marks = _marks(drawing, closing)
     robot = ElementTree.Element("robot", name="planar")
@@ -96,11 +91,7 @@ def expanded(drawing: PlanarDrawing) -> ExpandedDrawing:
 
 
 def joined(drawing: PlanarDrawing) -> tuple[list[DrawnJoint], list[DrawnJoint]]:
-    """Return the joints that carry links, from the ground outwards, and those that close loops.
-
-    Raises:
-        InputError: Two bodies are joined twice, or a link hangs on nothing.
-    """
+    """Return the joints that carry links, from the ground outwards, and those that close loops."""
     _check_single(drawing)
     slides, pins = [*_slides(drawing)], [*_pins(drawing)]
     tree = _tree(slides, pins)

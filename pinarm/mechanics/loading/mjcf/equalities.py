@@ -44,10 +44,8 @@ class Equalities:
     """Couplings, held joints and loops of equalities, while they are read.
 
     Attributes:
-        joints: The joints of the model by name.
         places: Body -> its placement in the world in the pose of the file.
         sites: Named points, as joints that fix them to bodies, by name.
-        mimics: Joints that follow others.
         held: Joint -> coordinate at which it is held [rad or m].
         frames: Frames that are tied, as joints that fix them to their bodies.
         loops: Joints that close loops, by name.
@@ -62,11 +60,7 @@ class Equalities:
     loops: dict[str, Loop] = field(default_factory=dict)
 
     def read(self, settings: Settings, model: Element) -> Equalities:
-        """Read the active equalities of a ``<mujoco>`` element.
-
-        Raises:
-            ModelError: One names something that does not exist, couples by a curve, or ties what is not a rigid body.
-        """
+        """Read the active equalities of a ``<mujoco>`` element."""
         for number, (element, attributes) in enumerate(_active(settings, model), 1):
             label = next(
                 (attributes[key] for key in ("name", "joint1", "body1", "site1") if attributes.get(key)), "without name"

@@ -73,15 +73,8 @@ def joint_chain(
     """Yield the joints of a body as a chain: each moves in the frame of the one before it.
 
     Args:
-        settings: Conventions of the model.
         joints: The ``<joint>`` elements of the body.
-        parent: Parent link of the body.
-        body: Name of the body.
         place: Placement of the body in the parent link at the reference pose.
-        notes: Completed here.
-
-    Raises:
-        ModelError: An attribute is invalid, or there is another joint beside a free joint.
     """
     free = any(joint.tag == "freejoint" or joint.attributes.get("type") == "free" for joint in joints)
     if free and (len(joints) > 1 or parent != "world"):
@@ -111,11 +104,7 @@ def aligned(settings: Settings, joint: BodyElement) -> bool:
 def with_actuators(
     settings: Settings, model: Element, joints: Mapping[str, TreeJoint], notes: Notes
 ) -> dict[str, TreeJoint]:
-    """Return the joints with the armature ``N^2 J`` and the damping ``N^2 d`` of their actuators, with the gear N.
-
-    Raises:
-        ModelError: An actuator is at a joint that does not exist, or has a negative armature or damping.
-    """
+    """Return the joints with the armature ``N^2 J`` and the damping ``N^2 d`` of their actuators, with the gear N."""
     completed = dict(joints)
     for element in model.findall(f"{ACTUATOR}/*"):
         attributes = settings.attributes(element, "", ACTUATOR)

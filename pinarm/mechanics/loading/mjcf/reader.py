@@ -66,12 +66,7 @@ FLAT = ("plane", "hfield")
 
 
 def mjcf_tree(model: Element) -> Tree:
-    """Return the tree of a ``<mujoco>`` element whose includes are resolved.
-
-    Raises:
-        ModelError: A name, number, mass or axis is invalid, or the model has a part that would move it and is not
-            supported: couplings by curves, generated bodies.
-    """
+    """Return the tree of a ``<mujoco>`` element whose includes are resolved."""
     unread = check_names(model, MJCF)
     _refuse_generated(model)
     settings = Settings.of(model)
@@ -220,12 +215,7 @@ def geom_inertia(attributes: Attributes, settings: Settings, where: str) -> pin.
 
     Args:
         attributes: Those of the geom, with those of its class.
-        settings: Conventions of the model.
         where: What it belongs to, for messages.
-
-    Raises:
-        ModelError: Its size or mass is malformed.
-        MeshMass: Its mass would come from a mesh.
     """
     kind = attributes.get("type", "mesh" if "mesh" in attributes else "sphere")
     mass, density = (number_in(attributes, key, where, -1.0) for key in ("mass", "density"))

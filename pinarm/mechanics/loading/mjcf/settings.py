@@ -137,11 +137,7 @@ class Settings:
 
     @classmethod
     def of(cls, model: Element) -> Settings:
-        """Read the sections of a model.
-
-        Raises:
-            ModelError: A value is malformed, or a convention is not supported.
-        """
+        """Read the sections of a model."""
         compiler, option = (_merged(model.findall(tag)) for tag in ("compiler", "option"))
         flags = _merged(model.findall("option/flag"))
         if compiler.get("coordinate", "local") != "local":
@@ -174,9 +170,6 @@ class Settings:
             element: An element, such as a joint.
             childclass: Default class of the body, for elements without ``class``.
             kind: Name of such elements in default classes; the element's tag if empty.
-
-        Raises:
-            ModelError: There is no class of that name.
         """
         name = element.get("class", childclass)
         if name not in self.classes:
@@ -193,9 +186,6 @@ class Settings:
 
         With ``fromto`` it lies in the middle, its z from the second point to the first, whatever the orientation of
         its class.
-
-        Raises:
-            ModelError: There is a ``pos`` beside ``fromto``, or it is a sphere, or both points are the same.
         """
         if "fromto" not in attributes:
             return self.placement(attributes, where), None

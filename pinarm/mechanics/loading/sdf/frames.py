@@ -88,11 +88,7 @@ class Frames:
         return cls(placed, {}, WORLD)
 
     def placement(self, name: str, where: str) -> pin.SE3:
-        """Return the placement of a frame in the root.
-
-        Raises:
-            ModelError: There is no such frame, or frames are placed in each other.
-        """
+        """Return the placement of a frame in the root."""
         chain = dict[str, pin.SE3]()
         while name != self.root and name not in self._places:
             base, chain[name] = self._known(self.placed, name, where)
@@ -105,11 +101,7 @@ class Frames:
         return place
 
     def link(self, name: str, where: str) -> str:
-        """Return the link that a frame moves with.
-
-        Raises:
-            ModelError: There is no such frame, or it moves with none.
-        """
+        """Return the link that a frame moves with."""
         chain = {name: None}
         while (base := self._links.get(name) or self._known(self.attached, name, where)) != name:
             if base in chain or base == MODEL:

@@ -69,11 +69,8 @@ class SdfJoint:
     Attributes:
         kind: Its type, as the file calls it.
         parent: The link that the file calls parent, or the world.
-        child: The link that it calls child.
-        place: Placement of the joint in the model.
         steps: Its simple joints from the parent to the child, each with its axis in the joint's axes.
         lead: Way per turn of a screw, positive for a right-handed thread [m]; 0 of other joints.
-        mimics: What its coordinates follow.
         notes: What is read in one of several possible meanings, in words.
     """
 
@@ -119,11 +116,7 @@ class SdfJoint:
         return [*hung[:-1], replace(hung[-1], offset=self.place.actInv(placed[child]), made_for="")]
 
     def closing(self, placed: Mapping[str, pin.SE3]) -> tuple[list[TreeJoint], Loop]:
-        """Return the frames and the loop joint that it is where it closes a loop.
-
-        Raises:
-            ModelError: It turns about two axes that are not at right angles.
-        """
+        """Return the frames and the loop joint that it is where it closes a loop."""
         ends = ((link, placed[link].actInv(self.place)) for link in (self.parent, self.child))
         frames, between = tied_frames(self.name, ends)
         return frames, self._loop(between)
@@ -157,10 +150,6 @@ def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoi
     Args:
         joint: The ``<joint>``.
         frames: Frames of the model, the joint's own among them.
-        version: Version of the format.
-
-    Raises:
-        ModelError: A link, number, axis or its type is invalid.
     """
     name, kind_name = str(joint.get("name")), joint.get("type", "")
     where = f"joint '{name}'"
@@ -280,12 +269,7 @@ class Hinge(NamedTuple):
 
 
 def gear_of(joint: Element, frames: Frames, version: tuple[int, int], hinges: Iterable[Hinge]) -> Gear:
-    """Return the gear that a gearbox is; see ``joint_in``.
-
-    Raises:
-        ModelError: No revolute joint of the tree joins one of its links to the reference body about its axis, or the
-            ratio is 0.
-    """
+    """Return the gear that a gearbox is; see ``joint_in``."""
     from pinarm.mechanics.couplings.kinds import Gear
 
     where = f"joint '{joint.get('name')}'"
@@ -330,7 +314,6 @@ class SpanningTree:
         links: Links that hang in it already, the world first.
         joints: Simple joints and frames, depth-first.
         hung: The joints of the file that they are made of.
-        loops: Joints that close loops.
         couplings: Threads of the screws, by name of the joint.
         notes: What is modelled differently, in words.
     """
@@ -368,14 +351,7 @@ def spanning_tree(
     """Return the tree of joints, and loop joints for those that it does not need.
 
     Args:
-        joints: Joints of the file.
         places: Placement of every link in the model, in the order of the file.
-        stand: Placement of the model in the world.
-        fixed: Whether the model does not move.
-
-    Raises:
-        ModelError: A universal joint whose axes are not at right angles closes a loop, or two parts of the tree have
-            the same name.
     """
     tree, placed = SpanningTree(), {WORLD: stand.inverse(), **places}
     at: dict[str, list[tuple[bool, int]]] = {}

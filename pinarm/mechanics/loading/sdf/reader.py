@@ -36,9 +36,6 @@ def sdf_tree(root: Element, name: str = "") -> Tree:
     Args:
         root: The element, from which other models are removed.
         name: Name of the model; where it is empty the only one, or the only one with joints that move.
-
-    Raises:
-        ModelError: There is no such model, or a name, number, mass, axis or kind of joint is invalid.
     """
     notes: list[str] = []
     version, model = _version(root), _model(root, name, notes)

@@ -52,12 +52,7 @@ VERSION = (1, 7)
 
 
 def with_loops(tree: Tree, robot: Element) -> Tree:
-    """Return a tree with the loops and couplings of a ``<robot>`` element.
-
-    Raises:
-        ModelError: One has no name or that of another part, a link does not exist, or a number, axis or type is
-            invalid.
-    """
+    """Return a tree with the loops and couplings of a ``<robot>`` element."""
     closed = _Closed(tree)
     for element in robot.findall("loop"):
         ends = [_end(element, tags) for tags in ENDS]

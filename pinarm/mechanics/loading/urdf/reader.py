@@ -81,10 +81,6 @@ def urdf_tree(robot: Element) -> Tree:
     """Return the tree of a ``<robot>`` element.
 
     Joints are ordered depth-first, those of one link by name, as in Pinocchio's own reader.
-
-    Raises:
-        ModelError: A name is misprinted, an element stands twice, the links and joints form no tree, or a mass, axis
-            or other number is invalid.
     """
     unread = check_names(robot, URDF)
     defects: list[str] = []

@@ -86,13 +86,7 @@ def model_variants(model: pin.Model, xml: str, marked: str, columns: Columns) ->
     """Return variants of a model, and which of them are models at all, shape (k,).
 
     Args:
-        model: Pinocchio's model of the first variant.
-        xml: Its text.
         marked: The same text, with words of ``columns`` where numbers vary.
-        columns: The numbers.
-
-    Raises:
-        VariantsDiffer: Other numbers vary than masses, inertias and origins, or what follows from them is not known.
     """
     return _Reader(model, _tree_of(xml), _marked(marked, (*columns,)), columns).variants()
 

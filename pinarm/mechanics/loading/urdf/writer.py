@@ -60,11 +60,7 @@ class WrittenModel(Record, frozen=True):
 
 
 def written(model: pin.Model) -> WrittenModel:
-    """Return a model as URDF text.
-
-    Raises:
-        ModelError: The model has no joint or one of a kind that pinarm does not have, or a name stands twice.
-    """
+    """Return a model as URDF text."""
     if model.njoints < 2:
         raise ModelError("the model has no joint", expected="a pin.Model with one joint at least")
     links = _links(model)
