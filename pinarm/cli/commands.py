@@ -267,8 +267,8 @@ def _explain(options: Namespace) -> int:
     if options.equations or options.small is not None:
         return _equations(options)
     if options.wanted:
-        found = isolate(options.path, options.wanted, options.values, at=options.at)
-        show(options, found.summary() if options.json else {}, str(found))
+        isolation = isolate(options.path, options.wanted, options.values, at=options.at)
+        show(options, isolation.summary() if options.json else {}, str(isolation))
         return OK
     explained = explain(options.path, options.values)
     show(options, explained.summary() if options.json else {}, str(explained))

@@ -73,11 +73,11 @@ def _once_more(lost: sys.UnraisableHookArgs) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     gc.set_threshold(100_000, 20, 20)  # importing makes much that stays: looking through it for garbage costs 10 %
-    given = sys.argv[1:] if arguments is None else arguments
+    words = sys.argv[1:] if arguments is None else arguments
     if "_ARGCOMPLETE" in os.environ:
         _complete(os.environ.get("COMP_LINE", ""))
     open_streams()
-    code = _code_of(given)
+    code = _code_of(words)
     return TERMINATED if terminated and code == INTERRUPTED else code
 
 

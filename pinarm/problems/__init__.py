@@ -124,5 +124,5 @@ def problem_class(kind: object) -> type[Any]:
         expected, hint = choices(str(kind), KINDS)
         raise InputError(f"unknown kind '{kind}'", expected=expected, hint=hint)
     entry = KINDS[kind]
-    found: type[Any] = getattr(import_module(f"pinarm.problems.{entry.module}"), entry.name)
-    return found
+    kind_class: type[Any] = getattr(import_module(f"pinarm.problems.{entry.module}"), entry.name)
+    return kind_class

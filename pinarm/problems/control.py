@@ -111,8 +111,8 @@ class MechanismPlant:
             if words[2] in ("position", "velocity"):
                 order = ("position", "velocity").index(words[2])
                 return lambda t, q, v: float(measured.measure(q, v)[order])
-        found = self._quantities(0.0, np.asarray(self._start), np.zeros(self.mechanism.model.nv))[name]
-        if not np.isfinite(found.values).all():
+        quantities = self._quantities(0.0, np.asarray(self._start), np.zeros(self.mechanism.model.nv))[name]
+        if not np.isfinite(quantities.values).all():
             raise InputError(f"'{name}' is not determined by positions and velocities")
         return lambda t, q, v: float(self._quantities(t, q, v)[name].values[0])
 
@@ -176,14 +176,14 @@ def bind_controls(
             f"a force is called '{CONTROL}', which stands for the efforts of controllers",
             expected="another name of the force",
         )
-    found: list[Controller] = []
+    controllers: list[Controller] = []
     places = _places(mechanism, place)
     for number, definition in enumerate([*mechanism.control, *control]):
         with places(number):
-            found.append(definition.bind(plant))
-            require_samples(found[-1], duration)
-            _require_own_joints(found)
-    return Controls(tuple(_with_motors(found, mechanism, places)), dynamics)
+            controllers.append(definition.bind(plant))
+            require_samples(controllers[-1], duration)
+            _require_own_joints(controllers)
+    return Controls(tuple(_with_motors(controllers, mechanism, places)), dynamics)
 
 
 def _places(mechanism: Mechanism, place: Place) -> Callable[[int], AbstractContextManager[None]]:
@@ -202,7 +202,7 @@ def _with_motors(
     controllers: Sequence[Controller], mechanism: Mechanism, places: Callable[[int], AbstractContextManager[None]]
 ) -> list[Controller]:
     """Return controllers with the motors behind those that command their voltages or torques."""
-    found, place = list[Controller](), 0
+    complete, place = list[Controller](), 0
     for number, controller in enumerate(controllers):
         with places(number), within("drive"):
             motors = _motors(controller.drives, mechanism)
@@ -212,11 +212,11 @@ def _with_motors(
             with places(number):
                 _require_tracking(source, actuators)
             behind = MotorController.of(source, actuators, place)
-            found += [source, behind] if controller.sampling else [behind]
+            complete += [source, behind] if controller.sampling else [behind]
         else:
-            found.append(controller)
+            complete.append(controller)
         place += len(controller.joints) if controller.sampling else 0
-    return found
+    return complete
 
 
 def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, AnyMotor]:
@@ -328,7 +328,7 @@ def with_gear_losses(mechanism: Mechanism, control: Sequence[ControlOfRun]) -> M
         mechanism: The mechanism, or one that has them already, as that of a result.
         control: The controllers of the run, those of the mechanism included.
     """
-    commanded = {drive for one in control for drive in one.drives}
+    commanded = {drive for controller in control for drive in controller.drives}
     known = {friction.name for friction in mechanism.frictions}
     gears = {constraint.name: constraint for constraint in mechanism.constraints if isinstance(constraint, GearedRotor)}
     losing = {

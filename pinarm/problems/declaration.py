@@ -58,6 +58,6 @@ class Declaration(ValueRecord, frozen=True):
         return [*self.held], [*self.moved], laws, [*self.watched], [*self.drives], [*self.loads]
 
 
-def others(given: Mapping[str, ValueT], names: Collection[str]) -> dict[str, ValueT]:
+def others(values: Mapping[str, ValueT], names: Collection[str]) -> dict[str, ValueT]:
     """Return what is given for coordinates that are not among some names."""
-    return {name: value for name, value in given.items() if name not in names}
+    return {name: value for name, value in values.items() if name not in names}

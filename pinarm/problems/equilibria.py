@@ -116,7 +116,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
             AssemblyError: No start leads to one; of some that do not, notes tell what is left.
         """
         balance, starts = prepared or self.prepare(mechanism, accuracy, place)
-        found: list[Equilibrium] = []
+        equilibria: list[Equilibrium] = []
         failed: dict[int, AssemblyError] = {}
         notes: list[str] = []
         for index, q in enumerate(starts):
@@ -124,13 +124,13 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
                 with place("starts", index):
                     near = balance.begun(q)
                     notes += (f"starts[{index}]: {note}" for note in near.notes)
-                    _merge(found, _equilibrium(balance, near.q, f"starts[{index}]"), balance.turns)
+                    _merge(equilibria, _equilibrium(balance, near.q, f"starts[{index}]"), balance.turns)
             except AssemblyError as error:
                 failed[index] = error
-        if not found:
+        if not equilibria:
             raise failed[0]
-        solved = outcome(balance, found)
-        return replace(solved, notes=(*notes, *solved.notes, *(_failure(*one) for one in failed.items())))
+        solved = outcome(balance, equilibria)
+        return replace(solved, notes=(*notes, *solved.notes, *(_failure(*failure) for failure in failed.items())))
 
 
 def _failure(index: int, error: AssemblyError) -> str:
@@ -163,13 +163,13 @@ def _friction_hold(balance: ForceBalance, q: Array) -> FrictionHold | None:
     return FrictionHold(balance)
 
 
-def _merge(found: list[Equilibrium], new: Equilibrium, turns: Array) -> None:
+def _merge(equilibria: list[Equilibrium], new: Equilibrium, turns: Array) -> None:
     """Add an equilibrium, or count it where the same one has been found."""
-    for index, old in enumerate(found):
+    for index, old in enumerate(equilibria):
         if old.is_at(new.q, turns):
-            found[index] = replace(old, starts=old.starts + 1)
+            equilibria[index] = replace(old, starts=old.starts + 1)
             return
-    found.append(new)
+    equilibria.append(new)
 
 
 def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
@@ -181,54 +181,59 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
     joints = mechanism.joints.items() if mechanism.frictions and free == 1 else ()
     sliding = {joint.unit == METRE for joint in mechanism.joints.values()}
     resistance, numbers = unit("N/m" if sliding == {True} else "N*m/rad"), range(1, free + 1)
-    told = numbers if len(sliding) == 1 and not mechanism.closure.size else ()
+    shown = numbers if len(sliding) == 1 and not mechanism.closure.size else ()
     return {
         "equilibrium.starts": unit("1"),
         "equilibrium.stability": unit("1"),
         **{f"equilibrium.frequency2_{k}": unit("rad^2/s^2") for k in numbers},
-        **{f"equilibrium.stiffness_{k}": resistance for k in told},
+        **{f"equilibrium.stiffness_{k}": resistance for k in shown},
         **{f"equilibrium.end_{k}.{name}": joint.unit for name, joint in joints for k in (1, 2)},
     }
 
 
-def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
+def outcome(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> Outcome:
     """Return the equilibria as rows numbered from 1, and how many there are."""
-    bands = _bands(balance, found)
-    notes = (*_weightless(found), *_edges(found), *_slacks(balance, found), *_friction_notes(balance, found, bands))
-    stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
-    figures = {"equilibria": float(len(found)), "stable": float(stable)}
-    return Outcome(rows_of(balance, found, bands), figures=figures, notes=notes)
+    bands = _bands(balance, equilibria)
+    notes = (
+        *_weightless(equilibria),
+        *_edges(equilibria),
+        *_slacks(balance, equilibria),
+        *_friction_notes(balance, equilibria, bands),
+    )
+    stable = sum(equilibrium.modes.stability == 1 for equilibrium in equilibria)
+    figures = {"equilibria": float(len(equilibria)), "stable": float(stable)}
+    return Outcome(rows_of(balance, equilibria, bands), figures=figures, notes=notes)
 
 
-def _bands(balance: ForceBalance, found: Sequence[Equilibrium]) -> list[PositionBand]:
+def _bands(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> list[PositionBand]:
     """Return the band of positions that friction holds about every row; none where it is not looked for."""
-    hold = _friction_hold(balance, found[0].q)
-    return [] if hold is None else [hold.band(equilibrium.q, equilibrium.modes) for equilibrium in found]
+    hold = _friction_hold(balance, equilibria[0].q)
+    return [] if hold is None else [hold.band(equilibrium.q, equilibrium.modes) for equilibrium in equilibria]
 
 
-def _weightless(found: Sequence[Equilibrium]) -> list[str]:
+def _weightless(equilibria: Sequence[Equilibrium]) -> list[str]:
     """Return what is to be said of directions without mass."""
     return [
         f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
-        for row, equilibrium in enumerate(found, 1)
+        for row, equilibrium in enumerate(equilibria, 1)
         if np.isnan(equilibrium.modes.squares).any() and not np.isnan(equilibrium.modes.stability)
     ]
 
 
-def _edges(found: Sequence[Equilibrium]) -> list[str]:
+def _edges(equilibria: Sequence[Equilibrium]) -> list[str]:
     """Return what is to be said of loads that have an edge where the forces balance."""
     return [
         f"row {row}: '{equilibrium.modes.edge}' has an edge here, to either side of which its stiffness is another "
         "one, as where a cable becomes taut: neither stability nor small motions are told"
-        for row, equilibrium in enumerate(found, 1)
+        for row, equilibrium in enumerate(equilibria, 1)
         if equilibrium.modes.edge
     ]
 
 
-def _slacks(balance: ForceBalance, found: Sequence[Equilibrium]) -> list[str]:
+def _slacks(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> list[str]:
     """Return what is to be said of positions that rounding leaves uncertain, as a stiffness is 0 there."""
     notes, joints = [], [*balance.mechanism.joints.values()]
-    for row, equilibrium in enumerate(found, 1):
+    for row, equilibrium in enumerate(equilibria, 1):
         if equilibrium.slack is not None:
             worst = int((equilibrium.slack / balance.closure.scale).argmax())
             notes.append(
@@ -239,7 +244,9 @@ def _slacks(balance: ForceBalance, found: Sequence[Equilibrium]) -> list[str]:
     return notes
 
 
-def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> list[str]:
+def _friction_notes(
+    balance: ForceBalance, equilibria: Sequence[Equilibrium], bands: Sequence[PositionBand]
+) -> list[str]:
     """Return what is to be said of friction that sticks."""
     contacts = balance.mechanism.frictions
     if not contacts:
@@ -248,13 +255,13 @@ def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: 
     if bands:
         notes.append(f"friction of {names} holds the positions between equilibrium.end_1 and equilibrium.end_2")
     else:
-        free = len(found[0].modes.stiffnesses)
+        free = len(equilibria[0].modes.stiffnesses)
         notes.append(
             f"friction of {names} holds positions beside these as well: the table has those that need none. With "
             f"{free} free motions they are no band; kind: statics with a drive at every joint tells of one position "
             "whether it holds"
         )
-    for row, (equilibrium, band) in enumerate(zip(found, bands, strict=False), 1):
+    for row, (equilibrium, band) in enumerate(zip(equilibria, bands, strict=False), 1):
         if np.isnan(equilibrium.modes.stability) and not equilibrium.modes.edge:
             notes.append(
                 f"row {row}: the start, which friction holds as it is, leads to no position that needs no friction"
@@ -269,22 +276,22 @@ def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: 
     return notes
 
 
-def rows_of(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> Trajectory:
+def rows_of(balance: ForceBalance, equilibria: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> Trajectory:
     """Return the equilibria as a table; each row is a state of its own, at rest."""
-    q = np.array([equilibrium.q for equilibrium in found])
+    q = np.array([equilibrium.q for equilibrium in equilibria])
     tau, lam = (np.array(x) for x in zip(*(balance.efforts(row) for row in q), strict=True))
-    ends = [band.ends.T.ravel() for band in bands] or [np.zeros(0)] * len(found)
-    units = _units(balance.mechanism, len(found[0].modes.squares))
-    told = slice(None if "equilibrium.stiffness_1" in units else 0)
+    ends = [band.ends.T.ravel() for band in bands] or [np.zeros(0)] * len(equilibria)
+    units = _units(balance.mechanism, len(equilibria[0].modes.squares))
+    shown = slice(None if "equilibrium.stiffness_1" in units else 0)
     table = np.array(
         [
-            [float(one.starts), one.modes.stability, *one.modes.squares, *one.modes.stiffnesses[told], *both]
-            for one, both in zip(found, ends, strict=True)
+            [float(state.starts), state.modes.stability, *state.modes.squares, *state.modes.stiffnesses[shown], *both]
+            for state, both in zip(equilibria, ends, strict=True)
         ]
     )
     columns = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
     return Trajectory(
-        balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),
+        balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(equilibria) + 1.0), []), q, np.zeros_like(q),
         np.zeros_like(q), tau, Multipliers.known(lam, balance.mechanism.closure.size), balance.closure,
         balance.dynamics, columns=columns, separate=True,
         driven=driven_along(balance.held.coordinates, q.shape[1]), drives=tuple(balance.held.names),

@@ -121,7 +121,7 @@ def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) 
         InputError: A joint does not exist, or there is no room between two limits.
         UnitError: A limit has another dimension than its joint.
     """
-    found, closure = [], mechanism.closure
+    bounds, closure = [], mechanism.closure
     sizes = closure.scale.tolist() if closure.size else [1.0] * mechanism.model.nv
     for name, stop in stops.items():
         with place("end_stops", Key(name)):
@@ -133,12 +133,12 @@ def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) 
                 continue
             with place("end_stops", name, side):
                 check_unit(limit, joint.unit)
-            found.append(
+            bounds.append(
                 Bound(f"{name} {side}", coordinate, joint.v, float(limit), sign, stop.restitution, size=sizes[joint.v])
             )
         with place("end_stops", Key(name)):
             stop.require_room()
-    return tuple(found)
+    return tuple(bounds)
 
 
 def _distance(closure: Closure, coordinate: Coordinate, value: float) -> Callable[[Array, Array, Array], Array]:
@@ -148,9 +148,9 @@ def _distance(closure: Closure, coordinate: Coordinate, value: float) -> Callabl
         return lambda t, q, v: q[:, places] @ weights - value
 
     def distance(t: Array, q: Array, v: Array) -> Array:
-        found = np.empty(len(q))
+        distances = np.empty(len(q))
         for i, row in enumerate(q):
-            found[i] = coordinate.value(closure.state(row))
-        return found - value
+            distances[i] = coordinate.value(closure.state(row))
+        return distances - value
 
     return distance

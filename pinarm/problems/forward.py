@@ -135,7 +135,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         )
 
     def _commanded(self) -> list[str]:
-        return [name for one in self.control for name in one.names]
+        return [name for controller in self.control for name in controller.names]
 
     def _without(self, names: Collection[str]) -> Forward:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names), loads={})
@@ -289,8 +289,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         others = rates_of_coordinates(mechanism, self.initial.velocity)
         own = {name: rate for name, rate in self.initial.velocity.items() if name not in others}
         positions, velocities = (
-            tuple(dict.fromkeys(index for name in given for index in indices_of(name, joints, balls)))
-            for given in (self.initial.position, own)
+            tuple(dict.fromkeys(index for name in values for index in indices_of(name, joints, balls)))
+            for values in (self.initial.position, own)
         )
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
         followers = followers_of(mechanism, start, self.initial.velocity)
@@ -320,15 +320,15 @@ def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
     return motor_remarks(motion)
 
 
-def _changed(mechanism: Mechanism, given: Array, v: Array) -> list[str]:
+def _changed(mechanism: Mechanism, values: Array, v: Array) -> list[str]:
     """Return what is to be said of given velocities that loops do not allow; v are those of the start."""
     changes = []
-    if len(v) < len(given):  # laws and couplings have been eliminated: what contradicts them is refused
+    if len(v) < len(values):  # laws and couplings have been eliminated: what contradicts them is refused
         return []
-    for index in np.flatnonzero(np.abs(v - given) > CONSISTENT * np.maximum(1.0, np.abs(v))).tolist():
+    for index in np.flatnonzero(np.abs(v - values) > CONSISTENT * np.maximum(1.0, np.abs(v))).tolist():
         joint = coordinate_name(mechanism.model, index)
         measured = mechanism.joints[joint].unit if joint in mechanism.joints else "rad"
-        changes.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {given[index]:.6g} was given")
+        changes.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {values[index]:.6g} was given")
     return (
         [f"the loops do not allow the given velocities, the closest are taken: {', '.join(changes)}"] if changes else []
     )

@@ -51,7 +51,7 @@ def followers_of(mechanism: Mechanism, positions: Container[str], velocities: Co
 
     They begin where the other end of the shaft is, on its turn where it is a joint of its own.
     """
-    found: list[Follower] = []
+    followers: list[Follower] = []
     for name, drive in mechanism.drives.items():
         if drive.elasticity:
             from pinarm.mechanics.rotors import shaft_name, wheel_name
@@ -60,5 +60,5 @@ def followers_of(mechanism: Mechanism, positions: Container[str], velocities: Co
             driven = mechanism.coordinate(shaft if shaft in mechanism.joints else drive.coordinate)
             begins = rotor.name not in positions, rotor.name not in velocities
             parts = (mechanism.joints.get(part) for part in (rotor.name, wheel_name(name)))
-            found += [Follower(joint, driven, *begins) for joint in parts if joint is not None]
-    return tuple(found)
+            followers += [Follower(joint, driven, *begins) for joint in parts if joint is not None]
+    return tuple(followers)

@@ -47,20 +47,20 @@ def laws_of(
         InputError: A coordinate does not exist, or a profile's has no law.
         UnitError: A field of a law has another dimension.
     """
-    found: dict[str, MotionLaw] = {}
+    laws: dict[str, MotionLaw] = {}
     for name, law in motion.items():
         with place("motion", Key(name)):
             mechanism.coordinate(name)
         with place("motion", name):
             law.check_follower(name, mechanism.coordinates)
     for name in motion:
-        _settle(name, (), mechanism, motion, found, place, span)
-    return {name: found[name] for name in motion}
+        _settle(name, (), mechanism, motion, laws, place, span)
+    return {name: laws[name] for name in motion}
 
 
 def _settle(
     name: str, before: tuple[str, ...], mechanism: Mechanism, motion: Mapping[str, Motion],
-    found: dict[str, MotionLaw], place: Place, span: tuple[float, float],
+    laws: dict[str, MotionLaw], place: Place, span: tuple[float, float],
 ) -> None:  # fmt: skip
     """Add the law over time of a coordinate, and before it that of the coordinate that drives it."""
     law, measured = motion[name], mechanism.coordinate(name).unit
@@ -68,7 +68,7 @@ def _settle(
         with place("motion", name):
             law.check_units(measured)
             law.require_continuous()
-        found[name] = law
+        laws[name] = law
         return
     with place("motion", name, "of"):
         along = mechanism.coordinate(law.of).unit
@@ -85,10 +85,10 @@ def _settle(
         law.check_units(measured, along)
         with within("profile"):
             law.profile.require_continuous(along)
-    if law.of not in found:
-        _settle(law.of, (*before, name), mechanism, motion, found, place, span)
+    if law.of not in laws:
+        _settle(law.of, (*before, name), mechanism, motion, laws, place, span)
     with place("motion", name):
-        found[name] = law.along(found[law.of], *span)
+        laws[name] = law.along(laws[law.of], *span)
 
 
 def grid_of(
@@ -109,7 +109,7 @@ def grid_of(
     joints = motion.prescribed.joint_laws
     start, end = float(t[0]), float(t[-1])
     jumping: list[JointRelation | ForceElement] = [*mechanism.relations, *forces]
-    kinks = [x for one in jumping for x in one.passages(joints, start, end) if start < x < end]
+    kinks = [x for law in jumping for x in law.passages(joints, start, end) if start < x < end]
     near = [x + side * BESIDE * (end - start) for x in kinks for side in (-1.0, 1.0)]
     rows = np.unique([*t, *(x for x in near if start < x < end)]) if near else t
     return Grid.cover(rows, laws, kinks=kinks)

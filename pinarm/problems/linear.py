@@ -192,8 +192,8 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
     def _coordinates(self, mechanism: Mechanism, place: Place) -> Driven:
         """Return the coordinates that drives hold or turn."""
         coordinates = list[Coordinate]()
-        for key, given in (("hold", self.about.hold), ("steady", self.about.steady)):
-            for name, value in given.items():
+        for key, names in (("hold", self.about.hold), ("steady", self.about.steady)):
+            for name, value in names.items():
                 with place("about", key, Key(name)):
                     coordinates.append(mechanism.coordinate(name))
                     if name in self.about.hold and name in self.about.steady:
@@ -268,7 +268,7 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
 
     def _linearised(self, mechanism: Mechanism, begun: Prepared, state: SteadyState) -> Linearisation:
         """Return the motion linearised about a state."""
-        positions = {one.position for one in begun.inputs}
+        positions = {word.position for word in begun.inputs}
         driven = begun.driven
         prescribed = np.array([name in positions for name in driven.names], dtype=bool)
         drives = Drives(driven.names, driven.coordinates, state.efforts, prescribed)
@@ -279,36 +279,36 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
     def _response(self, place: Place, begun: Prepared, linear: Linearisation) -> dict[str, LabelledArray]:
         """Return B for the inputs, C and D, and the frequency response."""
         size, inputs, second = len(linear.states), begun.inputs, unit("s")
-        names = [f"{one.position}''" if one.position else one.name for one in inputs]
-        measured = [one.unit / second**2 if one.position else one.unit for one in inputs]
+        names = [f"{input_.position}''" if input_.position else input_.name for input_ in inputs]
+        measured = [input_.unit / second**2 if input_.position else input_.unit for input_ in inputs]
         with place("outputs"):
             slopes = linear.at.slopes(self.outputs)
-            load, by_force = linear.at.force_slopes(self.outputs, [one.force for one in inputs if one.force])
+            load, by_force = linear.at.force_slopes(self.outputs, [input_.force for input_ in inputs if input_.force])
             quantities = Quantities(linear.at.state)
             units = [quantities[name].unit for name in self.outputs]
         columns = linear.columns(inputs, load)
         b, d = linear.B @ columns, slopes[:, size:] @ columns
-        d[:, [bool(one.force) for one in inputs]] = by_force
+        d[:, [bool(input_.force) for input_ in inputs]] = by_force
         per_input, per_state = [ONE / own for own in measured], [ONE / own for own in linear.state_units]
-        found = {"B": LabelledArray(b, linear.states, names, [own / second for own in linear.state_units], per_input)}
+        arrays = {"B": LabelledArray(b, linear.states, names, [own / second for own in linear.state_units], per_input)}
         if not self.outputs:
-            return found
-        found["C"] = LabelledArray(slopes[:, :size], self.outputs, linear.states, units, per_state)
-        found["D"] = LabelledArray(d, self.outputs, names, units, per_input)
+            return arrays
+        arrays["C"] = LabelledArray(slopes[:, :size], self.outputs, linear.states, units, per_state)
+        arrays["D"] = LabelledArray(d, self.outputs, names, units, per_input)
         if self.frequencies is not None:
             f = self.frequencies.values(linear.modes.eigenvalues)
             response = linear.response(f, slopes[:, :size], b) + d
-            squares = np.array([bool(one.position) for one in inputs])
+            squares = np.array([bool(input_.position) for input_ in inputs])
             response = response * np.where(squares, -((2.0 * np.pi * f[:, None, None]) ** 2), 1.0)
-            shown = [(name, own, one) for name, own in zip(self.outputs, units, strict=True) for one in inputs]
-            found["response"] = LabelledArray(
+            shown = [(name, own, input_) for name, own in zip(self.outputs, units, strict=True) for input_ in inputs]
+            arrays["response"] = LabelledArray(
                 response.reshape(len(f), -1),
                 [f"{x:.9g} Hz" for x in f],
-                [f"{name} / {one.name}" for name, _, one in shown],
+                [f"{name} / {input_.name}" for name, _, input_ in shown],
                 [ONE] * len(f),
-                [None if own is None else own / one.unit for _, own, one in shown],
+                [None if own is None else own / input_.unit for _, own, input_ in shown],
             )
-        return found
+        return arrays
 
 
 def _most(mechanism: Mechanism, row: Trajectory) -> int:

@@ -108,8 +108,8 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         """Check all names and units; return what makes the table, the rows, and the headings that are not read."""
         with place("file" if self.file else "columns"):
             rows, unread = self.rows(mechanism)
-        for key, given in (("drives", self.drives), ("share", self.share)):
-            if rows.tau is not None and given:
+        for key, value in (("drives", self.drives), ("share", self.share)):
+            if rows.tau is not None and value:
                 with place(key):
                     raise InputError(
                         "efforts are given, and drives whose efforts are to be found", expected="one of them"
@@ -314,24 +314,26 @@ def recorded_headings(mechanism: Mechanism, headings: Iterable[str]) -> Recorded
         UnitError: A unit does not fit.
     """
     known, aliases = state_columns(mechanism), _aliases(mechanism)
-    given: dict[str, tuple[str, float]] = {}
+    known_headings: dict[str, tuple[str, float]] = {}
     unread, names = list[str](), list[str]()
     for heading in headings:
         with within(Key(heading)):
             name, measured = _split(heading)
             names.append(name)
             name = aliases.get(name, name)
-            if name in given:
+            if name in known_headings:
                 raise InputError(f"two columns are '{name}'", expected="one for each")
             if name == "t" or name in known:
-                given[name] = heading, _factor(name, measured, unit("s") if name == "t" else known[name].unit)
+                known_headings[name] = heading, _factor(name, measured, unit("s") if name == "t" else known[name].unit)
             else:
                 unread.append(heading)
-    if "t" not in given:
+    if "t" not in known_headings:
         expected, hint = choices("t", names)
         raise InputError("there is no column 't'", expected=f"t [s] beside {expected}", hint=hint)
-    _require_complete(known, given)
-    return RecordedHeadings(given, {known[name].array for name in given if name != "t"}, tuple(unread))
+    _require_complete(known, known_headings)
+    return RecordedHeadings(
+        known_headings, {known[name].array for name in known_headings if name != "t"}, tuple(unread)
+    )
 
 
 def recorded_rows(
@@ -347,15 +349,15 @@ def recorded_rows(
     Raises:
         InputError: Something is no finite number, or two columns have not the same length.
     """
-    given = dict[str, Array]()
+    arrays = dict[str, Array]()
     for name, (heading, factor) in headings.columns.items():
         with within(Key(heading)):
-            given[name] = _values(columns[heading]) * factor
-    _require_one_length(given)
+            arrays[name] = _values(columns[heading]) * factor
+    _require_one_length(arrays)
     known, model = state_columns(mechanism), mechanism.model
     sizes = {"q": model.nq, "v": model.nv, "a": model.nv, "tau": model.nv}
-    found = {array: _states(array, sizes[array], known, given) for array in headings.arrays}
-    return RecordedRows(given["t"], **found)
+    states = {array: _states(array, sizes[array], known, arrays) for array in headings.arrays}
+    return RecordedRows(arrays["t"], **states)
 
 
 def check_rows(mechanism: Mechanism, rows: RecordedRows) -> None:
@@ -390,7 +392,7 @@ def check_rows(mechanism: Mechanism, rows: RecordedRows) -> None:
             )
 
 
-def _require_complete(known: Mapping[str, StateColumn], given: Collection[str]) -> None:
+def _require_complete(known: Mapping[str, StateColumn], names: Collection[str]) -> None:
     """Refuse a motion without positions, or with some columns of q, v or a but not all; efforts may be missing.
 
     Raises:
@@ -398,7 +400,7 @@ def _require_complete(known: Mapping[str, StateColumn], given: Collection[str]) 
     """
     for array in ("q", "v", "a"):
         wanted = [name for name, column in known.items() if column.array == array]
-        missing = [name for name in wanted if name not in given]
+        missing = [name for name in wanted if name not in names]
         if missing and len(missing) < len(wanted):
             raise InputError(
                 f"the columns {several(missing, 3)} are missing",
@@ -409,12 +411,12 @@ def _require_complete(known: Mapping[str, StateColumn], given: Collection[str]) 
             raise InputError("there are no columns of positions", expected=f"such as {wanted[0]}")
 
 
-def _states(array: str, width: int, known: Mapping[str, StateColumn], given: Mapping[str, Array]) -> Array:
+def _states(array: str, width: int, known: Mapping[str, StateColumn], columns: Mapping[str, Array]) -> Array:
     """Return q, v, a or tau, shape (n, width); efforts that are not given beside others are 0."""
-    values = np.zeros((len(given["t"]), width))
+    values = np.zeros((len(columns["t"]), width))
     for name, column in known.items():
         if column.array == array:
-            values[:, column.place] = given.get(name, 0.0)
+            values[:, column.place] = columns.get(name, 0.0)
     return values
 
 
@@ -431,13 +433,13 @@ def _factor(name: str, written: str | None, wanted: Unit) -> float:
     Raises:
         UnitError: It has no unit, or one of another dimension.
     """
-    given = unit(written) if written is not None else DIMENSIONLESS
-    if given.dimension != wanted.dimension or (written is None and str(wanted) != "1"):
+    measured = unit(written) if written is not None else DIMENSIONLESS
+    if measured.dimension != wanted.dimension or (written is None and str(wanted) != "1"):
         raise UnitError(
-            f"the column '{name}' is in {given}" if written else f"the column '{name}' has no unit",
+            f"the column '{name}' is in {measured}" if written else f"the column '{name}' has no unit",
             expected=f"{name} [{wanted}], or another unit of that kind",
         )
-    return given.factor
+    return measured.factor
 
 
 def _values(numbers: Sequence[float] | str) -> Array:
@@ -452,9 +454,9 @@ def _values(numbers: Sequence[float] | str) -> Array:
         raise InputError(f"a number is expected ({error})", expected="numbers with blanks between them") from None
 
 
-def _require_one_length(given: Mapping[str, Array]) -> None:
-    rows = len(given["t"])
-    for name, values in given.items():
+def _require_one_length(columns: Mapping[str, Array]) -> None:
+    rows = len(columns["t"])
+    for name, values in columns.items():
         if len(values) != rows:
             raise InputError(f"the column '{name}' has {len(values)} rows, 't' has {rows}", expected="as many")
 

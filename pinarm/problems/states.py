@@ -91,8 +91,8 @@ class StateByState:
         """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
         if self.share is not None:
             return None
-        rates = [each for given in self.rates for each in given.items()]
-        moving = [name for name in self.hold if any(rate for given, rate in rates if given == name)]
+        rates = [value for rates_of_order in self.rates for value in rates_of_order.items()]
+        moving = [name for name in self.hold if any(rate for rates_of_order, rate in rates if rates_of_order == name)]
         return Declaration(
             self._without,
             held=others(self.hold, moving),
@@ -112,8 +112,8 @@ class StateByState:
         """Check all names and units; return the prescribed coordinates, the drives, the forces, and the given rates."""
         prescribed = _prescribed(mechanism, self.over, self.hold, place)
         rates = np.zeros((2, len(prescribed.names)))
-        for order, (key, given) in enumerate(zip(("velocity", "acceleration"), self.rates, strict=True)):
-            for name, value in given.items():
+        for order, (key, values) in enumerate(zip(("velocity", "acceleration"), self.rates, strict=True)):
+            for name, value in values.items():
                 with place(key, Key(name)):
                     if name not in prescribed.names:
                         expected, hint = choices(name, prescribed.names)

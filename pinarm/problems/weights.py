@@ -34,11 +34,11 @@ def comparable(units: Mapping[str, Unit]) -> bool:
     return len({unit.dimension for unit in units.values()}) <= 1
 
 
-def weights_of(given: Mapping[str, Weight], units: Mapping[str, Unit], kind: str) -> Array:
+def weights_of(weights: Mapping[str, Weight], units: Mapping[str, Unit], kind: str) -> Array:
     """Return the weights of quantities in the order of their units, shape (n,).
 
     Args:
-        given: Name -> weight.
+        weights: Name -> weight.
         units: Name -> unit of what is weighed.
         kind: What the names are, for messages, such as ``drive of this run``.
 
@@ -46,23 +46,23 @@ def weights_of(given: Mapping[str, Weight], units: Mapping[str, Unit], kind: str
         InputError: A name is unknown, or one has no weight.
         UnitError: Quantities of different kinds do not have weights in reciprocal units.
     """
-    check_names(given, units, kind)
-    if missing := [name for name in units if name not in given]:
+    check_names(weights, units, kind)
+    if missing := [name for name in units if name not in weights]:
         raise InputError(f"no weight is given for {', '.join(missing)}", expected=f"one for every {kind.split()[0]}")
-    if not comparable(units) or not all(weight.plain for weight in given.values()):
+    if not comparable(units) or not all(weight.plain for weight in weights.values()):
         for name, measured in units.items():
             with within(name):
-                _check_reciprocal(given[name], measured)
-    return np.array([float(given[name]) for name in units])
+                _check_reciprocal(weights[name], measured)
+    return np.array([float(weights[name]) for name in units])
 
 
-def check_names(given: Iterable[str], known: Iterable[str], kind: str) -> None:
+def check_names(names: Iterable[str], known: Iterable[str], kind: str) -> None:
     """Raise where a name is none of those known.
 
     Raises:
         InputError: Says what it is not, and lists the names there are.
     """
-    for name in given:
+    for name in names:
         if name not in known:
             with within(Key(name)):
                 expected, hint = choices(name, known)

@@ -62,8 +62,8 @@ class LockedMechanism(Record, frozen=True):
             locking: The joints.
         """
         part = _Part(whole, locking)
-        found = part.forces(forces, {**whole.description.forces, **loads})
-        return None if found is None else cls(whole, forces, locking, replace(part.mechanism, forces=found))
+        elements = part.forces(forces, {**whole.description.forces, **loads})
+        return None if elements is None else cls(whole, forces, locking, replace(part.mechanism, forces=elements))
 
     @cached_property
     def _part(self) -> _Part:
@@ -126,9 +126,9 @@ class LockedMechanism(Record, frozen=True):
         tied = np.flatnonzero(geared.any(axis=0))
         driven = answered[geared[:, answered].any(axis=0)]
         ways = np.vstack([np.eye(self.whole.model.nv)[driven], geared])[:, tied]
-        found = np.asarray(np.linalg.solve(ways.T, demand[:, tied].T).T, dtype=np.float64)
-        tau[:, driven] = found[:, : len(driven)]
-        return replace(run, tau=tau, lam=self._multipliers(run.lam, found[:, len(driven) :]))
+        efforts = np.asarray(np.linalg.solve(ways.T, demand[:, tied].T).T, dtype=np.float64)
+        tau[:, driven] = efforts[:, : len(driven)]
+        return replace(run, tau=tau, lam=self._multipliers(run.lam, efforts[:, len(driven) :]))
 
     def _multipliers(self, lam: Multipliers, geared: Array) -> Multipliers:
         """Return the multipliers of the whole from those of the part and of the couplings removed, shape (n, k)."""
@@ -179,7 +179,9 @@ class _Part(Record, frozen=True):
         whole, model = self.whole, self.model
         joints = joints_of(model)
         left = (constraint for constraint in whole.constraints if constraint.name not in self.locking.couplings)
-        constraints = tuple(self._coupling(one) if isinstance(one, Coupling) else one for one in left)
+        constraints = tuple(
+            self._coupling(left_name) if isinstance(left_name, Coupling) else left_name for left_name in left
+        )
         drives = {name: drive for name, drive in whole.drives.items() if drive.joint in joints}
         return replace(
             whole, model=model, joints=joints, balls=balls_of(model), coordinates=self._coordinates(),
@@ -195,7 +197,7 @@ class _Part(Record, frozen=True):
         """
         from pinarm.mechanics.forces.kinds import bound
 
-        found, part = dict[str, ForceElement](), self.mechanism
+        elements, part = dict[str, ForceElement](), self.mechanism
         for name, force in forces.items():
             within = force.within(self.kept_q, self.kept_v)
             if within is None:
@@ -207,8 +209,8 @@ class _Part(Record, frozen=True):
                     if force.jumps or getattr(definitions[name], "joint", None) not in self.whole.joints:
                         return None
                     continue
-            found[name] = within
-        return found
+            elements[name] = within
+        return elements
 
     @cached_property
     def model(self) -> pin.Model:
@@ -238,34 +240,34 @@ class _Part(Record, frozen=True):
     def _coordinates(self) -> dict[str, Coordinate]:
         """Return the coordinates that no locked joint has a part in, but for those of frames, which all stay."""
         gone, balls = list(self.locking.positions), balls_of(self.model)
-        found = {
+        coordinates = {
             name: self._sum(known) if isinstance(known, LinearCoordinate) else self._counting(known)
             for name, known in self.whole.coordinates.items()
             if not (isinstance(known, LinearCoordinate) and known.weights[gone].any())
         }
-        return {**found, **ball_coordinates(balls), **ball_angles(balls)}
+        return {**coordinates, **ball_coordinates(balls), **ball_angles(balls)}
 
-    def _coupling(self, one: Coupling) -> Coupling:
+    def _coupling(self, coupling: Coupling) -> Coupling:
         """Return a coupling of the part, its forces as efforts: reactions are asked of the whole."""
-        follower = None if one.follower is None else int(np.searchsorted(self.kept_v, one.follower))
-        return replace(one, coordinate=self._sum(one.coordinate), follower=follower, transmission=None)
+        follower = None if coupling.follower is None else int(np.searchsorted(self.kept_v, coupling.follower))
+        return replace(coupling, coordinate=self._sum(coupling.coordinate), follower=follower, transmission=None)
 
-    def _counting(self, one: Coordinate) -> Coordinate:
+    def _counting(self, coordinate: Coordinate) -> Coordinate:
         """Return a coordinate of frames; of an angle at a loop joint, joints that are locked count as they stand."""
         from pinarm.mechanics.loops.relative import TurnedAbout  # most have none
 
-        turns = one.turns if isinstance(one, TurnedAbout) else None
-        if not isinstance(one, TurnedAbout) or turns is None:
-            return one
+        turns = coordinate.turns if isinstance(coordinate, TurnedAbout) else None
+        if not isinstance(coordinate, TurnedAbout) or turns is None:
+            return coordinate
         gone = list(self.locking.positions)
         held = float(turns.weights[gone] @ self.configuration[turns.places[gone]])
-        return replace(one, turns=self._sum(turns), offset=one.offset + held)
+        return replace(coordinate, turns=self._sum(turns), offset=coordinate.offset + held)
 
-    def _sum(self, one: LinearCoordinate) -> LinearCoordinate:
+    def _sum(self, coordinate: LinearCoordinate) -> LinearCoordinate:
         places = np.zeros(self.model.nv, dtype=np.intp)
         for joint in joints_of(self.model).values():
             places[joint.v] = joint.q
-        return replace(one, weights=one.weights[self.kept_v], places=places)
+        return replace(coordinate, weights=coordinate.weights[self.kept_v], places=places)
 
 
 class RestoredMotion(RelayedMotion):

@@ -90,7 +90,7 @@ def locking(declared: Declaration, mechanism: Mechanism, requested: Collection[s
     stay = known.kept_joints(requested)
     positions = {v: position for v, position in known.still.items() if v not in stay}
     settled = [name for name, joints in known.still_couplings.items() if not joints & stay]
-    left = [one for one in known.prescribed.values() if _own_joint(one) not in positions]
+    left = [coordinate for coordinate in known.prescribed.values() if _own_joint(coordinate) not in positions]
     if not (stay and positions and (left or declared.integrated) and known.has_same_drives(settled)):
         return None
     geared = set().union(*(joints for name, joints in known.still_couplings.items() if name not in settled))
@@ -119,17 +119,17 @@ class _KnownMotion(Record, frozen=True):
         """Joints that stand still, by their own law or because a coupling leaves them nothing else; and where."""
         laws = {name: law.value for name, law in self.declared.laws.items() if isinstance(law, Constant)}
         own = {_own_joint(self.prescribed[name]): float(x) for name, x in {**self.declared.held, **laws}.items()}
-        found = {v: x for v, x in own.items() if v is not None}
+        constants = {v: x for v, x in own.items() if v is not None}
         while True:
-            before = len(found)
+            before = len(constants)
             for coupling in self._couplings:
                 weights = coupling.coordinate.weights
-                left = [v for v in _joints_in(coupling.coordinate) if v not in found]
+                left = [v for v in _joints_in(coupling.coordinate) if v not in constants]
                 if len(left) == 1 and left[0] not in self.driven:
-                    others = sum(weights[v] * position for v, position in found.items())
-                    found[left[0]] = float((coupling.constant - others) / weights[left[0]])
-            if len(found) == before:
-                return found
+                    others = sum(weights[v] * position for v, position in constants.items())
+                    constants[left[0]] = float((coupling.constant - others) / weights[left[0]])
+            if len(constants) == before:
+                return constants
 
     @property
     def _couplings(self) -> list[Coupling]:
@@ -138,8 +138,8 @@ class _KnownMotion(Record, frozen=True):
     @cached_property
     def still_couplings(self) -> dict[str, set[int]]:
         """Couplings of joints that all stand still, one of them because of it; and their joints."""
-        found = {coupling.name: _joints_in(coupling.coordinate) for coupling in self._couplings}
-        still = {name: joints for name, joints in found.items() if joints <= set(self.still)}
+        couplings = {coupling.name: _joints_in(coupling.coordinate) for coupling in self._couplings}
+        still = {name: joints for name, joints in couplings.items() if joints <= set(self.still)}
         followers = set(self.still) - self.driven
         return still if len(still) == len(followers & set().union(*still.values())) else {}
 
@@ -151,16 +151,21 @@ class _KnownMotion(Record, frozen=True):
         acts: that loads every joint before the link that it moves.
         """
         constraints, coordinates = self.mechanism.constraints, self.mechanism.coordinates
-        found = {v for one in self.prescribed.values() if _own_joint(one) is None for v in _joints_in(one)}
+        joints = {
+            v
+            for coordinate in self.prescribed.values()
+            if _own_joint(coordinate) is None
+            for v in _joints_in(coordinate)
+        }
         drives = self.declared.drives or ([] if followers_of(constraints) is not None else self.prescribed)
         rows = [coordinates[name].row(self._state) for name in drives]
         guides = [row for name, row in zip(drives, rows, strict=True) if not _is_sum(coordinates[name])]
         for constraint in constraints:
             if isinstance(constraint, Coupling):
-                found |= _joints_in(constraint.coordinate) if constraint.name not in self.still_couplings else set()
+                joints |= _joints_in(constraint.coordinate) if constraint.name not in self.still_couplings else set()
             else:
                 guides.append(constraint.rows(self._state))
-        return found.union(*map(_joints_of, guides))
+        return joints.union(*map(_joints_of, guides))
 
     def kept_joints(self, requested: Collection[str]) -> set[int]:
         """Return the joints that have to stay, where forces are asked at those that are named."""
@@ -169,7 +174,9 @@ class _KnownMotion(Record, frozen=True):
         stay |= {mechanism.joints[name].v for name in requested if name in mechanism.joints}
         watched = [*declared.moved, *declared.watched]
         watched += [law.of for law in declared.laws.values() if isinstance(law, Over)]
-        watched += [name for one in mechanism.control for name in one.names] if declared.integrated else []
+        watched += (
+            [name for controller in mechanism.control for name in controller.names] if declared.integrated else []
+        )
         motors = mechanism.drives
         for name in watched:
             stay |= _joints_in(mechanism.coordinates[motors[name].coordinate if name in motors else name])

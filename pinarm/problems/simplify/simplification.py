@@ -83,15 +83,15 @@ class Simplification(Record, frozen=True):
         from pinarm.problems.simplify.locking import locking
 
         try:
-            found = locking(declared, mechanism, requested)
+            lock = locking(declared, mechanism, requested)
         except KeyError:  # a name that does not exist: the question tells of it when it is solved
-            found = None
-        if found is None:
+            lock = None
+        if lock is None:
             return whole
         from pinarm.problems.simplify.locked_mechanism import LockedMechanism
 
         forces = bind_loads(mechanism, declared.loads, place)
-        part = LockedMechanism.of(mechanism, forces, declared.loads, found)
+        part = LockedMechanism.of(mechanism, forces, declared.loads, lock)
         if part is None:
             return whole
         problem.prepare(mechanism, accuracy, place)

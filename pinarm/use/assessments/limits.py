@@ -65,7 +65,7 @@ class Limits(InputStruct, frozen=True):
         return {**margins, "least_margin": DIMENSIONLESS, "beyond": DIMENSIONLESS}
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        others = {key: each for key, each in scenario.numbered.items() if each is not self}
+        others = {key: asked for key, asked in scenario.numbered.items() if asked is not self}
         for condition in self.conditions:
             with within("keep", condition.number.label):
                 unit = condition.number.described(quantities, others).unit
@@ -79,23 +79,25 @@ class Limits(InputStruct, frozen=True):
         """
         self.check_names(result.quantities, result.scenario)
         compared = [_compared(condition, result) for condition in self.conditions]
-        beyond = sum(each.verdict == BEYOND for each in compared)
-        least = np.min([each.relative for each in compared], keepdims=True)  # NaN where any is
-        numbers = {each.name: each.margin for each in compared} | {
+        beyond = sum(number.verdict == BEYOND for number in compared)
+        least = np.min([number.relative for number in compared], keepdims=True)  # NaN where any is
+        numbers = {number.name: number.margin for number in compared} | {
             "least_margin": Series("least margin", DIMENSIONLESS, least),
             "beyond": Series("limits not kept", DIMENSIONLESS, np.array([float(beyond)])),
         }
-        remarks = [f"beyond its limit: {each.condition} is {each.text}" for each in compared if each.verdict == BEYOND]
+        remarks = [
+            f"beyond its limit: {number.condition} is {number.text}" for number in compared if number.verdict == BEYOND
+        ]
         remarks += [
-            f"neither kept nor beyond: {each.condition} is {each.text}, with {error_words(each.known)}"
-            for each in compared
-            if each.verdict == OPEN
+            f"neither kept nor beyond: {number.condition} is {number.text}, with {error_words(number.known)}"
+            for number in compared
+            if number.verdict == OPEN
         ]
         columns = ("", "value", "limit", "margin [%]", "error", "")
         table = SectionTable(
-            "limits", "Numbers and their limits", columns, (None,) * len(columns), [each.row() for each in compared]
+            "limits", "Numbers and their limits", columns, (None,) * len(columns), [number.row() for number in compared]
         )
-        errors = {each.name: each.known for each in compared} | {"least_margin": _error_of_least(compared)}
+        errors = {number.name: number.known for number in compared} | {"least_margin": _error_of_least(compared)}
         return Section("limits", "Limits", [table], numbers, remarks, errors=errors)
 
 
@@ -171,8 +173,8 @@ def error_words(error: float) -> str:
 
 def _error_of_least(compared: Sequence[_Compared]) -> float:
     """Return the error of the least relative margin: of all that may be it."""
-    sizes = [abs(float(each.condition.bound)) for each in compared]
-    known = [(each.relative, each.known / size) for each, size in zip(compared, sizes, strict=True) if size]
+    sizes = [abs(float(number.condition.bound)) for number in compared]
+    known = [(number.relative, number.known / size) for number, size in zip(compared, sizes, strict=True) if size]
     least = min((margin for margin, _ in known), default=0.0)
     most = min((margin + error for margin, error in known), default=0.0)
     return max((least - margin + error for margin, error in known if margin - error <= most), default=0.0)

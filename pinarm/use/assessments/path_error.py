@@ -212,12 +212,12 @@ class _Path:
         behind = np.roll(np.arange(len(t)), -1)
         others = np.linalg.norm(self.wanted[behind] - self.wanted, axis=1) > ONE_INSTANT
         length = self.run.run.grid.cuts[-1] - self.run.run.grid.cuts[0]
-        ahead, one = t[behind] - t, ONE_INSTANT * length
+        ahead, instant = t[behind] - t, ONE_INSTANT * length
         if self._closed:
-            ahead = (ahead + one) % length - one  # over the end, too
+            ahead = (ahead + instant) % length - instant  # over the end, too
         else:
             others[-1] = False  # the first point does not come again
-        wrong = others & (ahead <= one)
+        wrong = others & (ahead <= instant)
         if self._closed and ahead.sum() > 1.5 * length:  # twice along the path, or more often
             wrong |= ahead == ahead.max()
         if wrong.any():
@@ -235,7 +235,7 @@ class _Path:
         Nothing but rounding where Newton's steps have led to the nearest place; where they have not, as at rest, it is
         nearer at other instants, and may be nearer between these.
         """
-        found = np.linalg.norm(places - self.wanted, axis=1)
+        distances = np.linalg.norm(places - self.wanted, axis=1)
         left = np.full(len(t), ROUNDING * self._size + PLACE * float(np.abs(self.places).max()))
         for number, (start, end, _) in enumerate(self.run.intervals):
             here = np.flatnonzero((t >= start) & (t <= end))
@@ -244,7 +244,7 @@ class _Path:
                 near = np.clip(t[here, None] + spacing * AROUND, start, end)
                 at = self._states(number, near.ravel())[0].reshape(*near.shape, -1)
                 around = np.linalg.norm(at - self.wanted[here, None], axis=2)
-                nearer = found[here] - around.min(axis=1)
+                nearer = distances[here] - around.min(axis=1)
                 left[here] += np.where(nearer > left[here], 2.0 * nearer, 0.0)
         return left
 
@@ -267,8 +267,8 @@ class _Path:
         count = squares.shape[1]
         begins = [0, *(_local_minima(squares[0]) if self._closed else ())]
         along = np.arange(count + (AGAIN if self._closed else 0))
-        found = [(*_monotone(squares[:, (begin + along) % count]), begin) for begin in begins]
-        _, rows, begin = min(found, key=lambda each: each[0])
+        choices = [(*_monotone(squares[:, (begin + along) % count]), begin) for begin in begins]
+        _, rows, begin = min(choices, key=lambda choice: choice[0])
         return np.asarray((rows + begin) % count)
 
     def _squares(self) -> Array:
@@ -299,9 +299,9 @@ class _Path:
         They are sought from each sample and from those before and behind it: the nearest place may be behind the end of
         an interval, and at rest Newton's steps lead nowhere.
         """
-        found = [(self.t[rows], self.places[rows])]
-        found += [self._nearest(starts) for starts in (rows, self._apart(rows, -1), self._apart(rows, 1))]
-        t, places = (np.stack(each) for each in zip(*found, strict=True))
+        candidates = [(self.t[rows], self.places[rows])]
+        candidates += [self._nearest(starts) for starts in (rows, self._apart(rows, -1), self._apart(rows, 1))]
+        t, places = (np.stack(parts) for parts in zip(*candidates, strict=True))
         errors = np.linalg.norm(places - self.wanted, axis=2)
         best = (errors <= errors.min(axis=0) + ROUNDING * self._size).argmax(axis=0), np.arange(len(rows))
         return t[best], places[best]

@@ -79,10 +79,10 @@ class Response(InputStruct, frozen=True):
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
         with within("of"):
             value = quantities[self.of].unit
-        for key, given in (("initial", self.initial), ("final", self.final)):
-            if given is not None:
+        for key, value_of_key in (("initial", self.initial), ("final", self.final)):
+            if value_of_key is not None:
                 with within(key):
-                    check_unit(given, value or DIMENSIONLESS)
+                    check_unit(value_of_key, value or DIMENSIONLESS)
         if quantities.trajectory.parameter != "t":
             raise InputError("a step response is one over time", expected="a forward, inverse or recorded motion")
 
@@ -96,8 +96,8 @@ class Response(InputStruct, frozen=True):
         result.quantities.determined(self.of)
         step = _Step.of(self, result.lookup)
         wrong = result.errors[self.of] * output_scales(result)[self.of] if self.of in result.errors else 0.0
-        told, measured = step.numbers(self.band, step.doubt(wrong)), result.quantities[self.of].unit
-        values, errors = ({name: pair[k] for name, pair in told.items()} for k in (0, 1))
+        results, measured = step.numbers(self.band, step.doubt(wrong)), result.quantities[self.of].unit
+        values, errors = ({name: pair[k] for name, pair in results.items()} for k in (0, 1))
         names = {"overshoot": "overshoot", "rise_time": "rise time", "peak_time": "time of the peak",
                  "settling_time": f"settling time to {100.0 * self.band:g} %", "initial": "first value",
                  "final": "final value", "peak": "peak", "error": "error at the end"}  # fmt: skip
@@ -144,10 +144,10 @@ class _Step:
                 raise InputError(f"the run does not come to {begin:.6g} s", expected="an instant before its end")
         ends = run.run.grid.cuts[-1]
         bounds = [
-            float(given)
-            if given is not None
+            float(value)
+            if value is not None
             else float(run.at({"t": f"{at!r} s", "side": "left"}, asked.of)[asked.of].values[0])
-            for given, at in ((asked.initial, begin), (asked.final, ends))
+            for value, at in ((asked.initial, begin), (asked.final, ends))
         ]
         return cls(run, asked.of, begin, (bounds[0], bounds[1]))
 
@@ -249,20 +249,20 @@ class _Step:
 
     def remarks(self, asked: Response, values: Mapping[str, float]) -> list[str]:
         """Return what to know of the numbers."""
-        found = []
+        remarks = []
         if self.run.motion is None:
             apart = float(np.diff(self.run.run.grid.t).max(initial=0.0))
             known = f"times and the peak are those of rows, at most {apart:.3g} s apart"
-            found.append(f"nothing is known between the rows: {known}")
+            remarks.append(f"nothing is known between the rows: {known}")
         if asked.final is None:
-            found.append("the final value is that at the end of the run")
+            remarks.append("the final value is that at the end of the run")
         if np.isnan(values["settling_time"]):
-            found.append(f"it has not settled to {100.0 * asked.band:g} % at the end of the run")
+            remarks.append(f"it has not settled to {100.0 * asked.band:g} % at the end of the run")
         if np.isnan(values["rise_time"]):
-            found.append("it does not reach 90 % of the step")
+            remarks.append("it does not reach 90 % of the step")
         if values["peak_time"] == self.end - self.begin and values["overshoot"] > PLATEAU:
-            found.append(
+            remarks.append(
                 "it is farthest beyond its final value at the end of the run, and may go on: overshoot, peak "
                 "and settling time are those of the run so far"
             )
-        return found
+        return remarks

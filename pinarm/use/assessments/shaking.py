@@ -77,7 +77,7 @@ class Shaking(InputStruct, frozen=True):
 
     def evaluate(self, result: Result) -> Section:
         figures = self._figures(result.lookup)
-        numbers = {name: Series(name, each.unit, np.array([each.value])) for name, each in figures.items()}
+        numbers = {name: Series(name, measured.unit, np.array([measured.value])) for name, measured in figures.items()}
         units = [figures[f"{part}.peak"].unit for part in PARTS]
         tables = [_figures_table(figures, units)]
         remarks = [f"the moment is taken about {self.about or 'the origin of the world'}"]
@@ -97,7 +97,7 @@ class Shaking(InputStruct, frozen=True):
             numbers,
             remarks,
             [] if balanced else [_hodograph(result, [self.quantity(part) for part in PARTS[:3]])],
-            {name: each.error for name, each in figures.items()},
+            {name: measured.error for name, measured in figures.items()},
         )
 
     def _figures(self, run: Lookup) -> dict[str, CurveFigure]:
@@ -112,12 +112,12 @@ class Shaking(InputStruct, frozen=True):
         return figures
 
 
-def _figures_table(given: Mapping[str, CurveFigure], units: Sequence[Unit | None]) -> SectionTable:
+def _figures_table(figures: Mapping[str, CurveFigure], units: Sequence[Unit | None]) -> SectionTable:
     rows: list[tuple[str | float, ...]] = []
     for part, measured in zip(
         ("force.norm", *PARTS[:3], "moment.norm", *PARTS[3:]), (units[0], *units[:3], units[3], *units[3:]), strict=True
     ):
-        peak, rms = (given[f"{part}.{name}"] for name in PEAKS)
+        peak, rms = (figures[f"{part}.{name}"] for name in PEAKS)
         rows.append((part, str(measured), peak.value, peak.error, rms.value, rms.error))
     columns = ("", "unit", "peak", "its error", "rms", "its error ")
     return SectionTable("figures", "Peak and rms value", columns, (None,) * len(columns), rows, row_unit=1)

@@ -37,9 +37,9 @@ def read_points(wanted: Mapping[str, Sequence[float]] | str) -> tuple[list[str],
                 raise InputError(f"'{name}' is no axis", expected="x, y or z")
     lengths = {name: len(values) for name, values in columns.items()}
     if not columns or len(set(lengths.values())) > 1:
-        told = ", ".join(f"{count} of {name}" for name, count in lengths.items()) or "none"
+        counts = ", ".join(f"{count} of {name}" for name, count in lengths.items()) or "none"
         raise InputError(
-            f"points need as many coordinates along every axis, and there are {told}",
+            f"points need as many coordinates along every axis, and there are {counts}",
             expected="such as {x: [20 mm, 25 mm], y: [0 mm, 5 mm]}",
         )
     axes = [axis for axis in AXES if axis in columns]

@@ -204,8 +204,8 @@ class Curve(Struct, eq=False, dict=True):
             count = np.maximum(np.searchsorted(span.t, pieces.high[own], "left") - begin, 0)
             piece = np.repeat(own, count)
             known = np.arange(len(piece)) + np.repeat(begin - np.cumsum(count) + count, count)
-            told = (pieces.high - pieces.low)[piece] > CLOSE * span.gaps[known]
-            piece, known = piece[told], known[told]
+            tells = (pieces.high - pieces.low)[piece] > CLOSE * span.gaps[known]
+            piece, known = piece[tells], known[tells]
             if len(piece):
                 np.maximum.at(off, piece, np.abs(pieces.at(piece, span.t[known]) - span.f[known]))
         return off

@@ -51,15 +51,15 @@ def integrals(curve: Curve, least: float, most: int) -> tuple[Array, Array]:
     pieces, before, length = curve.first(fine=True), list[Array](), sum(span.length for span in curve.spans)
     while True:
         errors, unseen = pieces.integral_errors, _unseen(pieces)
-        total, told = pieces.integrals.sum(axis=0), errors.sum(axis=0) + errors.max(axis=0) + unseen.sum(axis=0)
+        total, error = pieces.integrals.sum(axis=0), errors.sum(axis=0) + errors.max(axis=0) + unseen.sum(axis=0)
         before.append((errors + unseen).sum(axis=0))
         sizes = np.maximum(pieces.sizes.sum(axis=0), max(least * length, SMALLEST))
         allowed = np.maximum(4.0 * length * curve.noise, ABSOLUTE * sizes) + RELATIVE * np.abs(total)
         poor = _poor(curve, pieces, errors + unseen, allowed, most // 2)
-        if (told <= allowed).all() or _stalled(before, errors, told, allowed, NOISE * sizes):
-            return total, told
+        if (error <= allowed).all() or _stalled(before, errors, error, allowed, NOISE * sizes):
+            return total, error
         if not len(poor):
-            return _left_over(curve, pieces, told > allowed)
+            return _left_over(curve, pieces, error > allowed)
         pieces, most = curve.refined(pieces, poor), most - 2 * len(poor)
 
 
@@ -87,12 +87,12 @@ def _left_over(curve: Curve, pieces: Pieces, poor: Flags) -> tuple[Array, Array]
     narrow = width <= min(2.0 * float(width.min()), NARROW)
     rough = (errors > ROUGH * np.abs(values)) & ((pieces.tail > 0.4 * pieces.head) | (pieces.tail < 0.02 * pieces.head))
     bounds = (errors + np.where(narrow[:, None] | rough, np.abs(values), 0.0)).sum(axis=0)
-    told = np.where(poor, bounds, errors.sum(axis=0) + errors.max(axis=0)) + _unseen(pieces).sum(axis=0)
+    left = np.where(poor, bounds, errors.sum(axis=0) + errors.max(axis=0)) + _unseen(pieces).sum(axis=0)
     for k in np.flatnonzero(poor).tolist() if narrow.any() else ():
         at = int(np.where(narrow, errors[:, k], 0.0).argmax())
         if _diverges(curve, pieces, k, at):
-            told[k] = np.inf
-    return values.sum(axis=0), told
+            left[k] = np.inf
+    return values.sum(axis=0), left
 
 
 def _way_down(curve: Curve, pieces: Pieces, k: int) -> Pieces:
@@ -127,20 +127,20 @@ def _unseen(pieces: Pieces) -> Array:
     return np.where(pieces.off > UNSEEN + DEGREE * pieces.tail, 2.0 * pieces.half * pieces.off, 0.0)
 
 
-def _stalled(before: list[Array], errors: Array, told: Array, allowed: Array, small: Array) -> bool:
+def _stalled(before: list[Array], errors: Array, error_bounds: Array, allowed: Array, small: Array) -> bool:
     """Tell whether the last rounds did not halve the errors that are not allowed, though all are small.
 
     Args:
         before: Sums of errors of every round, shape (k,) each.
         errors: Those of the pieces of the last one, shape (m, k).
-        told: Estimates of the errors of the integrals, shape (k,).
+        error_bounds: Estimates of the errors of the integrals, shape (k,).
         allowed: Errors that are, shape (k,).
         small: Errors that are small, shape (k,).
     """
     if len(before) <= PATIENCE or (before[-1] > small).any():
         return False
     spread = errors.max(axis=0) <= SPREAD * before[-1]
-    return bool(((spread & (before[-1] >= 0.5 * before[-1 - PATIENCE])) | (told <= allowed)).all())
+    return bool(((spread & (before[-1] >= 0.5 * before[-1 - PATIENCE])) | (error_bounds <= allowed)).all())
 
 
 def percentile(curve: Curve, share: float) -> tuple[float, float]:

@@ -202,9 +202,9 @@ def zeros_of_angle(curve: Curve, number: int, places: Array, level: float) -> li
         level: The value [rad].
     """
     t, values = looked_at(curve, number, places, level)
-    found = _zeros(curve, number, places, t, values, level)
+    places_found = _zeros(curve, number, places, t, values, level)
     if (np.abs(np.diff(values)) <= np.pi).all():
-        return found
+        return places_found
     sine = Curve(
         lambda spots: [
             np.sin(f.reshape(len(t), -1)[:, :1] - level) for f, (_, t) in zip(curve.values(spots), spots, strict=True)
@@ -218,7 +218,7 @@ def zeros_of_angle(curve: Curve, number: int, places: Array, level: float) -> li
         for place in zeros(sine, number, places, 0.0)
         if np.abs(_gaps(curve, number, np.clip(place + near, low, high), level)).min() < 1.0
     ]
-    return _once(sine, number, sorted({*found, *others}), set(found), high - low, TOUCHES, 0.0)
+    return _once(sine, number, sorted({*places_found, *others}), set(places_found), high - low, TOUCHES, 0.0)
 
 
 def _gaps(curve: Curve, number: int, t: Array, level: float) -> Array:
@@ -260,25 +260,25 @@ def _turns(curve: Curve, number: int, pieces: Pieces, level: float, slack: float
 
 def _zeros(curve: Curve, number: int, places: Array, t: Array, values: Array, level: float) -> list[float]:
     """Return where the gaps are zero between instants t, shape (n,), at which they have the values, shape (n,)."""
-    found = list[float]()
+    zeros = list[float]()
     for k in np.flatnonzero((values == 0.0) | np.append(values[:-1] * values[1:] < 0.0, False)).tolist():
         if values[k] == 0.0:
-            found.append(float(t[k]))
+            zeros.append(float(t[k]))
         else:
             place = root(curve, number, float(t[k]), float(t[k + 1]), level)
             gap = float(np.abs(_gaps(curve, number, np.array([place]), level)[0]))
-            found += [place] if gap <= CONTINUOUS * np.abs(values[k : k + 2]).max() else []
+            zeros += [place] if gap <= CONTINUOUS * np.abs(values[k : k + 2]).max() else []
     slack = TOUCHES * float(np.abs(values).max(initial=0.0))
     known = {*places.tolist()} & {*t[values == 0.0].tolist()}
-    return _once(curve, number, found, known, float(t[-1] - t[0]), slack, level)
+    return _once(curve, number, zeros, known, float(t[-1] - t[0]), slack, level)
 
 
 def _once(
-    curve: Curve, number: int, found: list[float], known: set[float], length: float, slack: float, level: float
+    curve: Curve, number: int, places: list[float], known: set[float], length: float, slack: float, level: float
 ) -> list[float]:
     """Return zeros, of which those that are one are told once: by one of the known ones, else by the first."""
     left = list[float]()
-    for place in found:
+    for place in places:
         same = left and place - left[-1] <= ONE * length
         if same and abs(_gaps(curve, number, np.array([0.5 * (place + left[-1])]), level)[0]) <= slack:
             left[-1] = place if place in known and left[-1] not in known else left[-1]

@@ -75,7 +75,7 @@ class RunNumber(ValueRecord, frozen=True):
             if named[2] is not None and (named[1] in ("start", "end") or not named[2].strip()):
                 raise problem
             return cls(quantity, named[1], (named[2] or quantity).strip())
-        pairs = [tuple(part.strip() for part in each.split("=")) for each in place.split(",")]
+        pairs = [tuple(part.strip() for part in pair_text.split("=")) for pair_text in place.split(",")]
         if not all(len(pair) == 2 and all(pair) for pair in pairs):
             raise InputError(problem.message, expected=f"{EXAMPLES}; figures are {', '.join(FIGURES)}, p0 to p100")
         keys: dict[str, str | int | float] = {pair[0]: pair[1] for pair in pairs}
@@ -138,18 +138,18 @@ class RunNumber(ValueRecord, frozen=True):
         Raises:
             InputError: The place does not exist in this run, or the run has no such figure.
         """
-        found = self.told(result.lookup)
+        number = self.told(result.lookup)
         if result.trajectory.others and any(
             result.quantities.open_rows(name).any() for name in (self.quantity, self.of)
         ):
-            self._require_determined(result, found[0])
-        return found
+            self._require_determined(result, number[0])
+        return number
 
     def told(self, run: Lookup) -> tuple[float, float]:
         """Return the number of a run in which friction leaves nothing open; see ``value``."""
         if isinstance(self.at, str) and is_figure(self.at):
-            given = figure(run, self.quantity, self.at)
-            return given.value, given.error
+            curve_figure = figure(run, self.quantity, self.at)
+            return curve_figure.value, curve_figure.error
         if self.at in ("max", "min", "largest"):
             if self.of != self.quantity:
                 return run.at_extreme(self.at, self.of, self.quantity)
@@ -159,7 +159,7 @@ class RunNumber(ValueRecord, frozen=True):
             return run.at_instant(self.at, self.quantity)
         return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
 
-    def _require_determined(self, result: Run, told: float) -> None:
+    def _require_determined(self, result: Run, value: float) -> None:
         """Raise where the number would be another one with other frictions that hold the same motion.
 
         Raises:
@@ -174,7 +174,7 @@ class RunNumber(ValueRecord, frozen=True):
         endless = place and np.isinf(bounds).any()
         values = np.ravel(bounds if endless else [end.told(result.lookup)[0] for end in ends])
         low, high, finite = values.min(), values.max(), values[np.isfinite(values)]
-        if high - low > OPEN * max(np.abs(finite).max(initial=0.0), abs(told)):
+        if high - low > OPEN * max(np.abs(finite).max(initial=0.0), abs(value)):
             unit = result[self.quantity].unit
             raise InputError(
                 f"'{self.label}' is not determined: several frictions or stops hold one motion, and it lies between "
@@ -433,8 +433,8 @@ _PLACE_TEXT = re.compile(rf"\s*(?:{_ENTRY}(?:\s*,\s*{_ENTRY})*|\w+(?:\.\d+)?)")
 
 def _end(text: str, start: int) -> int:
     """Return where the place behind an ``@`` ends."""
-    found = _PLACE_TEXT.match(text, start)
-    end = found.end() if found else start
+    place = _PLACE_TEXT.match(text, start)
+    end = place.end() if place else start
     if text[end : end + 1] == "(":
         end = next((k for k in range(end + 1, len(text) + 1) if _balanced(text[end:k])), len(text))
     return end

@@ -59,7 +59,11 @@ class Presentation(ValueRecord, frozen=True):
         kinds, read = dict[str, Unit](), {name: unit(text) for name, text in units.items()}
         for word in UNIT_KINDS.keys() & read.keys():
             kinds |= {text: read[word] for text in UNIT_KINDS[word] if unit(text).dimension == read[word].dimension}
-        named = {name: one for name, one in read.items() if not (name in UNIT_KINDS and one in kinds.values())}
+        named = {
+            name: unit_of_name
+            for name, unit_of_name in read.items()
+            if not (name in UNIT_KINDS and unit_of_name in kinds.values())
+        }
         return cls(named, labels, kinds)
 
     def unit(self, series: Series) -> Unit | None:
@@ -100,10 +104,10 @@ class Presentation(ValueRecord, frozen=True):
 
 def parts(name: str, known: Container[str]) -> tuple[str, str, str]:
     """Return the quantity of a number such as ``C_B @ max`` or ``min C_B``, with what stands before and after it."""
-    found = re.fullmatch(_NUMBER, name)
-    if name in known or found is None:
+    match = re.fullmatch(_NUMBER, name)
+    if name in known or match is None:
         return "", name, ""
-    return found["before"], found["quantity"], found["after"]
+    return match["before"], match["quantity"], match["after"]
 
 
 def unicode_text(label: str) -> str:

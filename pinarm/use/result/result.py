@@ -234,7 +234,7 @@ class Result(Run, frozen=True):
         table = dict[str, Series]()
         for series in self.columns():
             bounds = self.quantities.bounds(series.name) if self.quantities.open_rows(series.name).any() else ()
-            table |= {each.name: each for each in (series, *bounds)}
+            table |= {column.name: column for column in (series, *bounds)}
         return list(table.values())
 
     def linearise(self, t: float | None = None, *, prescribed: Sequence[str] | None = None) -> Linearisation:

@@ -93,8 +93,8 @@ class NotReached(InputError):
 
 def instant(at: Place) -> dict[str, str | int | float]:
     """Return the coordinate of an instant, and its value; empty for words."""
-    given = {} if isinstance(at, str) else at
-    return {key: value for key, value in given.items() if key not in ("side", "occurrence")}
+    keys = {} if isinstance(at, str) else at
+    return {key: value for key, value in keys.items() if key not in ("side", "occurrence")}
 
 
 def located(at: Mapping[str, str | int | float], quantities: Quantities) -> tuple[str, float]:
@@ -233,7 +233,7 @@ class Lookup(Record, frozen=True):
             function: The functions.
             spots: Numbers of intervals, and places in each, shape (n,).
         """
-        found, numbers = [np.empty(0)] * len(spots), dict[int, list[int]]()
+        heights, numbers = [np.empty(0)] * len(spots), dict[int, list[int]]()
         for k, (interval, _) in enumerate(spots):
             numbers.setdefault(interval, []).append(k)
         for interval, own in numbers.items():
@@ -242,8 +242,8 @@ class Lookup(Record, frozen=True):
             values = np.concatenate([function(self.quantities_at(interval, block)) for block in blocks])[back]
             ends = np.cumsum([len(spots[k][1]) for k in own])
             for k, part in zip(own, np.split(values, ends[:-1]), strict=True):
-                found[k] = part
-        return found
+                heights[k] = part
+        return heights
 
     def curve_of(self, name: str) -> Curve:
         """Return a quantity as a curve, which is kept."""
@@ -317,10 +317,10 @@ class Lookup(Record, frozen=True):
             brackets = [*self._brackets(function, known)]
             if len(brackets) + len(known) > MOST_SWITCHES:
                 return none
-            found = [*self._crossed(function, brackets)]
-            if not found:
+            switches = [*self._crossed(function, brackets)]
+            if not switches:
                 break
-            known += found
+            known += switches
         return [
             distinct([switch.t for switch in known if switch.interval == k]) if known else none[k]
             for k in range(len(self.intervals))
@@ -509,8 +509,8 @@ class Lookup(Record, frozen=True):
 
     def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
         """Return an extreme, and its row; see ``extreme``."""
-        told, signs, height = _EXTREMES[which]
-        lacks, series = f"{name} has no {told}", self.quantities[name]
+        word, signs, height = _EXTREMES[which]
+        lacks, series = f"{name} has no {word}", self.quantities[name]
         slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
         places = self._rests if self._has_bands and not _plain(name) else []
         peak = self.highest_of(self.curve_of(name), height(series.values), signs, lacks, slack, places)
@@ -605,7 +605,7 @@ class Lookup(Record, frozen=True):
             t = np.unique(np.concatenate(places))
             states = self.quantities_at(interval, t)
             other, differences, left = elsewhere(states), np.abs(states[name].values - value), list[float]()
-            for side, own in zip(sides, (t.searchsorted(each) for each in places), strict=True):
+            for side, own in zip(sides, (t.searchsorted(side_places) for side_places in places), strict=True):
                 reached = int(other[own].argmax()) + 1 if other[own].any() else len(own)
                 apart = max(apart, float(differences[own[:reached]].max()))
                 left += [] if other[own].any() else [side]

@@ -65,8 +65,8 @@ class SectionTable(Record, frozen=True):
         of_row = 1.0 / units[said].factor if said in units else 1.0
         scales = [of_row if unit is None else factor for unit, factor in zip(self.units, factors, strict=True)]
         shown: list[Cell] = [
-            each if isinstance(each, str) or scale == 1.0 else each * scale
-            for each, scale in zip(row, scales, strict=True)
+            cell if isinstance(cell, str) or scale == 1.0 else cell * scale
+            for cell, scale in zip(row, scales, strict=True)
         ]
         if self.row_unit is not None and said in units:
             shown[self.row_unit] = str(units[said])
@@ -182,11 +182,11 @@ class Section(Record, frozen=True):
 
     def bounded(self, bounds: Mapping[str, float]) -> Section:
         """Return the section with bounds of the errors of its numbers [SI], by name: a table of them, and a remark."""
-        found = [(name, float(self.numbers[name].values[0]), bound) for name, bound in bounds.items()]
-        rows = [(name, str(self.numbers[name].unit or "?"), value, bound) for name, value, bound in found]
+        pairs = [(name, float(self.numbers[name].values[0]), bound) for name, bound in bounds.items()]
+        rows = [(name, str(self.numbers[name].unit or "?"), value, bound) for name, value, bound in pairs]
         table = SectionTable("bounds", "Bounds of the errors of its numbers, in 99 of 100 cases",
                              ("", "unit", "value", "error below"), (None,) * 4, rows, row_unit=1)  # fmt: skip
-        worst, name = max(((bound / abs(value), name) for name, value, bound in found if value), default=(0.0, ""))
+        worst, name = max(((bound / abs(value), name) for name, value, bound in pairs if value), default=(0.0, ""))
         below = f"below {worst:.1e} of themselves in 99 of 100 cases, largest in {name}"
         said = [f"errors of its numbers: {below if isfinite(worst) else f'no bound, as of {name}'}"]
         return replace(self, tables=[*self.tables, table], remarks=[*self.remarks, *(said if name else ())])

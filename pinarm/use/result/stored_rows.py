@@ -134,9 +134,9 @@ class SolvedAnew(RelayedMotion, Record, frozen=True):
             InputError: Positions, velocities or efforts differ by more than ``SAME``.
         """
         for name in ("q", "v", "tau"):
-            known, found = getattr(self.rows, name), getattr(anew, name)
+            known, solved = getattr(self.rows, name), getattr(anew, name)
             allowed = ROUNDING + SAME * np.abs(known).max(initial=0.0)
-            if known.shape != found.shape or np.abs(found - known).max(initial=0.0) > allowed:
+            if known.shape != solved.shape or np.abs(solved - known).max(initial=0.0) > allowed:
                 raise InputError(
                     "between the rows of this result its motion has to be solved again, and that leads elsewhere: a "
                     "function in Python drives it, its files or pinarm are others now, or errors grow along it",
@@ -189,7 +189,7 @@ def trajectory_of(problem: Problem, mechanism: Mechanism, arrays: Mapping[str, A
         arrays.get(f"{prefix}{name}", NOTHING).shape != arrays[name].shape for prefix in prefixes for name in EFFORTS
     ):
         raise InputError("the frictions of this result are not those of its model", hint=AGAIN)
-    return replace(_with_efforts(own, arrays), others=tuple(_with_efforts(own, arrays, each) for each in prefixes))
+    return replace(_with_efforts(own, arrays), others=tuple(_with_efforts(own, arrays, start) for start in prefixes))
 
 
 def _fits(grid: Grid) -> bool:

@@ -106,25 +106,25 @@ class ResponseNumbers(Record, frozen=True):
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         """Return ``OUTPUT.INPUT.largest``, the largest amplitude, and its ``frequency``, with their units."""
         inputs = self.problem.prepare(self.mechanism(), self.accuracy, self.place).inputs
-        found = dict[str, Unit | None]()
-        for output, given in product(self.outputs, inputs):
-            name, own = _number(output, given.position or given.name), quantities[output].unit
-            found |= {f"{name}.largest": own and own / given.unit, f"{name}.frequency": HERTZ}
-        return found
+        units = dict[str, Unit | None]()
+        for output, driven in product(self.outputs, inputs):
+            name, own = _number(output, driven.position or driven.name), quantities[output].unit
+            units |= {f"{name}.largest": own and own / driven.unit, f"{name}.frequency": HERTZ}
+        return units
 
 
-def _number(output: str, given: str) -> str:
-    return ".".join(re.sub(r"\W+", "_", name).strip("_") for name in (output, given))
+def _number(output: str, text: str) -> str:
+    return ".".join(re.sub(r"\W+", "_", name).strip("_") for name in (output, text))
 
 
 def linear_sections(result: Run) -> dict[str, Section]:
     """Return the sections of a linear analysis by key; none of other results."""
-    found = dict[str, Section]()
+    sections = dict[str, Section]()
     if "eigenvalues" in result.arrays:
-        found["modes"] = _modes(result)
+        sections["modes"] = _modes(result)
     if "response" in result.arrays:
-        found["frequency_response"] = _frequency_response(result)
-    return found
+        sections["frequency_response"] = _frequency_response(result)
+    return sections
 
 
 def responses(arrays: Mapping[str, LabelledArray]) -> list[Response]:
@@ -135,8 +135,8 @@ def responses(arrays: Mapping[str, LabelledArray]) -> list[Response]:
     inputs = [_answered(*column) for column in zip(arrays["B"].columns, arrays["B"].column_units, strict=True)]
     pairs = product(outputs, inputs)
     return [
-        Response(output, given, _quotient(own, per), frequencies, np.asarray(table.values[:, k]))
-        for k, ((output, own), (given, per)) in enumerate(pairs)
+        Response(output, driven, _quotient(own, per), frequencies, np.asarray(table.values[:, k]))
+        for k, ((output, own), (driven, per)) in enumerate(pairs)
     ]
 
 
@@ -317,11 +317,13 @@ def _peak(response: Response, result: Run) -> tuple[float, float]:
         place = eigenvalue.imag / (2.0 * np.pi)
         if near[0] <= place <= near[-1] and abs(eigenvalue.real) <= result[f"mode.{k}.error"].values[0]:
             return np.inf, float(place)
-    found = minimize_scalar(
+    optimum = minimize_scalar(
         lambda x: -amplitude(x), bounds=(near[0], near[-1]), method="bounded", options={"xatol": FINE * near[-1]}
     )
     sample = float(np.abs(response.values[top]))
-    return (-float(found.fun), float(found.x)) if -found.fun > sample else (sample, float(response.frequencies[top]))
+    return (
+        (-float(optimum.fun), float(optimum.x)) if -optimum.fun > sample else (sample, float(response.frequencies[top]))
+    )
 
 
 def _eigenvalues(result: Run) -> Complex:

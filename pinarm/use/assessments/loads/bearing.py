@@ -226,8 +226,8 @@ def lives(run: Lookup, asked: Sequence[tuple[LoadedJoint, RollingBearing | Plain
             most = bearing.worst(run, joint)
         # each by panels of its own: its numbers are the same whichever others are asked
         total, error = integrals(run, partial(bearing.integrands, joint=joint, worst=most))
-        found, said = bearing.evaluated(most, total / length, error / length)
-        numbers |= {f"{joint.name}.{name}": number for name, number in found.items()}
+        results, said = bearing.evaluated(most, total / length, error / length)
+        numbers |= {f"{joint.name}.{name}": number for name, number in results.items()}
         remarks += [f"{joint.name}: {text}" for text in said]
         remarks += _left_out(run, joint, bearing)
     return numbers, remarks

@@ -61,7 +61,7 @@ def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Qua
     """Return the peaks of a joint that are determined and not 0, each with its row."""
     wanted = (BY_AXIS if joint.axis else {}) | SIZES
     known, _ = _determined(run, joint, list(wanted.values()))
-    found = {}
+    peaks_by_part = {}
     for part, name in wanted.items():
         if name in known:
             full, unit, least = known[name].name, known[name].unit, rounding(run, name, known[name])
@@ -69,8 +69,8 @@ def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Qua
             row, value, error = worst_row(run, partial(_size, name=full), least)
             if value > least:
                 direction = _direction(row, joint, part, name.partition(".")[0])
-                found[part] = LoadNumber(value, unit, _place(row), error, row[full].doubt, *direction), row
-    return found
+                peaks_by_part[part] = LoadNumber(value, unit, _place(row), error, row[full].doubt, *direction), row
+    return peaks_by_part
 
 
 def _direction(row: Quantities, joint: LoadedJoint, part: str, kind: str) -> tuple[str, str]:

@@ -67,15 +67,15 @@ class LoadedJoint(Record, frozen=True):
             expected, hint = choices(name, [full.partition(".")[2] for full in known])
             message = f"'{name}' is a joint of the tree and a loop joint" if meant else f"there is no joint '{name}'"
             raise InputError(message, expected=" or ".join(meant) or expected, hint="" if meant else hint)
-        found = known[meant[0]]
+        joint = known[meant[0]]
         if coordinate is None:
-            return found
+            return joint
         with within("coordinate"):
-            given = mechanism.coordinates.get(coordinate)
-            if given is None or given.unit != RADIAN:
+            angle = mechanism.coordinates.get(coordinate)
+            if angle is None or angle.unit != RADIAN:
                 expected, hint = choices(coordinate, [k for k, x in mechanism.coordinates.items() if x.unit == RADIAN])
                 raise InputError(f"there is no coordinate '{coordinate}' that turns", expected=expected, hint=hint)
-        return replace(found, turning=coordinate, open=False)
+        return replace(joint, turning=coordinate, open=False)
 
     def check(self, *, bearing: bool, bushing: bool) -> None:
         """Check that it has what is asked of it.
@@ -116,7 +116,7 @@ def _known(mechanism: Mechanism, name: str) -> Iterator[tuple[str, LoadedJoint]]
     for loop in mechanism.constraints:
         if isinstance(loop, LoopJoint):
             own = [f"{loop.name}.{part}" for part in ("angle", "position")]
-            turning, sliding = (each if each in mechanism.coordinates else "" for each in own)
+            turning, sliding = (name_of_part if name_of_part in mechanism.coordinates else "" for name_of_part in own)
             links, axis = [model.frames[frame].name for frame in (loop.second, loop.first)], loop_axis(loop)
             held = links[1:] if loop.kind in UNALIGNED else links
             rings = () if axis is None else tuple((link, axis) for link in held)

@@ -142,7 +142,7 @@ def free_bodies(row: Quantities, normal: Array | None = None) -> Iterator[FreeBo
     for body, links in enumerate(links_behind(model)):
         if body and (links or model.inertias[body].mass):
             own = acting.get(body, [])
-            doubt = next((each.doubt for each in own if each.doubt), "")
+            doubt = next((action.doubt for action in own if action.doubt), "")
             left_out = bool(doubt) and (row.undetermined != "minimum_norm" or doubt == SHARED)
             yield FreeBody(body, links[0] if links else str(model.names[body]), own, doubt, left_out)
 
@@ -151,7 +151,7 @@ def sets_table(sets: Sequence[LoadSet], at: Unit) -> SectionTable:
     """Return the table of all sets, for the unit of the run's parameter."""
     columns = ("set", "at", "body", "load", *(f"{name} in body axes" for name in WRENCH))
     units = (None, at, None, None, *[METRE] * 3, *[NEWTON] * 3, *[NEWTON_METRE] * 3)
-    rows = [row for each in sets for row in each.rows]
+    rows = [row for load_set in sets for row in load_set.rows]
     return SectionTable(
         "sets", "Free-body diagrams in numbers: loads of every body at the worst instants", columns, units, rows
     )
@@ -160,9 +160,9 @@ def sets_table(sets: Sequence[LoadSet], at: Unit) -> SectionTable:
 def told(sets: Sequence[LoadSet]) -> list[str]:
     """Return what is to be said of sets, once for all sets of which it is true."""
     names = dict[str, list[str]]()
-    for each in sets:
-        for remark in each.remarks:
-            names.setdefault(remark, []).append(each.name)
+    for load_set in sets:
+        for remark in load_set.remarks:
+            names.setdefault(remark, []).append(load_set.name)
     return [f"sets {', '.join(those)}: {remark}" for remark, those in names.items()]
 
 
@@ -175,7 +175,7 @@ def _with_shares(row: Quantities, plane: Array) -> list[Action]:
     """
     whole = (row.whole or row).reactions
     acting = [*_actions(row.reactions, whole, plane)]
-    scale = max((np.linalg.norm(each.wrench) for each in acting), default=0.0)
+    scale = max((np.linalg.norm(load.wrench) for load in acting), default=0.0)
     for other in row.others:
         acting = [
             replace(own, doubt=SHARED) if np.abs(action.wrench - own.wrench).max() > OPEN * scale else own
@@ -184,63 +184,65 @@ def _with_shares(row: Quantities, plane: Array) -> list[Action]:
     return acting
 
 
-def _actions(found: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
+def _actions(reactions: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
     """Yield what acts on the bodies in the first row of a run, whose rows all together tell what is determined."""
-    parts = _of_joints(found, whole, plane), _of_constraints(found, whole, plane), _of_friction(found)
-    for action in chain(*parts, _of_forces(found), _of_masses(found.run)):
+    parts = _of_joints(reactions, whole, plane), _of_constraints(reactions, whole, plane), _of_friction(reactions)
+    for action in chain(*parts, _of_forces(reactions), _of_masses(reactions.run)):
         yield replace(action, wrench=plane @ action.wrench)
 
 
-def _of_joints(found: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
+def _of_joints(reactions: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
     """Yield the wrenches of the tree's joints: on the child, and back on the parent."""
-    model = found.model
+    model = reactions.model
     for joint in range(1, model.njoints):
-        point, wrench, what = found.origins[0, joint], found.joints[0, joint], f"joint {model.names[joint]}"
-        doubt = _hyperstatic(whole, [each @ plane for each in whole.stressed_joint(joint)])
-        doubt = str(found.left_open[joint]) if joint in found.left_open else doubt
+        point, wrench, what = reactions.origins[0, joint], reactions.joints[0, joint], f"joint {model.names[joint]}"
+        doubt = _hyperstatic(whole, [stress @ plane for stress in whole.stressed_joint(joint)])
+        doubt = str(reactions.left_open[joint]) if joint in reactions.left_open else doubt
         yield Action(joint, what, point, wrench, doubt)
         if model.parents[joint]:
             yield Action(int(model.parents[joint]), what, point, -wrench, doubt)
 
 
-def _of_constraints(found: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
+def _of_constraints(reactions: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
     """Yield the wrenches of loop joints and couplings, of drives along task coordinates and their rotors."""
-    links, closure, lam = found.links, found.closure, found.multipliers[:1]
+    links, closure, lam = reactions.links, reactions.closure, reactions.multipliers[:1]
     for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True):
         what, point, doubt = f"drive {constraint.name}", None, ""
         if isinstance(constraint, LoopJoint):
-            what, point = f"loop {constraint.name}", found.loop_origins(constraint.name)[0]
-            doubt = _hyperstatic(whole, [each @ plane for each in whole.stressed_loop(constraint.name)])
+            what, point = f"loop {constraint.name}", reactions.loop_origins(constraint.name)[0]
+            doubt = _hyperstatic(whole, [stress @ plane for stress in whole.stressed_loop(constraint.name)])
         elif isinstance(constraint, GearedRotor):
             angle = counted_angle(constraint.rotor.name)
             what = constraint.name if angle is None else f"effort along {angle}"
         elif isinstance(constraint, JointRelation) and constraint.known:
-            what, point = f"coupling {constraint.name}", found.transmitted(constraint.name)[0][0]
+            what, point = f"coupling {constraint.name}", reactions.transmitted(constraint.name)[0][0]
             doubt = _hyperstatic(whole, whole.multiplier(constraint.name)[1])
         for body, wrench in constraint.wrenches(links, lam[:, part]).items():
             if body:
-                yield _at(body, what, found.origins[0, body] if point is None else point, wrench[0], doubt)
+                yield _at(body, what, reactions.origins[0, body] if point is None else point, wrench[0], doubt)
 
 
-def _of_friction(found: Reactions) -> Iterator[Action]:
+def _of_friction(reactions: Reactions) -> Iterator[Action]:
     """Yield what dry friction in loop joints and threads does; that in joints of the tree is part of their wrench."""
-    links = found.links
-    for contact, f in zip(found.run.mechanism.frictions, found.run.friction.T, strict=True):
+    links = reactions.links
+    for contact, f in zip(reactions.run.mechanism.frictions, reactions.run.friction.T, strict=True):
         for body, wrench in contact.slip.wrenches(links, f[:1]).items():
             if body:
-                yield _at(body, f"friction {contact.name}", found.origins[0, body], wrench[0])
+                yield _at(body, f"friction {contact.name}", reactions.origins[0, body], wrench[0])
 
 
-def _of_forces(found: Reactions) -> Iterator[Action]:
+def _of_forces(reactions: Reactions) -> Iterator[Action]:
     """Yield the wrenches of force elements, at the points of the bodies where they act."""
-    run, model = found.run, found.model
-    (_, dynamics), *_ = ((rows, each) for rows, each in run.intervals() if rows.start < rows.stop)
-    links = found.links
+    run, model = reactions.run, reactions.model
+    (_, dynamics), *_ = (
+        (rows, dynamics_of_rows) for rows, dynamics_of_rows in run.intervals() if rows.start < rows.stop
+    )
+    links = reactions.links
     for name, force in dynamics.forces.items():
         points = {model.frames[frame].parentJoint: links.frame(frame)[1][0] for frame in force.points}
         for body, wrench in force.wrenches(links, run.grid.t, run.v).items():
             if body:
-                yield _at(body, f"force {name}", points.get(body, found.origins[0, body]), wrench[0])
+                yield _at(body, f"force {name}", points.get(body, reactions.origins[0, body]), wrench[0])
 
 
 def _of_masses(run: Trajectory) -> Iterator[Action]:
@@ -266,10 +268,10 @@ def _at(body: int, what: str, point: Array, wrench: Array, doubt: str = "") -> A
     return Action(body, what, point, moved, doubt)
 
 
-def _hyperstatic(found: Reactions, added: Sequence[Array]) -> str:
+def _hyperstatic(reactions: Reactions, added: Sequence[Array]) -> str:
     """Return the doubt about a wrench to which self-stresses of length 1 add something; empty where they do not."""
     if any(np.abs(part).max(initial=0.0) > ACTS for part in added):
-        return f"hyperstatic of degree {found.degree}: rigid bodies do not determine all of their loads"
+        return f"hyperstatic of degree {reactions.degree}: rigid bodies do not determine all of their loads"
     return ""
 
 

@@ -81,8 +81,8 @@ class Loads(InputStruct, frozen=True):
         units = dict[str, Unit | None]()
         for joint, asked in self._loaded(quantities.trajectory.mechanism):
             units |= {f"{joint.name}.{part}.peak": unit for part, unit in peak_units(joint).items()}
-            for each in (asked.bearing, asked.bushing):
-                units |= {f"{joint.name}.{name}": unit for name, unit in each.units.items()} if each else {}
+            for bearing in (asked.bearing, asked.bushing):
+                units |= {f"{joint.name}.{name}": unit for name, unit in bearing.units.items()} if bearing else {}
         for name, rotor in self.rotors.items():
             units |= {f"{name}.{part}": unit for part, unit in rotor.units.items()}
         return {**units, "sets.residual": DIMENSIONLESS} if self.sets else units
@@ -103,15 +103,15 @@ class Loads(InputStruct, frozen=True):
         self._check_joints(result.quantities)
         run, at, loaded = result.lookup, result.trajectory.unit, [*self._loaded(result.trajectory.mechanism)]
         rows, numbers, remarks, sets = _joint_loads(run, [joint for joint, _ in loaded], self.sets)
-        bearings = [(joint, each) for joint, asked in loaded for each in (asked.bearing, asked.bushing) if each]
-        for found, said in (lives(run, bearings), *(rotor.balance(run, name) for name, rotor in self.rotors.items())):
-            numbers |= found
+        bearings = [(joint, part) for joint, asked in loaded for part in (asked.bearing, asked.bushing) if part]
+        for results, said in (lives(run, bearings), *(rotor.balance(run, name) for name, rotor in self.rotors.items())):
+            numbers |= results
             remarks += said
         tables = [envelope_table(rows, at)] if rows else []
         remarks += told(sets)
-        if any(each.rows for each in sets):
+        if any(part.rows for part in sets):
             tables.append(sets_table(sets, at))
-            numbers["sets.residual"] = LoadNumber.pure(max(each.residual for each in sets))
+            numbers["sets.residual"] = LoadNumber.pure(max(part.residual for part in sets))
         series = {name: number.series(name) for name, number in numbers.items()}
         errors = {name: number.error for name, number in numbers.items()}
         tables = [_numbers_table(numbers, at), *tables]
@@ -137,8 +137,8 @@ def _joint_loads(
     """Return the rows of the envelope, the peaks, what is to be said, and the sets of loads at the wanted peaks."""
     rows, remarks, numbers, sets = list[EnvelopeRow](), list[str](), dict[str, LoadNumber](), list[LoadSet]()
     for joint in joints:
-        found, said = envelope(run, joint)
-        rows += found
+        lines, said = envelope(run, joint)
+        rows += lines
         remarks += said
         for part, (peak, row) in peaks(run, joint).items():
             numbers[f"{joint.name}.{part}.peak"] = peak

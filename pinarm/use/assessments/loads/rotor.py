@@ -64,7 +64,7 @@ class Rotor(InputStruct, frozen=True):
         """
         joint = mechanism.joints.get(name)
         if joint is None or joint.unit != RADIAN:
-            expected, hint = choices(name, [k for k, one in mechanism.joints.items() if one.unit == RADIAN])
+            expected, hint = choices(name, [k for k, moved in mechanism.joints.items() if moved.unit == RADIAN])
             raise InputError(f"there is no revolute joint '{name}'", expected=expected, hint=hint)
         beyond = [mechanism.model.names[k] for k in mechanism.model.subtrees[joint.index] if k != joint.index]
         if beyond:
@@ -103,7 +103,7 @@ class Rotor(InputStruct, frozen=True):
                 }
                 permitted = [mass * share for share in _shares(centre, *self.planes)]
                 graded += [(x / m, error / m) for x, error, m in zip(inner, wrong, permitted, strict=True)]
-            largest, error = (max(each[k] for each in graded) for k in (0, 1))
+            largest, error = (max(pair[k] for pair in graded) for k in (0, 1))
             quality, doubt = largest * omega, error * omega + largest * spread
         planes = "in both planes" if self.planes else "static unbalance only"
         remark = (
@@ -114,7 +114,7 @@ class Rotor(InputStruct, frozen=True):
 
 def grade(quality: float) -> str:
     """Return the finest grade that a balance quality e omega [m/s] meets, in words."""
-    met = next((each for each in GRADES if quality <= each * MILLIMETRE * (1.0 + ROUNDING)), None)
+    met = next((limit for limit in GRADES if quality <= limit * MILLIMETRE * (1.0 + ROUNDING)), None)
     return f"G {met:g} of ISO 21940-11" if met else f"beyond G {GRADES[-1]:g}, the coarsest grade of ISO 21940-11"
 
 

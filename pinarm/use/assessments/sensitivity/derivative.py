@@ -166,19 +166,23 @@ class _Sought:
     def _is_kink(self, k: int) -> bool:
         """Tell whether the last two steps have found the same kink."""
         last = self.rounds[-2:]
-        return len(last) == 2 and all(each.derivative(k).kink for each in last) and last[0].finds(last[1], k)
+        return (
+            len(last) == 2 and all(differences.derivative(k).kink for differences in last) and last[0].finds(last[1], k)
+        )
 
     def best(self, k: int) -> Derivative:
         """Return the derivative of number k with the least error, after what the other steps say of it."""
-        found, rounds = [each.derivative(k) for each in self.rounds], self.rounds
-        errors = [one.error for one in found]
-        for n, each in enumerate(rounds):
-            errors[n] = max([errors[n], *(each.contradicted(finer, k) for finer in rounds[n + 1 :])])
-            again = found[n].kink and any(each.finds(other, k) for other in rounds if other is not each)
-            if each.apart(k) > each.alike(k) and not again:
-                errors[n] = max(errors[n], each.apart(k))
+        derivatives, rounds = [differences.derivative(k) for differences in self.rounds], self.rounds
+        errors = [derivative.error for derivative in derivatives]
+        for n, differences in enumerate(rounds):
+            errors[n] = max([errors[n], *(differences.contradicted(finer, k) for finer in rounds[n + 1 :])])
+            again = derivatives[n].kink and any(
+                differences.finds(other, k) for other in rounds if other is not differences
+            )
+            if differences.apart(k) > differences.alike(k) and not again:
+                errors[n] = max(errors[n], differences.apart(k))
         least = int(np.argmin(errors))
-        return replace(found[least], error=errors[least])
+        return replace(derivatives[least], error=errors[least])
 
 
 def derivatives(
@@ -195,7 +199,7 @@ def derivatives(
     Raises:
         InputError: No run succeeds on both sides of an input, however small the step.
     """
-    sought = [_Sought(step_of(each)) for each in varied.inputs]
+    sought = [_Sought(step_of(search)) for search in varied.inputs]
     left, unit = list(range(len(sought))), np.eye(len(sought))
     for attempt in range(ROUNDS):
         steps = {k: sought[k].step / SHRINK**attempt for k in left}
@@ -205,14 +209,14 @@ def derivatives(
         left = [
             k for k, step in steps.items() if not sought[k].settled_by(islice(rows, len(STEPS)), at_zero, step, noise)
         ]
-    for each, of in zip(sought, varied.inputs, strict=True):
-        if not each.rounds:
+    for search, of in zip(sought, varied.inputs, strict=True):
+        if not search.rounds:
             with within("to", of.name):
                 raise InputError(
-                    f"no run succeeds on both sides of {of.text(of.value)}: {each.failure}",
+                    f"no run succeeds on both sides of {of.text(of.value)}: {search.failure}",
                     hint="another value, from which the mechanism can be changed both ways",
                 )
-    return [[each.best(k) for k in range(len(at_zero))] for each in sought]
+    return [[search.best(k) for k in range(len(at_zero))] for search in sought]
 
 
 def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise: Array) -> _Differences:

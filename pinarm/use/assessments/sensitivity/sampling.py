@@ -55,7 +55,7 @@ def monte_carlo(varied: Varied, count: int, seed: int, distribution: Distributio
     Raises:
         InputError: Fewer than two of the runs can be solved.
     """
-    tolerances = np.array([each.tolerance for each in varied.inputs])
+    tolerances = np.array([of.tolerance for of in varied.inputs])
     draws = np.random.default_rng(seed).random((count, len(tolerances)))
     values, failures = list[tuple[float, ...]](), list[str]()
     for row in varied.rows(changes_of(draws, tolerances, distribution)):
@@ -114,17 +114,17 @@ def sobol_indices(varied: Varied, count: int, seed: int, distribution: Distribut
     problem = {"num_vars": k, "names": [str(j) for j in range(k)], "bounds": [[0.0, 1.0]] * k}
     draws = sampling.sample(problem, count, calc_second_order=False, seed=seed)
     inner = np.clip(draws, 1e-12, 1.0 - 1e-12)  # Sobol's first point is 0, where a normal distribution has no end
-    changes = changes_of(inner, np.array([each.tolerance for each in varied.inputs]), distribution)
+    changes = changes_of(inner, np.array([column.tolerance for column in varied.inputs]), distribution)
     values = np.array([_taken(row) for row in varied.rows(changes)])
     varies = values.std(axis=0) > noise
     if not varies.any():
         raise InputError("no number varies within the tolerances: there are no Sobol' indices")
     centred = (values - values.mean(axis=0))[:, varies] / values.std(axis=0)[varies]
     always = [seed]  # SALib takes 0 for no seed, and a list with it for one
-    found = [analysis.analyze(problem, each, calc_second_order=False, seed=always) for each in centred.T]
+    analyses = [analysis.analyze(problem, column, calc_second_order=False, seed=always) for column in centred.T]
     indices = [np.full((len(varies), k), np.nan) for _ in SOBOL]
     for name, index in zip(SOBOL, indices, strict=True):
-        index[varies] = [one[name] for one in found]
+        index[varies] = [result[name] for result in analyses]
     return SobolIndices(*indices)
 
 

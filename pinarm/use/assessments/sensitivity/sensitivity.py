@@ -90,29 +90,29 @@ class Sensitivity(InputStruct, frozen=True):
                     raise InputError(f"'{self.of[index]}' has the name of another number, '{name}'")
 
     def _asked(self) -> list[AnyNumber]:
-        found = []
+        numbers = []
         for index, text in enumerate(self.of):
             with within("of", index):
-                found.append(read_number(text))
-        return found
+                numbers.append(read_number(text))
+        return numbers
 
     def requested(self, mechanism: Mechanism) -> list[str]:
         return list(self.of)
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         """Return bands and derivatives; units of derivatives, and of numbers of sections, are left open."""
-        found = dict[str, Unit | None]()
+        units = dict[str, Unit | None]()
         for number in self._asked():
             known = number.described(quantities, {}).unit if number.of_curves else None
             bands = ("worst_case", "rss", *(("deviation",) if self.monte_carlo else ()))
-            found |= {f"{slug(number)}.{name}": known for name in bands}
-            found |= {f"{slug(number)}.by.{name}": None for name in self.to}
+            units |= {f"{slug(number)}.{name}": known for name in bands}
+            units |= {f"{slug(number)}.by.{name}": None for name in self.to}
             if self.sobol:
-                found |= {f"{slug(number)}.{kind}.{name}": None for kind in ("first", "total") for name in self.to}
-        return found
+                units |= {f"{slug(number)}.{kind}.{name}": None for kind in ("first", "total") for name in self.to}
+        return units
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        others = {key: each for key, each in scenario.numbered.items() if each is not self}
+        others = {key: asked for key, asked in scenario.numbered.items() if asked is not self}
         for index, number in enumerate(self._asked()):
             with within("of", index):
                 number.described(quantities, others)
@@ -214,7 +214,7 @@ def _corners(variation: Varied, slopes: Sequence[Sequence[Derivative]]) -> list[
     Returns:
         Both [SI], NaN where the scenario has no solution there, and why it has none.
     """
-    tolerances = np.array([each.tolerance for each in variation.inputs])
+    tolerances = np.array([varied.tolerance for varied in variation.inputs])
     signs = np.sign([[slope.value for slope in row] for row in slopes]).T
     rows = [*variation.rows(np.concatenate([-signs * tolerances, signs * tolerances]))]
     corners = []

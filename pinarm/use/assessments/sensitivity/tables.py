@@ -69,7 +69,7 @@ class Band:
     def parts(self, inputs: Sequence[Input]) -> Array:
         """Return ``|D_i| t_i`` [SI], shape (k,)."""
         slopes = np.array([slope.value for slope in self.slopes])
-        return np.asarray(np.abs(slopes) * np.array([each.tolerance for each in inputs]))
+        return np.asarray(np.abs(slopes) * np.array([of.tolerance for of in inputs]))
 
     def worst_case(self, inputs: Sequence[Input]) -> float:
         """Return the sum of the parts."""
@@ -81,32 +81,32 @@ class Band:
 
     def is_rounding(self, inputs: Sequence[Input]) -> bool:
         """Tell whether all that the tolerances make of it may be errors of its derivatives."""
-        errors = [slope.error * each.tolerance for each, slope in zip(inputs, self.slopes, strict=True)]
+        errors = [slope.error * of.tolerance for of, slope in zip(inputs, self.slopes, strict=True)]
         return bool(self.rss(inputs) <= np.linalg.norm(errors))
 
     def doubt(self, inputs: Sequence[Input]) -> float:
         """Return how far bands may be from what runs show, though the number is linear: errors of slopes, and noise."""
         return sum(
-            (slope.error * each.tolerance for each, slope in zip(inputs, self.slopes, strict=True)), 2.0 * self.noise
+            (slope.error * of.tolerance for of, slope in zip(inputs, self.slopes, strict=True)), 2.0 * self.noise
         )
 
     def numbers(self, inputs: Sequence[Input]) -> dict[str, Series]:
         """Return bands and derivatives by name."""
         name, unit = slug(self.number), self.measured.unit
-        found = {
+        numbers = {
             f"{name}.worst_case": _single(unit, self.worst_case(inputs)),
             f"{name}.rss": _single(unit, self.rss(inputs)),
         }
-        for each, slope in zip(inputs, self.slopes, strict=True):
-            found[f"{name}.by.{each.name}"] = _single(unit_over(unit, each.si), slope.value)
-        return found
+        for of, slope in zip(inputs, self.slopes, strict=True):
+            numbers[f"{name}.by.{of.name}"] = _single(unit_over(unit, of.si), slope.value)
+        return numbers
 
     def errors(self, inputs: Sequence[Input]) -> dict[str, float]:
         """Return the errors of bands and derivatives by name: those of bands are what errors of derivatives make."""
         name, wrong = slug(self.number), np.array([slope.error for slope in self.slopes])
-        parts = wrong * np.array([each.tolerance for each in inputs])
-        found = {f"{name}.worst_case": float(parts.sum()), f"{name}.rss": float(np.linalg.norm(parts))}
-        return found | {f"{name}.by.{each.name}": slope.error for each, slope in zip(inputs, self.slopes, strict=True)}
+        parts = wrong * np.array([of.tolerance for of in inputs])
+        errors = {f"{name}.worst_case": float(parts.sum()), f"{name}.rss": float(np.linalg.norm(parts))}
+        return errors | {f"{name}.by.{of.name}": slope.error for of, slope in zip(inputs, self.slopes, strict=True)}
 
     def ranking(self, inputs: Sequence[Input]) -> list[tuple[str, float]]:
         """Return the inputs from the strongest on, each with its share in words, and its part ``|D_i| t_i`` [SI].
@@ -125,9 +125,9 @@ class Band:
         ranked = self.ranking(inputs)
         said = [f"{label} depends on {', '.join(words for words, _ in ranked)} of root-sum-square"] if ranked else []
         said += [
-            f"{label} has a kink in {each.name}: its derivative is {slope.left:.6g} below and {slope.right:.6g} above; "
+            f"{label} has a kink in {of.name}: its derivative is {slope.left:.6g} below and {slope.right:.6g} above; "
             "the steeper one counts"
-            for each, slope in zip(inputs, self.slopes, strict=True)
+            for of, slope in zip(inputs, self.slopes, strict=True)
             if slope.kink
         ]
         if self.is_rounding(inputs):
@@ -151,9 +151,9 @@ def drawn_remarks(band: Band, inputs: Sequence[Input], prescribed: Sequence[str]
         prescribed: Coordinates that the problem prescribes.
     """
     still = [
-        each.name
-        for each, slope in zip(inputs, band.slopes, strict=True)
-        if DRAWN in each.path and abs(slope.value) <= slope.error
+        of.name
+        for of, slope in zip(inputs, band.slopes, strict=True)
+        if DRAWN in of.path and abs(slope.value) <= slope.error
     ]
     if not still:
         return []
@@ -184,12 +184,12 @@ def effect_table(band: Band, inputs: Sequence[Input]) -> SectionTable:
     parts, unit = band.parts(inputs), band.measured.unit
     shares = 100.0 * parts**2 / (np.nan if band.is_rounding(inputs) else band.rss(inputs) ** 2)
     rows: list[tuple[Cell, ...]] = []
-    for each, slope, part, share in zip(inputs, band.slopes, parts.tolist(), shares.tolist(), strict=True):
-        factor = each.unit.factor if each.unit else 1.0
+    for of, slope, part, share in zip(inputs, band.slopes, parts.tolist(), shares.tolist(), strict=True):
+        factor = of.unit.factor if of.unit else 1.0
         derivative = f"kink: {slope.left:.6g}, {slope.right:.6g}" if slope.kink else slope.value
-        given: list[Cell] = [each.name, str(each.unit or "1"), each.value / factor, each.tolerance / factor]
-        effect: list[Cell] = [str(unit_over(unit, each.si) or "?"), derivative, slope.error, part]
-        rows.append((*given, *effect, share))
+        cells: list[Cell] = [of.name, str(of.unit or "1"), of.value / factor, of.tolerance / factor]
+        effect: list[Cell] = [str(unit_over(unit, of.si) or "?"), derivative, slope.error, part]
+        rows.append((*cells, *effect, share))
     columns = ("", "unit", "value", "± tolerance", "unit of derivative", "derivative", "its error", "± of the number",
                "% of root-sum-square")  # fmt: skip
     units = (None, None, None, None, None, None, None, unit, None)
@@ -269,10 +269,10 @@ def quantile(values: Array, share: float) -> tuple[float, float]:
     """
     from scipy.special import bdtrik
 
-    n, told = len(values), float(np.quantile(values, share))
-    low, high = (int(np.ceil(bdtrik(each, n, share))) for each in (0.025, 0.975))
+    n, value = len(values), float(np.quantile(values, share))
+    low, high = (int(np.ceil(bdtrik(end, n, share))) for end in (0.025, 0.975))
     ends = np.concatenate([[-np.inf], np.sort(values), [np.inf]])
-    return told, float(max(told - ends[low], ends[min(high, n) + 1] - told))
+    return value, float(max(value - ends[low], ends[min(high, n) + 1] - value))
 
 
 def distribution_remarks(
@@ -346,11 +346,11 @@ def sobol_table(
     rows, numbers, errors = list[tuple[Cell, ...]](), dict[str, Series](), dict[str, float]()
     parts = indices.first, indices.first_error, indices.total, indices.total_error
     for m, band in enumerate(bands):
-        for k, each in enumerate(inputs):
+        for k, of in enumerate(inputs):
             cells = [float(part[m, k]) for part in parts]
-            rows.append((band.number.label, each.name, *cells))
+            rows.append((band.number.label, of.name, *cells))
             for kind, at in (("first", 0), ("total", 2)):
-                name = f"{slug(band.number)}.{kind}.{each.name}"
+                name = f"{slug(band.number)}.{kind}.{of.name}"
                 numbers[name], errors[name] = _single(DIMENSIONLESS, cells[at]), cells[at + 1]
     columns = ("of", "to", "first order", "first order ± 95 %", "total", "total ± 95 %")
     return SectionTable("sobol", "Sobol' indices", columns, (None,) * len(columns), rows), numbers, errors

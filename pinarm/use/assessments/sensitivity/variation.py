@@ -87,7 +87,7 @@ def inputs_of(scenario: Scenario, tolerances: Mapping[str, Tolerance]) -> list[I
     for name, tolerance in tolerances.items():
         with within("to", name):
             path = path_of(name, scenario)
-            if path in [each.path for each in inputs]:
+            if path in [other.path for other in inputs]:
                 raise InputError(f"'{path}' has two tolerances", expected="one")
             value = scenario.number_at(path)
             _check_unit(tolerance, value, path)
@@ -143,7 +143,7 @@ class Variation:
 def case_of(inputs: Sequence[Input], changes: Sequence[float]) -> Case:
     """Return what a case sets: what changes, and anyway what may differ in cases of one kind."""
     changed = zip(inputs, changes, strict=True)
-    return {each.path: each.given(each.value + x) for each, x in changed if x or is_column(each.path)}
+    return {of.path: of.given(of.value + x) for of, x in changed if x or is_column(of.path)}
 
 
 @contextmanager

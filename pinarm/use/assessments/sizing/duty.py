@@ -119,11 +119,11 @@ class Duty:
     def energy(self, inertia: float, ratio: float) -> tuple[Known, Known]:
         """Return the energy that a motor gives in a cycle, and what it takes back [J], both positive, of instants."""
         power = self.torque(inertia, ratio) * ratio * self.v
-        given, taken = (
+        delivered, taken = (
             (float(np.trapezoid(part, self.t)), left_of_trapezia(self.t, part))
             for part in (np.maximum(power, 0.0), np.maximum(-power, 0.0))
         )
-        return given, taken
+        return delivered, taken
 
     def warmest(self, load: Array, time_constant: float) -> Known:
         """Return the peak of ``x' = (u - x) / T`` when cycles of the heat u follow each other for ever.
@@ -197,8 +197,8 @@ class Course:
 
         total, error = integrals(self.run, parts)
         rounding = ROUNDING * float(np.ptp(self.run.run.grid.cuts))
-        given, taken = zip((scale * total).tolist(), (scale * (error + rounding)).tolist(), strict=True)
-        return given, taken
+        delivered, taken = zip((scale * total).tolist(), (scale * (error + rounding)).tolist(), strict=True)
+        return delivered, taken
 
 
 def _recursion(factors: Array, terms: Array) -> Array:
@@ -248,7 +248,7 @@ def duty_of(
         return np.abs(columns(rows)[k])
 
     sizes = np.array([scale[1] ** 2, scale[1] * scale[2], scale[2] ** 2, scale[0]])
-    found = sizes * integrals(run, products)
+    moments = sizes * integrals(run, products)
     fastest, *_ = (
         run.highest(partial(size, k), f"the {what} of '{coordinate}'")
         for k, what in enumerate(("velocity", "acceleration", "effort"))
@@ -257,16 +257,16 @@ def duty_of(
     t, v, a, y = _in_order(run, columns, [*seen, *_evenly(run, columns)])
     felt, error = _mean_inertia(run, names[0], lambda rows: load_inertia(rows, coordinate, held))
     inertia = felt - armature, error + ROUNDING * armature
-    return Duty(t, v, a, y, inertia, speed, found, rest, Course(run, columns))
+    return Duty(t, v, a, y, inertia, speed, moments, rest, Course(run, columns))
 
 
 def _inside(run: Lookup, rows: Quantities, velocity: str, still: Flags) -> Array:
     """Return velocities a little inside the intervals of rows that stand still, 0 of others, shape (n,)."""
-    found, beside = np.zeros(len(still)), np.flatnonzero(still)
+    velocities, beside = np.zeros(len(still)), np.flatnonzero(still)
     if run.motion and len(beside):
         grid = rows.trajectory.grid.some(beside).moved_inside()
-        found[beside] = rows.of(run.motion.at(grid))[velocity].values
-    return found
+        velocities[beside] = rows.of(run.motion.at(grid))[velocity].values
+    return velocities
 
 
 def _evenly(run: Lookup, columns: Columns) -> list[tuple[Array, Array, Array, Array]]:
@@ -315,7 +315,7 @@ def _in_order(run: Lookup, columns: Columns, seen: Sequence[tuple[Array, ...]]) 
         columns: What gives the columns.
         seen: Instants, and the columns there.
     """
-    every, parts = np.concatenate([np.array(each) for each in seen], axis=1), []
+    every, parts = np.concatenate([np.array(columns_seen) for columns_seen in seen], axis=1), []
     every = every[:, np.unique(every[0], return_index=True)[1]]
     for interval, (start, end, _) in enumerate(run.intervals):
         if end > start:

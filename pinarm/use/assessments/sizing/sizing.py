@@ -177,10 +177,10 @@ class Sizing(InputStruct, frozen=True):
             for motor in read_catalogue(Path(self.catalogue))
             for ratio in self.ratios_tried
         ]
-        ranked = sorted(candidates, key=lambda each: each.order)
+        ranked = sorted(candidates, key=lambda candidate: candidate.order)
         while not ranked[0].refined:
             ranked[0] = _refined(duty, ranked[0])
-            ranked.sort(key=lambda each: each.order)
+            ranked.sort(key=lambda candidate: candidate.order)
         return self._section(duty, ranked, drive)
 
     def _candidate(self, duty: Duty, motor: Motor, ratio: float) -> Candidate:
@@ -370,8 +370,8 @@ def _refined(duty: Duty, candidate: Candidate) -> Candidate:
         return (inertia * ratio * a + y / ratio) * ratio * v
 
     peak, margin = _torques(duty, duty.course, motor, ratio)
-    given, taken = duty.course.parts(power, duty.terms(inertia, ratio) * ratio * duty.fastest[0])
-    return replace(candidate, peak_torque=peak, torque_margin=margin, energy=given, regenerated=taken, refined=True)
+    delivered, taken = duty.course.parts(power, duty.terms(inertia, ratio) * ratio * duty.fastest[0])
+    return replace(candidate, peak_torque=peak, torque_margin=margin, energy=delivered, regenerated=taken, refined=True)
 
 
 def _times(known: Known, factor: float) -> Known:
