@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.arrays import as_rows, distinct, others, real, unit
+from pinarm.arrays import as_rows, real
 from pinarm.errors import InputError
 
 
@@ -32,19 +32,3 @@ def test_another_shape_is_refused_with_the_one_that_is_wanted(shape: tuple[int, 
     with pytest.raises(InputError, match="v has the shape") as caught:
         as_rows(np.zeros(shape), 3, "v")
     assert "(n, 3)" in str(caught.value)
-
-
-@pytest.mark.parametrize("given", [[], [0.5, -0.0, 0.0, 0.5], [[3, 1], [1, 2]]])
-def test_distinct_values_are_those_of_numpy(given: list[float]) -> None:
-    assert distinct(np.array(given)).tolist() == np.unique(np.array(given)).tolist()
-
-
-@pytest.mark.parametrize(("places", "count"), [([], 3), ([4, 0, 1], 5), ([0], 1)])
-def test_other_places_are_those_of_numpy(places: list[int], count: int) -> None:
-    assert others(np.array(places, np.intp), count).tolist() == np.setdiff1d(np.arange(count), places).tolist()
-
-
-@pytest.mark.parametrize("size", [1e-320, 1.0, 1.7e308])
-def test_directions_are_those_of_vectors_of_any_length(size: float) -> None:
-    assert unit(np.array([0.0, size, 0.0])).tolist() == [0.0, 1.0, 0.0]
-    assert unit(size * np.array([0.6, 0.0, -0.8])) == pytest.approx([0.6, 0.0, -0.8], rel=1e-3)

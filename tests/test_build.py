@@ -40,17 +40,6 @@ def test_the_library_is_compiled_and_nothing_else_is_left(hook, checkout):
     assert files(checkout) - before == {hook.LIBRARY}
 
 
-@pytest.mark.slow
-@WITH_COMPILER
-def test_two_places_give_the_same_bytes(hook, checkout, tmp_path_factory):
-    """A wheel is the same wherever it is built."""
-    other = tmp_path_factory.mktemp("another_place")
-    shutil.copytree(checkout / hook.ROOM, other / hook.ROOM)
-    for place in (checkout, other):
-        assert hook.compile_library(place) == ""
-    assert (checkout / hook.LIBRARY).read_bytes() == (other / hook.LIBRARY).read_bytes()
-
-
 def test_the_switch_leaves_it_out_and_takes_an_older_one_away(hook, checkout, monkeypatch):
     monkeypatch.setenv("PINARM_KERNEL", "off")
     (checkout / hook.LIBRARY).write_bytes(b"older")

@@ -91,8 +91,9 @@ def test_importing_the_package_imports_nothing_else_and_leaves_the_environment_a
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="another OpenMP, which shows its settings otherwise")
-@pytest.mark.parametrize(("said", "policy"), [({}, "PASSIVE"), ({"OMP_WAIT_POLICY": "active"}, "ACTIVE")])
-@pytest.mark.parametrize("first", ["pinarm.Mechanism", "main(['run', 'none.yaml'])"])
+@pytest.mark.parametrize(("first", "said", "policy"), [
+    ("pinarm.Mechanism", {}, "PASSIVE"), ("main(['run', 'none.yaml'])", {"OMP_WAIT_POLICY": "active"}, "ACTIVE"),
+])  # fmt: skip
 def test_threads_sleep_between_calls_unless_the_user_says_otherwise(
     first: str, said: dict[str, str], policy: str
 ) -> None:

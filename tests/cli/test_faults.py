@@ -76,19 +76,7 @@ def environment(**variables: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(Path(pinarm.__file__).parents[1]), **variables}
 
 
-def test_variables_of_matplotlib_do_not_stop_a_picture(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "pinarm", "explain", str(SCENARIO), "--draw", str(tmp_path / "drawn.pdf")]
-    done = subprocess.run(
-        words,
-        env=environment(MPLBACKEND="nonsense", SOURCE_DATE_EPOCH="nonsense"),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "drawn.pdf").read_bytes().startswith(b"%PDF")
-
-
+@pytest.mark.slow
 def test_sigterm_ends_a_sweep_with_words_and_its_own_code(tmp_path: Path) -> None:
     """143 is 128 + 15, as shells have it; the cases that are solved stay in the journal."""
     varied = ["--over", "problem.time.end=1:9:4000 s", "--over", "accuracy.tolerance=1e-9, 1e-10"]

@@ -88,31 +88,6 @@ def test_run_writes_a_result_and_says_where(here: Path, capsys: pytest.CaptureFi
     assert set(files(here / "results/a")) >= {"scenario.yaml", "summary.json", "trajectory.csv", "timing.json"}
 
 
-def test_files_of_one_name_have_results_of_their_own(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (here / "b").mkdir()
-    content = (here / "a.yaml").read_text()
-    (here / "b/a.yaml").write_text(
-        content.replace("title: Held", "title: Again").replace("mechanism: ", "mechanism: ../")
-    )
-    assert main(["run", "a.yaml", "--no-plots"]) == 0
-    first = files(here / "results/a")
-    assert main(["run", "b/a.yaml", "--no-plots"]) == 0
-    assert capsys.readouterr().out.endswith("written to results/b-a, as results/a holds the result of a.yaml\n")
-    assert files(here / "results/a") == first
-    assert main(["run", "a.yaml", "-o", "results/b-a", "--no-plots"]) == 0
-    assert capsys.readouterr().out.endswith("written to results/b-a, in place of the result of b/a.yaml\n")
-
-
-def test_run_writes_plots_in_the_format_that_is_asked_for(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from PIL import Image
-
-    assert main(["run", "a.yaml", "-o", "out", "--plots", "png", "--dpi", "50"]) == 0
-    with Image.open(here / "out/plots/M.png") as picture:
-        assert picture.size[0] == 350
-    assert main(["run", "a.yaml", "--dpi", "0"]) == 2
-    assert "0 is no resolution" in capsys.readouterr().err
-
-
 def test_run_json_elsewhere_without_plots(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "a.yaml", "--json", "--no-plots", "-o", "there/deep"]) == 0
     summary = strict_json(capsys.readouterr().out)
@@ -194,13 +169,6 @@ def test_failed_numerics_are_exit_3_and_the_rest_is_kept(here: Path, capsys: pyt
     assert any(note.startswith("the numerics failed, and what there was by then is not checked: ") for note in notes)
 
 
-def test_failed_numerics_are_told_once() -> None:
-    """No warnings of numpy beside the message."""
-    done = shell("run", "blow.yaml", "--no-plots")
-    assert done.returncode == 3
-    assert "Warning" not in done.stderr
-
-
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_failures_leave_an_older_result_alone(here: Path) -> None:
     main(["run", "a.yaml", "-o", "out", "--no-plots"])
@@ -212,34 +180,11 @@ def test_failures_leave_an_older_result_alone(here: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize(
-    "effort",
-    [
-        "{law: constant, value: 1e308 N*m}", "{law: harmonic, amplitude: 1 N*m, pulsation: 1e200 rad/s}",
-        "{law: polynomial, from: 0 N*m, to: 1 N*m, duration: 1e-100 s}",
-        "{law: trapezoid, from: 0 N*m, to: 1e300 N*m, acceleration: 1e-300 N*m/s^2}",
-    ],
-)  # fmt: skip
-def test_absurd_numbers_end_in_a_message(here: Path, capsys: pytest.CaptureFixture[str], effort: str) -> None:
-    (here / "x.yaml").write_text(FORWARD.replace("EFFORT", effort).replace("samples: 31", "samples: 3"))
-    assert main(["run", "x.yaml", "--no-plots", "--set", "accuracy.max_steps=2000"]) in (0, 2, 3)
-    capsys.readouterr()
-
-
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_an_accuracy_that_is_not_a_number_is_no_success(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """At 1e159 rad the motion stays finite, its energy does not: no figure says what the numbers are worth."""
     (here / "x.yaml").write_text(FORWARD.replace("EFFORT", BLOW_UP).replace("end: 0.3 s", "end: 0.19 s"))
     assert main(["run", "x.yaml", "--no-plots"]) != 0
     capsys.readouterr()
-
-
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_a_body_without_mass_is_exit_3(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    light = URDF.replace('mass value="2"', 'mass value="0"').replace('"0.5"', '"0"')
-    (here / "pendulum.urdf").write_text(light)
-    assert main(["run", "blow.yaml"]) == 3
-    assert "without mass" in capsys.readouterr().err
 
 
 # ------------------------------------------------------------------------------------------------------- report
@@ -271,18 +216,6 @@ def test_check_is_exit_1_where_an_expectation_is_missed(capsys: pytest.CaptureFi
     assert "1 agrees; 1 MISS" in out
     assert "MISS miss: M" in out
     assert err == ""
-
-
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_checked_scenarios_of_one_name_are_told_apart_by_their_paths(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (here / "b").mkdir()
-    (here / "b/a.yaml").write_text((here / "miss.yaml").read_text().replace("mechanism: ", "mechanism: ../"))
-    main(["check", "a.yaml", "b/a.yaml", "--json"])
-    assert [each["scenario"] for each in json.loads(capsys.readouterr().out)["findings"]] == ["a.yaml", "b/a.yaml"]
-    main(["check", "b/a.yaml", "miss.yaml"])
-    assert "MISS a: M at pivot = 90 deg: computed" in capsys.readouterr().out
 
 
 def test_check_goes_on_after_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
@@ -338,8 +271,7 @@ def test_the_schema_is_a_json_schema(capsys: pytest.CaptureFixture[str], of: str
 
 
 @pytest.mark.parametrize(("line", "offered"), [
-    ("pinarm re", {"replay", "report"}), ("pinarm new s", {"scissor_lift", "slider_crank"}),
-    ("pinarm quantities panda --like joint.panda_joint7.lin", {"joint.panda_joint7.link_effort"}),
+    ("pinarm new s", {"scissor_lift", "slider_crank"}),
     ("pinarm run q.yaml --set problem.time.", {"problem.time.end=", "problem.time.samples=", "problem.time.start="}),
 ])  # fmt: skip
 def test_the_shell_is_told_how_a_line_may_go_on(line: str, offered: set[str], tmp_path: Path) -> None:
@@ -390,14 +322,6 @@ def test_nothing_steers_the_terminal(here: Path, capsys: pytest.CaptureFixture[s
         assert "\x07" not in out + err
 
 
-@pytest.mark.parametrize("title", ["[/]", "[link=file:///etc]x[/link]", ":smile:"])
-def test_markup_is_shown_as_it_stands(here: Path, capsys: pytest.CaptureFixture[str], title: str) -> None:
-    symbol = f'symbols: {{"{title}": M}}\n'
-    (here / "m.yaml").write_text(SCENARIO.replace("quantity: M,", f'quantity: "{title}",') + symbol)
-    assert main(["check", "m.yaml"]) == 0
-    assert title in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("arguments", [[], ["fly"], ["run"], ["run", "a.yaml", "b.yaml"], ["schema", "robot"]])
 def test_wrong_usage_is_exit_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
@@ -439,8 +363,6 @@ def test_a_mechanism_file_is_validated_as_one(here: Path, capsys: pytest.Capture
     ("mechanism.yaml", "joint.QQ.velocity", "there is no quantity 'joint.QQ.velocity'"),
     ("mechanism.yaml", "w + 1 rad/s", "the symbol 'w' is defined by itself"),
     ("scenario.yaml", "joint.O.position + joint.O.velocity", "do not go together"),
-    ("mechanism.yaml", "1/0", "not finite"),
-    ("scenario.yaml", "1/0", "not finite"),
     ("scenario.yaml", "joint.O.effort", ""),
     ("mechanism.yaml", "joint.A.friction", ""),
 ])  # fmt: skip
@@ -483,27 +405,6 @@ def test_folders_are_validated_with_those_below_them(here: Path, capsys: pytest.
     assert (said["files"], said["passed over"], len(said["mistakes"])) == (1, 1, 1)
 
 
-def test_folders_of_results_are_read_where_they_are_named_and_mechanism_files_are_not_checked(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
-        (here / name).unlink()
-    assert main(["run", "a.yaml", "--no-plots"]) == 0
-    capsys.readouterr()
-    assert main(["validate", "."]) == 0
-    assert [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()] == [
-        "a.yaml", "pendulum.yaml", "2 scenarios and mechanism files, 0 with mistakes; 2 other files passed over",
-    ]  # fmt: skip
-    assert main(["validate", "results/a"]) == 0
-    assert "2 scenarios and mechanism files" in capsys.readouterr().out
-    (here / "empty").mkdir()
-    assert main(["check", "empty", "."]) == 0
-    assert "1 agrees" in capsys.readouterr().out
-    (here / "a.yaml").unlink()
-    assert main(["check", ".", "empty"]) == 2
-    assert "there are no scenarios in ., empty" in capsys.readouterr().err
-
-
 def test_a_file_with_a_mistake_is_not_nothing_to_check(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "bad.yaml"]) == 2
     out, err = capsys.readouterr()
@@ -535,7 +436,7 @@ def test_help_has_examples_that_parse(capsys: pytest.CaptureFixture[str], comman
         _parser(words).parse_args(words)
 
 
-# ------------------------------------------------------------------------------------------ number of drives
+# ------------------------------------------------------------------------------------------------- interrupts
 
 
 class Interrupted:
@@ -565,92 +466,6 @@ def test_an_interrupt_at_any_moment_is_exit_130(
         monkeypatch.setitem(COMMANDS, "validate", COMMANDS["validate"]._replace(call=made))
     assert main(["validate", "x.yaml"]) == 130
     assert capsys.readouterr().err == "interrupted\n"
-
-
-LOST = """
-import signal, sys, time, weakref
-from pinarm.cli import main as module
-
-class Kept:
-    pass
-
-def validate(options):
-    kept = Kept()
-    watched = weakref.ref(kept, lambda _: signal.raise_signal(signal.SIGINT))
-    del kept
-    time.sleep(30.0)
-    return 0
-
-signal.signal(signal.SIGINT, signal.default_int_handler)
-module.COMMANDS["validate"] = module.COMMANDS["validate"]._replace(call=validate)
-sys.argv = ["pinarm", "validate", "x.yaml"]
-module.program()
-"""
-
-
-def test_an_interrupt_that_comes_where_nothing_can_be_raised_comes_again() -> None:
-    ended = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60, check=False)
-    assert (ended.returncode, ended.stderr) == (130, "interrupted\n")
-
-
-@pytest.mark.parametrize(
-    ("template", "key", "drives"),
-    [("scissor_lift", "drives: [spindle]", "drives: [spindle, O]"),
-     ("arm", "  motion:", "  drives: [elbow]\n  motion:")],
-)  # fmt: skip
-def test_too_many_and_too_few_drives_are_the_same_mistake_at_their_line(
-    here: Path, capsys: pytest.CaptureFixture[str], template: str, key: str, drives: str
-) -> None:
-    assert main(["new", template]) == 0
-    scenario = here / template / "scenario.yaml"
-    text = scenario.read_text().replace(key, drives)
-    scenario.write_text(text)
-    line = 1 + next(row for row, content in enumerate(text.splitlines()) if "drives: [" in content)
-    assert main(["run", str(scenario), "--no-plots"]) == 2
-    err = capsys.readouterr().err
-    assert f"scenario.yaml:{line}:" in err
-    assert "drives" in err.splitlines()[0]
-
-
-@pytest.mark.parametrize("command", ["explain", "sweep"])
-def test_a_folder_in_place_of_a_file_is_called_a_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bars").mkdir()
-    for name in ("scenario.yaml", "mechanism.yaml", "bars.urdf", "notes.txt"):
-        (tmp_path / "bars" / name).touch()
-    assert main([command, "bars"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: bars: this is a folder\n")
-    assert "one of the files in it: bars/bars.urdf, bars/mechanism.yaml, bars/scenario.yaml\n" in said
-    assert "pinarm.restore" not in said
-    (tmp_path / "bars" / "summary.json").touch()
-    assert main([command, "bars"]) == 2
-    assert "try: for the saved result, the commands replay and report, or pinarm.restore in" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("command", ["explain", "sweep"])
-def test_the_name_of_a_robot_that_stands_for_something_else_too_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    if command == "sweep":
-        assert main([command, "panda"]) == 2
-        said = capsys.readouterr().err
-        assert said.startswith("error: 'panda' is the name of a robot, not a scenario\n")
-        assert "python -m pinarm new panda, which" in said
-    (tmp_path / "panda").mkdir()
-    (tmp_path / "panda/scenario.yaml").touch()  # as `new panda` makes it
-    (tmp_path / "ur5").write_text("notes")
-    assert main([command, "panda"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: panda: this is a folder, and the name of a robot\n")
-    assert "files in it: panda/scenario.yaml\n" in said
-    assert main([command, "ur5"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: ur5:1:1" if command == "sweep" else
-                           "error: ur5: this is a file, and the name of a robot\n")  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -1,33 +1,17 @@
-"""Mutants of every kind of file: each has to end in an answer or in words, without traceback, hang or gigabytes.
-
-``python tests/hostile/mutants.py --count 100000 --folder results/mutants`` tries the mutants of all kinds and goes on
-where it was interrupted; ``--kind urdf`` those of one, ``--show urdf 17`` prints a mutant and what becomes of it. The
-number of a mutant decides all that is done to it. A process of its own tries them with a limit on its memory; where it
-dies, or a mutant takes more than a minute of the processor, this is noted and the next one is tried.
-"""
+"""Mutants of every kind of file: each ends in an answer or in words. A number decides all that is done to it."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
-import json
-import multiprocessing
-import os
 import re
-import resource
 import shutil
-import signal
 import struct
-import sys
-import tempfile
-import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from pathlib import Path
 from random import Random
 from unittest.mock import patch
@@ -42,10 +26,6 @@ from pinarm.use.study.sweep.axes import read_cases
 from pinarm.use.study.sweep.journal import Journal, Sources
 from pinarm.use.workers.executors import ExecutorWorkers
 
-EFFORT, PATIENCE = 60.0, 1200.0
-"""Time of the processor after which a mutant hangs, and time without an answer [s]; honest ones take 2 s."""
-MEMORY = 4_000_000_000
-"""Largest address space of the process that tries them [bytes]."""
 LARGEST = 100_000
 """Characters of a mutant; files near the bounds of size have tests of their own."""
 
@@ -180,6 +160,15 @@ FORWARD = SCENARIO.replace("kind: inverse", "kind: forward").replace(
     "motion: {shoulder: {law: trapezoid, from: 0 rad, to: 60 deg, acceleration: 1 rad/s^2}}",
     "initial: {position: {shoulder: 30 deg}, velocity: {shoulder: 1 rad/s}}",
 )
+OTHERS = {
+    "statics": "over: {shoulder: {from: 0 deg, to: 90 deg, samples: 5}}",
+    "state": "hold: {shoulder: 30 deg}, velocity: {shoulder: 1 rad/s}, acceleration: {shoulder: 1 rad/s^2}",
+    "equilibria": "starts: [{shoulder: 10 deg}, {shoulder: 170 deg}]",
+    "linear": "about: {equilibrium: {shoulder: 10 deg}}, frequencies: {from: 0.1 Hz, to: 9 Hz, samples: 5}",
+    "kinematics": "time: {end: 1 s, samples: 5}, "
+    "motion: {shoulder: {law: harmonic, amplitude: 9 deg, pulsation: 3 rad/s}}",
+}
+"""The other kinds of problems."""
 TABLE = 't [s],M [N*m],note\n0,0,"at rest"\n0.5,1.5,\n1.0,-2e-1,"5"" pipe"\n2.0,0,\n'
 CASES = "arguments.m [kg],problem.time.end [s]\n1,2\n2.5,1\n3e0,2\n"
 OPTIONS = """\
@@ -358,6 +347,15 @@ def _binary(stl: str) -> bytes:
     return b" " * 80 + struct.pack("<I12fH", 1, 0.0, 0.0, 1.0, *corners, 0)
 
 
+def other(kind: str) -> str:
+    """Return the scenario of another kind of problem, with an answer key and a symbol."""
+    return (
+        f"pinarm: 1\nmechanism: arm.yaml\narguments: {{m: 3 kg}}\nproblem: {{kind: {kind}, {OTHERS[kind]}}}\n"
+        "symbols: {twice: 2*alpha}\noutputs: [alpha, twice]\n"
+        "expect: [{quantity: alpha, at: start, value: 1 rad, atol: 9 rad, source: s}]\n"
+    )
+
+
 def result_files(folder: Path) -> dict[str, bytes]:
     """Return the files of a result and the journal of a sweep, which ``prepare`` wrote."""
     files = {name: (folder / "out" / name).read_bytes() for name in ("summary.json", "scenario.yaml", "trajectory.npz")}
@@ -391,6 +389,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     made = result_files(folder)
     return {
         "scenario": Kind((SCENARIO.encode(),), "s.yaml", _solved("s.yaml")),
+        "others": Kind(tuple(other(kind).encode() for kind in OTHERS), "o.yaml", _solved("o.yaml")),
         "forward": Kind((FORWARD.encode(),), "f.yaml", _solved("f.yaml")),
         "mechanism": Kind((MECHANISM.encode(),), "arm.yaml", _solved("s.yaml")),
         "urdf": Kind(((folder / "plain.urdf").read_bytes(),), "plain.urdf", _replayed("p.yaml")),
@@ -439,93 +438,3 @@ def tried(name: str, kind: Kind, number: int, folder: Path) -> str:
             file.unlink()
         else:
             file.write_bytes(original)
-
-
-def _try_all(name: str, first: int, last: int, pipe: Connection) -> None:
-    """Try mutants in this process, and send the number of each before it and what it ended in after it."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    with tempfile.TemporaryDirectory() as folder:
-        prepare(Path(folder))
-        kind = kinds(Path(folder))[name]
-        os.chdir(folder)
-        for number in range(first, last):
-            pipe.send((number, None))
-            signal.setitimer(signal.ITIMER_PROF, EFFORT)  # its signal ends the process
-            pipe.send((number, tried(name, kind, number, Path(folder))))
-        os.chdir("/")
-    pipe.close()
-
-
-def outcomes(name: str, first: int, last: int) -> Iterator[tuple[int, str]]:
-    """Yield the numbers of mutants and what they ended in; a process that hangs or dies is replaced."""
-    context = multiprocessing.get_context("spawn")
-    number = first - 1
-    while first < last:
-        ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=_try_all, args=(name, first, last, theirs))
-        process.start()
-        theirs.close()
-        found: str | None = None
-        try:
-            with contextlib.suppress(EOFError):
-                while first < last:
-                    if not ours.poll(PATIENCE):
-                        found = f"it hangs: no answer after {PATIENCE:g} s"
-                        break
-                    number, said = ours.recv()
-                    if said is not None:
-                        yield number, said
-                        first = number + 1
-        finally:  # no daemon, which could not start the processes of a sweep
-            process.kill()
-            process.join()
-        if first < last:
-            if process.exitcode == -signal.SIGPROF:
-                found = f"it hangs: {EFFORT:g} s of the processor"
-            yield max(number, first), found or f"the process died (exit code {process.exitcode})"
-            first = max(number, first) + 1
-
-
-def main() -> int:
-    """Try the mutants that are asked for; return 1 where one got through."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=1000, help="mutants of each kind")
-    parser.add_argument("--first", type=int, default=0, help="number of the first one: others than were tried before")
-    parser.add_argument("--kind", action="append", help="of these kinds only")
-    parser.add_argument("--folder", type=Path, default=Path("results/mutants"), help="where findings are kept")
-    parser.add_argument("--show", nargs=2, metavar=("KIND", "NUMBER"), help="print a mutant and what becomes of it")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        prepare(Path(folder))
-        known = kinds(Path(folder))
-        if options.show:
-            name, number = options.show[0], int(options.show[1])
-            os.chdir(folder)
-            sys.stdout.buffer.write(mutant(name, known[name], number))
-            print("\n" + tried(name, known[name], number, Path(folder)))
-            return 0
-    options.folder.mkdir(parents=True, exist_ok=True)
-    return int(any([_run(name, options.first, options.count, options.folder) for name in options.kind or known]))
-
-
-def _run(name: str, first: int, count: int, folder: Path) -> bool:
-    """Try ``count`` mutants of a kind, from the first or from where it was left; return whether one got through."""
-    state, begin = folder / f"{name}.json", time.monotonic()
-    done = json.loads(state.read_text()) if state.exists() else {"next": first, "counts": {}, "through": {}}
-    last, first = first + count, done["next"]
-    for number, said in outcomes(name, first, last):
-        ended = said if said in ("answered", "refused") else "through"
-        done["counts"][ended] = done["counts"].get(ended, 0) + 1
-        if ended == "through":
-            done["through"][str(number)] = said
-        done["next"] = number + 1
-        if ended == "through" or number % 50 == 0 or number == last - 1:
-            state.write_text(json.dumps(done, indent=1))
-            rate = (number + 1 - first) / (time.monotonic() - begin)
-            print(f"\r{name}: {number + 1} of {last}, {rate:.0f}/s, {done['counts']}", end="", flush=True)
-    print()
-    return bool(done["through"])
-
-
-if __name__ == "__main__":
-    sys.exit(main())

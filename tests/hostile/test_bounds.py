@@ -56,32 +56,6 @@ def test_recorded_rows_are_bounded_too(folder: Path, monkeypatch: pytest.MonkeyP
     assert "a smaller file" in caught.value.hint
 
 
-@pytest.mark.parametrize(
-    ("heads", "outputs", "said"),
-    [
-        ("t [s],x [rad],joint.x.effort [N*m]", "[x]", "the velocities of this motion are not given"),
-        ("t [s],y [rad],z", "[x]", "there are no columns of positions"),
-    ],
-)
-def test_headings_tell_what_is_missing_before_the_rows_are_read(
-    folder: Path, heads: str, outputs: str, said: str
-) -> None:
-    """The third row would be refused, if it were read."""
-    (folder / "t.csv").write_text(f"{heads}\n0,0,0\n1,1,1\nnothing\n")
-    with pytest.raises(InputError, match=said):
-        pinarm.load(scenario(folder, "problem: {kind: recorded, file: t.csv}", outputs)).run()
-
-
-@pytest.mark.parametrize("derivatives", ["spline"])
-def test_instants_too_close_to_divide_by_are_refused(folder: Path, derivatives: str) -> None:
-    instants = [5e-324 * k for k in range(20)]
-    columns = {"t [s]": instants, "x [rad]": [float(k) for k in range(20)]}
-    problem = {"kind": "recorded", "columns": columns, "derivatives": derivatives}
-    data = {"pinarm": 1, "mechanism": pinarm.Mechanism.load(folder / "r.urdf"), "problem": problem, "outputs": ["x"]}
-    with pytest.raises(InputError, match=r"the instants 0 s and 4.94\S+ s \(row 1\) are too close"):
-        pinarm.run(data)
-
-
 # ------------------------------------------------------------------------------------------ MuJoCo's compiler
 
 MESH = '<mujoco><asset><mesh name="k" {mesh}/></asset><worldbody><body name="a"><joint name="j"/>{body}</body>{world}'

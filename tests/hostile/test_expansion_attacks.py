@@ -21,82 +21,56 @@ SUBCLASSES = (
 
 PYTHON = {
     "subclasses": "${" + SUBCLASSES + "}",
-    "lambda": "${(lambda: " + SUBCLASSES + ")()}",
     "class": "${().__class__}",
-    "text class": "${''.__class__.__mro__}",
     "format": "${'{0.__class__}'.format(1)}",
     "f-string": "${f'{canary}'}",
     "open": "${open('{canary}', 'w').write('x')}",
-    "builtins": "${__builtins__['open']('{canary}', 'w')}",
     "import": "${__import__('os').system('touch {canary}')}",
     "globals": "${xacro.load_yaml.__globals__['os'].system('touch {canary}')}",
     "load_yaml": "${load_yaml('{secret}')}",
     "xacro.load_yaml": "${xacro.load_yaml('{secret}')}",
-    "abs_filename": "${xacro.abs_filename('x')}",
-    "print_location": "${xacro.print_location()}",
     "type": "${python.type(1)}",
     "vars": "${python.vars(math)}",
     "map of a list": "${[[1]]['a']}",
     "split by nothing": "${'a'.split('')}",
     "method of a text": "${'a'.join(['b'])}",
-    "method of a list": "${[1].__class__}",
     "key of a map": "${dict(a=1)['__class__']}",
-    "slice": "${[1, 2][0:1]}",
     "unpacked": "${dict(**{'a': 1})}",
     "list times number": "${[1]*10**9}",
-    "list as a text": "${[1] + [2]}",
-    "map": "${list(map(str, range(10**9)))}",
     "comprehension": "${[i for i in range(10**9)]}",
-    "assignment": "${(a := 1)}",
-    "module": "${math}",
     "power": "${9**9**9}",
-    "power of a property": "${nine**nine**nine}",
     "shift": "${1 &lt;&lt; 10**10}",
     "text times number": "${'a'*10**9}",
     "factorial": "${factorial(10**9)}",
-    "comb": "${math.comb(10**9, 10**8)}",
     "round": "${round(5, -10**10) + 1/0}",
     "digits": "${" + "9" * 4500 + "}",
     "parentheses": "${" + "(" * 1900 + "}",
-    "minuses": "${" + "-" * 1900 + "1}",
     "long": "${" + "1+" * 4000 + "1}",
     "pow": "${pow(10, 400)}",
-    "int": "${int(1e300)}",
     "namespace": "${__class__}",
     "table": "${symbols}",
 }
 SUBSTITUTIONS = {
     "env": "$(env SECRET)",
-    "optenv": "$(optenv SECRET x)",
     "cwd": "$(cwd)",
-    "dirname": "$(dirname)",
     "anon": "$(anon x)",
     "eval": "$(eval open('{canary}', 'w'))",
-    "eval 1": "$(eval 1)",
-    "find nothing": "$(find)",
-    "arg nothing": "$(arg)",
     "arg unknown": "$(arg unknown)",
     "nested": "${$(env SECRET)}",
     "built": "$(${'env'} SECRET)",
     "open bracket": "$(arg ",
-    "empty": "$()",
 }
 INCLUDES = {
     "absolute": "{outside}/secret.xacro",
     "upwards": "../secret.xacro",
     "link": "link.xacro",
-    "link to a folder": "folder/secret.xacro",
-    "computed": "${'..'}/secret.xacro",
     "wildcard": "../*.xacro",
     "file": "file://{outside}/secret.xacro",
     "http": "http://127.0.0.1:9/secret.xacro",
     "package": "package://../secret.xacro",
-    "passwd": "/etc/passwd",
     "device": "/dev/zero",
-    "stdin": "/dev/stdin",
     "folder": ".",
     "itself": "model.urdf.xacro",
-    "one another": "ping.xacro",
     "pipe": "pipe.xacro",
     "too long": "x" * 5000,
     "loop of links": "loop.xacro",
@@ -118,12 +92,9 @@ BODIES = {
     "property, then expression": "<xacro:property name=\"p\" value=\"${open('{canary}','w')}\"/><x v=\"${p}\"/>",
     "expression in an argument": '<xacro:arg name="a" default="${open(1)}"/>',
     "expression in a condition": '<xacro:if value="${open(1)}"/>',
-    "expression in a name": '<xacro:property name="${open(1)}" value="1"/>',
-    "expression in a default": macro("m", "<x/>", "a:=${open(1)}") + "<xacro:m/>",
     "expression in a call": '<xacro:call macro="${open(1)}"/>',
     "expression in a namespace": '<xacro:include filename="good.xacro" ns="${open(1)}"/>',
     "namespace as a value": '<xacro:include filename="good.xacro" ns="n"/><x v="${n}"/>',
-    "attribute of a namespace": '<xacro:include filename="good.xacro" ns="n"/><x v="${n.__class__}"/>',
     "parent of a namespace": '<xacro:include filename="good.xacro" ns="n"/><x v="${n.parent}"/>',
     "doubling properties": '<xacro:property name="p0" value="aaaa"/>' + DOUBLING + '<x v="${p20}"/>',
     "doubling sums": "<xacro:property name='a' value='" + "a" * 9000 + "'/><x v='${a + a}'/>",
@@ -136,32 +107,22 @@ BODIES = {
     "chained properties": CHAIN + '<x v="${c0}"/>',
     "property of itself": '<xacro:property name="p" value="${p}"/><x v="${p}"/>',
     "recursive macro": macro("m", "<xacro:m/>") + "<xacro:m/>",
-    "macros of one another": macro("a", "<xacro:b/>") + macro("b", "<xacro:a/>") + "<xacro:a/>",
-    "recursion through a call": macro("m", '<xacro:call macro="m"/>') + "<xacro:m/>",
     "recursive block": macro("m", f"<xacro:m>{TWICE}</xacro:m>", "*b") + "<xacro:m><x/></xacro:m>",
-    "doubling macro": "".join(macro(f"m{n}", f"<xacro:m{n + 1}/>" * 2) for n in range(40))
-    + macro("m40", "<x/>") + "<xacro:m0/>",
     "doubling recursion": macro("m", "<xacro:m n='${n+1}'/>" * 2, "n") + "<xacro:m n='0'/>",
     "doubling block": "".join(macro(f"m{n}", f"<xacro:m{n + 1}><a>{TWICE}</a></xacro:m{n+1}>", "*b") for n in range(30))
     + macro("m30", "<xacro:insert_block name='b'/>", "*b") + "<xacro:m0><x/></xacro:m0>",
     "siblings that are moved": macro("m", "<a/>" * 20_000) + "<xacro:m/>" * 1000,
     "many siblings": "<xacro:if value='1'><a/></xacro:if>" * 12_000,  # more than the steps of the tests
     "quotes in parameters": macro("m", "<x/>", "a:=" + "x" * 5000 + "&quot;") + "<xacro:n/>",
-    "many quotes in parameters": macro("m", "<x/>", "a:=" + "'x'" * 3000 + "&quot;") + "<xacro:n/>",
     "many parameters": macro("m", "<x/>", "a " * (MAX_TEXT // 2)) * 40 + "<xacro:n/>",
     "many expressions": "<x>" + "${1}" * 400_000 + "</x>",
     "long text again and again": "<xacro:property name='a' value='" + "a" * 9999 + "'/>"
     + macro("m", "<x v='${a}'/>" * 1000) + "<xacro:m/>" * 1000,
     "long attributes copied": macro("m", ("<x v='" + "a" * 9000 + "'/>") * 20) + "<xacro:m/>" * 1000,
-    "links from macros": macro("m", "<link name='a'/>" * 100) + "<xacro:m/>" * 100,
     "element of a forged name": "<xacro:element xacro:name=\"x/></robot><!DOCTYPE a><robot\"/>",
-    "element of a forged DOCTYPE": "<xacro:element xacro:name=\"x a='\"/>",
     "depth from macros": "".join(macro(f"d{n}", "<a>" * 40 + f"<xacro:d{n + 1}/>" + "</a>" * 40) for n in range(9))
     + macro("d9", "<x/>") + "<xacro:d0/>",
     "property name": '<xacro:property name="' + "(" * 5000 + '" value="1"/>',
-    "digits in a property": "<xacro:property name='a' value='" + "9" * 4000 + "'/><x v='${a*a}'/>",
-    "call": '<xacro:macro name="call"/>',
-    "unknown": "<xacro:unknown/>",
     "dollar": "<x v='$${${'/>",
 }  # fmt: skip
 
@@ -173,23 +134,18 @@ FILES: dict[str, Callable[[], str | bytes]] = {
         + "".join(f'<!ENTITY a{n + 1} "{f"&a{n};" * 10}">' for n in range(9))
         + "]><robot>&a9;</robot>"
     ),
-    "undefined entity": lambda: "<robot>&e;</robot>",
     "100,000 nested elements": lambda: "<robot>" + "<a>" * 100_000 + "</a>" * 100_000 + "</robot>",
     "10,000 links": lambda: (
         "<robot>" + "".join(f"<link name='l{n}'/><joint name='j{n}'/>" for n in range(10_000)) + "</robot>"
     ),
-    "10,000 joints": lambda: "<robot>" + "<joint name='j'/>" * 10_000 + "</robot>",
     "many elements": lambda: "<robot>" + "<a/>" * 150_000 + "</robot>",
     "long attribute": lambda: f"<robot name='{'a' * 1_000_000}'/>",
     "many attributes": lambda: "<robot " + " ".join(f"a{n}='{n:0200}'" for n in range(9000)) + "><a b='1'>",
     "huge": lambda: "<robot>" + " " * MAX_BYTES + "</robot>",
     "null bytes": lambda: "<robot name='a\0b'/>",
-    "only null bytes": lambda: b"\0" * 1000,
     "empty": lambda: "",
-    "text": lambda: SECRET[:4],
     "not UTF-8": lambda: b"<robot name='\xff\xfe'/>",
     "UTF-16": lambda: "<robot name='r'/>".encode("utf-16"),
-    "two roots": lambda: "<robot/><robot/>",
     "twice an attribute": lambda: "<robot a='1' a='2'/>",
 }
 
@@ -207,8 +163,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (root / "folder").symlink_to(tmp_path)
     (root / "loop.xacro").symlink_to(root / "loop.xacro")
     (root / "good.xacro").write_text(HEAD + '<xacro:property name="a" value="1"/></robot>')
-    (root / "ping.xacro").write_text(HEAD + '<xacro:include filename="pong.xacro"/></robot>')
-    (root / "pong.xacro").write_text(HEAD + '<xacro:include filename="ping.xacro"/></robot>')
     (root / "tagged.yaml").write_text("a: !!python/object/apply:os.system ['true']")
     os.mkfifo(root / "pipe.xacro")
     monkeypatch.setenv("SECRET", SECRET)
@@ -240,12 +194,6 @@ def test_expressions(folder: Path, name: str) -> None:
     attack(folder, f'{HEAD}<xacro:property name="nine" value="9"/><x v="{PYTHON[name]}"/></robot>')
 
 
-@by_name(["subclasses", "open", "globals", "load_yaml", "power", "text times number"])
-def test_expressions_hidden_in_a_property(folder: Path, name: str) -> None:
-    body = f'<xacro:property name="nine" value="9"/><xacro:property name="p" value="{PYTHON[name]}"/><x v="${{p}}"/>'
-    attack(folder, f"{HEAD}{body}</robot>")
-
-
 @by_name(SUBSTITUTIONS)
 def test_substitutions(folder: Path, name: str) -> None:
     attack(folder, f'{HEAD}<x v="{SUBSTITUTIONS[name]}"/></robot>')
@@ -254,11 +202,6 @@ def test_substitutions(folder: Path, name: str) -> None:
 @by_name(INCLUDES)
 def test_includes(folder: Path, name: str) -> None:
     attack(folder, f'{HEAD}<xacro:include filename="{INCLUDES[name]}"/></robot>')
-
-
-@by_name(["absolute", "upwards", "link", "computed", "wildcard", "file", "pipe"])
-def test_optional_includes_are_no_way_out(folder: Path, name: str) -> None:
-    attack(folder, f'{HEAD}<xacro:include filename="{INCLUDES[name]}" optional="true"/></robot>')
 
 
 QUADRATIC = ["many siblings"]
@@ -289,21 +232,15 @@ DEEP = MAX_DEPTH
 BOUNDS = {
     "levels of XML": "<a>" * DEEP + "</a>" * DEEP,
     "too many links": "<link/>" * (MAX_LINKS + 1),
-    "too many joints": "<joint/>" * (MAX_LINKS + 1),
     "too many elements": "<a/>" * MAX_ELEMENTS,
     "characters in one attribute": f'<a b="{"c" * (MAX_TEXT + 1)}"/>',
-    "nested more than 100 levels": macro("m", "<xacro:m/>") + "<xacro:m/>",
     "nested more than 100 levels deep": CHAIN + '<x v="${c0}"/>',
     "characters in one evaluated text": BODIES["doubling properties"],
     "text is too long": BODIES["doubling sums"],
-    "does not go with text": "<x v=\"${3*'a'}\"/>",
-    "power is too large": "<x v='${9**9**9}'/>",
     "too many characters": macro("m", f"<x v='{'a' * 9000}'/>" * 20) + "<xacro:m/>" * 30,
     "includes itself": "<xacro:include filename='model.urdf.xacro'/>",
     "Property names must be": f"<xacro:property name='{'-' * 9000}a' value='1'/>",
     "unknown name 'a.b'": "<xacro:property name='a' value='bbb'/><x v='${a.b}'/>",
-    "leads out of the root": "<xacro:include filename='../secret.xacro'/>",
-    "is not a regular file": "<xacro:include filename='pipe.xacro'/>",
 }
 
 

@@ -57,10 +57,3 @@ def test_what_is_wrong_with_a_published_robot_is_noted_and_refused_in_a_file():
     assert any("link 'link_11.0': no body has principal moments" in note for note in hand.notes)
     with pytest.raises(ModelError, match="no body has principal moments"):
         Mechanism.load(robot("allegro_left_hand"))
-
-
-@pytest.mark.parametrize("name", ["arm.URDF", "arm.txt"])
-def test_what_is_neither_a_model_file_nor_a_robot_is_told_the_endings(name):
-    with pytest.raises(ModelError, match=f"there is no robot '{name}'") as caught:
-        robot(name)
-    assert caught.value.expected.startswith("a file that ends in .urdf, .xacro, .xml, .mjcf, .sdf, or ")

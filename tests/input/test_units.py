@@ -80,12 +80,6 @@ def test_a_comma_in_a_number_is_told(text: str) -> None:
     assert "decimals with a point" in caught.value.expected
 
 
-@pytest.mark.parametrize("text", ["rev/min", "tr/min", "U/min"])
-def test_turns_in_other_languages(text: str) -> None:
-    assert unit(text) == unit("rpm")
-    assert str(unit(text).si) == "rad/s"
-
-
 @pytest.mark.parametrize("text", ["h^99", "1/um^99"])
 def test_a_power_beyond_all_floats_is_an_error_of_the_user(text: str) -> None:
     with pytest.raises(UnitError):
@@ -144,9 +138,3 @@ def test_units_print_in_the_words_of_mechanics() -> None:
         "m^22",
         "kg^(1/2)",
     ]
-
-
-@pytest.mark.parametrize("exponent", [Fraction(-1, 3), -4])
-def test_the_unit_of_a_power_is_read_again(exponent: Fraction | int) -> None:
-    power = (unit("N") * unit("m")) ** exponent
-    assert unit(str(power)).dimension == power.dimension

@@ -3,7 +3,7 @@
 import pytest
 
 from pinarm.errors import ModelError
-from pinarm.input.xml_text import UnknownName, check_names, counted, format_names, meant_by, tree_of
+from pinarm.input.xml_text import UnknownName, check_names, counted, format_names, tree_of
 
 KNOWN = format_names({
     "room": "> shelf* door",
@@ -58,13 +58,6 @@ def test_a_misprint_is_refused(text, message, hint):
         check(text)
     assert (caught.value.message, caught.value.hint) == (message, hint)
     assert hint in caught.value.expected
-
-
-@pytest.mark.parametrize(("name", "meant"), [
-    ("xzy", "xyz"), ("dmaping", "damping"), ("Damping", "damping"), ("mesh", ""), ("dampratio", ""), ("x" * 100, ""),
-])  # fmt: skip
-def test_a_misprint_has_a_mistake_or_in_long_names_two(name, meant):
-    assert meant_by(name, ["mass", "xyz", "rpy", "damping", "inertial", "limit"]) == meant
 
 
 def test_its_place_is_that_of_the_element_around_it():

@@ -1,12 +1,9 @@
 """Drives that share a load: a four-bar with two motors, a slider-crank with motor and cylinder, an arm with three."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
-from scipy.interpolate import CubicSpline
 
 import pinarm
 from pinarm.errors import DrivesError, InputError, PinarmError
@@ -74,29 +71,6 @@ def test_a_motor_at_its_limit_leaves_the_rest_to_the_other(alone):
     assert two == pytest.approx(q - r * wanted, rel=1e-10, abs=1e-10)
 
 
-def test_the_quadrature_of_limited_efforts_finds_their_corners():
-    """Its bound holds against an integral between the instants at which the limit is reached."""
-    limited = four_bar(share={"limits": {"theta4": "1 N*m"}})
-    fine = four_bar(share="least_squares", time={"end": "0.6 s", "samples": 6001})
-    (free,), t = values(fine, FOUR), np.linspace(0, 0.6, 6001)
-    spline = CubicSpline(t, free)
-    corners = [x for side in (1.0, -1.0) for x in CubicSpline(t, free - side).roots() if 0 < x < 0.6]
-    ends = [0.0, *sorted(corners), 0.6]
-    square = sum(quad(lambda x: np.clip(spline(x), -1, 1) ** 2, *part)[0] for part in pairwise(ends))
-    value, error = limited.number(f"{FOUR} @ rms")
-    assert error < 1e-9
-    assert value == pytest.approx(np.sqrt(square / 0.6), abs=1e-9)
-
-
-def test_powers_and_residuals():
-    run = four_bar(share={"weights": {"theta2": 1, "theta4": 4}, "limits": {"theta4": "0.5 N*m"}})
-    one = four_bar(drives=["theta2"])
-    (together,) = values(run, "joint.theta2.power + joint.theta4.power")
-    (single,) = values(one, "joint.theta2.power")
-    assert together == pytest.approx(single, rel=1e-11, abs=1e-11)
-    assert max(run.figures[key] for key in ("equilibrium", "power")) < 1e-13
-
-
 REACTIONS = [f"{of}.force.{axis}" for of in ("joint.theta2", "joint.A", "joint.theta4", "loop.B") for axis in "xy"]
 
 
@@ -124,10 +98,6 @@ def test_rows_beyond_all_limits_are_refused_with_their_instant():
 
 
 class TestAsManyDrivesAsFreedoms:
-    def test_the_efforts_are_those_without_sharing(self, alone):
-        for share in ("least_squares", {"weights": {"theta2": 7}}, {"limits": {"theta2": "100 N*m"}}):
-            assert values(four_bar(drives=["theta2"], share=share), TWO)[0] == pytest.approx(alone[0], rel=1e-13)
-
     def test_limits_are_kept(self):
         with pytest.raises(DrivesError, match="cannot carry the load within their limits"):
             four_bar(drives=["theta2"], share={"limits": {"theta2": "1 N*m"}})

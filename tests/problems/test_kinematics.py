@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.motion.outcome import on_interval
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError, UnitError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
@@ -58,12 +57,6 @@ def test_velocity_and_acceleration_of_the_task_are_those_of_the_law():
     assert quantities["point.A.acceleration.x"].values == pytest.approx(0.0, abs=1e-12)
 
 
-def test_masses_play_no_part():
-    light, heavy = (solve(arm(**given), LIFT, start=ELBOW) for given in (WEIGHTLESS, {"m_A": "40 kg"}))
-    for name in ("q", "v", "a"):
-        assert np.array_equal(getattr(light, name), getattr(heavy, name)), name
-
-
 @pytest.mark.parametrize("motion", [LIFT, {"O": Trapezoid(start=0.2, end=1.0, acceleration=4.0, begin=0.5),
                                            "phi": ConstantSpeed(speed=-1.0)}], ids=["task", "joints"])  # fmt: skip
 def test_the_motion_is_that_of_inverse_dynamics(motion):
@@ -77,13 +70,6 @@ def test_the_start_chooses_the_branch():
     up, down = (solve(arm(), LIFT, start={"O": o, "B": b}) for o, b in ((1.0, -1.5), (-0.5, 1.5)))
     assert up.q[:, 1] == pytest.approx(-down.q[:, 1], abs=1e-13)
     assert (up.q[:, 1] < 0.0).all()
-
-
-def test_the_same_motion_at_other_instants():
-    solved = outcome(arm(), LIFT, start=ELBOW)
-    between = on_interval(solved.motion, solved.rows.grid.cuts, 0, np.array([0.333, 1.777]))
-    y = 0.05 + 0.1 * np.sin(3.0 * between.grid.t)
-    assert between.q[:, 1] == pytest.approx(-2 * np.arccos(np.hypot(0.3, y) / 0.5), abs=1e-13)
 
 
 def test_too_few_laws_are_refused():

@@ -193,27 +193,3 @@ def test_what_a_run_that_ends_early_keeps_is_the_run_until_there(
     assert np.array_equal(kept.grid.t, whole.grid.t[rows])
     for name in ("q", "v", "a", "tau"):
         assert np.array_equal(getattr(kept, name), getattr(whole, name)[rows]), name
-
-
-def test_an_interruption_before_the_first_step_leaves_nothing(arm, stop_at):
-    stop_at(1e-9)  # the slope at the start is known
-    problem = Forward(time=TIME, loads={"torque": pushes(LAWS["trapezoid"])["torque"]})
-    with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
-        problem.solve(arm, Accuracy(), place)
-    assert getattr(caught.value, "partial", None) is None
-
-
-@pytest.mark.parametrize("samples", [2, 7])
-@pytest.mark.parametrize("kind", ["inverse", "forward"])
-def test_pieces_of_a_law_that_lie_between_two_rows_are_no_difficulty(arm, kind, samples):
-    """An S-curve has up to seven pieces; a coarse table has no row in most of them."""
-    law, time = LAWS["s-curve"], TimeGrid(end=3.0, samples=samples)
-    loads = {name: pushes(law)[name] for name in ("torque", "force")}
-    if kind == "inverse":
-        run = Inverse(time=time, motion={"arm": Constant(value=0.4)}, loads=loads).solve(arm, Accuracy(), place).rows
-        found = -run.tau[:, 0]
-    else:
-        run = Forward(time=time, loads=loads).solve(arm, Accuracy(), place).rows
-        found = run.a[:, 0] * INERTIA
-    assert len(run) == samples
-    assert found == pytest.approx(values(law, run.grid.t) * (1.0 + LEVER), abs=1e-13)

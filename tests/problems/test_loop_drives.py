@@ -5,13 +5,9 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.mechanics.forces.joint_forces import JointEffort
-from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
-from pinarm.problems.forward import Forward
 from pinarm.problems.states import Range, Statics
-from pinarm.problems.time_grid import TimeGrid
 
 G, MASS, LENGTH = 9.81, 0.7, 0.83
 
@@ -52,17 +48,6 @@ def test_a_drive_at_a_loop_joint_holds_a_band(hung):
     assert found.notes[1].startswith("coordinate.pin.angle is self-locking in 1 of 3 rows")
 
 
-def test_a_side_force_loads_the_pin_as_the_weight_does(hung):
-    """The pin carries ``sqrt(W^2 + F^2)``, and the drive ``W l sin theta - F l cos theta``."""
-    pendulum, side = hung(pin={"mu": 0.2, "radius": "50 mm"}), 11.0
-    push = JointEffort(joint="x", effort=Constant(value=side))
-    found = solve(pendulum, hold={"pin.angle": 0.4}, drives=["pin.angle"], loads={"push": push})
-    # on the slide in place of the bob's centre: the force has no moment about the pin
-    middle = MASS * G * LENGTH * np.sin(0.4)
-    half = 0.2 * 0.05 * np.hypot(MASS * G, side)
-    assert [side[0] for side in band(found)] == pytest.approx([middle - half, middle + half], rel=1e-7)
-
-
 def test_friction_at_a_loop_joint_alone_holds_a_band_of_positions(hung):
     found = Equilibria(starts=[{"bob": 0.1}]).solve(hung(pin={"mu": 0.3, "radius": "50 mm"}), Accuracy(), place)
     ends = [found.rows.columns[f"equilibrium.end_{k}.bob"].values[0] for k in (1, 2)]
@@ -78,11 +63,3 @@ def test_friction_beside_the_drive_is_in_its_band(rubbing_parallelogram):
     assert crank_at == pytest.approx(0.5, rel=1e-12)
     middle = 3.0 * G * LENGTH * np.sin(0.5)
     assert [side[0] for side in band(found)] == pytest.approx([middle - 2.8, middle + 2.8], rel=1e-12)
-
-
-def test_joints_that_friction_holds_together_are_named(rubbing_parallelogram):
-    """At rest the four joints share what they hold: a force between them is that of the share, which has to be said."""
-    outcome = Forward(time=TimeGrid(end=0.1, samples=3)).solve(rubbing_parallelogram, Accuracy(), place)
-    (note,) = (note for note in outcome.notes if note.startswith("friction holds"))
-    assert all(name in note for name in ("crank", "coupler", "rocker", "pin"))
-    assert "only its sum is determined" in note

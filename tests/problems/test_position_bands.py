@@ -6,8 +6,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-import pinarm
-from pinarm.errors import AssemblyError, InputError
+from pinarm.errors import AssemblyError
 from pinarm.mechanics.forces.joint_forces import JointSpring
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
@@ -112,19 +111,3 @@ def test_several_free_motions_have_no_band(mechanism, chain):
     found = outcome(mechanism(chain(*bodies), friction={"a": {"constant": "2 N*m"}}), [{"a": -1.5, "b": 0.1}])
     assert not [name for name in found.rows.columns if "end_" in name]
     assert "With 2 free motions they are no band" in found.notes[0]
-
-
-def test_bands_are_named_in_scenarios(chain, tmp_path):
-    (tmp_path / ".pinarm-root").touch()
-    (tmp_path / "model.urdf").write_text(chain(BOB))
-    (tmp_path / "mechanism.yaml").write_text("pinarm: 1\nrobot: model.urdf\nfriction: {bob: {constant: 2 N*m}}\n")
-    (tmp_path / "scenario.yaml").write_text(
-        "pinarm: 1\nmechanism: mechanism.yaml\nproblem: {kind: equilibria, starts: [{bob: 0.2 rad}]}\n"
-        "outputs: [bob, equilibrium.end_1.bob, equilibrium.end_2.bob]\n"
-    )
-    scenario = pinarm.load(tmp_path / "scenario.yaml")
-    scenario.validate()
-    result = scenario.run()
-    assert result["equilibrium.end_2.bob"].values == pytest.approx(math.asin(2.0 / (MASS * G * LENGTH)), rel=1e-13)
-    with pytest.raises(InputError, match="there is no quantity"):
-        pinarm.load(tmp_path / "scenario.yaml", ["outputs=[equilibrium.end_3.bob]"]).validate()

@@ -9,7 +9,7 @@ from pinarm.engine.integration.methods import METHODS
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import reading_from
 from pinarm.mechanics.forces.joint_forces import JointEffort, TorqueSpeed
-from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Table, Trapezoid
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Table
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
@@ -88,15 +88,6 @@ def test_a_prescribed_part_of_a_free_motion_may_follow_a_profile(mechanism, chai
     assert np.ptp(runs[0].q[:, 2]) > 1.0
 
 
-def test_rows_stand_on_both_sides_of_a_jump_of_the_profile(arm):
-    cam = Over(of="crank", profile=Trapezoid(start=0.0, end=1.0, acceleration=4.0, begin=0.8))
-    run = Inverse(time=TIME, motion={"crank": TURN, "arm": cam}).solve(arm, Accuracy(), place).rows
-    twice = run.grid.t[1:][np.diff(run.grid.t) == 0.0]
-    assert twice == pytest.approx([0.2, 0.2 + 0.5 / 3, 0.2 + 1.0 / 3], abs=1e-14)
-    row = int(np.searchsorted(run.grid.t, twice[0] - 1e-12))
-    assert run.a[row : row + 2, 1] == pytest.approx([0.0, 36.0], abs=1e-10)
-
-
 REFUSED = {
     "no law": ({"arm": Over(of="crank", profile=SWING)}, "'crank' follows no law"),
     "unknown": ({"arm": Over(of="cranc", profile=SWING), "crank": TURN}, "no coordinate 'cranc'"),
@@ -117,17 +108,6 @@ def test_what_is_refused(arm, case):
     motion, message = REFUSED[case]
     with pytest.raises(InputError, match=message):
         Inverse(time=TIME, motion=motion).prepare(arm, Accuracy(), place)
-
-
-def test_a_torque_over_the_joint_itself_is_a_spring_and_one_like_a_weight_makes_a_pendulum(mechanism, chain):
-    heavy = mechanism(chain({"name": "arm", "axis": "0 1 0", "com": "0 0 -0.5"}))
-    light = mechanism(chain({"name": "arm", "axis": "0 1 0", "com": "0 0 -0.5"}), gravity="none")
-    pull = JointEffort(joint="arm", over="arm", effort=Harmonic(amplitude=-1.0 * 9.81 * 0.5, pulsation=1.0))
-    initial = {"position": {"arm": 2.0}}
-    real = Forward(time=TIME, initial=initial).solve(heavy, Accuracy(tolerance=1e-11), place).rows
-    played = Forward(time=TIME, initial=initial, loads={"pull": pull}).solve(light, Accuracy(tolerance=1e-11), place)
-    assert played.rows.q == pytest.approx(real.q, abs=1e-8)
-    assert played.figures["energy"] < 1e-9
 
 
 REST = Constant(value=0.0)
@@ -172,10 +152,3 @@ def test_a_motor_does_not_leap_over_a_notch_of_its_curve(wheel, method):
     curve = [(-100.0, 5.0), (49.5, 5.0), (50.0, -20.0), (50.5, 5.0), (900.0, 5.0)]
     run = spun(wheel, {"motor": TorqueSpeed(joint="wheel", curve=curve)}, speed=0.0, method=method).rows
     assert run.v[-1, 0] == pytest.approx(49.6, abs=1e-6)
-
-
-@pytest.mark.slow
-def test_steps_of_one_length_that_pass_a_kick_are_called_too_large(wheel):
-    kick = {"kick": JointEffort(joint="wheel", over="wheel", effort=KICK)}
-    assert any("past whole pieces of a load" in note for note in spun(wheel, kick, method="rk4", step=0.05).notes)
-    assert not spun(wheel, kick, method="rk4", step=2e-4).notes

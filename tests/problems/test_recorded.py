@@ -9,8 +9,6 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import PinarmError
-from pinarm.input.units import unit
-from pinarm.records import replace
 from pinarm.use.show.terminal import report
 from pinarm.use.study.restore import restore
 
@@ -46,19 +44,6 @@ def test_everything_given_is_as_of_separate_states(arm):
     for name in ("joint.O.force.x", "energy.total", "point.A.acceleration.y", "momentum.all.linear.x"):
         assert result[name].values == pytest.approx(states[name].values, rel=1e-12, abs=1e-12)
     assert result.figures["equilibrium"] < 1e-14
-
-
-def test_arrays_with_units_are_taken_in_them(arm):
-    t = np.linspace(0, 2, 41)
-    q, v, a = motion(t)
-    plain = arm.result(t, q, v, a, outputs=["C_B"])
-    milliseconds = pinarm.Series("t", unit("ms"), 1000.0 * t)
-    degrees = pinarm.Series("q", unit("deg"), np.rad2deg(q))
-    result = arm.result(milliseconds, degrees, v, a, outputs=["C_B"])
-    assert result.parameter.values == pytest.approx(plain.parameter.values, rel=1e-15)
-    assert result["C_B"].values == pytest.approx(plain["C_B"].values, rel=1e-13)
-    with pytest.raises(PinarmError, match="t is in deg"):
-        arm.result(degrees, q, v, a)
 
 
 def test_consistency_falls_with_the_rules_orders_and_tells_wrong_rates(arm):
@@ -228,13 +213,6 @@ def test_a_wrong_cell_of_a_file_is_told_with_its_line(scenario_beside):
         pinarm.run(scenario_beside / "scenario.yaml")
 
 
-def test_columns_of_a_file_that_are_not_read_may_hold_anything(scenario_beside):
-    (scenario_beside / "rows.csv").write_text("t [s],remark,O [deg],B [deg],force [N]\n0,begin,0,0,\n1,,90,0,nan\n")
-    result = pinarm.run(scenario_beside / "scenario.yaml")
-    assert result["O"].values == pytest.approx([0, np.pi / 2])
-    assert result.notes() == ["columns that are not read: remark, force [N]"]
-
-
 @pytest.mark.parametrize(("change", "message"), [
     (lambda t, q: (t, np.where(t[:, None] > 1, q - 2 * np.pi, q)), "jumps by .* rad from row"),
     (lambda t, q: (t[:8], q[:8]), "8 rows are too few"),
@@ -244,65 +222,3 @@ def test_rows_without_a_spline_are_refused(arm, change, message):
     t = np.linspace(0, 2, 51)
     with pytest.raises(PinarmError, match=message):
         pinarm.result(arm, *change(t, next(motion(t))), derivatives="spline")
-
-
-def test_conflicting_wishes_are_refused(arm):
-    t = np.linspace(0, 2, 51)
-    q, v, a = motion(t)
-    for arguments, keys, message in (
-        ((q, v), {"derivatives": "spline"}, "those of a spline are asked for"),
-        ((q, v, None, v), {}, "efforts are given, but the accelerations"),
-        ((q, None, a), {}, "accelerations are given without velocities"),
-        ((q, v, a, v), {"drives": ["O"]}, "efforts are given, and drives"),
-        ((q, v, a), {"gravity": "none"}, "'gravity' does not change it|which 'gravity' does not change"),
-    ):
-        with pytest.raises(PinarmError, match=message):
-            pinarm.result(arm, t, *arguments, **keys)
-
-
-def test_velocities_in_the_axes_of_a_floating_base_get_a_note(tmp_path):
-    (tmp_path / "brick.urdf").write_text(
-        '<robot name="brick"><link name="b"><inertial><mass value="2"/>'
-        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
-    )
-    brick = pinarm.Mechanism.load(tmp_path / "brick.urdf", values={"base": "floating"})
-    t = np.linspace(0.0, 1.0, 101)
-    one, none = np.ones_like(t), 0.0 * t
-    q = np.stack([np.cos(t), np.sin(t), none, none, none, np.sin(t), np.cos(t)], axis=1)  # turns by 2 t
-    world = np.stack([-np.sin(t), np.cos(t), none, none, none, 2.0 * one], axis=1)
-    own = np.stack([np.sin(t), np.cos(t), none, none, none, 2.0 * one], axis=1)  # turned by -2 t
-    assert brick.result(t, q, world).notes() == []
-    notes = brick.result(t, q, own).notes()
-    assert "the given velocity is not the rate of the positions" in notes[0]
-    assert "in the axes of the world" in notes[1]
-
-
-def test_figures_of_rows_that_stand_alone_are_refused_at_once_with_what_makes_them_a_motion(arm):
-    t = np.linspace(0, 2, 101)
-    q, v, a = motion(t)
-    with pytest.raises(PinarmError, match="these rows stand alone") as refused:
-        arm.result(t, q, v, a, outputs=["C_B"], numbers=["C_B @ rms"])
-    assert 'derivatives="spline"' in refused.value.hint
-    assert arm.result(t, q, derivatives="spline", outputs=["C_B"], numbers=["C_B @ rms"]).numbers()
-    given = arm.result(t, q, v, a, outputs=["C_B"]).scenario
-    with pytest.raises(PinarmError, match="these rows stand alone"):
-        replace(given, content=replace(given.content, numbers=["C_B @ rms"])).validate()
-
-
-@pytest.mark.parametrize("power", [2, 3])
-def test_a_spline_that_touches_rest_between_rows_takes_the_effort_that_breaks_away(power):
-    """``static_mu m g`` either way where ``(t - 0.531)^3`` pauses, and where the square of it turns back."""
-    t = np.linspace(0.0, 1.0, 14)
-    planar = {
-        "points": {"O": [0, 0], "X": ["1 m", 0], "P": [0, 0]}, "ground": ["O", "X"],
-        "links": {"block": {"points": ["P"], "mass": "2 kg"}}, "sliders": {"x": {"link": "block", "along": ["O", "X"]}},
-    }  # fmt: skip
-    friction = {"x": {"mu": 0.2, "static_mu": 2.0}}
-    columns = {"t [s]": t.tolist(), "x [m]": ((t - 0.531) ** power).tolist()}
-    result = pinarm.run({
-        "pinarm": 1, "outputs": ["joint.x.effort"],
-        "mechanism": {"pinarm": 1, "title": "slide", "planar": planar, "friction": friction},
-        "problem": {"kind": "recorded", "columns": columns, "derivatives": "spline", "drives": ["x"]},
-    })  # fmt: skip
-    for number, sign in (("joint.x.effort.upper @ max", 1.0), ("joint.x.effort.lower @ min", -1.0)):
-        assert result.number(number)[0] == pytest.approx(sign * 2.0 * 2.0 * 9.81, rel=1e-6)

@@ -54,19 +54,6 @@ def test_the_stamp_tells_how_well_the_path_is_held(drawing):
     assert {"path", "path rate", "path acceleration"} <= set(drawing.figures)
 
 
-def test_inverse_dynamics_follows_the_same_motion(drawing):
-    moved = run().trajectory
-    for name in ("q", "v", "a"):
-        assert np.array_equal(getattr(moved, name), getattr(drawing.trajectory, name))
-
-
-@pytest.mark.slow
-def test_the_same_motion_between_the_rows(drawing):
-    dense = run(**{"time.samples": 401}).trajectory
-    known = drawing.outcome.motion.positions(dense.grid.t[[107, 250]])
-    assert known == pytest.approx(dense.q[[107, 250]], abs=1e-12)
-
-
 LIMIT = {"panda_joint3": ["0.1 rad", "0.5 rad"]}
 
 

@@ -77,28 +77,6 @@ def test_validate_knows_the_efforts_that_a_run_tells(folder: Path, kind: str) ->
     assert np.isfinite(effort.values).all()
 
 
-def test_replay_takes_a_folder(scenario: Callable[..., Any], folder: Path) -> None:
-    result = scenario("inverse").run()
-    written = result.save(folder / "out", plots=False)
-    assert pinarm.replay(written, plots=["M"]).html == pinarm.replay(result, plots=["M"]).html
-
-
-def test_tradeoff_takes_a_file(scenario: Callable[..., Any], folder: Path) -> None:
-    scenario("statics", "variants:\n  half: {changes.gravity.magnitude: 5 m/s^2}\n")
-    trade = pinarm.tradeoff(folder / "statics.yaml")
-    assert trade.variants[1].relative["M"] == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize(("file", "name"), [("...yaml", "scenario"), ("a.b.yaml", "a.b"), ("..a.yaml", "a")])
-def test_a_scenario_is_never_named_like_another_folder(
-    scenario: Callable[..., Any], folder: Path, file: str, name: str
-) -> None:
-    """``results/..`` would be the folder that the command runs in."""
-    scenario("statics")
-    (folder / "statics.yaml").rename(folder / file)
-    assert pinarm.load(folder / file).name == name
-
-
 def test_a_scenario_may_be_plain_data():
     """Paths in it are relative to the working folder, and mistakes have their path."""
     root = Path(pinarm.__file__).parents[1]
@@ -114,22 +92,3 @@ def test_a_scenario_may_be_plain_data():
         with pytest.raises(InputError, match="unknown key 'hld'") as error:
             pinarm.validate({**data, "problem": {**data["problem"], "hld": {}}})
     assert str(error.value.location) == "scenario: problem.hld"
-
-
-def test_one_name_alone_is_a_list_of_one(scenario: Callable[..., Any]) -> None:
-    held = scenario("statics")
-    alone, listed = (pinarm.sweep(held, {"problem.over.pivot.samples": [3, 5]}, results=results, workers=1)
-                     for results in ("M @ max", ["M @ max"]))  # fmt: skip
-    assert np.array_equal(alone["M @ max"].values, listed["M @ max"].values)
-    pages = [held.run().replay(traces=of, arrows=kinds, plots=plots)._repr_html_()
-             for of, kinds, plots in (("rod", "torques", "M"), (["rod"], ["torques"], ["M"]))]  # fmt: skip
-    assert pages[0] == pages[1]
-
-
-def test_what_is_asked_for_by_another_thing_than_a_name_is_told(scenario: Callable[..., Any]) -> None:
-    held = scenario("statics")
-    sweep = pinarm.sweep(held, {"problem.over.pivot.samples": [3, 5]}, results=["M @ max"], workers=1)
-    for told in (held.run(), sweep):
-        for ask in (list, lambda told: "M" in told, lambda told: told[0], lambda told: told[["M"]]):
-            with pytest.raises(InputError, match="is no name"):
-                ask(told)

@@ -81,16 +81,6 @@ def test_mistakes_about_a_floating_joint_are_told(write, before, after, said):
         assert words in str(caught.value)
 
 
-def test_a_floating_robot_needs_laws_for_its_base_or_a_hold(write):
-    inverse = "pinarm: 1\nmechanism: finger\nproblem: {kind: inverse, time: {end: 1 s}, motion: {%s}}\noutputs: [g]\n"
-    law = "finger_base_to_finger_upper_joint: {law: constant, value: 0 rad}"
-    scenario = inverse.replace("finger", "solo12", 1) % law.replace("finger_base_to_finger_upper_joint", "FL_HAA")
-    with pytest.raises(InputError, match="18 coordinates have to follow a law and 1 do") as caught:
-        pinarm.load(write(scenario)).validate()
-    assert "root.rotation.x" in caught.value.expected
-    assert caught.value.hint == "base: fixed in the mechanism file, to hold the base"
-
-
 def test_names_with_dots_are_names(write):
     result = pinarm.load(write(HELD, arm_xml=ARM)).run()
     angle = result["j.1"].values
@@ -137,12 +127,3 @@ outputs: [joint.j.effort, {power}]
     assert result["joint.j.effort"].values == pytest.approx(3.0 * pull + 0.5, rel=1e-12)
     assert result[power].values == pytest.approx(-3.0 * pull, rel=1e-12)
     assert ("F tanh(v / 0.5)" in " ".join(result.notes())) == (creep is not None)
-
-
-def test_keys_of_the_mechanism_file_hold_free_and_accept(write, tmp_path):
-    held = "pinarm: 1\nrobot: solo12\nbase: fixed\n"
-    (tmp_path / "held.yaml").write_text(held)
-    assert pinarm.Mechanism.load(tmp_path / "held.yaml").model.nv == 12
-    (tmp_path / "strict.yaml").write_text("pinarm: 1\nrobot: allegro_left_hand\ndefects: refused\n")
-    with pytest.raises(pinarm.errors.ModelError, match="no body has principal moments"):
-        pinarm.Mechanism.load(tmp_path / "strict.yaml")

@@ -2,10 +2,8 @@
 
 from pathlib import Path
 
-import pytest
-
 import pinarm
-from pinarm.use.progress import shown_by, tell
+from pinarm.use.progress import shown_by
 
 ARM = Path(__file__).parents[2] / "scenarios" / "gen411_arm_static.yaml"
 COARSE = {"problem.over.phi.samples": 3}
@@ -22,11 +20,3 @@ def test_searches_and_sensitivities_count_their_runs():
     assert runs["sensitivity"][:2] == ["sensitivity: run 1", "sensitivity: run 2"]
     assert runs["find"][:2] == ["find: run 1", "find: run 2"]
     assert lines[-1] == ""
-
-
-def test_nothing_is_shown_outside_of_the_block():
-    lines: list[str] = []
-    with pytest.raises(ValueError, match="stopped"), shown_by(lines.append):
-        raise ValueError("stopped")
-    tell("unheard")
-    assert lines == [""]

@@ -103,14 +103,6 @@ def test_numbers_are_words_of_names() -> None:
             Expression.parse(wrong)
 
 
-@pytest.mark.parametrize("text", ["sin({})", "{}"])
-@pytest.mark.parametrize("word", ["if", "not"])
-def test_words_of_formulas_are_told_as_the_obstacle(text: str, word: str) -> None:
-    with pytest.raises(ExpressionError) as refused:
-        Expression.parse(text.format(word))
-    assert f"'{word}' is a word of formulas" in refused.value.hint
-
-
 def test_integers_are_floats_so_that_powers_end() -> None:
     assert Expression.parse("10**300").evaluate({}) == 1e300
     with pytest.raises(ExpressionError, match="not finite"):

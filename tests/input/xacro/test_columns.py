@@ -134,31 +134,6 @@ def test_any_arithmetic_is_that_of_xacro(tmp_path: Path, terms: list[str], numbe
     assert found == wanted
 
 
-def test_an_edited_file_is_read_again(tmp_path: Path) -> None:
-    write(tmp_path, '<xacro:property name="k" value="2"/>', "part.xacro")
-    path = write(tmp_path, f'{GIVEN}<xacro:include filename="part.xacro"/><x v="${{a*k}}"/>')
-    assert '"3.0"' in expand(path, {"a": 1.5}, root=tmp_path).xml
-    write(tmp_path, '<xacro:property name="k" value="4"/>', "part.xacro")
-    assert '"6.0"' in expand(path, {"a": 1.5}, root=tmp_path).xml
-
-
-@pytest.mark.parametrize(
-    "formula",
-    ["a_ + 2*a_ - a_/3", "(a_ - 1.5)/(a_*a_) + 7", "1/a_ + a_//2 - a_**3", "a_*9007199254740993 + 9007199254740993/a_",
-     "a_*1e308*10", "-a_ + a_*a_ - 0*a_"],
-)  # fmt: skip
-def test_columns_are_bit_by_bit_what_each_row_alone_is(tmp_path: Path, formula: str) -> None:
-    given = '<xacro:arg name="a" default="1"/><xacro:property name="a_" value="$(arg a)"/>'
-    path = write(tmp_path, f'{given}<link name="l" at="${{{formula}}}"/>')
-    values = [0.1, 0.3, 1.7, 1e-9, 123.456, -2.5]
-    columns = expand_columns(path, {"a": values[0]}, {"a": values}, root=tmp_path)
-    assert columns is not None
-    assert sum(columns.holds) >= 5
-    for row, value in enumerate(values):
-        if columns.holds[row]:
-            assert filled(columns.xml, dict(columns.columns), row) == expand(path, {"a": value}, root=tmp_path).xml
-
-
 def test_a_division_by_zero_in_a_column_is_an_error(tmp_path: Path) -> None:
     given = '<xacro:arg name="a" default="1"/><xacro:property name="a_" value="$(arg a)"/>'
     path = write(tmp_path, f'{given}<link name="l" at="${{1/a_}}"/>')

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -285,22 +284,6 @@ def test_mistakes_are_located(tmp_path: Path, body: str, told: str) -> None:
     write(tmp_path, "<x>", "broken.xacro")
     with pytest.raises(PinarmError, match=told):
         expanded(tmp_path, body)
-
-
-def test_threads_do_not_meet(tmp_path: Path) -> None:
-    path = write(tmp_path, '<xacro:arg name="a" default="0"/><x v="${$(arg a) + 1}"/>')
-    found: dict[int, str] = {}
-
-    def run(number: int) -> None:
-        found[number] = expand(path, {"a": number}, root=tmp_path).xml
-
-    threads = [threading.Thread(target=run, args=(number,)) for number in range(20)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert all(f'v="{number + 1}"' in xml for number, xml in found.items())
-    assert len(found) == 20
 
 
 @pytest.mark.parametrize(

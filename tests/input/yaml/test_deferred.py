@@ -8,16 +8,8 @@ import pytest
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.description import MechanismDescription
-from pinarm.mechanics.forces.joint_forces import JointSpring
 
 TYPED = "pinarm: 1\nrobot: arm.urdf\nforces:\n  spring: {kind: joint_spring, joint: A, stiffness: 2 N*m/rad}\n"
-
-
-def test_a_field_that_a_file_has_is_of_its_type():
-    described = Document.parse(TYPED).validate(MechanismDescription)
-    assert isinstance(described, MechanismDescription)
-    assert isinstance(described.forces["spring"], JointSpring)
-    assert described.forces["spring"].stiffness == 2.0
 
 
 @pytest.mark.parametrize(

@@ -73,13 +73,6 @@ def test_every_key_and_item_has_its_place(path: tuple[str | int, ...], line: int
     assert place.text == TEXT.splitlines()[line - 1]
 
 
-def test_what_is_not_there_has_the_place_of_what_holds_it() -> None:
-    document = Document.parse(TEXT)
-    assert document.locate(("problem", "time", "start")) == document.locate(("problem", "time"))
-    assert document.locate(("nothing", "at", "all")).line == 2
-    assert Document.parse("", source="f.yaml").locate(("a",)) == Location("f.yaml")
-
-
 def test_an_error_from_within_gets_the_place_and_keeps_a_better_one() -> None:
     document = Document.parse(TEXT, source="f.yaml")
     with pytest.raises(InputError) as caught, document.locating("problem", "time", "end"):
@@ -129,14 +122,6 @@ def test_what_is_refused_and_where(text: str, says: str, place: tuple[int, int])
     error = refused(text)
     assert says in error.message
     assert at(error) == place
-
-
-def test_what_libyaml_may_find_nested_too_deeply_itself() -> None:
-    """It looks ahead as far as the bound of its version, and tells the place there."""
-    error = refused("a: " + "[" * 100_000)
-    assert "nested too deeply" in error.message
-    assert at(error)[0] == 1
-    assert at(error)[1] >= 53
 
 
 @pytest.mark.parametrize("text", ["a: \x07\n", 'a: "\\uD800"\n', '"\\uD800": 1\n', 'a: "\\udfff"\n'])
@@ -280,15 +265,6 @@ def test_a_missing_unit_is_that_of_the_neighbours(text: str, hint: str) -> None:
     with pytest.raises(InputError, match="'60' has no unit") as caught:
         Document.parse(text).validate(Whole)
     assert caught.value.hint == hint
-
-
-@pytest.mark.parametrize("column", [1, 159, 4000])
-def test_an_excerpt_of_a_long_line_shows_what_it_is_about(column: int) -> None:
-    text = "-" * (column - 1) + "here" + "-" * 5000
-    line, marks = Location("f.yaml", 123456, column, text, 4).excerpt().splitlines()
-    assert line[marks.index("^") : marks.index("^") + 4] == "here"
-    assert marks.strip(" |") == "^^^^"
-    assert len(line) < 180
 
 
 def test_data_built_in_python_are_read_as_files_are():

@@ -9,8 +9,7 @@ import msgspec
 import pytest
 
 from pinarm.errors import InputError, UnitError
-from pinarm.input.units import unit
-from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Measured, Time, convert, quantity, reading_from
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Time, convert, quantity, reading_from
 from pinarm.mechanics.couplings.kinds import Gear
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.joint_forces import JointSpring
@@ -71,14 +70,6 @@ def test_the_hint_shows_a_unit_that_would_be_right() -> None:
 def test_a_wrong_dimension_is_refused(value: str) -> None:
     with pytest.raises(InputError, match="not a unit of this quantity"):
         from_file(length=value)
-
-
-def test_check_compares_dimensions_not_names() -> None:
-    value = from_file(torque="1 J").torque
-    value.check(unit("N*m"))
-    with pytest.raises(InputError, match="'J' is not a unit"):
-        value.check(unit("N"))
-    Measured(1.0).check(unit("N"))  # a bare number of Python's is in SI
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, "1e999 m", "nan", pytest.param(10**399, id="400 digits")])

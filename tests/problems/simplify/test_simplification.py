@@ -1,7 +1,6 @@
 """What a scene does not require is removed before it is solved, and the answer is that of the whole mechanism."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.records import replace
 from pinarm.use.facade import Scenario
@@ -139,13 +137,10 @@ ARM_B = (
 )  # fmt: skip
 WAIST = body("trunk", 8) + joint("waist", "base", "trunk", "0 0 1", "0 0 0.5")
 TWO_ARMS = f'<robot name="two_arms">{body("base", 9)}{WAIST}{ARM_A}{ARM_B}</robot>'
-ONE_ARM = f'<robot name="one_arm"><link name="base"/>{WAIST}{ARM_A}</robot>'
-
 TILTED = {"direction": "-x", "magnitude": "9.81 m/s^2"}
 HELD = {"law": "constant", "value": "0.3 rad"}
 MOVES = {"law": "polynomial", "from": "0 rad", "to": "1 rad", "duration": "1 s"}
 JERKS = {"law": "trapezoid", "from": "0 rad", "to": "1 rad", "acceleration": "6 rad/s^2", "begin": "0.23 s"}
-ALL_LEVEL = re.sub('axis xyz="[^"]*"', 'axis xyz="0 1 0"', TWO_ARMS).replace("0.1 0.2 0.3", "0 0.2 0")
 """The same with all axes parallel, so that angles can be summed."""
 LAWS = {"waist": HELD, "shoulder_a": MOVES, "elbow_a": HELD, "shoulder_b": JERKS, "elbow_b": MOVES}
 STILL = {"waist": "locked", "elbow_a": "locked"}
@@ -175,17 +170,6 @@ def inverse(**laws):
 
 
 RK4 = {"method": "rk4", "step": "20 ms"}
-
-
-@pytest.mark.parametrize(
-    "asked",
-    ["joint.elbow_b.force.z", "drive.motor.torque", "published"],
-)
-def test_what_is_asked_as_a_force_is_solved_for(scene, asked):
-    told = {"drives": {"motor": {"joint": "elbow_b", "ratio": 50}}, "symbols": {"published": "joint.elbow_b.effort"}}
-    found = assert_unchanged(scene(inverse(), asked, **told))
-    assert found == STILL
-    assert assert_unchanged(scene(inverse(), "joint.shoulder_a.effort", **told)) == STILL
 
 
 def test_motion_asked_of_what_is_removed_is_there(scene):
@@ -232,20 +216,6 @@ def test_a_free_base_carries_what_is_locked(scene):
         np.testing.assert_allclose([*one.q, *one.v], [*two.q, *two.v], rtol=0, atol=1e-11)
 
 
-def test_a_hand_on_its_way_needs_no_other_arm(scene):
-    """Positions of a task, continued by Newton's method."""
-    motion = {"waist": HELD, "shoulder_b": MOVES, "elbow_b": MOVES, "height": {"law": "constant", "value": "1.08 m"},
-              "side": {"law": "cycloidal", "from": "0.3 m", "to": "0.34 m", "duration": "1 s"}}  # fmt: skip
-    hand = {key: {"kind": "point", "point": "hand", "along": axis} for key, axis in (("height", "z"), ("side", "y"))}
-    problem = {
-        "kind": "kinematics",
-        "motion": motion,
-        "start": {"shoulder_a": "0.5 rad", "elbow_a": "0.8 rad", "elbow_b": "1 rad"},
-    }
-    found = scene(problem, "joint.elbow_a.position", coordinates=hand)
-    assert assert_unchanged(found) == {"waist": "locked"}
-
-
 GEARED = {"couplings": {"gear": {"kind": "gear", "joints": ["elbow_a", "elbow_b"], "ratio": -2, "offset": "0.1 rad"}}}
 
 
@@ -274,13 +244,6 @@ def test_loops_are_carried_by_what_is_locked(scene, kind):
     assert kind == "kinematics" or np.abs(asked.run().trajectory.lam).min() > 0.1
 
 
-@pytest.mark.parametrize("accuracy", [RK4, {}])
-def test_laws_and_gears_may_leave_nothing_to_integrate(scene, accuracy):
-    motion = {"waist": HELD, "shoulder_a": MOVES, "shoulder_b": MOVES, "elbow_a": MOVES}
-    result = scene({"kind": "forward", "motion": motion}, "elbow_b", accuracy=accuracy, **GEARED).run()
-    np.testing.assert_allclose(result["elbow_b"], 0.1 - 2.0 * result["elbow_a"].values, atol=1e-15)
-
-
 def test_loads_move_with_what_is_locked(scene):
     """Forces at links of locked joints, a spring from one arm to the other, springs of joints that are removed."""
     loads = {
@@ -297,40 +260,6 @@ def test_loads_move_with_what_is_locked(scene):
     assert found == {"waist": "locked", "elbow_b": "locked"}
 
 
-def test_reactions_of_the_part_are_those_of_the_whole(scene):
-    """A force on a body that is locked acts on what carries it."""
-    loads = {"push": {"kind": "wrench", "point": "hand", "force": ["3 N", "-2 N", "5 N"], "axes": "hand"}}
-    asked = scene({**inverse(waist=MOVES), "loads": loads}, "joint.shoulder_a.effort")
-    solved, whole = asked.simplification.solve()
-    assert len(solved.rows.mechanism.joints) == 4
-    for axis in "xyz":
-        for name in (f"joint.shoulder_a.force.{axis}", f"joint.shoulder_a.moment.{axis}"):
-            np.testing.assert_allclose(Quantities(solved.rows)[name], Quantities(whole.rows)[name], rtol=0, atol=1e-12)
-
-
-def test_a_rod_that_no_joint_moves_may_lose_all_joints_before_it(scene):
-    """From the base to the axis of the trunk, 0.5 m above: whatever turns there leaves its length."""
-    loops = {"rod": {"kind": "rod", "between": ["base", "trunk"], "length": "0.5 m"}}
-    hold = {name: "0.3 rad" for name in LAWS if name != "elbow_a"}
-    problem = {"kind": "statics", "hold": hold, "over": {"elbow_a": {"from": "0 rad", "to": "1 rad", "samples": 5}}}
-    found = assert_unchanged(scene(problem, "joint.elbow_a.effort", loops=loops))
-    assert found == dict.fromkeys(("waist", "shoulder_a", "shoulder_b", "elbow_b"), "locked")
-
-
-def test_joints_with_events_stay(scene):
-    events = {"far": {"when": "shoulder_b", "reaches": "0.5 rad"}}
-    problem = {"kind": "forward", "motion": {"waist": HELD, **OTHER_ARM}, "events": events}
-    asked = scene(problem, "event.far.time", accuracy=RK4)
-    assert assert_unchanged(asked) == {"waist": "locked", "elbow_b": "locked"}
-    assert asked.run()["event.far.count"].values[0] == 1.0
-
-
-def test_drives_elsewhere_than_at_what_is_held_leave_everything(scene):
-    sums = {"reach": {"kind": "sum", "of": ["shoulder_a", "elbow_a"]}}
-    problem = {**inverse(), "drives": ["waist", "reach", "elbow_a", "shoulder_b", "elbow_b"]}
-    assert assert_unchanged(scene(problem, "joint.shoulder_a.effort", model=ALL_LEVEL, coordinates=sums)) == {}
-
-
 def test_what_is_wrong_is_told_of_the_whole_mechanism(scene):
     """The part has fewer joints to speak of."""
     hand = {"height": {"kind": "point", "point": "hand", "along": "z"}}
@@ -344,16 +273,6 @@ def test_what_is_wrong_is_told_of_the_whole_mechanism(scene):
             scenario.run()
         said.append(str(caught.value))
     assert said[0] == said[1]
-
-
-def test_partial_results_are_those_of_the_whole_mechanism(scene):
-    problem = {"kind": "forward", "motion": {"waist": HELD, **OTHER_ARM}}
-    asked = scene(problem, "shoulder_a", accuracy={"max_steps": 12})
-    with pytest.raises(PinarmError) as caught:
-        asked.run()
-    kept = caught.value.partial.trajectory
-    assert kept.q.shape == (len(kept), 5)
-    np.testing.assert_array_equal(kept.q[:, 0], 0.3)
 
 
 def test_it_says_what_was_removed_and_why(scene, tmp_path):

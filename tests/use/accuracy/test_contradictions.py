@@ -10,13 +10,13 @@ import pytest
 
 import pinarm
 from pinarm.cli.main import main
-from pinarm.errors import IntegrationError, PinarmError
+from pinarm.errors import IntegrationError
 from pinarm.problems import forward
 from pinarm.use.accuracy import error_estimate
 from pinarm.use.accuracy.integration_settings import with_setting
-from pinarm.use.study.tradeoff import Tradeoff, tradeoff
-from pinarm.use.study.tradeoff_view import remarks, settings
-from pinarm.use.study.trials import reference_solution, solve_variants, solving_trials
+from pinarm.use.study.tradeoff import tradeoff
+from pinarm.use.study.tradeoff_view import settings
+from pinarm.use.study.trials import reference_solution
 
 from .test_error_estimate import SLIDE, SPRING, on_slide
 
@@ -75,15 +75,6 @@ def test_a_run_beside_one_that_stops_early_has_no_bound():
     assert "they end at t = 10 s and 0.31" in result.no_bound
 
 
-def test_runs_of_one_course_have_a_bound():
-    """At default accuracy both solutions stop: the instant is known."""
-    result = pinarm.load(swing(numbers=["event.low.time"])).verified()
-    assert result.no_bound == ""
-    off = abs(result.number("event.low.time")[0] - STOP)
-    assert off <= result.number_errors["event.low.time"] < 1e-4
-    assert result.errors["x"] < 1e-6
-
-
 def test_an_event_on_a_row_leaves_the_bound(tmp_path):
     """At constant speed 0.5 m are passed at 0.5 s, which is a row: of two solutions one may stop before it."""
     problem = {"time": {"end": "1 s", "samples": 11}, "initial": {"velocity": {"x": "1 m/s"}},
@@ -133,17 +124,6 @@ def test_two_solutions_with_the_same_residual_have_no_bound(swing_file, tmp_path
     assert "note: energy: a residual of 0.5" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("losing")
-def test_sweeps_and_searches_tell_runs_without_a_bound():
-    asked = swing({"target": 0.05, "method": "dopri5"}, NOTHING)
-    swept = pinarm.sweep(asked, {"problem.time.end": "1:2:2 s"}, results=["x @ end"], workers=1)
-    assert len(swept.errors) == 2
-    assert all("no bound: two solutions have the same residual" in str(error) for error in swept.errors.values())
-    optimum = {"for": {"problem.time.end": ["1 s", "2 s"]}, "minimise": "x @ end", "starts": 1}
-    with pytest.raises(PinarmError, match="no bound: two solutions have the same residual"):
-        pinarm.run({**asked, "find": optimum})
-
-
 def test_no_bound_is_below_energy_that_is_lost():
     """Beside 1 km an oscillation is small: its coarse solution errs by 1e-6 of the output, and loses 1 % of energy."""
     result = pinarm.load(swing(COARSE, NOTHING, outputs=["x + 1000 m"])).verified()
@@ -186,14 +166,6 @@ def test_a_trade_off_tells_settings_with_other_events():
     assert "other events" in {row[1] for row in settings(trade)}
     fine = trade.recommended()[1e-6]
     assert fine is None or fine.error < 1e-6
-
-
-def test_variants_with_other_events_are_told():
-    asked = pinarm.load(swing(variants={"softer": {"problem.events.low.reaches": NEVER}}))
-    with solving_trials(asked) as solve:
-        parted = solve_variants(asked, solve)[1]
-    assert "'low' takes place 1 and 0 times" in parted.course
-    assert "compared only in rows that both models have" in remarks(Tradeoff(asked, None, [], [parted, parted]))[1]
 
 
 def test_two_solutions_that_pass_the_same_load_have_no_bound():
@@ -247,18 +219,6 @@ def test_a_decision_whose_margin_is_known_leaves_the_bound():
         assert result.no_bound == ""
         assert result.trajectory.grid.t[-1] == pytest.approx(end, rel=0.1)
         assert result.error < 1e-6
-
-
-def test_a_recorded_event_that_is_not_decided_leaves_the_bound_of_other_outputs():
-    events = {"back": {**BACK["events"]["back"], "then": "record"}}
-    asked = on_slide({**BACK, "time": {"end": "1 s", "samples": 11}, "events": events},
-                     outputs=["x", "event.back.count"], numbers=["x @ end", "event.back.count"])  # fmt: skip
-    result = pinarm.load(asked).verified()
-    assert result.errors["x"] < 1e-6
-    assert result.errors["event.back.count"] == np.inf
-    assert result.number_errors["x @ end"] < 1e-6
-    assert result.number_errors["event.back.count"] == np.inf
-    assert "not decided" in result.no_bound
 
 
 def test_friction_at_its_threshold_leaves_no_bound():

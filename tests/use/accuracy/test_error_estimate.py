@@ -154,19 +154,6 @@ def test_rows_at_the_turning_points_of_an_oscillation_do_not_hide_the_error_of_i
     assert 0.0 < off <= scenario.verified().errors["x"]
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
-def test_steps_that_samples_limit_do_not_hide_their_errors(tolerance):
-    """A finer tolerance takes the same steps, one from sample to sample, which are 1 rad of the oscillation."""
-    control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0 m"}, "kp": "20 N/m",
-               "period": "0.1 s"}  # fmt: skip
-    problem = {"time": {"end": "3 s", "samples": 11}, "initial": {"position": {"x": "1 m"}}, "loads": {"s": SPRING},
-               "control": [control]}  # fmt: skip
-    coarse, tight = (pinarm.load(on_slide(problem, accuracy={"tolerance": one})) for one in (tolerance, 1e-13))
-    found = coarse.verified()
-    off = np.abs(found["x"].values - tight.run()["x"].values).max() / np.abs(found["x"].values).max()
-    assert 1e-11 < off <= found.errors["x"] < 10.0 * off
-
-
 @pytest.mark.parametrize(
     ("period", "tolerance"), [("13.16 ms", 1e-3), pytest.param("21.92 ms", 1e-2, marks=pytest.mark.slow)]
 )
@@ -183,106 +170,6 @@ def test_steps_of_which_few_are_divided_do_not_hide_their_errors(period, toleran
     assert 1e-11 < off <= found.errors["x"] < 10.0 * off
 
 
-def held_efforts(count):
-    """Scenario and closed form of ``x'' + 4 x' + 1000 x = u`` from 1 rad, under efforts that jump."""
-    ends = np.linspace(0.0, 4.0, count + 1)
-    efforts = 50.0 * np.random.default_rng(3).normal(size=count)
-    points = [[f"{t!r} s", f"{u!r} N*m"] for t, u in zip(ends[:-1].tolist(), efforts.tolist(), strict=True)]
-    loads = {"spring": {"kind": "joint_spring", "joint": "x", "stiffness": "1000 N*m/rad",
-                        "damping": "4 N*m*s/rad"},
-             "held": {"kind": "joint_effort", "joint": "x", "effort": {"law": "steps", "points": points}}}  # fmt: skip
-    problem = {"kind": "forward", "time": {"end": "4 s", "samples": 2}, "loads": loads,
-               "initial": {"position": {"x": "1 rad"}}}  # fmt: skip
-    scenario = {"pinarm": 1, "mechanism": str(ROOT / "models/servo/mechanism.yaml"), "problem": problem,
-                "arguments": {"J": "1 kg*m^2"}, "outputs": ["x"]}  # fmt: skip
-    rate, states = 996.0**0.5, [(1.0, 0.0)]
-
-    def moved(x, v, u, t):
-        off, turn, decay = x - u / 1000.0, rate * t, np.exp(-2.0 * t)
-        return (u / 1000.0 + decay * (off * np.cos(turn) + (v + 2.0 * off) / rate * np.sin(turn)),
-                decay * (v * np.cos(turn) - (1000.0 * off + 2.0 * v) / rate * np.sin(turn)))  # fmt: skip
-
-    for u, t in zip(efforts, np.diff(ends), strict=True):
-        states.append(moved(*states[-1], u, t))
-    return scenario, lambda k, t: moved(*states[k], efforts[k], t - ends[k])[0]
-
-
-def test_errors_within_intervals_are_seen_however_many_these_are(monkeypatch):
-    """At the jumps, where steps end, this motion errs by a third of what it does between them."""
-    monkeypatch.chdir(ROOT)
-    content, exact = held_efforts(210)
-    scenario = pinarm.load({**content, "accuracy": {"tolerance": 1e-2}})
-    result = scenario.solve()
-    bound, run = estimate_errors(scenario, result).errors["x"], result.lookup
-    assert len(run.intervals) == 210
-    apart = [np.abs(run.quantities_at(k, t)["x"].values - exact(k, t)).max()
-             for k, (start, end, _) in enumerate(run.intervals) for t in [np.linspace(start, end, 41)]]  # fmt: skip
-    assert max(apart) / np.abs(result["x"].values).max() < bound
-
-
-def test_steps_that_jumps_limit_do_not_hide_the_errors_of_a_longer_step(monkeypatch):
-    """Steps of 0.1 s and of half of that are those from jump to jump, 0.6 rad of the oscillation."""
-    monkeypatch.chdir(ROOT)
-    content, exact = held_efforts(210)
-    scenario = pinarm.load({**content, "accuracy": {"method": "rk4", "step": "100 ms"}})
-    result = scenario.solve()
-    off = max(abs(result.number(f"x @ t={t} s")[0] - exact(int(t * 52.5), t)) for t in (0.5, 1.7, 3.3))
-    assert result.figures["steps"] == 210
-    assert 1e-7 < off < estimate_errors(scenario, result).errors["x"] < 1e3 * off
-
-
-def on_springs(start, *springs, end, **accuracy):
-    """A free motion of 2 kg on springs, each with its stiffness [N/m] and the place where it is free [m]."""
-    loads = {
-        f"s{k}": {**SPRING, "stiffness": f"{stiffness!r} N/m", "rest": f"{rest!r} m"}
-        for k, (stiffness, rest) in enumerate(springs)
-    }
-    problem = {"time": {"end": f"{end!r} s", "samples": 41},
-               "initial": {"position": {"x": f"{start!r} m"}}, "loads": loads}  # fmt: skip
-    names = ["joint.x.position", "joint.x.velocity", "joint.x.acceleration"]
-    return pinarm.load(on_slide(problem, outputs=names, accuracy=accuracy))
-
-
-def errors_on_springs(result, start, *springs):
-    """Errors to the closed form with 64 bits, relative to the scales of the outputs."""
-    k, rest = np.array(springs, np.longdouble).T
-    centre, pulsation = (k * rest).sum() / k.sum(), np.sqrt(k.sum() / 2)
-    phase, amplitude = pulsation * result.trajectory.grid.t.astype(np.longdouble), start - centre
-    swing = amplitude * np.cos(phase)
-    exact = centre + swing, -amplitude * pulsation * np.sin(phase), -(pulsation**2) * swing
-    scales = output_scales(result)
-    return {
-        name: float(np.abs(result[name].values - values).max() / scales[name])
-        for name, values in zip(result.content.outputs, exact, strict=True)
-    }
-
-
-@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the motion has")
-@pytest.mark.parametrize(
-    ("start", "springs", "end"),
-    [
-        (1e3 + 3e-6, [(700.0, 1e3)], 0.003),
-        (2e-9, [(300.0, 100.1), (100.0, -300.3)], 1.0),  # pressed against each other by 30 kN
-        (4e-10, [(3.1e3, 0.11), (5e3, -0.0682)], 0.02),  # by 341 N
-    ],
-)
-def test_the_bound_sees_the_rounding_of_initial_states_and_of_loads_that_cancel(start, springs, end):
-    """Coordinates far from 0, and springs under a preload, have few digits left for a small motion."""
-    result = on_springs(start, *springs, end=end, tolerance=1e-11).verified()
-    errors = errors_on_springs(result, start, *springs)
-    for name, error in errors.items():
-        assert error <= result.errors[name], name
-
-
-@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the motion has")
-@pytest.mark.parametrize(("tolerance", "turn"), [(1e-9, 0.05), (1e-12, 0.02)])
-def test_the_few_steps_of_short_runs_do_not_hide_their_errors(tolerance, turn):
-    """The finest tolerance takes the same steps, or one more, whose iterations end at the same error."""
-    result = on_springs(0.4, (800.0, 0.0), end=turn / 20.0, method="stiff", tolerance=tolerance).verified()
-    for name, error in errors_on_springs(result, 0.4, (800.0, 0.0)).items():
-        assert error <= result.errors[name] < 1e-8, name
-
-
 @pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="the closed form needs more digits than the angle has")
 @pytest.mark.parametrize(("speed", "end"), [(33.3, 7.0), (1234.5678, 1000.0)])
 def test_the_bound_sees_the_rounding_of_laws(speed, end):
@@ -296,21 +183,3 @@ def test_the_bound_sees_the_rounding_of_laws(speed, end):
     exact = np.cos(np.longdouble(speed) * result.trajectory.grid.t.astype(np.longdouble))
     error = float(np.abs(result["point.P.position.x"].values - exact).max())
     assert 1e-14 < error <= result.error < 100.0 * error
-
-
-@pytest.mark.parametrize("turns", [1, 10**8, 10**12])
-def test_the_rounding_of_swept_angles_is_seen(tmp_path, turns):
-    """Whole turns from 0 to 90 deg a weight needs m g l cos phi: of 1e8 turns 4e-8 are lost in the angles."""
-    (tmp_path / "m.urdf").write_text(
-        '<robot name="m"><link name="base"/><link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>'
-        '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="x" '
-        'type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 -1 0"/></joint></robot>'
-    )
-    swept = {"from": f"{360 * turns} deg", "to": f"{360 * turns + 90} deg", "samples": 7}
-    mechanism, problem = pinarm.Mechanism.load(tmp_path / "m.urdf"), {"kind": "statics", "over": {"x": swept}}
-    scenario = {"pinarm": 1, "mechanism": mechanism, "outputs": ["M"], "symbols": {"M": "joint.x.effort"}}
-    result = pinarm.load({**scenario, "problem": problem}).verified()
-    exact = np.cos(np.radians(np.linspace(0.0, 90.0, 7)))
-    off = np.abs(result["M"].values / 9.81 - exact).max()
-    last_place = 2.0 * np.pi * turns * np.finfo(float).eps  # of the angle
-    assert off <= result.errors["M"] < 1e3 * last_place

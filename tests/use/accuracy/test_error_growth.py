@@ -5,7 +5,6 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-import pinarm
 from pinarm.use.show.terminal import report
 
 WIDE = {"problem.time": {"end": "16 s", "samples": 161}, "accuracy": {"tolerance": 1e-9}}
@@ -56,24 +55,6 @@ def test_errors_of_regular_motions_do_not_grow_exponentially(chaos):
     assert result.error < 1e-5
     assert "e-folding" not in result.figures
     assert "e-fold" not in report(result)
-
-
-FLYWHEEL = """<robot name="s"><link name="base"/><link name="w"><inertial><mass value="1"/>
-<inertia ixx="0.3" iyy="0.3" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="x" type="continuous"><parent link="base"/><child link="w"/><axis xyz="0 0 1"/></joint></robot>"""
-MOTOR = {"joint": "x", "ratio": 10, "rotor_inertia": "1e-4 kg*m^2", "motor": {
-    "kind": "dc", "resistance": "0.5 ohm", "inductance": "5 mH", "constant": "0.04 N*m/A"}}  # fmt: skip
-
-
-def test_errors_that_come_with_longer_steps_and_go_again_do_not_grow(tmp_path):
-    """A motor's step of 12 V: its eigenvalues are -1.04 and -98.96 1/s, and steps lengthen as the second dies away."""
-    (tmp_path / "flywheel.urdf").write_text(FLYWHEEL)
-    wheel = pinarm.Mechanism.load(tmp_path / "flywheel.urdf", values={"gravity": "none", "drives": {"servo": MOTOR}})
-    steps = {"kind": "state_feedback", "drive": "servo", "states": ["x"], "bias": ["12 V"],
-             "gains": [["0 V/rad", "0 V*s/rad"]]}  # fmt: skip
-    problem = {"kind": "forward", "time": {"end": "1 s", "samples": 51}, "control": [steps]}
-    result = pinarm.load({"pinarm": 1, "mechanism": wheel, "problem": problem, "outputs": ["x"]}).verified()
-    assert "e-folding" not in result.figures
 
 
 def test_what_rests_on_one_solution_says_nothing_of_growth(chaos):

@@ -1,8 +1,7 @@
 """Paths of linkages whose curves are known: Peaucellier's line, Chebyshev's near one, and a coupler's curve."""
 
-from cmath import rect
 from collections.abc import Callable
-from math import acos, atan2, cos, hypot, pi, radians, sin, sqrt
+from math import acos, atan2, cos, hypot, pi, sin, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -169,11 +168,6 @@ def test_a_mistake_in_the_points_is_told(chebyshev: Callable[..., Any], wanted: 
         chebyshev(wanted)
 
 
-def test_a_point_that_does_not_exist_is_told_before_anything_is_solved(chebyshev: Callable[..., Any]) -> None:
-    with pytest.raises(InputError, match="N"):
-        chebyshev("wanted: {x: [1 m]}").varied({"path_error.point": "N"}).validate()
-
-
 def circle(folder: Path, law: str, duration: str, angles: list[float]) -> Any:
     """Return the error of the tip of a crank of 0.3 m, and when it is nearest to points on its circle."""
     (folder / "m.yaml").write_text(
@@ -192,16 +186,6 @@ def circle(folder: Path, law: str, duration: str, angles: list[float]) -> Any:
     return rms, [float(row[1]) for row in rows]
 
 
-@pytest.mark.parametrize("beyond", [[-0.001], [0.0004, 0.0009]])
-def test_points_on_either_side_of_a_jump_of_the_acceleration_are_met(tmp_path: Path, beyond: list[float]) -> None:
-    """At 80 deg, after 0.4 s, the crank stops to gather speed and goes on at 400 deg/s."""
-    law = "{law: trapezoid, from: 0 deg, to: 300 deg, acceleration: 1000 deg/s^2, speed: 400 deg/s}"
-    error, instants = circle(tmp_path, law, "1.15 s", [pi / 2.25 + each for each in beyond])
-    assert error < 1e-12
-    behind = [0.4 + each / (400 * pi / 180) for each in beyond]
-    assert instants == pytest.approx(behind, abs=2e-6)  # before it is a little slower: 1000 deg/s^2 over 3e-4 s
-
-
 @pytest.mark.parametrize(("begin", "off"), [(-128.1, 0.0018), (-70.8, -0.0002)])
 @pytest.mark.parametrize("others", [[], [2.0, 4.0]])
 def test_points_on_either_side_of_where_a_closed_path_begins_are_met(
@@ -212,46 +196,3 @@ def test_points_on_either_side_of_where_a_closed_path_begins_are_met(
     error, instants = circle(tmp_path, law, "1 s", [start + off, *(start + other for other in others)])
     assert error < 1e-12
     assert instants == pytest.approx([off / (2 * pi) % 1.0, *(other / (2 * pi) for other in others)], abs=1e-9)
-
-
-TRAPEZOID = "{law: trapezoid, from: 0 deg, to: 300 deg, acceleration: 1000 deg/s^2, speed: 400 deg/s}"
-TURN = "{law: constant_speed, speed: 360 deg/s, from: 20 deg}"
-
-
-@pytest.mark.parametrize(
-    ("law", "duration", "degrees", "pair"),
-    [(TRAPEZOID, "1.15 s", [60.0, 80.02, 79.98, 200.0], "2 and 3"),
-     (TURN, "1 s", [250.0, 20.02, 19.98, 130.0], "2 and 3"), (TURN, "1 s", [20.02, 130.0, 20.05], "3 and 1")],
-)  # fmt: skip
-def test_the_other_order_across_a_cut_or_the_begin_is_refused(
-    tmp_path: Path, law: str, duration: str, degrees: list[float], pair: str
-) -> None:
-    with pytest.raises(InputError, match=f"does not meet the points {pair} one after the other"):
-        _ = circle(tmp_path, law, duration, [angle * pi / 180 for angle in degrees])
-
-
-@pytest.mark.parametrize(("off", "rest"), [(2e-6, 0.3), (2e-6, 0.002), (-2e-6, 0.3)])
-def test_points_next_to_a_dwell_are_met(tmp_path: Path, off: float, rest: float) -> None:
-    """To 60 deg, a dwell, and on to 120 deg: pi / 3 (3 u^2 - 2 u^3) from the dwell a time u from it."""
-    on = "{law: polynomial, from: %s deg, to: %s deg, duration: 1 s, degree: 3}"
-    law = (f"{{law: succession, segments: [{{duration: 1 s, motion: {on % (0, 60)}}}, {{duration: {rest} s, motion: "
-           f"{{law: constant, value: 60 deg}}}}, {{duration: 1 s, motion: {on % (60, 120)}}}]}}")  # fmt: skip
-    error, [instant] = circle(tmp_path, law, f"{2 + rest} s", [pi / 3 + off])
-    assert error < 1e-13
-    u = instant - 1 - rest if off > 0 else 1 - instant
-    assert u > 0 and pi / 3 * (3 * u**2 - 2 * u**3) == pytest.approx(abs(off), rel=1e-6)
-
-
-@pytest.mark.parametrize("at", [0.3501, 0.5779])
-def test_of_passes_nearer_to_each_other_than_samples_are_the_right_one_is_met(tmp_path: Path, at: float) -> None:
-    """A spiral of three turns in a second, 1 mm apart, and a point of the second turn: (0.3 + 0.2i e^(ia)) e^(io)."""
-    points = {"O": (0.0, 0.0), "A": (0.3, 0.0), "P": (0.3, 0.2)}
-    place = (0.3 + rect(0.2, radians(90.0 + at))) * rect(1.0, radians(1080.0 * at))
-    text = (
-        "problem:\n  kind: kinematics\n  time: {end: 1 s, samples: 11}\n  motion:\n"
-        "    O: {law: constant_speed, speed: 1080 deg/s}\n    A: {law: constant_speed, speed: 1 deg/s}\n"
-        f"outputs: [O]\npath_error: {{point: P, wanted: {{x: [{place.real!r} m], y: [{place.imag!r} m]}}}}\n"
-    )
-    result = pinarm.run(linkage(tmp_path, points, "O", {"upper": "O, A", "fore": "A, P"}, text))
-    assert result.number("path_error.peak")[0] < 1e-12
-    assert result.sections["path_error"].tables[0].rows[0][1] == pytest.approx(at, abs=1e-9)

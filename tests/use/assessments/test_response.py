@@ -58,13 +58,6 @@ def test_a_later_step_down_counts_from_its_beginning(step):
     assert later.number("response.settling_time")[0] == pytest.approx(whole - 1.0, abs=1e-9)
 
 
-def test_what_the_run_does_not_come_to_is_told(step):
-    short = pinarm.run({**step, "problem": {**step["problem"], "time": {"end": "0.2 s", "samples": 5}}})
-    section = short.sections["response"]
-    assert np.isnan(short.number("response.settling_time")[0])
-    assert any("not settled" in remark for remark in section.remarks)
-
-
 @pytest.mark.parametrize(("end", "told"), [(0.4, True), (0.35, False), (0.66, False)])
 def test_a_run_that_ends_on_the_way_up_says_so(step, end, told):
     """At 0.4 s it passes 1.0186 on its way to 1.3723, which it reaches at 0.6587 s; at 0.35 s it is at 0.86."""
@@ -121,18 +114,6 @@ def test_a_response_that_is_short_beside_the_run_is_seen(step):
     assert found["settling_time"] == pytest.approx(t[np.flatnonzero(np.abs(y - 1.0) > 0.02)[-1]], abs=1e-7)
 
 
-@pytest.mark.parametrize("side", [1.0 - 1e-6, 1.0 + 1e-6])
-def test_tops_that_are_just_beyond_the_band_are_seen_among_many_oscillations(step, side):
-    """The band ends just above or below the 60th extreme of 110, which is between two instants."""
-    damping, count = 0.01, 60
-    root = np.sqrt(1.0 - damping**2)
-    height = np.exp(-np.pi * damping / root * count)
-    found = lag(step, 10.0, damping, 35.0, band=height * side)
-    place = np.pi * (count if side < 1.0 else count - 1) / (10.0 * root)
-    assert place < found["settling_time"] < place + 0.5 * np.pi / 10.0
-    assert found["overshoot"] == pytest.approx(np.exp(-np.pi * damping / root), abs=1e-8)
-
-
 def test_the_top_of_a_held_effort_is_in_the_interval_that_follows_a_jump(step):
     """Sampled at 1 kHz, the rotor coasts through parabolas; their top is that of the recursion of samples."""
     problem = step["problem"]
@@ -172,17 +153,3 @@ def test_the_errors_of_its_numbers_are_told(step, damping):
     for name, value in exact.items():
         assert abs(found.numbers[name].values[0] - value) <= found.errors[name] + 1e-14, name
         assert found.errors[name] < (1e-3 if name == "peak_time" else 1e-8)
-
-
-def test_a_top_that_only_touches_the_band_makes_the_settling_time_open(step):
-    """The first top is as high as the band is wide: it has settled before it, or half a period later."""
-    law = {"kind": "inverse", "time": {"end": "10 s", "samples": 20}, "motion": STEADY}
-    ended = {"of": "1 - exp(-t/(1 s))*cos(t*1/(1 s))", "initial": "0 1", "final": "1 1"}
-    place = 0.75 * np.pi  # of the top: tan t = -1
-    band = float(np.exp(-place) * np.sqrt(0.5))
-    found = pinarm.run({**step, "problem": law, "response": {**ended, "band": band}}).section("response")
-    t = np.linspace(0.0, place, 1_000_001)
-    before = t[np.flatnonzero(np.exp(-t) * np.cos(t) > band)[-1]]
-    told, error = found.numbers["settling_time"].values[0], found.errors["settling_time"]
-    for either in (before, place):
-        assert abs(told - either) <= error + 1e-5

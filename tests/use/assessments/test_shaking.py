@@ -56,11 +56,6 @@ def test_its_section_is_told_saved_and_drawn(tmp_path: Path) -> None:
     assert pinarm.schema()["properties"]["shaking"]
 
 
-def test_its_point_is_checked_before_anything_is_solved() -> None:
-    with pytest.raises(InputError, match="nowhere"):
-        pinarm.validate("scenarios/rotor_vertical.yaml", {"shaking": {"about": "nowhere"}})
-
-
 @pytest.mark.slow
 def test_the_counterweights_of_berkof_and_lowen_are_found() -> None:
     """Crank: (m2/2 + m3/2) 100 mm at 60 mm behind it; rocker: (m4/2 + m3/2) 250 mm at 100 mm behind it."""

@@ -71,21 +71,6 @@ def test_a_case_that_fails_is_a_row_that_says_why(
     assert "\n" not in row.error
 
 
-def test_an_interrupt_is_no_fault_of_the_program(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python 3.11 makes a RuntimeError of one that comes while a class is made."""
-    monkeypatch.setattr(Wanted, "numbers", lambda *_: interrupted_class())
-    with pytest.raises(KeyboardInterrupt):
-        solved(held, ["M"])
-
-
-def interrupted_class() -> None:
-    class Named:
-        def __set_name__(self, owner: type, name: str) -> None:
-            raise KeyboardInterrupt
-
-    type("Made", (), {"named": Named()})
-
-
 def test_a_fault_of_the_program_costs_one_case(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Wanted, "numbers", lambda *_: 1 / 0)
     row = solved(held, ["M"])
@@ -101,24 +86,3 @@ def test_a_target_of_the_error_is_reached_or_the_case_fails(held: pinarm.Scenari
     assert 0 < reached.figures["global error"] < 1e-6
     missed = solved(held, ["alpha @ end"], **FALLING, accuracy={"target": 1e-18})
     assert re.fullmatch(r"the global error is \d\.\de-\d\d, not below its target 1e-18", missed.error)
-
-
-def test_cases_with_the_same_mechanism_load_it_once(held: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pinarm.use.scenario import scenario as scenarios
-
-    loaded, read = [], scenarios.read_mechanism
-    monkeypatch.setattr(scenarios, "read_mechanism", lambda *given, **more: loaded.append(1) or read(*given, **more))
-    wanted = tuple(Wanted.read(text).measured(held.quantities())[0] for text in ["M @ end", "alpha @ end"])
-    task = Task.of(held, wanted)
-    cases = [{"problem.over.pivot.to": f"{angle} deg"} for angle in (60, 70, 80)]
-    loaded.clear()
-    rows = [solve_case(task, values) for values in cases]
-    assert len(loaded) == 1
-    for values, row in zip(cases, rows, strict=True):
-        alone = solve_case(Task.of(held, wanted), values)
-        assert row.numbers == alone.numbers
-        assert row.files == alone.files, "a change of the model's file concerns every case"
-        assert any(file.endswith(".urdf") or file.endswith(".xacro") for file in row.files)
-    heavier = solve_case(task, {**cases[0], "arguments.m": "3 kg"})
-    assert heavier.numbers[0] != rows[0].numbers[0] and len(loaded) == 5
-    assert solve_case(task, cases[0]).numbers == rows[0].numbers, "and the next one has its own again"

@@ -120,38 +120,9 @@ def compared(task: Task, cases: Cases) -> int:
     return count
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-def test_random_four_bars_are_those_of_each_alone(seed: int) -> None:
-    """Lengths and masses up to a half larger or smaller: some cranks turn, some stop on the way, some never close."""
-    path, rng = SCENARIOS / "crank_rocker_turning.yaml", np.random.default_rng(seed)
-    mechanism = pinarm.load(path).mechanism
-    cases: Cases = [{f"arguments.{name}": mechanism.arguments[name] for name in mechanism.arguments}]
-    for _ in range(9):
-        cases.append({key: float(value) * float(rng.uniform(0.6, 1.5)) for key, value in cases[0].items()})
-    units = {f"arguments.{name}": str(unit) for name, unit in mechanism.argument_units.items()}
-    cases = [{key: f"{value!r} {units[key]}" for key, value in case.items()} for case in cases]
-    task = task_of(path, ["T", "F_B", "F_A", "theta4", "loop.B.force.radial", "joint.A.force.y"],
-                   ["problem.time.samples=31"])  # fmt: skip
-    assert compared(task, cases) >= 3
-
-
 @pytest.fixture
 def arm() -> Path:
     return SCENARIOS / "gen411_arm_static.yaml"
-
-
-def test_numbers_do_not_depend_on_the_cases_beside(arm: Path) -> None:
-    cases, task = cases_of(arm, ("m_A", "l1", "l2"), 18), task_of(arm, (), ["problem.over.phi.samples=5"])
-    stack, _ = Stack.begin(task, cases[0])
-    another, _ = Stack.begin(task, cases[5])
-    assert stack is not None
-    assert another is not None
-    rows = rows_by(stack.together, cases)
-    for size in (1, 7):
-        for start in range(0, 18, size):
-            some = slice(start, start + size)
-            assert [repr(row) for row in rows_by(stack.together, cases[some])] == [repr(row) for row in rows[some]]
-    assert [repr(row) for row in rows_by(another.together, cases)] == [repr(row) for row in rows]
 
 
 @pytest.mark.parametrize("step", [7, pytest.param(1, marks=pytest.mark.slow)])
@@ -190,19 +161,6 @@ def test_a_motion_that_comes_near_a_singular_position_is_left_to_each_case_alone
     assert solve_case(task, cases[3]).error
 
 
-@pytest.mark.parametrize(
-    "values",
-    [["problem.loads={pull: {kind: wrench, point: A, force: [0 N, 1 N, 0 N]}}"],
-     ["payloads={tool: {point: A, mass: 1 kg}}"], ["changes.base=fixed"],
-     ["problem.over={}", "problem.hold.phi=0 deg"]],
-)  # fmt: skip
-def test_what_is_not_followed_is_left_to_each_case_alone(arm: Path, values: list[str]) -> None:
-    cases = cases_of(arm, ("m_A", "l2"), 2)
-    stack, row = Stack.begin(task_of(arm, (), values), cases[0])
-    assert not row.error
-    assert stack is None or rows_by(stack.rows, cases) == [None, None]
-
-
 def test_what_cannot_be_solved_together_is_none(arm: Path) -> None:
     task, cases = task_of(arm), cases_of(arm, ("m_A",), 6)
     stack, _ = Stack.begin(task, cases[0])
@@ -214,27 +172,6 @@ def test_what_cannot_be_solved_together_is_none(arm: Path) -> None:
     expected = solve_case(task, odd[4])
     assert rows[4] is not None
     np.testing.assert_allclose(rows[4].numbers, expected.numbers, atol=1e-12)
-
-
-def test_a_case_that_differs_alone_is_noticed(arm: Path) -> None:
-    task, cases = task_of(arm), cases_of(arm, ("m_A",), 2)
-    stack, row = Stack.begin(task, cases[0])
-    assert stack is not None
-    assert stack.agrees(cases[0], row)
-    assert stack.agrees(cases[1], row) is False  # the row of another case
-    assert stack.agrees(cases[0], replace(row, error="why")) is False
-    assert stack.agrees({"arguments.m_A": "-1 kg"}, row) is None
-
-
-@pytest.mark.parametrize("name", ["crank_rocker_free", "gen411_arm_equilibria", "planetary_gear_reducer"])
-def test_other_questions_are_answered_one_by_one(name: str) -> None:
-    path = SCENARIOS / f"{name}.yaml"
-    first, other = cases_of(path, [*pinarm.load(path).mechanism.arguments][:1], 2)
-    stack, row = Stack.begin(task_of(path), first)
-    assert not row.error
-    if stack is not None:
-        with pytest.raises(VariantsDiffer):
-            rows_by(stack.together, [other])
 
 
 def test_forces_that_only_the_sweep_asks_for_are_judged_and_solved_together(chunk: Chunk) -> None:

@@ -85,25 +85,6 @@ def test_every_branch_of_a_model_has_a_stack(path: Path, sizes: list[int]) -> No
     assert [repr(row) for row in rows] == [repr(row) for row in again]
 
 
-def test_what_cannot_be_solved_together_is_tried_once(
-    task: Task, sizes: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    begun: list[object] = []
-    begin = Stack.begin
-
-    def noted(task: Task, values: dict[str, Value]) -> tuple[Stack | None, Row]:
-        begun.append(values)
-        return begin(task, values)
-
-    monkeypatch.setattr(Stack, "begin", noted)
-    solver, jobs = CaseSolver(task), masses("1 kg", "2 kg", "3 kg")
-    assert [row.numbers[1] for row in rows_of(solver, jobs)] == pytest.approx([10, 20, 30])
-    assert (len(begun), sizes) == (1, [3])
-    pulled: list[dict[str, Value]] = [{"changes.forces.spring.stiffness": f"{k} N*m/rad"} for k in range(3)]
-    assert len([row for row in rows_of(solver, pulled) if not row.error]) == 3
-    assert (len(begun), sizes) == (1, [3])
-
-
 def test_where_both_ways_do_not_agree_all_are_solved_alone(
     task: Task, sizes: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,8 +1,6 @@
 """Where commands write to: files of one name in different folders keep their results apart."""
 
 import os
-import threading
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -57,31 +55,6 @@ def test_what_came_of_no_file_or_of_another_kind_of_command_is_kept(kind: str) -
     assert found.folder == Path("results/a-x-sweep")
     assert found.remark == (f"as results/x-sweep holds a {kind} of no file" if kind == "result" else
                             f"as results/x-sweep holds the {kind} of x-sweep.yaml")  # fmt: skip
-
-
-def test_where_all_names_are_taken_the_user_names_one(here: Path) -> None:
-    put(Path("results/x"), Path("other.yaml"))
-    names = [parent.name for parent in (here / "b").resolve().parents if parent.name]
-    for count in range(len(names) + 1):
-        put(Path("results") / "-".join([*reversed(names[:count]), "b", "x"]), Path("other.yaml"))
-    with pytest.raises(InputError, match=r"results/x holds the result of other\.yaml.*\n.*\n.*-o DIR"):
-        told(None, Path("b/x.yaml"), "x")
-
-
-def test_files_of_one_name_that_run_at_the_same_time_have_folders_of_their_own() -> None:
-    meeting = threading.Barrier(8)
-
-    def run(number: int) -> Path:
-        meeting.wait()
-        with destination(None, Path(f"d{number}/x.yaml"), "x") as found:
-            meeting.wait()  # all have theirs before one ends
-            put(found.folder, Path(f"d{number}/x.yaml"))
-            return found.folder
-
-    with ThreadPoolExecutor(8) as threads:
-        folders = list(threads.map(run, range(8)))
-    assert len(set(folders)) == 8
-    assert Path("results/x") in folders
 
 
 def test_a_folder_that_nothing_was_written_to_is_removed_and_is_no_result_before() -> None:

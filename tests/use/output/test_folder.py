@@ -74,14 +74,6 @@ def test_drafts_that_killed_writers_left_are_removed_and_no_others(out: Path) ->
     assert contents(out)[f"{names[3]}/cases.csv"] == "half"
 
 
-def test_a_draft_is_in_use_while_it_is_written(tmp_path: Path) -> None:
-    with whole_folder(tmp_path / "one", "result") as draft:
-        (draft / "a").write_text("1")
-        os.utime(draft, (1e9, 1e9))
-        put(tmp_path / "other", NEW)
-    assert contents(tmp_path / "one") == {"a": "1"}
-
-
 @pytest.mark.parametrize("name", ["plots/mine.png", "partial/thesis", "summary.json"])
 def test_a_file_of_somebody_else_is_named_and_kept(out: Path, name: str) -> None:
     (out / name).parent.mkdir(exist_ok=True)
@@ -137,26 +129,6 @@ def test_nothing_is_written_or_removed_through_links(out: Path, place: str) -> N
     assert before == (contents(target) if target.is_dir() else target.read_text())
 
 
-def test_a_folder_that_becomes_a_link_meanwhile_is_not_followed(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What has been looked at is a folder; when the files are moved it is a link."""
-    real, (target, away) = os.rename, (out.parent / "else", out.parent / "away")
-
-    def race(*arguments: object, **more: object) -> None:
-        if target.exists():
-            real(*arguments, **more)  # type: ignore[arg-type]
-            return
-        real(out / "plots", away)
-        target.mkdir()
-        (target / "C_B.png").write_text("mine")
-        (out / "plots").symlink_to(target)
-        real(*arguments, **more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(os, "rename", race)
-    with pytest.raises(InputError, match="cannot be written"):
-        put(out, {**OLD, "summary.json": "new", "plots/C_B.png": "new"})
-    assert contents(target) == {"C_B.png": "mine"}
-
-
 @contextmanager
 def ending_at_rename(monkeypatch: pytest.MonkeyPatch, number: int, end: Callable[[], None]) -> Iterator[None]:
     real, calls = os.rename, []
@@ -209,17 +181,6 @@ def test_an_interrupt_waits_until_the_files_are_moved(out: Path, monkeypatch: py
         signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
-def test_what_ends_the_writing_leaves_the_older_folder_or_none(out: Path, error: type[BaseException]) -> None:
-    for folder in (out, out.parent / "new"):
-        with pytest.raises(error), whole_folder(folder, "result") as draft:
-            (draft / "summary.json").write_text("new")
-            raise error("no")
-    assert contents(out) == OLD
-    assert [path.name for path in out.parent.iterdir()] == ["out"]
-    assert len(list(out.iterdir())) == 5
-
-
 def test_a_full_disk_leaves_the_older_folder_or_none(out: Path) -> None:
     """A bound on the size of files stands for the disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -256,44 +217,6 @@ def test_of_several_writers_one_is_the_last(out: Path, exists: bool) -> None:
         assert contents(folder) == dict.fromkeys(names[: int(text)], text)
 
 
-@contextmanager
-def ordinary_user() -> Iterator[None]:
-    """Give up the rights of root, for whom every folder can be written."""
-    if os.geteuid():
-        yield
-        return
-    os.seteuid(65534)
-    try:
-        yield
-    finally:
-        os.seteuid(0)
-
-
-@pytest.fixture
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that everybody may read, and nobody write."""
-    folder = tmp_path_factory.mktemp("shared")
-    for parent in [folder, *folder.parents]:
-        if parent.name.startswith(("pytest-", "popen-")):  # those of pytest-xdist too
-            parent.chmod(0o755)
-    folder.chmod(0o555)
-    return folder
-
-
-def test_a_folder_is_enough_where_its_parent_cannot_be_written(shared: Path) -> None:
-    """As a folder of the host is in a container."""
-    shared.chmod(0o755)
-    (shared / "own").mkdir()
-    (shared / "own").chmod(0o777)
-    shared.chmod(0o555)
-    with ordinary_user():
-        put(shared / "own", OLD)
-        put(shared / "own", NEW)
-        with pytest.raises(InputError, match=r"cannot be written to .*: Permission denied"):
-            put(shared / "other", NEW)
-    assert contents(shared / "own") == NEW
-
-
 class TestFile:
     def test_is_listed_in_the_manifest_of_its_folder(self, out: Path) -> None:
         write_file(out / "replay.html", [b"a", b"b"])
@@ -315,17 +238,6 @@ class TestFile:
         assert (tmp_path / "there").read_text() == "mine"
         write_file(tmp_path / "there", [b"new"])
         assert contents(tmp_path) == {"there": "new", "link": "new"}
-
-    def test_that_cannot_be_written_leaves_the_old_one(self, tmp_path: Path) -> None:
-        write_file(tmp_path / "a", [b"old"])
-
-        def parts() -> Iterator[bytes]:
-            yield b"new"
-            raise OSError(28, "No space left on device")
-
-        with pytest.raises(InputError, match="No space left"):
-            write_file(tmp_path / "a", parts())
-        assert contents(tmp_path) == {"a": "old"}
 
 
 def test_a_new_file_is_written_where_nothing_is(tmp_path: Path) -> None:

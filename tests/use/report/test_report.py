@@ -14,7 +14,7 @@ import pypdf
 import pytest
 
 import pinarm
-from pinarm.errors import InputError, PinarmError
+from pinarm.errors import PinarmError
 from pinarm.use.report.report import report
 from pinarm.use.show.replay.chromium import chromium
 
@@ -148,23 +148,6 @@ def test_errors_stand_beside_their_numbers(scenario: Callable[..., Any]) -> None
     assert "All 1 entries of the answer key are met" in box
 
 
-def test_chapters_of_one_title_are_told_apart_by_their_folders(scenario: Callable[..., Any], tmp_path: Path) -> None:
-    result = scenario("statics").run()
-    folders = [result.save(tmp_path / name, plots=False) for name in ("x", "b-x")]
-    page = report(folders, title="Both").html
-    assert re.findall("<h2>([^<]*)</h2>", body(page)) == [f"{result.content.title} ({folder})" for folder in folders]
-
-
-def test_what_cannot_be_made_is_said(scenario: Callable[..., Any], tmp_path: Path) -> None:
-    result = scenario("state").run()
-    with pytest.raises(InputError, match=r"not written as '\.docx'"):
-        report(result, tmp_path / "report.docx")
-    with pytest.raises(InputError, match="there is no folder"):
-        report(tmp_path / "nothing")
-    with pytest.raises(InputError, match="no result to report on"):
-        report([])
-
-
 @pytest.mark.slow
 def test_it_is_printed_on_pages_of_a4_with_text(scenario: Callable[..., Any], tmp_path: Path) -> None:
     try:
@@ -220,21 +203,6 @@ def test_a_student_reads_a_drawing_in_the_units_of_the_run(tmp_path: Path) -> No
     assert "l = 30 cm, slope = 30 deg" in page
     assert "joints (x)" in page
     assert row(page, "x", "prismatic")[-1] == "unlimited"
-
-
-def test_what_a_client_does_not_read_is_in_the_appendix(scenario: Callable[..., Any]) -> None:
-    page = body(report(scenario("inverse", SHAKING, PERIODIC).run()).html)
-    parts = re.findall(r"<h[34]>([^<]*)</h[34]>", page)
-    first = parts.index("Appendix")
-    assert {"Question", "Answers", "Mechanism", "Accuracy"} <= set(parts[:first])
-    assert {"Mechanism in numbers", "Measures of accuracy", "Provenance"} <= set(parts[first:])
-
-
-def test_laws_are_printed_with_all_their_points(scenario: Callable[..., Any]) -> None:
-    points = [f"[{k / 20:g} s, {k * k / 1000:g} rad]" for k in range(41)]
-    law = f"{{law: spline, points: [{', '.join(points)}]}}"
-    page = report(scenario("inverse", "", (TRAPEZOID, law)).run()).html
-    assert all(f"({point[1:-1]})" in page for point in points)
 
 
 def test_a_sweep_has_a_report_of_its_own(scenario: Callable[..., Any], tmp_path: Path) -> None:

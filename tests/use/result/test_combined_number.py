@@ -10,7 +10,7 @@ import pytest
 import pinarm
 from pinarm.use.cases.variant_numbers import VariantNumbers
 from pinarm.use.result.number_accuracy import global_error
-from pinarm.use.result.numbers import CombinedNumber, RunNumber, SectionNumber, read_number
+from pinarm.use.result.numbers import CombinedNumber, read_number
 
 ARM = Path(__file__).parents[3] / "scenarios" / "gen411_arm_static.yaml"
 C, SIXTH = 1.4715, math.pi / 3
@@ -47,15 +47,6 @@ def test_a_formula_has_the_value_and_the_unit_of_the_closed_form(arm: Any, text:
     assert isinstance(number, CombinedNumber)
     assert arm.number(text)[0] == pytest.approx(value, abs=1e-8)  # a place of an extreme is known to 1e-8 rad
     assert str(number.described(arm.quantities, {}).unit) == unit
-
-
-def test_one_number_stays_one() -> None:
-    """Whose quantity may be a formula, and whose place another one."""
-    for text in ("a - b @ max", "2*(a + b) @ t=1.5 s, side=left", "t @ max((a + b)*c)", "a @ p95"):
-        assert isinstance(read_number(text), RunNumber)
-    assert isinstance(read_number("loads.left-knee.life"), SectionNumber)
-    ratio = read_number("t @ end - loads.A.life.time / event.hit.time")
-    assert [part.label for part in ratio.parts] == ["t @ end", "event.hit.time", "loads.A.life.time"]
 
 
 def test_errors_of_the_parts_are_carried_along() -> None:

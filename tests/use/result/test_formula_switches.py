@@ -52,10 +52,3 @@ class TestLeastOfASpeedAndALevel:
     def test_its_percentile(self, result: pinarm.Result, name: str) -> None:
         value, error = result.number(f"{name} @ p1")
         assert abs(value - A * W * np.sin(0.005 * np.pi)) <= error + 1e-13 < 1e-8
-
-
-def test_a_formula_that_switches_often_is_taken_as_it_is(result: pinarm.Result) -> None:
-    """A sawtooth with 770 teeth; its error is told."""
-    value, error = result.number("x % (0.02 m) @ mean")
-    t = (np.arange(2_000_000) + 0.5) * HALVES * np.pi / W / 2_000_000
-    assert abs(value - np.mean(np.mod(A * np.sin(W * t + 0.3), 0.02))) <= error + 1e-6

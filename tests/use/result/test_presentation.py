@@ -2,7 +2,6 @@
 
 import csv
 import json
-import unicodedata
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,6 @@ import pytest
 import pinarm
 from pinarm.errors import InputError, UnitError
 from pinarm.use.report.report import report as document
-from pinarm.use.result.presentation import unicode_text
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import ranges, report
 from pinarm.use.study.answers.verdict_table import rows as verdicts
@@ -93,13 +91,6 @@ def test_mistakes_are_told_with_their_place(
     assert "inverse.yaml:8:" in str(caught.value)
 
 
-@pytest.mark.parametrize(("label", "text"), [
-    ("\\ddot{x}_1", "ẍ₁"), ("\\Lambda_{max}", "Λ_max"), ("\\mathrm{A}", "mathrm{A}"),
-])  # fmt: skip
-def test_labels_without_tex(label: str, text: str) -> None:
-    assert unicodedata.normalize("NFC", unicode_text(label)) == unicodedata.normalize("NFC", text)
-
-
 KINDS = "units: {length: mm, angle: rad, torque: kN*m, speed: rpm, time: ms, mass: g, alpha: deg}\n"
 
 
@@ -125,11 +116,3 @@ def test_a_kind_of_quantities_is_shown_in_its_unit_everywhere(scenario: Callable
     assert f"joint.pivot.velocity @ range: {RPM:.7g} rpm" in report(result)
     assert "[mm]" in sketch(result).axes[0].get_xlabel()
     assert "mass [g]" in document(result).html
-
-
-@pytest.mark.parametrize(
-    ("units", "said"), [("{length: kg}", "'kg' is no unit of 'length'"), ("{len: mm}", "a kind: length")]
-)
-def test_a_unit_of_no_kind_is_refused(scenario: Callable[..., Any], units: str, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        scenario("inverse", f"units: {units}\n").validate()

@@ -61,30 +61,11 @@ def test_unknown_quantities(scenario: Callable[..., Any], name: str, kind: type[
     assert says in str(caught.value)
 
 
-def test_a_section_that_there_is_not_is_told(scenario: Callable[..., Any]) -> None:
-    with pytest.raises(InputError, match="there is no section 'shakin'") as caught:
-        scenario("inverse", "shaking: {}\n").run().section("shakin")
-    assert caught.value.hint == "shaking"
-
-
 def test_symbols_of_the_scenario_are_formulas_of_symbols(scenario: Callable[..., Any]) -> None:
     result = scenario("inverse", "symbols: {twice: 2*alpha, four: 2*twice}\n").run()
     assert result["four"].values[-1] == 4.0
     with pytest.raises(InputError, match="defined by itself: a -> b -> a"):
         _ = scenario("inverse", "symbols: {a: b, b: a}\n").run()["a"]
-
-
-def test_the_root_of_a_quantity_is_an_output(scenario: Callable[..., Any], tmp_path: Path) -> None:
-    result = scenario("inverse", "", ("[M, alpha]", "[sqrt(abs(M))]")).run()
-    told = result.summary()["outputs"]["sqrt(abs(M))"]
-    assert told["unit"] == "kg^(1/2)*m/s"
-    assert told["end"] == pytest.approx(np.sqrt(20 * np.sin(1) - 2.5), rel=1e-13)
-    assert "sqrt(abs(M)) [kg^(1/2)*m/s]" in (result.save(tmp_path / "out") / "trajectory.csv").read_text()
-
-
-def test_outputs_that_stand_twice_are_one_column(scenario: Callable[..., Any]) -> None:
-    result = scenario("inverse", "", ("[M, alpha]", "[M, t, alpha, M]")).run()
-    assert [series.name for series in result.columns()] == ["t", "M", "alpha"]
 
 
 def test_the_summary_has_the_headline_numbers(scenario: Callable[..., Any]) -> None:
@@ -135,12 +116,6 @@ def test_a_load_over_time_has_no_place_where_there_is_no_time(scenario: Callable
     load = "{load: {kind: joint_effort, joint: pivot, effort: {law: harmonic, amplitude: 5 N*m, pulsation: 1 rad/s}}}"
     with pytest.raises(InputError):
         scenario("statics", "", ("outputs:", f"  loads: {load}\noutputs:")).run()
-
-
-def test_a_constant_load_has_its_place_in_statics(scenario: Callable[..., Any]) -> None:
-    load = "{load: {kind: joint_effort, joint: pivot, effort: {law: constant, value: 5 N*m}}}"
-    result = scenario("statics", "", ("outputs:", f"  loads: {load}\noutputs:")).run()
-    assert result["M"].values[0] == pytest.approx(-5.0, rel=1e-15)
 
 
 @pytest.mark.parametrize(

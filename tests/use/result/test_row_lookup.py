@@ -15,7 +15,6 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.result.row_lookup import MOST_INTERVALS
-from pinarm.use.study.restore import restore
 
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
 
@@ -52,42 +51,8 @@ def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, val
     assert ask(kind, where, name) == pytest.approx(value, rel=ROUNDING, abs=1e-14)
 
 
-@pytest.mark.parametrize("below", [1e-2, 1e-10, 1e-14])
-@pytest.mark.parametrize("name", ["alpha", "cos(alpha)"])
-def test_where_a_curve_is_level_the_place_of_its_value_is_told_with_its_error(
-    scenario: Callable[..., Any], name: str, below: float
-) -> None:
-    """``M = 20 sin(alpha)`` is 20 (1 - d) at ``pi/2 - 2 asin(sqrt(d/2))``: next to the top rounding moves that much."""
-    value, error = scenario("statics").run().number(f"{name} @ M={20.0 * (1.0 - below)!r} N*m, occurrence=1")
-    half = math.asin(math.sqrt(0.5 * below))
-    true = math.pi / 2 - 2.0 * half if name == "alpha" else math.sin(2.0 * half)
-    assert abs(value - true) <= error <= 1e-11 / math.sqrt(max(below, 1e-12))
-
-
 def test_the_error_of_an_instant_that_is_given_is_none(scenario: Callable[..., Any]) -> None:
     assert scenario("inverse").run().number("alpha @ t=0.3 s") == (pytest.approx(0.045, rel=ROUNDING), 0.0)
-
-
-KEY = """\
-expect:
-  - {quantity: M, at: {t: 2.5 s}, value: 0.0 N*m, published: 20 N*m, source: s}
-  - {quantity: M, at: {t: 2 s}, value: 0 N*m, rtol: 1, atol: 100 N*m, source: s}
-  - {quantity: M, at: {alpha: 1.5 rad}, value: 0.0 N*m, source: s}
-"""
-
-
-def test_an_entry_that_is_not_reached_stops_nothing(scenario: Callable[..., Any], folder: Path) -> None:
-    given = scenario("inverse", KEY)
-    result = given.run()
-    notes = ["t = 2.5 s is not reached in this run; entry 1 of expect asks for it",
-             "alpha = 1.5 rad is not reached in this run; entry 3 of expect asks for it"]  # fmt: skip
-    assert [note for note in result.notes() if "expect" in note] == notes
-    saved = result.save(folder / "out")
-    assert list((saved / "plots").glob("*.svg"))
-    assert [note for note in restore(saved).notes() if "expect" in note] == notes
-    assert [(found.verdict, found.reason[-11:]) for found in pinarm.check(given, result=result)] == [
-        ("MISS", "in this run"), ("agrees", ""), ("MISS", "in this run"),
-    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("which", "sign"), [("max", 1), ("min", -1), ("largest", 1), ("largest", -1)])
@@ -97,11 +62,6 @@ def test_an_extreme_is_found_between_the_samples(ask: Callable[..., float], whic
     top = math.sin(place) + 0.2 * place
     formula = f"{sign}*(sin(alpha) + 0.2*alpha)"
     assert ask("statics", which, formula) == pytest.approx(sign * top, rel=ROUNDING)
-
-
-def test_the_row_of_an_extreme_answers_other_questions_too(scenario: Callable[..., Any]) -> None:
-    row = scenario("statics").run().lookup.at("max", "M")
-    assert row["alpha"].values == pytest.approx([math.pi / 2], abs=1e-7)  # a flat top: sqrt(eps) in its place
 
 
 def test_an_extreme_at_the_end_of_the_run(ask: Callable[..., float]) -> None:
@@ -170,29 +130,6 @@ def test_extremes_and_crossings_between_few_rows_are_found(scenario: Callable[..
 STEADY = {"problem.motion": {"pivot": {"law": "constant_speed", "speed": "1 rad/s"}}}
 
 
-@pytest.fixture(scope="module")
-def change_point():
-    """A four-bar that passes its aligned position at every turn: beside it rounding decides about accelerations."""
-    return pinarm.run(SCENARIOS / "change_point_four_bar_free.yaml")
-
-
-@pytest.mark.parametrize("name", ["joint.theta4.acceleration", "joint.theta2.force.x"])
-def test_an_extreme_is_no_less_than_a_row_or_is_refused(change_point, name):
-    """The search found peaks of rounding, where the state alone had another value: -17 rad/s^2 beside rows of 305."""
-    try:
-        value, error = change_point.number(f"{name} @ max")
-    except InputError as refused:
-        assert "rounding decides what it is at t" in str(refused) or "infinity at t" in str(refused)
-    else:
-        assert value + error >= change_point[name].max()
-
-
-def test_extremes_beside_a_singular_position_that_rounding_leaves_are_told(change_point):
-    """The velocity of the crank, whose square follows from the energy, is largest where the rows say."""
-    value, _ = change_point.number("omega2 @ max")
-    assert 0.0 <= value / change_point["omega2"].max() - 1.0 < 0.01
-
-
 @pytest.mark.parametrize("samples", [7, 500])
 @pytest.mark.parametrize(
     ("name", "which"), [("tan(alpha)", "max"), ("tan(alpha)", "min"), ("1/sqrt(abs(cos(alpha)))", "largest")]
@@ -240,30 +177,6 @@ class TestPlacesOfExtremes:
             value, error = result.number(asked)
             assert abs(value - true) <= error + 1e-14 and error < most
 
-    def test_are_nowhere_of_what_is_constant(self) -> None:
-        value, error = self.run("law: constant, value: 0.3 m", "2 s").number("t @ max(x)")
-        assert (value, error) == (0.0, pytest.approx(2.0))
-
-    def test_are_exact_at_ends_to_which_a_motion_rises(self) -> None:
-        value, error = self.run("law: constant_speed, speed: 2 m/s", "2 s").number("t @ max(x)")
-        assert value == 2.0 and error < 1e-8
-
-    @pytest.mark.parametrize("below", [1e-3, 1e-10])
-    def test_and_values_next_to_them_are_known_to_what_the_quantity_that_is_located_is(self, below: float) -> None:
-        """``x = 1 - below`` where the velocity is ``3 cos``: 1e-12 in x are as much in t, and more near the top."""
-        result = self.run("law: harmonic, amplitude: 1 m, pulsation: 3 rad/s", f"{np.pi / 3.0!r} s")
-        place = f"x={1.0 - below!r} m, occurrence=1"
-        x = 1.0 - below
-        angle, change = np.arcsin(x), 1e-12 / (3.0 * np.sqrt((1.0 - x) * (1.0 + x)))
-        for asked, true in (("t", angle / 3.0), ("joint.x.velocity", 3.0 * np.cos(angle))):
-            value, error = result.number(f"{asked} @ {place}")
-            assert abs(value - true) <= error + 1e-14
-        assert change < result.number(f"t @ {place}")[1] < 4.0 * change
-
-    def test_and_values_at_rest_are_known_to_the_length_of_it(self) -> None:
-        value, error = self.run("law: constant, value: 0.3 m", "2 s").number("t @ x=0.3 m, occurrence=1")
-        assert (value, error) == (0.0, pytest.approx(2.0))
-
 
 @pytest.mark.parametrize("samples", [5, 6])
 def test_both_sides_of_a_reversal_count(samples: int) -> None:
@@ -301,23 +214,6 @@ def test_tops_of_many_bounces_between_two_rows_are_found() -> None:
     assert number == pytest.approx(math.sqrt(0.99**2 - 2.0 * 9.81 * 0.04), rel=1e-9)
 
 
-def test_numbers_of_efforts_that_are_held_between_samples_are_those_of_all_samples():
-    """Three rows tell the sums over samples, and what is greatest just before an effort jumps: a coarse encoder."""
-    control = {"period": "1 ms", "resolution": "3e-5 rad", "limits": "null",
-               "follows": "{law: constant_speed, speed: 0.01 rad/s}"}  # fmt: skip
-    changes = [f"problem.control.0.{key}={value}" for key, value in control.items()]
-    few, every = (
-        pinarm.load(SCENARIOS / "servo_step.yaml", [*changes, f"problem.time={{end: 1 s, samples: {n}}}"]).run()
-        for n in (3, 1001)
-    )
-    effort, velocity = every["control.x.effort"].values, every["joint.x.velocity"].values
-    assert few.number("control.x.effort @ rms")[0] == pytest.approx(np.sqrt((effort[:-1] ** 2).mean()), rel=1e-12)
-    assert few.number("control.x.effort @ mean")[0] == pytest.approx(effort[:-1].mean(), rel=1e-11)
-    power = few.number("control.x.effort * joint.x.velocity @ max")[0]
-    assert power == pytest.approx((effort[:-1] * velocity[1:]).max(), rel=1e-9)
-    assert few.number("control.x.effort @ max")[0] == pytest.approx(effort.max(), rel=1e-12)
-
-
 @pytest.fixture(scope="module")
 def spinning() -> pinarm.Result:
     """A brick that turns about its vertical axis at 100 deg/s from 90 deg on: through 180 deg at 0.9 s, 0 at 2.7 s."""
@@ -347,29 +243,3 @@ def test_an_angle_that_goes_around_is_where_it_is_only(
 def test_events_of_an_angle_that_goes_around_are_where_it_is_only(spinning: pinarm.Result) -> None:
     found = {event.name: event.t for event in spinning.events}
     assert found == pytest.approx({"zero": 2.7, "half": 0.9, "late": 0.899}, abs=1e-7)
-
-
-@pytest.mark.parametrize("rows", [2, 31])
-def test_an_angle_of_several_turns_is_reached_once_however_few_rows(rows: int) -> None:
-    """A drive at 900 deg/s is at 90 deg once, after 0.1 s, and at 450 deg later; it never turns back to -90 deg."""
-    motion = {"x": {"law": "constant_speed", "speed": "900 deg/s"}}
-    result = pinarm.run({
-        "pinarm": 1, "mechanism": str(SCENARIOS.parent / "models/servo/mechanism.yaml"), "outputs": ["x"],
-        "problem": {"kind": "inverse", "time": {"end": "1 s", "samples": rows}, "motion": motion},
-    })  # fmt: skip
-    assert result.number("t @ x=90 deg")[0] == pytest.approx(0.1, rel=1e-12)
-    assert result.number("t @ x=450 deg")[0] == pytest.approx(0.5, rel=1e-12)
-    with pytest.raises(InputError, match="not reached"):
-        result.number("t @ x=-90 deg")
-
-
-@pytest.mark.parametrize(("quantity", "place", "exact"), [
-    ("cos(alpha - 8e-7)", "max", 1.0), ("1 - cos(alpha - 8e-7)", "min", 0.0), ("-cos(alpha - 8e-7)", "peak", 1.0),
-])  # fmt: skip
-def test_a_row_that_counts_as_the_extreme_is_told_with_what_it_is_below_it(
-    scenario: Callable[..., Any], quantity: str, place: str, exact: float
-) -> None:
-    """The first row is 3.2e-13 from the extreme, which is 8e-7 s behind it: rows within 1e-12 are taken."""
-    run = scenario("inverse").varied({**STEADY, "problem.time": {"end": "1 s", "samples": 11}}).run()
-    value, error = run.number(f"{quantity} @ {place}")
-    assert 1e-13 < abs(value - exact) <= error < 1e-11

@@ -10,7 +10,6 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.result.numbers import read_number
 from pinarm.use.study.restore import restore
 
 ROTOR, BEARINGS = "scenarios/rotor_vertical.yaml", "scenarios/slider_crank_bearings.yaml"
@@ -19,12 +18,6 @@ FORCE = 12 * 0.5e-3 * (100 * pi) ** 2
 """Of the unbalanced rotor [N]: m e w²."""
 CATALOGUE = "models/motors/motors.csv"
 MOTORS = {"drive": "knee_motor", "catalogue": f"../{CATALOGUE}", "ratios": [100]}
-
-
-@pytest.mark.parametrize("text", ["C_B", "loads."])
-def test_what_names_neither_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="no number of a run"):
-        read_number(text)
 
 
 @pytest.mark.parametrize("path", [ROTOR, *(pytest.param(path, marks=pytest.mark.slow) for path in (BEARINGS, KNEE))])
@@ -97,12 +90,6 @@ def test_a_number_that_does_not_exist_is_told_before_anything_is_solved(asked: s
         pinarm.validate(ROTOR, {"shaking": {}, "numbers": [asked]})
     with pytest.raises(InputError, match="no number"):
         pinarm.sweep(ROTOR, {"gravity": ["none"]}, values={"shaking": {}}, results=["shaking.force.q.peak"], workers=1)
-
-
-def test_a_number_of_a_section_has_no_place_in_an_answer_key() -> None:
-    entry = {"quantity": "shaking.force.norm.peak", "at": "max", "value": "1 N", "source": "none"}
-    with pytest.raises(InputError, match="has no place on the run"):
-        pinarm.validate(ROTOR, {"shaking": {}, "expect": [entry]})
 
 
 def test_a_result_that_was_read_has_its_catalogue_and_its_sections(tmp_path: Path) -> None:

@@ -50,13 +50,6 @@ def test_a_run_of_no_whole_turns_is_told(turn: Path, end: str, count: str) -> No
         assert result.number("lift @ rms")[0] == pytest.approx(0.01 / 2**0.5, rel=1e-9)
 
 
-def test_a_load_over_a_joint_has_a_period_too(turn: Path) -> None:
-    load = {"kind": "joint_effort", "joint": "O", "over": "O", "period": "720 deg",
-            "effort": {"law": "constant", "value": "1 N*m"}}  # fmt: skip
-    [note] = said(pinarm.run(turn, {"problem.loads": {"gas": load}}))
-    assert note.startswith("'gas' repeats with a period of 'O', which passes 0.5 of them")
-
-
 def test_sweeps_tell_of_their_first_and_last_case(turn: Path) -> None:
     found = pinarm.sweep(turn, {"problem.motion.O.speed": "120, 240, 150 rpm"}, results=["lift @ rms"], workers=1)
     [note] = found.notes

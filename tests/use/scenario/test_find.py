@@ -140,36 +140,6 @@ def test_a_number_without_unit_is_read_alike_wherever_it_is_varied(tmp_path: Pat
     assert value / (100.0 if "%" in text else 1.0) == pytest.approx(AT_MOTOR / 14.0, rel=1e-6)
 
 
-@pytest.mark.parametrize("text", ["0.035", "0.7 ± 0.035 1"])
-def test_a_tolerance_of_a_number_without_unit_needs_none(tmp_path: Path, text: str) -> None:
-    asked = f"sensitivity: {{of: [{NUMBER}], to: {{{EFFICIENCY}: {text}}}}}\n"
-    result = pinarm.run(hoist(tmp_path, "0.7", asked))
-    band, error = result.number("sensitivity.drive_d_torque_start.worst_case")
-    assert abs(band - 0.035 * AT_MOTOR / 0.7**2) <= error + 1e-12
-
-
-def test_bounds_of_a_number_without_unit_need_none(tmp_path: Path) -> None:
-    bounds = f"{{{EFFICIENCY}: [0.3, 0.9], changes.drives.d.ratio: [50, 100]}}"
-    result = pinarm.run(hoist(tmp_path, "0.7", f"find: {{for: {bounds}, minimise: {NUMBER}, starts: 1}}\n"))
-    assert result.number(NUMBER)[0] == pytest.approx(60.0 * 9.81 / 100.0 / 0.9)
-
-
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ("find: {for: {problem.hold.z: 1}, so_that: {drive.d.torque @ start: 14 N*m}}", "'1' has no unit"),
-        ("sensitivity: {of: [drive.d.torque @ start], to: {problem.hold.z: 0.1}}", "'0.1' has no unit"),
-        (
-            f"find: {{for: {{{EFFICIENCY}: 30 deg}}, so_that: {{drive.d.torque @ start: 14 N*m}}}}",
-            "this number has none",
-        ),
-    ],
-)
-def test_a_number_with_a_unit_still_needs_it(tmp_path: Path, more: str, words: str) -> None:
-    with pytest.raises(PinarmError, match=words):
-        pinarm.run(hoist(tmp_path, "0.7", f"{more}\n")).section("sensitivity")
-
-
 @pytest.mark.parametrize(
     ("path", "near"),
     [

@@ -58,12 +58,6 @@ def test_no_text_speaks_of_the_code():
     assert [name for name, text in texts.items() if "see ``" in text and "see ``run --verify``" not in text] == []
 
 
-def test_a_key_that_names_a_kind_tells_what_it_is():
-    shown = dict(keys())
-    assert shown["Cycloidal.law"]["description"].startswith("From rest to rest")
-    assert shown["Trapezoid.from"]["examples"] == [json.loads(EXAMPLES.read_text())["Trapezoid"]["from"]]
-
-
 def test_examples_are_values_of_tested_files():
     values, shown = given(), json.loads(EXAMPLES.read_text(encoding="utf-8"))
     advice = "write them anew: python docs/key_examples.py"

@@ -1,14 +1,12 @@
 """Optima against closed forms: functions first, then numbers of runs."""
 
 import math
-import pickle
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import pinarm
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, IntegrationError, PinarmError
 from pinarm.input.units import unit
@@ -19,8 +17,6 @@ from pinarm.use.scenario.optimum import Landscape, Trial, optimum
 from pinarm.use.scenario.searches import optimum_section, refusal
 
 ABOVE, EQUAL = Condition.read("a @ end", "> 0 mm"), Condition.read("b @ end", "= 0 m")
-
-ROOT = Path(pinarm.__file__).parents[1]
 
 
 def landscape(function, low, high, start, **more) -> Landscape:
@@ -98,17 +94,6 @@ def test_what_does_not_depend_on_the_unknowns_is_said_to_be_flat(everywhere):
     assert not optimum(landscape(lambda x: Trial(0.3 + x[0]), [0], [1], [0.9]), 2, 0, everywhere=everywhere).flat
 
 
-def test_an_optimum_of_rounding_is_said_to_be_flat():
-    """No load is across the arm: F_Bx is 0 for every mass and length, and 5e-15 N is none of its largest values."""
-    asked = {"for": {"arguments.m_A": ["0.1 kg", "1 kg"]}, "starts": 1}
-    more = {"problem.hold": {"O": "37 deg"}, "problem.over.phi.samples": 3, "expect": []}
-    for objective, same in (("F_Bx @ max", True), ("C_B @ max", False)):
-        find = {**asked, "maximise": objective}
-        result = pinarm.run(ROOT / "scenarios/gen411_arm_static.yaml", {**more, "find": find})
-        said = result.sections["find"].remarks
-        assert any("the same in all runs, but for rounding" in remark for remark in said) == same
-
-
 def test_a_global_search_leaves_the_nearest_valley():
     """Of x/10 - cos(2 pi x) on [-2.5, 2.5] the valley near -2 is the lowest: a start at 2 leads to another."""
     function = lambda x: Trial(0.1 * x[0] - math.cos(2.0 * math.pi * x[0]))  # noqa: E731
@@ -142,24 +127,6 @@ def inertia(folder: Path, law: str, find: str, end: str = "1 s") -> Scenario:
     text = INERTIA.format(end=end, law=law, find="\n  ".join(["find:", *find.splitlines()]))
     (folder / "inertia.yaml").write_text(text)
     return Scenario.load(folder / "inertia.yaml")
-
-
-@pytest.mark.slow
-def test_the_shortest_time_with_a_limited_torque(tmp_path):
-    """Bang-bang: T = 2 (J theta/tau)^(1/2) = 2 s for J = 0.5 kg m², theta = 1 rad, tau = 0.5 N m."""
-    scenario = inertia(
-        tmp_path, "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 3 rad/s^2}",
-        "for: {problem.motion.turn.acceleration: [0.2 rad/s^2, 8 rad/s^2]}\n"
-        "minimise: 2*sqrt(1/joint.turn.acceleration) @ start\n"
-        "subject_to: {joint.turn.effort @ peak: < 0.5 N*m}\nstarts: 2", end="0.1 s",
-    )  # fmt: skip
-    result = scenario.run()
-    section = result.sections["find"]
-    assert section.numbers["objective"].values == pytest.approx([2.0], rel=1e-5)
-    assert result.figures["problem.motion.turn.acceleration [rad/s^2]"] == pytest.approx(1.0, rel=1e-5)
-    assert any("joint.turn.effort @ peak < 0.5 N*m" in remark for remark in section.remarks)
-    assert "find" not in result.data
-    assert pickle.loads(pickle.dumps(result)).sections["find"].remarks == section.remarks
 
 
 def test_a_run_whose_accuracy_fails_is_refused(tmp_path):

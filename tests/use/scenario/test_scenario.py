@@ -8,10 +8,6 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from tests.use.conftest import KINDS
-
-SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
-SCENES = ("change_point_four_bar_free", "mass_on_belt_stick_slip", "manipulator_kinematics")
 
 
 def same(result, other):
@@ -19,40 +15,6 @@ def same(result, other):
     one, two = result.trajectory, other.trajectory
     arrays = all(np.array_equal(getattr(one, name), getattr(two, name)) for name in ("q", "v", "a", "tau"))
     return arrays and np.array_equal(one.lam, two.lam) and result.figures == other.figures
-
-
-def counted(scenario, monkeypatch):
-    """Return a list that grows whenever the problem of a scenario is prepared."""
-    calls, kind = [], type(scenario.problem)
-    prepare = kind.prepare
-
-    def prepared(*given):
-        calls.append(given)
-        return prepare(*given)
-
-    monkeypatch.setattr(kind, "prepare", prepared)
-    return calls
-
-
-@pytest.mark.parametrize("kind", sorted(KINDS.keys() - {"kinematics"}))
-def test_a_second_run_prepares_nothing_and_is_the_same(scenario, kind, monkeypatch):
-    one = scenario(kind)
-    calls = counted(one, monkeypatch)
-    first, second = one.run(), one.run()
-    assert len(calls) == 1
-    assert same(first, second) and same(first, pinarm.run(one.document.path))
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if "belt" in name else ()) for name in SCENES]
-)
-def test_motions_leave_nothing_behind_in_what_is_kept(name):
-    one = pinarm.load(SCENARIOS / f"{name}.yaml")
-    first = one.run()
-    halfway = 0.5 * (first.trajectory.grid.t[0] + first.trajectory.grid.t[-1])
-    before = first.outcome.motion.positions(np.array([halfway]))
-    assert same(first, one.run())
-    assert (first.outcome.motion.positions(np.array([halfway])) == before).all(), "the first result still tells more"
 
 
 def test_other_values_keep_the_mechanism_unless_they_are_its_own(scenario):

@@ -9,7 +9,7 @@ from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.section import Curve, Graph
-from pinarm.use.show.labels import axis_label, plain, symbol, unicode_label
+from pinarm.use.show.labels import axis_label, symbol, unicode_label
 from pinarm.use.show.plot import graph
 
 
@@ -34,11 +34,6 @@ def test_symbols_are_printed_as_publications_do(name: str, wanted: str) -> None:
 ])  # fmt: skip
 def test_labels_as_mere_text(label: str, text: str) -> None:
     assert unicodedata.normalize("NFC", unicode_label(label)) == unicodedata.normalize("NFC", text)
-
-
-@pytest.mark.parametrize("text", ["plain", "$\\foo{", "\\$", "a $b$ c"])
-def test_plain_text_comes_back(text: str) -> None:
-    assert unicode_label(plain(text)) == text
 
 
 def test_an_axis_has_the_label_of_the_scenario_and_a_printed_unit() -> None:

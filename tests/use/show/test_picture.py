@@ -43,12 +43,6 @@ def test_rounding_is_not_blown_up(values: np.ndarray) -> None:
     assert high - low >= 0.19
 
 
-@pytest.mark.parametrize("size", [1e-12, 1.0])
-def test_a_curve_of_any_size_has_an_axis_of_its_own(size: float) -> None:
-    """A force of 10 to 20 pN is no constant: sizes depend on the unit."""
-    assert limits(np.array([size, 2.0 * size]), 0.5) == pytest.approx((0.5 * size, 2.5 * size), rel=1e-12)
-
-
 @pytest.mark.parametrize(("text", "drawn"), [
     (r"$\frac{1$", "frac{1"), (r"$\alpha{$ \$ [N]", r"α{ \$ [N]"), ("$x_1_2$", "x₁₂"),
     (r"$\dot\psi_{2}$", r"$\dot\psi_{2}$"), ("力 é", "\N{REPLACEMENT CHARACTER} é"),

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.use.result.section import SectionTable
 from pinarm.use.show.document import rounded
@@ -58,25 +57,6 @@ def test_events_are_told_with_their_times(dropped: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("number", "message", "hint"),
-    [
-        ("event.donw.time", "no quantity 'event.donw.time'", "event.down.time"),
-        ("foo.bar", "no section 'foo'", ""),
-    ],
-)
-def test_misspelt_numbers_are_refused_with_what_is_near(dropped: Path, number: str, message: str, hint: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        pinarm.load(dropped, {"numbers": [number]}).validate()
-    assert caught.value.hint == hint
-
-
-def test_a_quantity_without_a_place_is_refused_with_places(dropped: Path) -> None:
-    with pytest.raises(InputError, match=r"'joint\.fall\.velocity' has a value at every row") as caught:
-        pinarm.load(dropped, {"numbers": ["joint.fall.velocity"]}).validate()
-    assert "joint.fall.velocity @ max" in caught.value.expected
-
-
 TURNED = """pinarm: 1
 planar: {points: {O: [0, 0], A: [2 m, 0]}, ground: [O], links: {arm: {points: [O, A], mass: 1 kg, inertia: 1 kg*m^2}}}
 drives: {motor: {joint: O}}
@@ -114,40 +94,6 @@ def test_tables_of_sections_are_in_the_units_of_the_scenario(tmp_path: Path) -> 
     assert f"force.norm,kN,{shown[2]!r}" in (folder / "shaking_figures.csv").read_text()
     again = restore(folder)
     assert again.shown_sections["shaking"].tables[0].rows[0] == shown
-
-
-def test_tables_of_sections_show_angles_in_degrees_and_write_them_in_rad(tmp_path: Path) -> None:
-    """A turn of half a turn a second over 1 s goes from 0 to 180 deg."""
-    (tmp_path / "m.yaml").write_text(TURNED)
-    (tmp_path / "s.yaml").write_text(
-        "pinarm: 1\nmechanism: m.yaml\noutputs: [O]\nresponse: {of: joint.O.position}\n"
-        "problem: {kind: inverse, time: {end: 1 s}, motion: {O: {law: constant_speed, speed: 180 deg/s}}}\n"
-    )
-    result = pinarm.run(tmp_path / "s.yaml")
-    [final] = [line.split() for line in report(result).splitlines() if line.startswith("final value")]
-    assert float(final[2]) == pytest.approx(180.0, rel=1e-12) and "deg" in final
-    [final] = [row for row in result.shown_sections["response"].tables[0].rows if row[0] == "final value"]
-    assert final[1] == pytest.approx(180.0, rel=1e-12) and "deg" in final
-    written = (result.save(tmp_path / "out", plots=False) / "response_response.csv").read_text().splitlines()
-    [final] = [line.split(",") for line in written if line.startswith("final value")]
-    assert float(final[1]) == pytest.approx(pi, rel=1e-12) and "rad" in final
-    assert "deg" in result.sections["response"]._repr_html_()
-
-
-def test_the_range_of_rows_is_called_one_of_rows(tmp_path: Path) -> None:
-    """A sine over a period in three rows is 0 in all of them, and 1 at most: the table must not be taken for that."""
-    (tmp_path / "m.yaml").write_text(
-        "pinarm: 1\nplanar: {points: {A: [0, 0], B: [0, -1 m], C: [0, 0]}, ground: [A, B],\n"
-        "  links: {body: {points: [C], mass: 1 kg}}, sliders: {s: {link: body, along: [A, B]}}}\n"
-    )
-    (tmp_path / "s.yaml").write_text(
-        "pinarm: 1\nmechanism: m.yaml\nproblem: {kind: kinematics, time: {end: 1 s, samples: 3}, motion: "
-        "{s: {law: harmonic, amplitude: 1 m, pulsation: 6.283185307179586 rad/s}}}\noutputs: [s]\nnumbers: [s @ max]\n"
-    )
-    result = pinarm.run(tmp_path / "s.yaml")
-    assert float(ranges(result)[1][4]) < 1e-9
-    assert any(line.startswith("s @ max: 1 m") for line in remarks(result))
-    assert any("min and max are those of the rows" in line for line in remarks(result))
 
 
 def test_notes_that_differ_in_numbers_alone_are_printed_once_with_their_count() -> None:

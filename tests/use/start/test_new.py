@@ -1,6 +1,5 @@
 """What is written to begin with runs as it is, and nothing that the user wrote is lost."""
 
-import resource
 from pathlib import Path
 
 import numpy as np
@@ -112,18 +111,6 @@ def test_a_loop_is_driven_at_one_joint(tmp_path: Path, coupler: str) -> None:
     assert np.ptp(a) > 0.01
 
 
-def test_what_floats_and_has_a_loop_is_held_by_efforts_that_can_be_asked(tmp_path: Path) -> None:
-    """As a robot with closed legs: its base is held in place and direction."""
-    floats = '<link name="world"/><joint name="free" type="floating"><parent link="world"/><child link="base"/></joint>'
-    text = "\n".join([*BARS, LOOP.format("0.5 0 0.1"), "</robot>"])
-    (tmp_path / "bars.urdf").write_text(text.replace('<link name="base"/>', LINK.format("base") + floats))
-    pinarm.new(tmp_path / "bars.urdf")
-    result = pinarm.run(tmp_path / "scenario.yaml")
-    assert "This does not run" not in (tmp_path / "scenario.yaml").read_text()
-    assert result["joint.free.moment.y"].values[0] != 0.0
-    assert result["joint.a.effort"].values.shape == (201,)
-
-
 def test_a_screw_is_driven_by_turning_it(tmp_path: Path) -> None:
     (tmp_path / "press.sdf").write_text(SCREW)
     pinarm.new(tmp_path / "press.sdf")
@@ -184,18 +171,6 @@ def test_what_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
         pinarm.new("arm", tmp_path / "file" / "sub")
-
-
-def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    largest = max(file.stat().st_size for file in pinarm.new("four_bar", tmp_path / "whole").iterdir())
-    resource.setrlimit(resource.RLIMIT_FSIZE, (largest - 1, limits[1]))
-    try:
-        with pytest.raises(InputError, match="the files cannot be written"):
-            pinarm.new("four_bar", tmp_path / "mine")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert not list((tmp_path / "mine").iterdir())
 
 
 def test_results_of_files_of_one_name_go_to_folders_of_their_own(

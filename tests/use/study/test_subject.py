@@ -38,13 +38,6 @@ def test_what_is_neither_is_told(about):
         about(pinarm.Mechanism.load("panda"), {"gravity": "none"})
 
 
-@pytest.mark.parametrize("about", [pinarm.quantities, pinarm.explain])
-def test_a_file_that_holds_no_map_is_told(about, tmp_path):
-    (tmp_path / "m.yaml").write_text("a problem")
-    with pytest.raises(InputError, match="expected: a map of keys"):
-        about(tmp_path / "m.yaml")
-
-
 ARM = ROOT / "models" / "gen411_arm" / "mechanism.yaml"
 SWING = ROOT / "scenarios" / "gen411_arm_swing.yaml"
 

@@ -126,14 +126,3 @@ def test_a_variant_that_cannot_be_solved_says_why_and_the_others_are_told(scenar
     *_, weightless, hasty = variants(scenario("forward", more))
     assert weightless.errors
     assert "3 steps" in hasty.failure
-
-
-@pytest.mark.slow
-def test_processes_find_the_same_trade_off(scenario):
-    """But for the times."""
-    asked = scenario("forward", SMALL).varied({"problem.time.end": "0.5 s"})
-    here, there = (tradeoff(asked, workers=workers).summary() for workers in (None, 2))
-    for said in (here, there):
-        for entry in (*said["settings"], *said["variants"].values()):
-            assert entry.pop("seconds") > 0.0
-    assert here == there

@@ -164,44 +164,6 @@ def test_ten_thousand_cases_survive_both(path: Path, tmp_path: Path, start: Call
     killed(path, tmp_path, start(), 10_000)
 
 
-@pytest.mark.slow
-def test_an_interrupt_keeps_what_is_done(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
-    out, dask = tmp_path / "out", start()
-    dask.add_worker()
-    client = sweep(path, 20000, "--cluster", dask.address, "-o", str(out))
-    wait_for(lambda: solved(out) > 20)
-    client.send_signal(signal.SIGINT)
-    _, errors = client.communicate(timeout=WAIT)
-    assert client.returncode == 130, errors
-    assert re.fullmatch(rf"error: interrupted with {solved(out)} of 20000 cases solved\n  try: the same .*\n", errors)
-
-
-@pytest.mark.slow
-def test_a_job_that_kills_its_workers_is_the_only_one_that_fails(
-    path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-    start: Callable[..., Cluster],
-) -> None:  # fmt: skip
-    """Dask gives a chunk up when three workers have died with it: a nanny starts them again."""
-    hostile = module(
-        "import os\nfrom pinarm.use.cases.solving import CaseSolver\n"
-        "class Hostile(CaseSolver):\n"
-        "    def together(self, jobs):\n"
-        "        if any(job['arguments.m'] == '2.0 kg' for job in jobs):\n"
-        "            os._exit(9)\n"
-        "        return super().together(jobs)\n"
-    )
-    from pinarm.use.study.sweep import solving
-
-    monkeypatch.setattr(solving, "CaseSolver", hostile.Hostile)
-    dask = start(PYTHONPATH=os.pathsep.join((ROOT, str(tmp_path))), DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
-    dask.start("worker", dask.address, "--nthreads", "1", "--nworkers", "1", "--local-directory", str(dask.folder))
-    wait_for(dask.present)
-    with cluster(dask.address) as executor:
-        swept = pinarm.sweep(path, {"arguments.m": "1:3:5 kg"}, executor=executor)
-    assert list(swept.errors) == [2]
-    assert swept.errors[2].startswith("its process died by KilledWorker")
-
-
 def certificates(folder: Path) -> dict[str, str]:
     """Make an authority and a certificate of it with openssl; return the settings of Dask that name them."""
 
@@ -240,23 +202,6 @@ def test_a_cluster_may_want_certificates(path: Path, tmp_path: Path, start: Call
     assert forger.returncode == BAD_INPUT
     assert f"no scheduler of Dask answers at {dask.address}" in errors
     assert "Traceback" not in errors
-
-
-def test_an_interrupt_is_not_lost_where_the_answer_of_a_scheduler_comes_with_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    from pinarm.use.workers import executors as module
-
-    async def answered(*_: object) -> None:
-        signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr(module, "_identity", answered)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
-    try:
-        with pytest.raises(KeyboardInterrupt), cluster("tcp://127.0.0.1:1"):
-            pass
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def test_what_is_no_scheduler_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,11 +1,9 @@
 """Jobs in chunks: each is answered once, whatever happens to workers, versions and files."""
 
 import pickle
-import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from contextlib import closing
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +12,8 @@ import pytest
 import pinarm
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.roots import note_files
-from pinarm.use.workers import dispatch, worker
-from pinarm.use.workers.dispatch import AHEAD, HOPELESS, Dispatch
+from pinarm.use.workers import worker
+from pinarm.use.workers.dispatch import HOPELESS, Dispatch
 from pinarm.use.workers.executors import WorkerDeath
 from pinarm.use.workers.worker import LostJob, versions, work
 
@@ -82,21 +80,6 @@ def test_every_job_is_answered_once() -> None:
         assert workers.closed
 
 
-def test_chunks_of_short_jobs_grow_and_those_of_long_ones_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    workers = Here()
-    assert len(list(distribute(square, range(5000), workers))) == 5000
-    assert len(workers.chunks[0]) == 1
-    assert len(workers.chunks) < 50
-    taken = list[int]()
-    answers = distribute(square, (taken.append(n) or n for n in range(1000)), Here(2))
-    assert [answer for _, answer in islice(answers, 4)] == [0, 1, 4, 9]
-    assert len(taken) <= AHEAD, "jobs are taken as they are needed"
-    monkeypatch.setattr(dispatch, "CHUNK_TIME", 0.02)
-    long = Here(1)
-    list(distribute(time.sleep, [0.01] * 50, long))
-    assert max(map(len, long.chunks)) <= 8
-
-
 def test_only_the_job_that_kills_is_lost() -> None:
     poison = {3, 700}
     workers = Here(2, lambda jobs: WorkerDeath("SIGKILL") if poison & {*jobs} else None)
@@ -106,15 +89,6 @@ def test_only_the_job_that_kills_is_lost() -> None:
     assert {n: answers[n] for n in answers if n not in lost} == {n: n * n for n in range(1000) if n not in lost}
     for n in poison:
         assert sum(n in chunk for chunk in workers.chunks) >= 2, "it is tried again"
-
-
-def test_a_job_that_kills_is_no_reason_to_give_up() -> None:
-    """Of a chunk of 2,048 the first one kills: it takes 11 halvings, with other answers between them."""
-    workers = Here(1, lambda jobs: WorkerDeath("SIGSEGV") if 0 in jobs else None)
-    chunks = Dispatch[int, int](square, workers)  # type: ignore[arg-type]
-    chunks.size = 2048
-    answers = dict(chunks.pairs(range(2048)))
-    assert [n for n, answer in answers.items() if isinstance(answer, LostJob)] == [0]
 
 
 def test_a_job_whose_worker_was_killed_from_outside_is_done_again() -> None:

@@ -1,10 +1,8 @@
 """Processes of this machine and executors of the user: whatever happens to one, the others do not notice."""
 
 import os
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import closing
@@ -14,10 +12,9 @@ from typing import Any
 
 import pytest
 
-from pinarm import PinarmError
 from pinarm.errors import InputError, NumericsError
 from pinarm.use.workers import executors
-from pinarm.use.workers.dispatch import HOPELESS, Dispatch
+from pinarm.use.workers.dispatch import Dispatch
 from pinarm.use.workers.executors import ExecutorWorkers, LocalProcesses, chosen_workers
 from pinarm.use.workers.worker import LostJob
 
@@ -28,18 +25,7 @@ def job(n):
         os.kill(os.getpid(), signal.SIGKILL)
     return n * n
 """
-ENDING = "import os\ndef job(n):\n    os._exit(7)\n"
 SLOW = "import os, time\ndef job(n):\n    time.sleep(0.2)\n    return os.getpid()\n"
-MEETING = """
-import os, pathlib, time
-def job(folder):
-    (pathlib.Path(folder) / str(os.getpid())).touch()
-    for _ in range(6000):
-        if len(os.listdir(folder)) == 2:
-            return True
-        time.sleep(0.01)
-    return False
-"""  # each waits, for a minute at most, until another process is in the middle of a job too
 THREADS = "import os\ndef job(n):\n    return {k: v for k, v in os.environ.items() if k.endswith('_THREADS')}\n"
 Make = Callable[[str], Any]
 
@@ -61,35 +47,12 @@ def test_only_the_job_that_kills_its_process_is_lost(module: Make) -> None:
 
 
 @pytest.mark.slow
-def test_a_signal_that_ends_the_program_leaves_no_warning_of_semaphores() -> None:
-    """They are removed, by a process of ``loky`` that listed them on the terminal."""
-    program = ("import os, signal; from pinarm.use.workers.executors import LocalProcesses; "
-               "LocalProcesses(1).submit(os.getpid).result(); os.kill(os.getpid(), signal.SIGTERM)")  # fmt: skip
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert (ended.returncode, ended.stderr) == (-signal.SIGTERM, "")
-
-
-@pytest.mark.slow
-def test_processes_that_all_die_end_the_work_and_say_how(module: Make) -> None:
-    with pytest.raises(PinarmError, match=f"{HOPELESS} workers died one after the other, the last by exit code 7"):
-        list(distribute(module(ENDING).job, range(1000), LocalProcesses(2)))
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="processes are looked up in /proc")
 def test_workers_end_with_the_work(module: Make) -> None:
     with closing(distribute(module(SLOW).job, range(1000), LocalProcesses(2))) as answers:
         workers = {process for _, process in islice(answers, 6)}
     assert len(workers) == 2
     assert not {process for process in workers if Path(f"/proc/{process}").exists()}
-
-
-@pytest.mark.slow
-def test_both_workers_work_at_the_same_time(module: Make, tmp_path: Path) -> None:
-    (tmp_path / "met").mkdir()
-    assert all(
-        met is True for _, met in distribute(module(MEETING).job, [str(tmp_path / "met")] * 12, LocalProcesses(2))
-    )
 
 
 def test_workers_leave_the_cores_to_one_another(module: Make, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,21 +62,6 @@ def test_workers_leave_the_cores_to_one_another(module: Make, monkeypatch: pytes
     assert set(threads.values()) == {"1"}
     assert "OPENBLAS_NUM_THREADS" in threads
     assert dict(os.environ) == before
-
-
-@pytest.mark.slow
-def test_interrupts_do_not_reach_the_first_worker_either() -> None:
-    """What removes semaphores starts with it, which lets interrupts through again; workers inherit that."""
-    program = """
-import signal
-from contextlib import closing
-from pinarm.use.workers.executors import LocalProcesses
-with closing(LocalProcesses(2)) as workers:
-    calls = [workers.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []) for _ in range(2)]
-    print([signal.SIGINT in call.result() for call in calls], signal.SIGINT in signal.pthread_sigmask(0, []))
-"""
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert ended.stdout == "[True, True] False\n"
 
 
 def test_nothing_of_the_folder_is_run_and_the_script_not_twice(tmp_path: Path) -> None:
@@ -187,40 +135,3 @@ def test_a_missing_module_is_named_whatever_it_is_wrapped_in() -> None:
     wrapped.__cause__ = ModuleNotFoundError("No module named 'pinarm'")
     with pytest.raises(InputError, match="cannot run pinarm: No module named 'pinarm'"):
         list(distribute(square, [1], ExecutorWorkers(Failing(wrapped))))
-
-
-class Waiting(Executor):
-    """A cluster of Dask without workers, of which calls are called off where they are no longer needed."""
-
-    def __init__(self) -> None:
-        self._client, self.calls = self, list[Future[Any]]()
-
-    def nthreads(self) -> dict[str, int]:
-        return {}
-
-    def submit(self, *_: Any, pure: bool) -> Future[Any]:
-        assert not pure, "Dask takes calls with the same arguments for one call"
-        self.calls.append(Future())
-        return self.calls[-1]
-
-
-def test_the_work_is_given_up_where_there_are_no_workers_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executors, "ABSENCE", 0.05)
-    monkeypatch.setattr("pinarm.use.workers.dispatch.PATIENCE", 0.1)
-    cluster = Waiting()
-    with pytest.raises(NumericsError, match=r"there have been no workers for 0\.05 s"):
-        list(distribute(square, [1, 2, 3], ExecutorWorkers(cluster)))
-    assert len(cluster.calls) == 2 and all(call.cancelled() for call in cluster.calls)
-
-
-@pytest.mark.slow
-def test_an_idle_process_that_was_killed_is_replaced() -> None:
-    with closing(LocalProcesses(1)) as workers:
-        first = workers.submit(os.getpid)
-        os.kill(workers.result(first), signal.SIGKILL)
-        time.sleep(1.0)
-        again = workers.submit(os.getpid)
-        try:
-            assert workers.result(again) != first.result()
-        except executors.WorkerDeath:  # it had not been noticed yet: the call is done again
-            assert workers.result(workers.submit(os.getpid)) != first.result()

@@ -52,9 +52,3 @@ def test_answers_come_in_the_order_of_their_jobs_as_often_as_is_asked() -> None:
         for count in (0, 1, 45):
             assert list(apply(range(count))) == [n * n for n in range(count)]
         assert list(apply(iter(range(250)))) == [n * n for n in range(250)]
-
-
-def test_few_jobs_are_shared_among_all() -> None:
-    with ThreadPoolExecutor(3) as executor, Runners(3, executor).applying(Twice()) as apply:
-        list(apply(range(2000)))  # chunks have become large
-        assert max(size for _, size in apply(range(6))) == 2

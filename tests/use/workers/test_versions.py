@@ -5,17 +5,7 @@ from pathlib import Path
 import pytest
 
 from pinarm.use.workers import worker
-from pinarm.use.workers.worker import code_digest, differences
-
-
-def test_differences_name_both() -> None:
-    here = {"numpy": "2.4.6", "python": "3.11.7"}
-    assert differences(here, here) == ""
-    there = {"numpy": "2.3.1", "scipy": "1.0"}
-    assert differences(here, there) == (
-        "numpy is 2.4.6 here and 2.3.1 there, python is 3.11.7 here and absent there, "
-        "scipy is absent here and 1.0 there"
-    )
+from pinarm.use.workers.worker import code_digest
 
 
 def test_a_change_of_the_code_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,8 +3,6 @@
 from math import pi
 from pathlib import Path
 
-import numpy as np
-import pinocchio as pin
 import pytest
 
 import pinarm
@@ -123,30 +121,8 @@ def test_without_turns_or_load_there_is_no_life(shaft, values, said) -> None:
         shaft(values)
 
 
-def test_a_load_of_rounding_is_none(shaft, tmp_path) -> None:
-    """The axial load of a tilted shaft that a force pulls across its axis, of which numbers leave 1e-14 N."""
-    tilted = '<child link="shaft"/><origin rpy="0.3 0.7 0.2"/>'
-    (tmp_path / "shaft.urdf").write_text(SHAFT.replace('<child link="shaft"/>', tilted))
-    across = pin.rpy.rpyToMatrix(0.3, 0.7, 0.2) @ [100.0, 0.0, 0.0]
-    values = {"problem.loads.radial.force": [f"{x!r} N" for x in across.tolist()]}
-    assert shaft(values)[0]["spin.load.peak"] == pytest.approx(100.0, rel=ROUNDING)
-    with pytest.raises(InputError, match="carries no load"):
-        shaft({**values, "loads.joints.spin.bearing": {"C": "5590 N", "X": 0.0, "Y": 1.0}})
-
-
 def test_a_load_that_is_not_determined_has_no_life() -> None:
     bearing = {"C": "20 kN", "Y": 1.5}
     values = {"loads": {"joints": {"A": {"bearing": bearing}}, "sets": []}}
     with pytest.raises(InputError, match=r"joint.A.force.axial.*hyperstatic"):
         _ = pinarm.run("scenarios/slider_crank_gas.yaml", values).sections
-
-
-def test_bearings_of_a_rotor_carry_its_rotating_unbalance() -> None:
-    """Radial load constant: the mean load is the load, by moments about O as in the scenario's answer key."""
-    bearing = {"bearing": {"C": "20 kN"}}
-    values = {"loads": {"joints": {"B": {**bearing, "coordinate": "phi"}, "phi": bearing}, "sets": []}}
-    section = pinarm.run("scenarios/rotor_vertical.yaml", values).sections["loads"]
-    found = {name: float(series.values[0]) for name, series in section.numbers.items()}
-    assert found["B.load.mean"] == pytest.approx(np.hypot(345.5833, 24.6740), rel=1e-6)  # printed digits
-    assert found["phi.load.mean"] == pytest.approx(np.hypot(246.5930, 24.6740), rel=1e-6)
-    assert found["B.life.turns"] == pytest.approx(1e6 * (20e3 / found["B.load.mean"]) ** 3, rel=ROUNDING)

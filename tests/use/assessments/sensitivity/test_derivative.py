@@ -72,34 +72,6 @@ def test_a_kink_has_two_derivatives(below: float, above: float) -> None:
     assert found.value == pytest.approx(max(below, above, key=abs), abs=1e-6)
 
 
-@pytest.mark.parametrize("distance", [0.5, 0.1, 0.02])
-def test_a_kink_within_the_first_step_is_avoided_by_smaller_ones(distance: float) -> None:
-    step = 0.01
-    found = one(lambda h: 3.0 * h + max(h - distance * step, 0.0), step, 1e-15)
-    assert found.value == pytest.approx(3.0, abs=2 * found.error)
-    assert found.error < 1e-6
-
-
-def test_each_input_has_its_own_steps() -> None:
-    """f = e^x + 3 y, which has no value for |x| above 1e-3."""
-
-    def narrow(x: float, y: float) -> list[float]:
-        if abs(x) > 1e-3:
-            raise DynamicsError("too far")
-        return [exp(x) + 3.0 * y]
-
-    [[x], [y]] = by_inputs(narrow, 0.01, np.full(1, 1e-14), 2)
-    assert (x.value, y.value) == pytest.approx((1.0, 3.0), abs=1e-9)
-
-
-def test_a_step_over_many_turns_of_an_oscillation_is_not_taken_for_a_small_one() -> None:
-    """``cos(p (1 + h)^(1/2))`` with noise of 1e-3, as at coarse tolerances: the first step turns it by up to 37 rad."""
-    for phase in np.linspace(20.0, 200.0, 61):
-        found = one(lambda h, phase=phase: cos(phase * (1.0 + h) ** 0.5), 0.37, 1e-3)
-        most = 0.5 * phase
-        assert abs(found.value + most * sin(phase)) <= 3.0 * found.error + 0.01 * most, (phase, found)
-
-
 @pytest.mark.parametrize("bound", [1e-2, 1e-5, 1e-9])
 def test_steps_that_a_bound_of_noise_makes_too_large_are_not_believed(bound: float) -> None:
     """``Σ a sin(w h + p)`` and ``cos(p (1 + h)^(1/2))`` with a 30th of the noise, or less, that steps are chosen by."""
@@ -114,13 +86,3 @@ def test_steps_that_a_bound_of_noise_makes_too_large_are_not_believed(bound: flo
             found = one(lambda h, of=function, s=scattered: of(h) + s * rng.uniform(-1.0, 1.0), bound**LEVEL, bound)
             assert not found.kink
             assert abs(found.value - exact) <= found.error
-
-
-@pytest.mark.parametrize("noise", [1e-5, 1e-4])
-def test_a_kink_is_told_with_noise_too(noise: float) -> None:
-    """Smaller steps, in which the noise is larger, do not take it back."""
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        found = one(lambda h, rng=rng: abs(h) + 0.3 * h + rng.uniform(-noise, noise), noise ** (1.0 / 7.0), noise)
-        assert found.kink
-        assert abs(found.value - 1.3) <= found.error

@@ -1,6 +1,5 @@
 """Distributions of drawn inputs, and Sobol' indices of functions whose variances are known."""
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import pi
@@ -81,17 +80,6 @@ def test_ishigami() -> None:
     assert (np.abs(found.first[0] - first / sum(parts)) <= 1.5 * found.first_error[0] + 1e-3).all()
 
 
-def test_a_linear_function_of_normal_inputs() -> None:
-    found = sobol_indices(Function([1.0, 2.0], lambda x: [3 * x[0] + x[1] + 100]), 1024, 2, "normal", np.zeros(1))
-    assert found.first[0] == pytest.approx([9 / 13, 4 / 13], abs=0.02)
-    assert found.total[0] == pytest.approx(found.first[0], abs=0.03)
-
-
-def test_what_does_not_vary_has_no_indices() -> None:
-    with pytest.raises(InputError, match="no number varies"):
-        sobol_indices(Function([1.0], lambda x: [2.0]), 64, 0, "normal", np.zeros(1))
-
-
 def test_noise_has_no_indices() -> None:
     """sin² + cos² is 1: the last digits hang on x0, and are not what x0 does."""
 
@@ -125,10 +113,3 @@ def test_percentiles_of_drawn_numbers_are_within_what_is_told(share: float, powe
     assert np.mean([abs(value - point) <= error for value, error in told]) > 0.93  # 400 know it to 1 %
     assert np.median([error for _, error in told]) < 3.0
     assert np.isinf(quantile(draws[0, :20], share)[1]) == (share != 0.5)
-
-
-def test_salib_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "SALib.analyze", None)
-    with pytest.raises(InputError, match="need SALib") as caught:
-        sobol_indices(Function([1.0], lambda x: [x[0]]), 64, 0, "normal", np.zeros(1))
-    assert "pinarm[sensitivity]" in str(caught.value)

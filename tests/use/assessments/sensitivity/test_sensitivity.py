@@ -165,34 +165,6 @@ def test_a_kink_is_told_by_both_derivatives() -> None:
     assert values(found)["max_m_A_0_2_m_B_start.worst_case"] == pytest.approx(1e-3, rel=1e-9)
 
 
-def test_mean_and_deviation_of_drawn_runs_are_within_what_is_told() -> None:
-    """C_B is linear in the mass: normal about its value, with a third of what the tolerance makes of it."""
-    exact, within = {"mean": G * L * (M_A + 0.5 * M_BA), "deviation": G * L * 0.01}, list[bool]()
-    for seed in range(5):
-        asked = {"of": ["C_B @ max"], "to": {"m_A": "30 g"}, "monte_carlo": 100, "seed": seed}
-        found = section(ARM, asked, **FEW)
-        [table] = [table for table in found.tables if table.name == "monte_carlo"]
-        cells = dict(zip(table.columns, table.rows[0], strict=True))
-        for name, value in exact.items():
-            error = table.rows[0][table.columns.index(name) + 1]
-            assert isinstance(error, float)
-            within.append(abs(float(cells[name]) - value) <= error)
-        assert found.errors["C_B_max.deviation"] == table.rows[0][table.columns.index("deviation") + 1] > 0.0
-    assert sum(within) >= 9  # of 10
-
-
-@pytest.mark.slow
-def test_a_corner_that_cannot_be_assembled_is_told() -> None:
-    """With d = 0.60 m the links of 0.25 m and 0.35 m cannot reach the crank's pin behind O2."""
-    found = section(FOUR_BAR, {"of": ["theta4 @ max"], "to": {"d": "0.2 m"}},
-                    **{"problem.time.samples": 61, "expect": []})  # fmt: skip
-    assert (
-        np.isnan([row["at largest corner"] for row in rows(found.tables[0]).values()]).any()
-        or np.isnan([row["at least corner"] for row in rows(found.tables[0]).values()]).any()
-    )
-    assert any("has no value at a corner" in remark for remark in found.remarks)
-
-
 def test_the_numerical_error_stands_beside_the_bands() -> None:
     asked = {"of": ["C_B @ max", "C_B @ integral", "F_By @ phi=5 deg", "phi @ max(C_B)"], "to": {"m_A": "1 g"}}
     scenario = pinarm.load(ARM, {**FEW, "sensitivity": asked})
@@ -254,11 +226,3 @@ def test_a_point_that_changes_nothing_says_what_was_held(tmp_path: Path) -> None
     assert y in said
     assert x not in said
     assert "prescribed coordinates (O) keep their values" in said
-
-
-def test_a_point_drawn_at_a_bare_zero_takes_a_tolerance_in_any_unit(tmp_path: Path) -> None:
-    """An upright rod: its weight acts at half the place of its end."""
-    found = drawn_arm(tmp_path, "changes.planar.points.A.0: 0.2 cm", "[0, 600 mm]")
-    assert found.numbers["joint_O_effort_start.worst_case"].values == pytest.approx(5.0 * 9.81 / 2.0 * 2e-3, rel=1e-6)
-    with pytest.raises(PinarmError, match="'kg' is not a unit"):
-        drawn_arm(tmp_path, "changes.planar.points.A.0: 0.2 kg", "[0, 600 mm]")

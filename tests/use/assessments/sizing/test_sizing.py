@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
 import pinarm
 from pinarm.errors import InputError
@@ -110,39 +109,6 @@ def test_torques_are_those_of_a_drive_with_that_motor(scenario: Callable[..., An
     assert found["peak torque"] == pytest.approx(run.number("drive.motor.torque @ peak")[0], rel=1e-9)
 
 
-def test_a_blow_between_instants_that_are_evenly_apart_is_seen(sized: Callable[..., Any]) -> None:
-    """Of 2,008 instants in nine turns none is within 0.5 deg of the middle of a turn, where a press needs 10 N m."""
-    places = 180.0 + 0.5 * np.arange(-24, 25)
-    efforts = np.where(places == 180.0, -10.0, 0.0)
-    points = [f"[{x} deg, {y} N*m]" for x, y in zip([0.0, *places, 360.0], [0.0, *efforts, 0.0], strict=True)]
-    law = f"{{law: spline, points: [{', '.join(points)}]}}"
-    motion = ("motion: {pivot: {law: constant_speed, speed: 360 deg/s}}\n"
-              "  loads: {press: {kind: joint_effort, joint: pivot, over: pivot, period: 360 deg, "
-              f"effort: {law}}}}}")  # fmt: skip
-    turns = ("time: {end: 2 s, samples: 9}", "time: {end: 9 s, samples: 1801}")
-    found = row(sized("ratios: [10], efficiency: 0.8", HEADING + LARGE, (MOTION, motion), turns), "large", 10.0)
-    work = -CubicSpline(np.radians([0.0, *places, 360.0]), [0.0, *efforts, 0.0]).integrate(0.0, 2.0 * np.pi)
-    assert found["peak torque"] == pytest.approx(10.0 / 0.8 / 10.0, rel=ROUNDING)
-    assert 0.8 * found["energy"] - found["regenerated"] / 0.8 == pytest.approx(9.0 * work, rel=1e-3)
-
-
-@pytest.mark.parametrize("off", [0.0, 1e-3])
-def test_a_rotor_in_resonance_with_a_spring_needs_no_torque_within_the_error_told(
-    sized: Callable[..., Any], off: float
-) -> None:
-    """``T N = (J N² + I) a + k q`` is ``(k - (J N² + I) w²) A sin(w t)``: ``off k A sin(w t)`` here."""
-    ratio, stiffness, amplitude = 50.0, 40.0, 0.5
-    rate = sqrt((1.0 - off) * stiffness / (LOAD + 1e-4 * ratio**2))
-    motion = ("motion: {pivot: {law: harmonic, amplitude: 0.5 rad, pulsation: " + f"{rate!r} rad/s" + "}}\n"
-              "  loads: {spring: {kind: joint_spring, joint: pivot, stiffness: 40 N*m/rad}}")  # fmt: skip
-    turn = ("time: {end: 2 s, samples: 9}", f"time: {{end: {2.0 * np.pi / rate!r} s, samples: 9}}")
-    section = sized(f"ratios: [{ratio}], efficiency: 1", HEADING + SMALL, (MOTION, motion), turn)
-    exact = off * stiffness * amplitude / ratio / sqrt(2.0)
-    told, error = float(section.numbers["rms_torque"].values[0]), section.errors["rms_torque"]
-    assert abs(told - exact) <= error + 1e-15 * stiffness * amplitude / ratio
-    assert error <= 1e-7
-
-
 def test_a_drive_that_carries_nothing_is_told_and_divides_nothing_by_nothing(sized: Callable[..., Any]) -> None:
     """At a steady 9 rad/s and a ratio of 1000 a motor has no torque left, and needs none."""
     turning = "motion: {pivot: {law: constant_speed, speed: 9 rad/s}}"
@@ -153,13 +119,6 @@ def test_a_drive_that_carries_nothing_is_told_and_divides_nothing_by_nothing(siz
     assert "nothing is sized: 'pivot' carries no load and does not accelerate in this run" in section.remarks
 
 
-def test_ratios_may_be_a_range(sized: Callable[..., Any]) -> None:
-    """Each the same factor above the one before: 1, 10, 100 and 1000."""
-    rows = ranking(sized("ratios: '1:1000:4'"))
-    assert sorted({cells[2] for cells in rows}) == [1.0, 10.0, 100.0, 1000.0]
-    assert len({cells[2] for cells in ranking(sized("ratios: 20:200"))}) == 25
-
-
 def test_motors_that_fail_say_why_and_those_that_fit_come_by_mass(sized: Callable[..., Any]) -> None:
     section = sized("ratios: [1, 100, 400]")
     verdicts = {(cells[1], cells[2]): cells[3] for cells in ranking(section)}
@@ -168,17 +127,6 @@ def test_motors_that_fail_say_why_and_those_that_fit_come_by_mass(sized: Callabl
     assert "needs 150 % of its speed" in verdicts["large", 400.0]
     assert section.tables[0].rows[0][1] == "small"
     assert section.numbers["fitting"].values[0] == 2
-
-
-def test_of_motors_that_do_not_fit_the_nearest_ratio_of_each_is_shown_first(sized: Callable[..., Any]) -> None:
-    """At 1 the large motor lacks half as much as at 0.5; at 100 the small one alone fits, by the limit on the large."""
-    section = sized("ratios: [0.5, 1]")
-    assert [cells[1:3] for cells in section.tables[0].rows] == [("large", 1.0), ("small", 1.0)]
-    assert {cells[1:3] for cells in section.tables[2].rows} == {("large", 0.5), ("small", 0.5)}
-    slow = LARGE.replace(",200,10000", ",110,10000")
-    fitting = sized("ratios: [200, 250]", HEADING + SMALL + slow)
-    assert next(cells[1:4] for cells in fitting.tables[0].rows) == ("small", 200.0, "fits")
-    assert [cells[1] for cells in fitting.tables[0].rows] == ["small", "large"]
 
 
 def test_a_winding_warms_as_its_differential_equation_says() -> None:

@@ -1,8 +1,5 @@
 """The page in a real browser: silent, alone, right to 1e-6, and worth looking at."""
 
-import io
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -12,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from _pytest.mark import ParameterSet
-from PIL import Image
 
 from pinarm.use.facade import Result
 from pinarm.use.show.replay.chromium import Page, browser
@@ -40,12 +36,6 @@ def seen(page: Page, value: float) -> np.ndarray:
     """The same in the page."""
     page.evaluate(f"replay.show({value!r})")
     return np.array(page.evaluate("replay.placements()")).reshape(-1, 4, 4).transpose(0, 2, 1)
-
-
-def picture(page: Page, value: float) -> np.ndarray:
-    """What the canvas region shows at a value, as numbers, shape (height, width, 3)."""
-    page.evaluate(f"replay.show({value!r})")
-    return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), float)[70:500, :560]
 
 
 def complaints(page: Page) -> list[dict[str, Any]]:
@@ -103,20 +93,6 @@ def test_a_free_body_and_a_slide_are_placed_too(shown: Callable[..., Any], tmp_p
     assert complaints(page) == []
 
 
-@pytest.mark.parametrize("name", quick(["gen411_arm_vertical", "gyroscope_precession"], "gen411_arm_vertical"))
-def test_three_pictures_are_not_blank_and_differ(
-    solved: Callable[..., Any], shown: Callable[..., Any], name: str
-) -> None:
-    result = solved(name)
-    t, page = result.trajectory.grid.t, shown(result)
-    pictures = [picture(page, float(t[0] + share * (t[-1] - t[0]))) for share in (0.0, 0.4, 0.9)]
-    for one in pictures:
-        dark = (one.min(axis=2) < 150).mean()  # paper, grid and shadow are lighter than that
-        assert 0.002 < dark < 0.6
-    for one, other in ((0, 1), (1, 2), (0, 2)):
-        assert (np.abs(pictures[one] - pictures[other]).max(axis=2) > 30).mean() > 0.002
-
-
 def press(page: Page, key: str, **more: Any) -> None:
     page.call("Input.dispatchKeyEvent", type="keyDown", key=key, **more)
     page.call("Input.dispatchKeyEvent", type="keyUp", key=key)
@@ -149,16 +125,6 @@ def test_keys_move_it(solved: Callable[..., Any], shown: Callable[..., Any]) -> 
     assert 0.2 < there < t[-1]  # at twice the speed of the clock, less a slow first picture
     time.sleep(0.1)
     assert value() == there
-
-
-def test_it_plays_when_opened_and_begins_again(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
-    """A hundredth of a second long: it has come round to its start again before the second is over."""
-    page = shown(solved("unbalanced_rotor_free"), "")
-    assert page.evaluate("replay.player.playing")
-    page.evaluate(
-        "new Promise((done) => { let last = 0; const look = () => { const now = replay.player.value;"
-        "if (now < last) done(); else { last = now; setTimeout(look, 5); } }; look(); })"
-    )
 
 
 def test_plots_follow_and_lead(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
@@ -254,61 +220,3 @@ def test_the_key_n_names_points_where_they_are(solved: Callable[..., Any], shown
     press(page, "n")
     assert page.evaluate(layer) == "none"
     assert complaints(page) == []
-
-
-@pytest.mark.parametrize("name", quick(["slider_crank_gas", "gen411_arm_static"], "gen411_arm_static"))
-def test_pictures_have_all_plots_in_sight(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
-    """Ten plots are more than a window is high, three are not."""
-    result = solved(name)
-    page = shown(result)
-    page.evaluate("replay.picture(), replay.show(0)")
-    low = page.evaluate("document.getElementById('bar').getBoundingClientRect().top")
-    boxes = page.evaluate(
-        "Array.from(document.querySelectorAll('#plots svg'),"
-        "(svg) => { const b = svg.getBoundingClientRect(); return [b.top, b.bottom, b.right]; })"
-    )
-    assert len(boxes) == len(set(result.content.outputs))
-    assert all(top > 0 and bottom <= low and right <= 900 for top, bottom, right in boxes)
-    assert complaints(page) == []
-
-
-@pytest.mark.parametrize("name", quick(["forty_four_bars_equal_rods", "panda_quintic"], "panda_quintic"))
-def test_names_do_not_cover_each_other(solved: Callable[..., Any], shown: Callable[..., Any], name: str) -> None:
-    page = shown(solved(name), named=True)
-    page.evaluate("replay.show(0)")
-    boxes = page.evaluate(
-        "[...document.querySelectorAll('#names span')].filter((e) => e.style.visibility !== 'hidden')"
-        ".map((e) => e.getBoundingClientRect()).map((r) => [r.left, r.top, r.right, r.bottom])"
-    )
-    left, top, right, bottom = page.evaluate(
-        "(({left, top, right, bottom}) => [left, top, right, bottom])"
-        "(document.getElementById('names').getBoundingClientRect())"
-    )
-    assert len(boxes) > 5
-    for k, one in enumerate(boxes):
-        assert left <= one[0] < one[2] <= right
-        assert top <= one[1] < one[3] <= bottom
-        assert all(one[0] >= b[2] or one[2] <= b[0] or one[1] >= b[3] or one[3] <= b[1] for b in boxes[:k])
-
-
-CLOSED_LATE = """
-import os
-assert {os.open(os.devnull, os.O_RDONLY), os.open(os.devnull, os.O_RDONLY)} == {3, 4}
-from pinarm.use.show.replay.chromium import browser
-pipe, made = os.pipe, []
-def pipe_and_collect():
-    made.append(pipe())
-    if len(made) == 3:  # two of the browser, and that by which a process tells that it has started
-        os.close(3), os.close(4)
-    return made[-1]
-os.pipe = pipe_and_collect
-with browser() as page:
-    print(page.call("Browser.getVersion")["product"])
-"""
-
-
-@pytest.mark.slow
-def test_the_browser_starts_where_files_are_closed_in_the_meantime():
-    """Its pipes are descriptors 3 and 4, which belong to fonts that matplotlib has open until garbage is collected."""
-    done = subprocess.run([sys.executable, "-c", CLOSED_LATE], capture_output=True, text=True, timeout=60)
-    assert "Chrom" in done.stdout, done.stderr

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from pinarm.cli.main import main
-from pinarm.errors import InputError, PinarmError
+from pinarm.errors import InputError
 from pinarm.use.show.replay import chromium
 from pinarm.use.show.replay.chromium import Page
 
@@ -67,13 +67,6 @@ def test_a_place_outside_of_the_run_is_refused(scenario: Callable[..., Any], tex
         chromium.place(scenario("inverse").run().trajectory, text)
 
 
-def test_an_angle_needs_its_unit(scenario: Callable[..., Any]) -> None:
-    run = scenario("statics").run().trajectory
-    assert chromium.place(run, "pivot=90 deg") == pytest.approx(1.5707963, abs=1e-7)
-    with pytest.raises(InputError, match="no unit"):
-        chromium.place(run, "pivot=1")
-
-
 def test_without_a_browser_it_says_what_to_install(
     saved: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -81,14 +74,6 @@ def test_without_a_browser_it_says_what_to_install(
     monkeypatch.setattr(chromium, "APPLICATIONS", ())
     assert main(["replay", str(saved), "--png", "t=1"]) == 2
     assert "apt-get install chromium" in capsys.readouterr().err
-
-
-def test_without_ffmpeg_it_says_what_to_install(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(saved))
-    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-    with pytest.raises(PinarmError, match="videos need ffmpeg") as caught:
-        chromium.ffmpeg()
-    assert "pip install" in caught.value.hint
 
 
 def test_the_command_writes_the_page(saved: Path, capsys: pytest.CaptureFixture[str]) -> None:

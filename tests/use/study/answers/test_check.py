@@ -39,15 +39,12 @@ AGREES, ROUNDING, MISPRINT, MODEL_ERROR, MISS = "agrees", "rounding", "misprint"
 
 VERDICTS = [
     # a value is met to half a unit of its own last digit, or to what is said
-    ({"value": "20.00000 N*m"}, AGREES), ({"value": "2e1 N*m"}, AGREES),
-    ({"value": "20.4 N*m"}, MISS), ({"value": "-20 N*m"}, MISS),
+    ({"value": "20.00000 N*m"}, AGREES), ({"value": "2e1 N*m"}, AGREES), ({"value": "-20 N*m"}, MISS),
     ({"value": "20.4 N*m", "rtol": "0.02"}, AGREES), ({"value": "20.4 N*m", "rtol": "0.019"}, MISS),
     ({"value": "20.4 N*m", "atol": "0.41 N*m"}, AGREES), ({"value": "20.4 N*m", "atol": "390 N*mm"}, MISS),
     ({"value": "20.4 N*m", "rtol": "0", "atol": "0 N*m"}, MISS),
     # without a unit too: YAML reads the number, the digits are those of the text
     ({"quantity": "M/(1.02 N*m)", "value": "19.6"}, AGREES), ({"quantity": "M/(1.02 N*m)", "value": "19.60"}, MISS),
-    ({"quantity": "M/(1.02 N*m)", "value": "1.960e1"},
-     MISS),
     ({"quantity": "M/(0.98 mN*m)", "value": "2.0e4"}, AGREES), ({"quantity": "M/(1 mN*m)", "value": "2.1e4"}, MISS),
     # the last of 17 digits is below rounding
     ({"value": "20.000000000000007 N*m"}, AGREES), ({"published": "20.000000000000007 N*m"}, AGREES),
@@ -55,7 +52,6 @@ VERDICTS = [
         ({"published": "20.00000000000004 N*m"}, MISS),
     # a published figure is met to half a unit of its last digit
     ({"published": "20.0 N*m"}, AGREES), ({"published": "0.02 kN*m"}, AGREES),
-    ({"published": "20.1 N*m"}, MISS), ({"published": "21 N*m"}, MISS),
     ({"value": "20 N*m", "published": "20.1 N*m"}, MISS),
     ({"value": "21 N*m", "published": "20 N*m"}, MISS),
     # claims: rounding is one unit of the last digit, or what the reason gives
@@ -63,12 +59,10 @@ VERDICTS = [
     ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING}, MISS),
     ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING, "because": "2*10.1"}, ROUNDING),
     ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING, "because": "2*10.2"}, MISS),
-    ({"value": "20.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING, "because": "2*10.2"}, MISS),
     ({"value": "21.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING}, MISS),
     ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": ROUNDING}, MISS),
     # claims: a misprint differs from the published figure, and the independent value confirms the computed one
     ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
-    ({"formula": "M*sin(alpha)", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
     ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": MISPRINT}, MISS),
     ({"value": "12.0 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISS),
     # a reason, where it is given, leads to what is printed
@@ -83,7 +77,6 @@ VERDICTS = [
     ({"at": "all", "formula": "M"}, AGREES), ({"at": "all", "formula": "M*(1 + 1e-9)"}, MISS),
     ({"at": "all", "formula": "M*(1 + 1e-9)", "rtol": "1e-8"}, AGREES),
     ({"at": "all", "value": "20 N*m"}, MISS),
-    ({"at": "all", "value": "10 N*m", "atol": "10.1 N*m"}, AGREES),
     # a formula that is 0 is met by what rounding leaves: of 20 N*m sin(pi), 2.4e-15 N*m
     ({"at": "end", "formula": "0*M"}, AGREES), ({"at": "end", "formula": "M - (20 N*m)*sin(alpha)"}, AGREES),
     ({"at": "{alpha: 1e-12 rad}", "formula": "0*M"}, MISS), ({"at": "end", "formula": "0*M + (1e-12 N*m)"}, MISS),
@@ -94,16 +87,12 @@ VERDICTS = [
     ({"at": "all", "formula": "M", "published_formula": "20*sin(alpha)", "verdict": MISPRINT}, MISS),
     ({"at": "all", "formula": "M", "published_formula": "10*sin(alpha)", "verdict": MODEL_ERROR,
       "because": "M/2"}, MODEL_ERROR),
-    ({"at": "all", "formula": "M", "published_formula": "10*sin(alpha)", "verdict": MODEL_ERROR,
-      "because": "M/2.1"}, MISS),
     # a printed 20.0 reaches to 20.05
     ({"published": "20.0 N*m", "quantity": "M*1.0024"}, AGREES),
     ({"published": "20.0 N*m", "quantity": "M*1.0026"}, MISS),
     # what is no number, or infinite at one row, is met by nothing
     ({"at": "all", "formula": '"M*sqrt(alpha - 9)"'}, MISS),
-    ({"at": "all", "published_formula": '"20*sqrt(alpha - 9)"'}, MISS),
     ({"at": "all", "formula": '"(1 N*m)/sin(alpha)"'}, MISS),
-    ({"at": "all", "published_formula": '"(1 N*m)/sin(alpha)"'}, MISS),
 ]  # fmt: skip
 
 
@@ -198,11 +187,6 @@ def test_what_is_less_accurate_than_wanted_is_a_miss() -> None:
     assert re.fullmatch(r"the global error is \S+, not below its target 1e-18", finding.reason)
 
 
-def test_a_result_that_is_there_is_not_computed_again(scenario: Callable[..., Any]) -> None:
-    one, other = scenario("statics"), scenario("statics", "expect:\n  - {quantity: M, value: 1 N*m, source: s}\n")
-    assert len(pinarm.check(other, result=one.run())) == 1
-
-
 LARGEST = 20.0 * math.sin(math.radians(540.0 / 7.0))
 """Of the rows of M, every 180/7 deg [N*m]."""
 
@@ -214,20 +198,6 @@ def test_a_column_that_crosses_zero_is_judged_by_its_largest_value(verdict: Call
     assert met.error == pytest.approx(7.4e-8 / LARGEST, rel=1e-6)
     assert met.allowed == pytest.approx(1e-5, rel=1e-6)
     assert verdict(entry(at="all", quantity="M + (7.4e-4 N*m)", formula="M", rtol="1e-5")).verdict == MISS
-
-
-def test_the_printed_difference_and_the_allowed_one_are_those_compared(scenario: Callable[..., Any]) -> None:
-    given = [
-        entry(quantity=f"M*(1 + {off!r})", **wanted, **allowed)
-        for off in (0.0, 1e-6, 1e-3, 40.0)
-        for allowed in ({}, {"rtol": "1e-5"}, {"atol": "1e-3 N*m"}, {"rtol": "1e-7", "atol": "1e-8 N*m"})
-        for wanted in ({"at": "all", "formula": "M"}, {"at": "max", "value": "20.00 N*m"})
-    ]
-    findings = pinarm.check(scenario("statics", "expect:\n" + "".join(f"  - {{{one}, source: s}}\n" for one in given)))
-    assert {found.verdict for found in findings} == {AGREES, MISS}
-    for found in findings:
-        assert found.error is not None and found.allowed is not None
-        assert (found.verdict == AGREES) == (found.error <= found.allowed), found
 
 
 def test_a_miss_tells_its_row_both_numbers_their_difference_and_the_allowed_one(
@@ -244,14 +214,3 @@ def test_a_miss_tells_its_row_both_numbers_their_difference_and_the_allowed_one(
     printed = verdict(entry(published="21 N*m"))
     assert "computed 20 N*m, published 21 N*m" in remarks([printed])[0]
     assert "difference 4.76 % (allowed 2.38 %)" in printed.reason
-
-
-def test_a_run_refuses_an_answer_key_as_validation_does(scenario: Callable[..., Any]) -> None:
-    asked = scenario("statics", "expect:\n  - {quantity: joint.pivto.effort, value: 1 N*m, source: s}\n")
-    said = []
-    for refused in (asked.validate, asked.run, asked.verified):
-        with pytest.raises(InputError) as caught:
-            refused()
-        said.append(str(caught.value))
-    assert said[0] == said[1] == said[2]
-    assert "statics.yaml:9:" in said[0]

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.errors import InputError, Interrupted, NumericsError, PinarmError
+from pinarm.errors import InputError, NumericsError, PinarmError
 from pinarm.input.units import unit
-from pinarm.problems.forward import Forward
-from pinarm.use.study.sweep.batches import ColumnReduction
 
 ROOT = Path(__file__).parents[4]
 SWING = """\
@@ -122,17 +120,6 @@ def test_one_that_fails_or_ends_at_an_event_does_not_touch_the_others(scenario):
     assert table["min O"].values[[0, 1, 3]] == pytest.approx(np.nanmin(told[[0, 1, 3]], axis=1), rel=1e-14)
 
 
-def test_an_instant_next_to_a_jump_of_a_law_is_told_of_what_comes_after(scenario):
-    """The law jumps at 0.7 s, and linspace has 0.7000000000000001 s."""
-    one = scenario(motor=RAMP)
-    batch, run = pinarm.batch(one, STARTS, RATES), alone(one, 1)
-    assert 0.7 in run.trajectory.grid.t
-    assert 0.7 not in batch.t
-    after = np.searchsorted(run.trajectory.grid.t, 0.7, side="right") - 1
-    for name, found in zip(("O", "power.motor"), batch.values("O", "power.motor"), strict=True):
-        assert found[1, 7] == pytest.approx(run[name].values[after], abs=1e-9)
-
-
 @pytest.mark.slow
 def test_processes_give_the_same_numbers_and_files(scenario, tmp_path):
     """Of a loop: the last motion takes too many steps."""
@@ -149,15 +136,6 @@ def test_processes_give_the_same_numbers_and_files(scenario, tmp_path):
     assert {"000002.csv", "cases.npz"} < files[0].keys()
 
 
-def test_who_interrupts_is_not_told_of_a_motion_that_failed(scenario, monkeypatch):
-    def solve(*_):
-        raise Interrupted("interrupted at t = 0.1 s")
-
-    monkeypatch.setattr(Forward, "solve", solve)
-    with pytest.raises(Interrupted):
-        _ = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": 1.0}).failures
-
-
 def test_measures_of_a_ramp(scenario):
     """Of t from 0 to 2 in 21 rows: the square's mean is 4/3, and by the trapezoidal rule 0.1^2/6 more."""
     asked = ["min", "max", "mean", "rms", "median", 95, "start", "end"]
@@ -170,23 +148,6 @@ def test_measures_of_a_ramp(scenario):
     assert table["max t"].label == "max t [s]"
     assert table["problem.initial.velocity.B"].values.tolist() == RATES["B"].tolist()
     assert table.to_dataframe().shape == (4, 1 + 3 + 9)
-
-
-def test_a_mean_is_over_time_not_over_instants():
-    t = np.array([0.0, 0.1, 0.2, 3.0])
-    assert ColumnReduction("x", "mean").of(t, t) == pytest.approx(1.5, rel=1e-14)
-    assert ColumnReduction("x", "rms").of(np.array([1.0]), np.array([-4.0])) == 4.0
-
-
-def test_what_cannot_be_asked_is_refused(scenario):
-    batch = pinarm.batch(scenario(), STARTS, RATES)
-    for asked, message in (({"O": "maximum"}, "no measure 'maximum' of O"), ({"o": "max"}, "'o'")):
-        with pytest.raises(InputError, match=message):
-            batch.reduced(asked)
-    with pytest.raises(InputError, match="no number of a run"):
-        batch.numbers("O @ rms", "O @ p195")
-    with pytest.raises(InputError, match="no quantity"):
-        batch.values("upright")
 
 
 def test_numbers_are_those_of_each_run_sections_included(scenario):
@@ -256,42 +217,3 @@ def test_scenarios_without_motions_to_start_are_refused(scenario):
     law = "motion: {O: {law: constant, value: 0 rad}}"
     with pytest.raises(InputError, match="no free joint 'O'"):
         pinarm.batch(scenario(law).varied({"problem.initial": {}, "problem.loads": {}}), {"O": 0.1})
-
-
-def test_a_start_where_nothing_is_moved_fails_alone(scenario):
-    """With the tip's mass alone, a stretched arm cannot push it along itself: M has the determinant (m l l sin B)^2."""
-    tip = scenario().varied({"arguments.m_B": "0 kg", "arguments.m_BA": "0 kg", "problem.time.end": "10 ms"})
-    failures = pinarm.batch(tip, {"B": [1.0, 0.0, -0.5]}).failures
-    assert list(failures) == [1]
-    assert "without mass" in failures[1]
-
-
-def test_rates_of_coordinates_that_the_scenario_gives_are_those_of_all_motions():
-    """The coupler turns at 3 rad/s in every position of the crank."""
-    given = {
-        "pinarm": 1, "mechanism": str(ROOT / "models" / "crank_rocker" / "mechanism.yaml"), "outputs": ["theta4"],
-        "problem": {"kind": "forward", "time": {"end": "0.1 s", "samples": 3},
-                    "initial": {"velocity": {"theta3": "3 rad/s"}}},
-    }  # fmt: skip
-    assert pinarm.batch(given, {"theta2": [-2.0, 0.0, 2.0]})["omega3"].values[:, 0] == pytest.approx(3.0, abs=1e-12)
-
-
-def test_rotors_behind_elastic_gears_begin_as_their_joints_do():
-    """A flywheel and its rotor turn at one speed: the spring between them is idle."""
-    given = {
-        "pinarm": 1, "mechanism": str(ROOT / "models" / "servo" / "backlash.yaml"), "outputs": ["x"],
-        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 3}},
-    }  # fmt: skip
-    found = pinarm.batch(given, {"x": [0.0, 1.0]}, {"x": [1.0, -2.0]})
-    expected = [[0.0, 0.5, 1.0], [1.0, 0.0, -1.0]]
-    assert found["x"].values == pytest.approx(np.array(expected), abs=1e-12)
-
-
-def test_velocities_that_loops_change_are_told_of_each_motion(scenario):
-    """In a parallelogram both uprights turn alike, whatever the scenario gives of one."""
-    batch = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": [2.0, 1.0], "upright_1": [2.0, 0.0]})
-    notes = [batch.run(number).notes() for number in range(2)]
-    assert notes[0] == []
-    assert "the loops do not allow the given velocities" in notes[1][0]
-    assert "where 1 was given" in notes[1][0]
-    assert batch["upright_1"] == pytest.approx(batch["upright_0"], abs=1e-12)

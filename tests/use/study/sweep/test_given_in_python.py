@@ -1,8 +1,5 @@
 """A sweep goes on from cases of the same mechanism only, though no file says what it is."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +7,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.study.sweep.journal import identity
 
 MODEL = Path(__file__).parents[4] / "models" / "gen411_arm" / "mechanism.yaml"
 DATA = {
@@ -32,31 +28,6 @@ def test_a_sweep_of_another_mechanism_does_not_go_on_from_the_first(tmp_path: Pa
     heavy = least(scenario("2 kg"), tmp_path / "out")
     assert np.array_equal(heavy, least(scenario("2 kg"), None))
     assert np.abs(heavy - light).max() > 1e-3
-
-
-def test_nor_does_a_sweep_with_functions() -> None:
-    """Nothing tells what the code of a function is."""
-    controlled = scenario().controlled({"O": lambda t, state: 1.0})
-    assert identity(controlled.source) != identity(controlled.source)
-    inside = pinarm.load({**DATA, "mechanism": controlled.mechanism})
-    assert identity(inside.source) != identity(inside.source)
-    assert identity(scenario().source) == identity(scenario().source) != identity(scenario("2 kg").source)
-
-
-@pytest.mark.slow
-def test_a_mechanism_has_the_same_identity_in_every_process() -> None:
-    """Whatever order sets have there."""
-    said = (
-        "import pinarm; from pinarm.use.study.sweep.journal import _of_mechanism; "
-        f"print(_of_mechanism(pinarm.Mechanism.load({str(MODEL.parents[1] / 'andrews' / 'mechanism.yaml')!r})))"
-    )
-    calls = [
-        subprocess.run(
-            [sys.executable, "-c", said], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, check=True
-        )
-        for seed in ("1", "2")
-    ]
-    assert calls[0].stdout == calls[1].stdout != b""
 
 
 FACTOR = 2.0

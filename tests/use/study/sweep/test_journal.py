@@ -1,8 +1,6 @@
 """A journal is a file like any other: whatever it holds, a sweep believes what it wrote itself, and ends with words."""
 
-import json
 import os
-import resource
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +12,6 @@ from pinarm.use.cases.case import Row, Task
 from pinarm.use.study.sweep.journal import HEAD, Journal, JournalEntry, Sources, _line, digest, task_digest
 
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
-ROW = Row((1.5, float("nan")), "", ("/dev/null",))
 
 
 @pytest.fixture
@@ -62,17 +59,6 @@ def test_a_line_that_was_changed_is_passed_over(path: Path, line: int, left: lis
     assert [*known(path)] == left
 
 
-@pytest.mark.parametrize("numbers", [(1.0,), (1.0, 2.0, 3.0)])
-def test_a_row_of_another_length_is_passed_over(path: Path, numbers: tuple[float, ...]) -> None:
-    """It carries the right seal, as whoever has read the program can give it."""
-    given = json.loads(path.read_text().splitlines()[1])["set"]
-    with open(path, "ab") as stream:
-        stream.write(_line(JournalEntry(given, case="case 0", numbers=numbers)))
-    lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(b"".join(lines[:2] + lines[3:]))
-    assert [*known(path)] == ["case 1", "case 2", "failed"]
-
-
 def test_devices_and_pipes_that_it_names_are_not_read(path: Path) -> None:
     os.mkfifo(path.parent / "pipe")
     names = ["/dev/zero", str(path.parent / "pipe"), "/proc/kmsg", "/proc/self/mem", "a\0b", str(path.parent)]
@@ -92,24 +78,6 @@ def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path: Path, content: byt
     assert (tmp_path / "journal.jsonl").read_bytes() == content
 
 
-def test_names_of_files_need_not_be_unicode(tmp_path: Path) -> None:
-    file = os.fsdecode(os.fsencode(tmp_path) + b"/a b%20\xff\xfe")
-    Path(file).write_text("content")
-    journal = Journal(tmp_path / "journal.jsonl", "task", 1)
-    journal.add([("case", Row((1.0,), "", (file,)))], Sources())
-    journal.close()
-    journal = Journal(tmp_path / "journal.jsonl", "task", 1)
-    assert journal.row("case") == Row((1.0,))
-    journal.close()
-
-
-@pytest.mark.parametrize("begun", [b"", HEAD[:-1]])
-def test_a_first_line_that_was_cut_short_is_written_again(tmp_path: Path, begun: bytes) -> None:
-    (tmp_path / "journal.jsonl").write_bytes(begun)
-    Journal(tmp_path / "journal.jsonl", "task", 2).close()
-    assert (tmp_path / "journal.jsonl").read_bytes() == HEAD
-
-
 @pytest.mark.parametrize(("scenario", "shared"), [
     ("crank_rocker_turning", False), ("gen411_arm_static", True), ("change_point_four_bar_free", True),
 ])  # fmt: skip
@@ -118,35 +86,3 @@ def test_sweeps_whose_loops_are_closed_from_other_cases_share_no_rows(scenario: 
     loaded = pinarm.load(SCENARIOS / f"{scenario}.yaml")
     first, other = (task_digest(Task.of(loaded, (), {"arguments.b": b})) for b in ("0.28 m", "0.27 m"))
     assert (first == other) == shared
-
-
-def test_what_is_no_file_of_its_own_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "mine").write_text("mine")
-    (tmp_path / "link").symlink_to("mine")
-    os.mkfifo(tmp_path / "pipe")
-    for name, said in (("link", "symbolic link"), ("pipe", "regular file"), ("", "Is a directory")):
-        with pytest.raises(InputError, match=said):
-            Journal(tmp_path / name, "task", 2)
-    assert (tmp_path / "mine").read_text() == "mine"
-
-
-def test_a_full_disk_is_told_and_the_next_sweep_goes_on(path: Path) -> None:
-    """A bound on the size of files stands for the disk; it cuts a line short."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    journal, sources = Journal(path, "task", 2), Sources()
-    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, limits[1]))
-    try:
-        with pytest.raises(InputError, match="File too large") as caught:
-            journal.add([("case 4", ROW)], sources)
-        assert "goes on from there" in str(caught.value)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        journal.close()
-    journal = Journal(path, "task", 2)
-    journal.add([("case 5", ROW)], sources)
-    assert journal.row("case 4") is None
-    journal.close()
-    journal = Journal(path, "task", 2)
-    assert journal.row("case 5") is not None
-    journal.close()
-    assert [*known(path)] == ["case 0", "case 1", "case 2", "failed"]

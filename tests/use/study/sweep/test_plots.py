@@ -51,32 +51,6 @@ def test_a_short_axis_makes_a_family_of_curves(held: pinarm.Scenario) -> None:
     assert axis.get_xlabel() == "m [kg]"
 
 
-def test_what_failed_is_marked_beside_a_curve(held: pinarm.Scenario) -> None:
-    """By one artist: of a line for each of 100,000 failures a picture took minutes."""
-    axis = pinarm.sweep(held, {"arguments.m": "-1:3:9 kg"}, results=["M @ end"]).plot().axes[0]
-    (marks,) = axis.collections
-    np.testing.assert_allclose([segment[:, 0] for segment in marks.get_segments()], [[-1.0, -1.0], [-0.5, -0.5]])
-    assert axis.get_xlim()[1] == pytest.approx(3.2, abs=0.05)
-    assert len(axis.get_lines()) == 1
-
-
-@pytest.mark.slow
-def test_chance_makes_a_histogram_of_all_cases(held: pinarm.Scenario) -> None:
-    sweep = pinarm.sweep(held, {"arguments.m": "normal(2, 0.1)"}, samples=200, results=["M @ end"])
-    axis = sweep.plot().axes[0]
-    assert sum(bar.get_height() for bar in axis.patches) == 200
-    median = np.median(sweep["M @ end"].values)
-    np.testing.assert_allclose([line.get_xdata()[0] for line in axis.get_lines()][1], median)
-
-
-def test_a_sweep_of_which_everything_fails_is_drawn_too(held: pinarm.Scenario, tmp_path: Path) -> None:
-    ends = {"arguments.m": "1, -1, -2, 2 kg"}  # the ends are fine, or it would not begin
-    sweep = pinarm.sweep(held, {**ends, "problem.over.pivot.from": "10, 95"}, results=["M @ pivot=5 deg"])
-    assert len(sweep.errors) == 8
-    sweep.save(tmp_path / "out", plots="png")
-    assert ink(tmp_path / "out" / "plots" / "01_M_pivot_5_deg.png") > 0.01
-
-
 def test_results_have_the_units_and_labels_of_the_scenario(scenario: Callable[..., Any]) -> None:
     """A torque in kN*mm, which is the same number of N*m."""
     keys = 'units: {M: kN*mm}\nlabels: {M: "M_\\\\alpha"}\n'

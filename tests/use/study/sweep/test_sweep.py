@@ -18,10 +18,6 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.errors import Interrupted
-from pinarm.input.units import unit as read_unit
-from pinarm.use.study.sweep import solving
-from pinarm.use.study.sweep.journal import Journal
 from pinarm.use.study.sweep.sweep_files import report
 from pinarm.use.workers.dispatch import Dispatch
 
@@ -199,14 +195,6 @@ def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(held: pinarm.Sc
             pinarm.sweep(held, over)
 
 
-def test_variants_of_the_scenario_do_not_restrict_its_sweep() -> None:
-    """In one of them the joint that begins elsewhere follows a law."""
-    swing = Path(__file__).parents[4] / "scenarios" / "gen411_arm_swing.yaml"
-    sweep = pinarm.sweep(swing, {"problem.initial.velocity.B": "1, 2 rad/s"}, results=["phi @ end"], workers=1)
-    alone = [pinarm.run(swing, {"problem.initial.velocity.B": f"{speed} rad/s"})["phi"].values[-1] for speed in (1, 2)]
-    assert sweep["phi @ end"].values == pytest.approx(alone, rel=1e-12)
-
-
 @pytest.mark.slow
 def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
     def units(**over: str) -> dict[str, str]:
@@ -222,16 +210,6 @@ def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
         units(arguments__l="1, 2")
 
 
-@pytest.mark.parametrize(("unit", "values"), [("deg", [30.0, 60.0]), ("mrad", [700.0])])
-def test_a_series_is_taken_in_its_unit(path: Path, unit: str, values: list[float]) -> None:
-    """The file has the value in degrees."""
-    given = pinarm.Series("reach", read_unit(unit), np.array(values))
-    swept = pinarm.sweep(path, {"problem.over.pivot.to": given}, results=["pivot @ end"], workers=1)
-    factor = {"deg": np.pi / 180.0, "mrad": 1e-3}[unit]
-    assert swept["pivot @ end"].values == pytest.approx(np.array(values) * factor, rel=1e-12)
-    assert str(swept["problem.over.pivot.to"].unit) == unit
-
-
 def test_samples_are_drawn_where_something_is_to_be_drawn(held: pinarm.Scenario) -> None:
     with pytest.raises(PinarmError, match=r"'arguments\.m' is to be drawn"):
         pinarm.sweep(held, {"arguments.m": "normal(2, 0.1)"})
@@ -245,27 +223,6 @@ def test_samples_are_drawn_where_something_is_to_be_drawn(held: pinarm.Scenario)
     assert len(sweep) == 6
     assert len(set(m)) == len(set(l)) == 3
     np.testing.assert_allclose(sweep["M @ end"].values, 10 * m * l * np.sin(to * pi / 180), rtol=1e-13)
-
-
-@pytest.mark.slow
-def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
-    held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    hostile = module(
-        "import os, signal\nfrom pinarm.use.cases.solving import CaseSolver\n"
-        "class Hostile(CaseSolver):\n"
-        "    def together(self, jobs):\n"
-        "        if any(job['arguments.m'] == '2.0 kg' for job in jobs):\n"
-        "            os.kill(os.getpid(), signal.SIGSEGV)\n"
-        "        return super().together(jobs)\n"
-    )
-    with monkeypatch.context() as patched:
-        patched.setattr(solving, "CaseSolver", hostile.Hostile)
-        sweep = pinarm.sweep(held, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out", workers=2)
-    assert sweep.errors == {2: "its process died by SIGSEGV"}
-    again = pinarm.sweep(held, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out")
-    assert not again.errors
-    assert len(entries(tmp_path / "out")) == 5
 
 
 def test_a_folder_of_something_else_is_left_alone(held: pinarm.Scenario, tmp_path: Path) -> None:
@@ -284,27 +241,6 @@ def test_two_sweeps_do_not_write_one_journal(held: pinarm.Scenario, tmp_path: Pa
                 pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1)
 
     assert not pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1, progress=second).errors
-
-
-def test_an_interrupt_between_a_line_and_its_count_waits(
-    held: pinarm.Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    add = Journal.add
-
-    def interrupted(journal: Journal, *arguments: Any) -> None:
-        add(journal, *arguments)
-        signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr(Journal, "add", interrupted)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore interrupts
-    try:
-        with pytest.raises(Interrupted) as caught:
-            pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    kept = len(entries(tmp_path / "out"))
-    assert kept > 0
-    assert f"interrupted with {kept} of 10 cases solved" in str(caught.value)
 
 
 def start(path: Path, *arguments: str) -> "subprocess.Popen[str]":
@@ -344,25 +280,6 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on(path: Path, tmp_pat
     assert second.returncode == 0
     assert len(entries(out)) == len(set(entries(out))) == 20_000
     assert len((out / "cases.csv").read_text().splitlines()) == 20_001
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are looked up in /proc")
-def test_workers_do_not_outlive_a_sweep_that_is_killed(path: Path, tmp_path: Path) -> None:
-    sweep = start(path, "-o", str(tmp_path / "out"), "-j", "2")
-    wait_for(lambda: lines(tmp_path / "out") > 5)
-    workers = Path(f"/proc/{sweep.pid}/task/{sweep.pid}/children").read_text().split()
-    sweep.kill()
-    sweep.communicate()
-    assert len(workers) >= 2  # and what cleans up after them
-    wait_for(lambda: not any(_runs(worker) for worker in workers))
-
-
-def _runs(process: str) -> bool:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 def test_a_value_that_every_case_replaces_is_refused(path: Path, tmp_path: Path) -> None:
