@@ -111,11 +111,7 @@ def plain_table(table: LabelledArray) -> list[NDArray[Any]]:
 
 
 def labelled_arrays(arrays: Mapping[str, Any]) -> dict[str, LabelledArray]:
-    """Return the tables among stored arrays; see ``plain_arrays``.
-
-    Raises:
-        InputError: They do not belong together.
-    """
+    """Return the tables among stored arrays; see ``plain_arrays``."""
     found = dict[str, LabelledArray]()
     for k, name in enumerate(arrays["array.names"].tolist() if "array.names" in arrays else ()):
         parts = [arrays.get(f"array.{k}.{part}", np.zeros(0)) for part in PARTS]
@@ -134,11 +130,7 @@ def labelled_arrays(arrays: Mapping[str, Any]) -> dict[str, LabelledArray]:
 def dataframe(
     data: Mapping[str, Any] | Sequence[Any] | NDArray[Any], columns: Sequence[str] | None = None
 ) -> DataFrame:
-    """Return a table of pandas; see ``pandas.DataFrame``.
-
-    Raises:
-        InputError: pandas is not installed.
-    """
+    """Return a table of pandas; see ``pandas.DataFrame``."""
     try:
         pandas = import_module("pandas")
     except ImportError:

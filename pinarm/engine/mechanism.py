@@ -188,11 +188,7 @@ class Mechanism(Record, frozen=True):
         return math.hypot(*self.model.gravity.linear.tolist())
 
     def coordinate(self, name: str) -> Coordinate:
-        """Return a coordinate by name.
-
-        Raises:
-            InputError: There is none of that name; the message lists those there are.
-        """
+        """Return a coordinate by name."""
         return coordinate_of(self.model, self.coordinates, name)
 
 
@@ -255,11 +251,7 @@ def some_variants(mechanism: Mechanism, places: Indices) -> Mechanism:
 
 
 def _require_plain(mechanism: Mechanism) -> None:
-    """Raise where more depends on the model than the motion of its links; of forces see ``require_joint_forces``.
-
-    Raises:
-        VariantsDiffer: Says what.
-    """
+    """Raise where more depends on the model than the motion of its links; of forces see ``require_joint_forces``."""
     if mechanism.frictions or mechanism.control or mechanism.balls:
         raise VariantsDiffer("friction, controllers or ball joints")
     if not all(isinstance(constraint, LoopJoint) for constraint in mechanism.constraints):
@@ -281,11 +273,7 @@ def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
 
 
 def _numbers(text: str | Sequence[str] | Array) -> float | Array:
-    """Return an argument, or those of all variants, shape (k,).
-
-    Raises:
-        VariantsDiffer: It is a word in some of them.
-    """
+    """Return an argument, or those of all variants, shape (k,)."""
     if isinstance(text, np.ndarray) and text.dtype == np.float64:
         return text
     texts = [text] if isinstance(text, str) else text

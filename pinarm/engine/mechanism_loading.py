@@ -49,11 +49,7 @@ if TYPE_CHECKING:
 
 
 def mechanism_document(file: Path) -> Document:
-    """Return what a mechanism file says; of a model's file, or a robot's name, what such a file would say at least.
-
-    Raises:
-        InputError: The file cannot be read.
-    """
+    """Return what a mechanism file says; of a model's file, or a robot's name, what such a file would say at least."""
     if file.suffix in (".yaml", ".yml"):
         return Document.read(file)
     return Document(str(file), file, {"pinarm": 1, "robot": file.name if file.suffix else str(file)}, {}, {})
@@ -98,10 +94,6 @@ def read_mechanism(
         changes: Values that replace those of the mechanism file at the same paths.
         locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the scenario.
         acted: Coordinates along which something of the scenario acts.
-
-    Raises:
-        InputError: The mechanism file has a mistake.
-        ModelError: The model has one.
     """
     document = mechanism_document(Path(path))
     if changes is not None:
@@ -134,10 +126,7 @@ def _described(
 def _validated(
     document: Document, arguments: Mapping[str, float | str], caller: Place
 ) -> tuple[MechanismDescription, Mapping[str, Any], Mapping[str, float | str]]:
-    """Return what a mechanism file says, the same as plain data without parameters, and arguments that are none.
-
-    Parameters that are formulas of others are symbols from here on.
-    """
+    """Return what a mechanism file says, the same as plain data without parameters, and arguments that are none."""
     parameters = parameters_of(document, arguments, caller)
     if not parameters:
         return document.validate(MechanismDescription), document.data, arguments
@@ -159,10 +148,7 @@ def _build(
     arguments: Mapping[str, float | str], payloads: Mapping[str, Payload], here: Place, caller: Place,
     read: RobotReader = read_robot, acted: Sequence[str] = (),
 ) -> Mechanism:  # fmt: skip
-    """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's.
-
-    ``acted`` are coordinates along which something of the caller acts.
-    """
+    """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = arguments_of(description, arguments, here, caller)
     key = "planar" if description.planar else "robot"
     with here(key), naming_arguments(caller):
@@ -438,9 +424,6 @@ def parameters_of(document: Document, arguments: Mapping[str, float | str], call
         document: The mechanism file.
         arguments: Values by name: numbers in SI, or text with units.
         caller: Gives mistakes in these their place.
-
-    Raises:
-        InputError: A value cannot be read, or has another dimension than that of the file.
     """
     known, given = dict[str, Measured](), document.data.get("parameters") if isinstance(document.data, dict) else None
     for name, text in given.items() if isinstance(given, dict) else ():

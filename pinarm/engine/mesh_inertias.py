@@ -82,10 +82,6 @@ def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
         xml: The text, includes resolved.
         path: Its file.
         root: Folder under which mesh files must lie.
-
-    Raises:
-        InputError: A mesh file is missing or lies elsewhere.
-        ModelError: The files are too large, or the compiler refuses the model.
     """
     model = ElementTree.fromstring(xml)
     named = copy.deepcopy(model)
@@ -161,11 +157,7 @@ def _content(file: Path, most: int) -> bytes:
 
 
 def _compiled(xml: str, files: dict[str, bytes]) -> dict[str, list[float]]:
-    """Return mass, place, quaternion and principal moments of every body.
-
-    Raises:
-        ModelError: The compiler refuses the model, or needs too much memory or time.
-    """
+    """Return mass, place, quaternion and principal moments of every body."""
     given = json.dumps({"xml": xml, "files": {name: base64.b64encode(x).decode() for name, x in files.items()}})
     size = len(xml) + sum(map(len, files.values()))
     memory, seconds = MEMORY + MEMORY_PER_BYTE * size, SECONDS + int(SECONDS_PER_BYTE * size)

@@ -68,11 +68,7 @@ def robot_of_model(
     folder: Path,
     arguments: Mapping[str, float | str],
 ) -> tuple[RobotModel, Mapping[str, str], Source]:
-    """Return the model of a mechanism that is made of a ``pin.Model``, by way of its URDF text; see ``read_robot``.
-
-    Raises:
-        ModelError: It has a joint that pinarm does not have, or a field of gravity that turns.
-    """
+    """Return the model of a mechanism that is made of a ``pin.Model``, by way of its URDF text; see ``read_robot``."""
     from pinarm.mechanics.loading.urdf.writer import written
 
     check_declared(arguments, {})
@@ -92,11 +88,6 @@ def read_robot(
         data: Its content as plain data.
         folder: Folder that paths in it are relative to.
         arguments: Values given to the model's arguments [SI].
-
-    Raises:
-        InputError: There is no such file, or it may not be read.
-        ModelError: The model has a mistake.
-        UnknownArgument: It has no argument of a given name.
     """
     if description.planar is not None:
         check_declared(arguments, {})

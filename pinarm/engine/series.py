@@ -278,11 +278,7 @@ def _to_the(exponent: Fraction | int) -> Rule:
 
 
 def require_unit(x: object, name: str, *units: Unit) -> None:
-    """Refuse a ``Series`` in place of numbers in SI where it measures something else.
-
-    Raises:
-        UnitError: Its unit has another dimension than all of these.
-    """
+    """Refuse a ``Series`` in place of numbers in SI where it measures something else."""
     if isinstance(x, Series) and x.unit is not None and x.unit.dimension not in {unit.dimension for unit in units}:
         raise UnitError(f"{name} is in {x.unit}", expected=f"a unit such as {' or '.join(map(str, units))}")
 
@@ -368,11 +364,7 @@ def _parameters(function: Any) -> Sequence[str]:
 
 
 def _alike(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments as plain arrays, in the unit of the first that has one.
-
-    Raises:
-        UnitError: They are not of one dimension.
-    """
+    """Return arguments as plain arrays, in the unit of the first that has one."""
     common = same([Measure(x.unit) for x in _quantities([*given.values()])])
     return {key: _bare(x, common.unit) for key, x in given.items()}
 
@@ -394,11 +386,7 @@ def _bare(x: Any, wanted: Unit | None) -> Any:
 
 
 def _prepared(function: str, inputs: Sequence[Any], *, folded: bool) -> tuple[list[Any], Measure]:
-    """Return the arguments of one of numpy's functions as plain arrays in units that fit, and the value's measure.
-
-    Raises:
-        UnitError: Dimensions do not go together, or the function has no meaning for quantities.
-    """
+    """Return the arguments of one of numpy's functions as plain arrays in units that fit, and the value's measure."""
     units = [x.unit for x in inputs if isinstance(x, Series)]
     if function in _LOGIC:
         return [_in(x, None) for x in inputs], _PLAIN

@@ -134,17 +134,7 @@ def demanded_powers(
 
 
 def _carried(links: LinkPlacements, tree: LinkTree, wrenches: Array, sizes: Array) -> tuple[Array, Array]:
-    """Return the sums over every link and those beyond it about the link's origin, of wrenches and of their sizes.
-
-    Args:
-        links: Where they are.
-        tree: What they are.
-        wrenches: On every link, [f; m] at its origin, world axes, shape (n, .., njoints, 6).
-        sizes: Of its forces and moments, shape (n, .., njoints, 2).
-
-    Returns:
-        The sums, of the same shapes; moments of a given size may add up to that much at most.
-    """
+    """Return the sums over every link and those beyond it about the link's origin, of wrenches and of their sizes."""
     forces, bounds = wrenches.copy(order="K"), sizes.copy(order="K")
     arms = links.places - links.places[..., tree.parents, :]
     ways = np.sqrt(np.vecdot(arms, arms))
@@ -228,11 +218,7 @@ class EnergyAccount(Record, frozen=True):
         return index, steps.t[index] + part * h, h
 
     def _losses(self, dynamics: Dynamics, index: Indices, start: Array, h: Array) -> Array:
-        """Return the energy that elements take out in parts of steps [J], shape (n,).
-
-        Steps between samples of controllers are short beside the motion: the nodes of one such step do for all its
-        parts.
-        """
+        """Return the energy that elements take out in parts of steps [J], shape (n,)."""
         first = np.unique(index, return_index=True)[1] if self._sampled else np.arange(len(index))
         nodes = gauss_nodes()
         count = len(h) // len(first)  # all steps have as many parts

@@ -130,10 +130,7 @@ def _pull(tie: OneSidedConstraint, run: Trajectory) -> Array:
 
 
 def _slack_belts(run: Trajectory) -> Iterator[Excess]:
-    """Yield the belts whose pretension a run uses up; chains, which have none, have a slack strand at all times.
-
-    The limit is twice the pretension, at which one strand has no tension left; the other one carries the rest alone.
-    """
+    """Yield the belts whose pretension a run uses up; chains, which have none, have a slack strand at all times."""
     if run.no_efforts or not run.mechanism.relations:
         return
     from pinarm.mechanics.couplings.coupling import Coupling

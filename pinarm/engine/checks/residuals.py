@@ -296,13 +296,7 @@ def _first_least(regular: Array) -> Indices:
 
 
 def _least(t: Array, regular: Array, at: Callable[[Array], Array] | None) -> tuple[float, float]:
-    """Return the least regularity, and the parameter there.
-
-    Args:
-        t: Values of the parameter at which it is known, shape (n,).
-        regular: The regularity there, shape (n,).
-        at: The regularity at other values of the parameter, shape (n,); ``None`` where nothing is between them.
-    """
+    """Return the least regularity, and the parameter there."""
     k = int(_first_least(regular))
     best = float(regular[k]), float(t[k])
     for _ in range(ROUNDS if at else 0):

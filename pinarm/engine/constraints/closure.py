@@ -346,10 +346,7 @@ class Closure(Record, frozen=True):
 
     @cached_property
     def _arms(self) -> Array:
-        """Distance from the origin of each link to the farthest point at which a loop joint holds it [m].
-
-        Shape (njoints,), of variants (k, njoints) or (1, njoints).
-        """
+        """Distance from the origin of each link to the farthest point at which a loop joint holds it [m]."""
         found = [np.zeros(1 if isinstance(self.model, ModelVariants) else ())] * self.model.njoints
         for constraint in self.constraints:
             if isinstance(constraint, LoopJoint):
@@ -368,10 +365,7 @@ class Closure(Record, frozen=True):
         return states_first(total)
 
     def _acting(self, links: LinkPlacements, lam: Array) -> tuple[Indices, Array, list[tuple[Constraint, slice]]]:
-        """Return joints of links, shape (k,), and wrenches on these, shape (.., k, 6).
-
-        And the constraints that have no wrenches, with their rows.
-        """
+        """Return joints of links, shape (k,), and wrenches on these, shape (.., k, 6)."""
         acting, idle = list[tuple[int, Array]](), []
         for constraint, rows in zip(self.constraints, self.slices.values(), strict=True):
             wrenches = constraint.wrenches(links, lam[..., rows])

@@ -340,10 +340,7 @@ class _Singular(Record, frozen=True):
 
 
 def _groups_of(rows: Array, reach: Array | float) -> tuple[Groups, Indices]:
-    """Return rows and joints of each group of G, shape (n, m, nv), and the joints that no row ties.
-
-    Rows that tie no joint belong to the first group, or are a group without joints.
-    """
+    """Return rows and joints of each group of G, shape (n, m, nv), and the joints that no row ties."""
     _, m, nv = rows.shape
     largest = np.maximum(rows.max(axis=0, initial=0.0), -rows.min(axis=0, initial=0.0))
     return _groups((largest > TIED * np.asarray(reach)[..., None]).tobytes(), m, nv)
@@ -398,9 +395,6 @@ def solved_positive(matrix: Array, right: Array) -> Array:
 
     They are scaled to a diagonal of ones: LAPACK takes the largest entries as pivots, in which masses far smaller than
     others would be lost.
-
-    Raises:
-        SingularMasses: A matrix is singular.
     """
     diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
     scale = (1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))[..., None]

@@ -176,10 +176,7 @@ class SelfStresses(Record, frozen=True):
         return {link: np.stack([each[link] for each in found], axis=-2) / size for link in found[0]}
 
     def _beyond_joints(self, parts: Mapping[str, Acting]) -> list[Mapping[str, Array]]:
-        """Return what constraints do to the links beyond every joint, by their names.
-
-        Those whose links are all beyond a joint, and which are in balance, do nothing to them together.
-        """
+        """Return what constraints do to the links beyond every joint, by their names."""
         supports = [set(path.tolist()) for path in self.closure.model.supports]
         found: list[dict[str, Array]] = [{} for _ in supports]
         for name, acting in parts.items():
@@ -351,10 +348,7 @@ def loosenings(stresses: SelfStresses) -> tuple[Loosening, ...]:
 
 
 def _looser(stresses: SelfStresses) -> Iterator[tuple[LoopJoint, str, Array]]:
-    """Yield every loop joint as it is and with each kind that holds less: the joint, the kind, what it gives up.
-
-    That is told as functions of all multipliers, shape (1, m, c).
-    """
+    """Yield every loop joint as it is and with each kind that holds less: the joint, the kind, what it gives up."""
     for joint in stresses.closure.constraints:
         if isinstance(joint, LoopJoint):
             own = stresses.own(joint)

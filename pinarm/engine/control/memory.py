@@ -27,11 +27,7 @@ MOST = 5_000_000
 
 
 def require_samples(controller: Controller, duration: float) -> None:
-    """Raise where a controller samples too often in a duration [s], or its first command takes effect after it.
-
-    Raises:
-        InputError: Says how many samples, or after which delay.
-    """
+    """Raise where a controller samples too often in a duration [s], or its first command takes effect after it."""
     sampling = controller.sampling
     if sampling and duration > MOST * sampling.period:
         count = duration / sampling.period

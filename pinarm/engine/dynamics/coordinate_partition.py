@@ -62,11 +62,7 @@ class CoordinatePartition(Record, frozen=True):
 
     @classmethod
     def of(cls, model: pin.Model, rows: Array, names: Sequence[str], given: Sequence[int] = ()) -> CoordinatePartition:
-        """Return the reduction by the rows W, shape (k, nv); the indices ``given`` stay free if they can.
-
-        Raises:
-            InputError: The rows contradict or repeat each other.
-        """
+        """Return the reduction by the rows W, shape (k, nv); the indices ``given`` stay free if they can."""
         bound_v = _pivots(rows, names, given)
         free_v = others(bound_v, model.nv)
         scalar_q = scalar_places(model)

@@ -173,11 +173,7 @@ class Dynamics(Record, frozen=True):
 
     @classmethod
     def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
-        """Return the dynamics of a model under the given forces.
-
-        Raises:
-            ModelError: Its joints are not numbered depth-first, as Pinocchio's algorithms need them.
-        """
+        """Return the dynamics of a model under the given forces."""
         require_depth_first(model)
         return cls(model, dict(forces), new_data(model))
 
@@ -290,9 +286,6 @@ class Dynamics(Record, frozen=True):
 
         Returns:
             Efforts [N*m or N], shape (n, .., nv).
-
-        Raises:
-            InputError: The shapes do not fit the model.
         """
         nq, nv = self.model.nq, self.model.nv
         q, v, a = as_rows(q, nq, "q"), as_rows(v, nv, "v"), as_rows(a, nv, "a")
@@ -313,9 +306,6 @@ class Dynamics(Record, frozen=True):
 
         Returns:
             Accelerations, shape (n, nv).
-
-        Raises:
-            InputError: The shapes do not fit the model.
         """
         q, v = as_rows(q, self.model.nq, "q"), as_rows(v, self.model.nv, "v")
         same_rows(q, v)

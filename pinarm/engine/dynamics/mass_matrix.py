@@ -49,9 +49,6 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
         closure: Constraints of the mechanism, and the coordinates that follow laws.
         q: Configurations, shape (n, nq).
         t: Instant, for the message.
-
-    Raises:
-        DynamicsError: Names the joints that move without mass, and the links beyond them.
     """
     if closure.model.nv > LARGE and massive(closure.model):
         return  # M is definite in all directions; elsewhere it is looked at as a matrix

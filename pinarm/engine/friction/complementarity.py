@@ -53,12 +53,7 @@ def companions(response: SlipResponse, first: int) -> list[int]:
 
 
 def groups_of(contacts: Sequence[FrictionContact], response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
-    """Return the groups that some slips form, none of them driven.
-
-    Raises:
-        DynamicsError: Groups are not independent: friction would hold a motion in more ways than it has. Or a slip with
-            several components can begin in more than one direction.
-    """
+    """Return the groups that some slips form, none of them driven."""
     mobility, groups, left = response.mobility, list[SlipGroup](), list(some)
     while left:
         first, together = left[0], companions(response, left[0])
@@ -144,9 +139,6 @@ class FrictionBalance:
             resting: Which joints that slip have the friction of rest, as they only begin to, shape
                 (k,).
             any_load: Whether there has to be exactly one for loads nearby as well.
-
-        Raises:
-            DynamicsError: There is more than one solution, or it is not known that there is only one.
         """
         mu, constant = np.array([contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed
                                  in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
@@ -208,9 +200,6 @@ class FrictionBalance:
         dual active set strategy as a semismooth Newton method, SIAM J. Optim. 13 (2003), 865-888). ``mu`` and
         ``constant`` are those of slip of joints that slip, those at rest of stuck ones, 0 of others, shape
         (k,).
-
-        Raises:
-            DynamicsError: Newton's method does not find it.
         """
         f, sigma = np.zeros(len(mu)), np.zeros(len(groups))
         for _ in range(ITERATIONS):
@@ -268,9 +257,6 @@ def decided(balance: FrictionBalance, moving: Array, broken: Array, yielding: Ar
         broken: Directions of joints at rest that begin to slip in any case, 0 of others, shape (k,).
         yielding: Those of joints whose friction is at its bound, 0 of others, shape (k,): they begin to slip unless the
             others that do so relieve them.
-
-    Raises:
-        DynamicsError: There is no solution, or more than one.
     """
     contacts, resting, alpha = balance.contacts, sizes(balance.contacts, moving) == 0.0, balance.response.acceleration
     driven = balance.response.driven & resting
@@ -318,10 +304,7 @@ class _Decision:
         return np.asarray(self.given + directions_of(self.groups, signs, len(self.given)))
 
     def wanted(self, signs: Sequence[int], *, slips: bool) -> tuple[FrictionSolution | None, list[int]]:
-        """Return the friction, and by group the sign that it ought to have where it contradicts itself.
-
-        ``slips``: joints that begin to slip have the friction of slip, not that of rest.
-        """
+        """Return the friction, and by group the sign that it ought to have where it contradicts itself."""
         resting: Flags = (self.given == 0.0) & (not slips)
         stuck = [group for group, sign in zip(self.groups, signs, strict=True) if not sign]
         solution, response = self.balance.solve(self.direction(signs), stuck, resting), self.balance.response
@@ -338,13 +321,7 @@ class _Decision:
         return solution, wanted
 
     def exchanged(self, signs: Sequence[int], frozen: Sequence[int], *, slips: bool) -> list[int]:
-        """Return signs that do not contradict themselves, reached by exchanging the first that does.
-
-        Groups whose sign in ``frozen`` is not 0 keep theirs.
-
-        Raises:
-            DynamicsError: None are reached.
-        """
+        """Return signs that do not contradict themselves, reached by exchanging the first that does."""
         now = list(signs)
         for _ in range(50 * (1 + frozen.count(0))):
             solution, wanted = self.wanted(now, slips=slips)

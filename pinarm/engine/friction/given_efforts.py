@@ -28,9 +28,6 @@ def friction_under(
 
     These are the extremes of shares of joints at rest; see ``extreme_frictions`` and ``filled``. States q and v and
     efforts have the shapes (n, nq), (n, nv) and (n, nv); ``dynamics`` is without this friction.
-
-    Raises:
-        DynamicsError: Rigid bodies with friction do not determine it.
     """
     joints = None if closure.size else _constant_laws(tuple(contacts))
     friction, extremes = np.zeros((len(q), len(contacts))), list[Extremes]()
@@ -135,11 +132,7 @@ class _TreeAtRest:
             limits = np.where(signs != 0.0, self.joints.resistance(np.zeros(len(signs))), self.joints.resting)
 
     def _exchanged(self, signs: Array, limits: Array, kept: Flags) -> tuple[Array, Array] | None:
-        """Return directions in which resting joints begin to slip, 0 of stuck ones, and the friction; shape (k,).
-
-        All joints that contradict themselves are exchanged while their number falls, then the first one. ``None`` where
-        one that is kept contradicts itself.
-        """
+        """Return directions in which resting joints begin to slip, 0 of stuck ones, and the friction; shape (k,)."""
         v, fewest = self.joints.v, len(signs) + 1
         for _ in range(50 * (1 + len(signs))):
             stuck = self.resting & (signs == 0.0)

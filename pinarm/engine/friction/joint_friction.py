@@ -161,11 +161,7 @@ class JointFriction(ForceElement):
         return np.asarray(rows.reshape(*q.shape[:-1], *rows.shape[1:]))
 
     def solution(self, t: float, q: Array, v: Array) -> FrictionSolution:
-        """Return the friction in a state, of stuck joints too.
-
-        Raises:
-            DynamicsError: There is none, or more than one.
-        """
+        """Return the friction in a state, of stuck joints too."""
         resting = np.zeros(len(self.contacts), dtype=bool)
         solution = self.balance(t, q, v).solve(self.directions(self.slips(q, v)), self.slip.stuck, resting)
         if solution is None:
@@ -248,11 +244,7 @@ class JointFriction(ForceElement):
         return replace(self, span=(start, end))
 
     def start(self, q: Array, v: Array) -> Slip:
-        """Return what joints do from the start of the interval on.
-
-        Raises:
-            DynamicsError: Rigid bodies with friction do not determine it.
-        """
+        """Return what joints do from the start of the interval on."""
         slips, balance = self.slips(q, v), self.balance(self.span[0], q, v)
         fast = sizes(self.contacts, slips) > self.resting_speed(v, self._rest(balance))
         moving, none = unit_vectors(self.contacts, np.where(fast, slips, 0.0)), np.zeros(len(slips))
@@ -285,11 +277,7 @@ class JointFriction(ForceElement):
         return SlipSwitch(v, moving, broken, yielding)
 
     def after(self, q: Array, switch: SlipSwitch) -> Slip:
-        """Return what joints do from a switch on, which may be one that took place while other stops held.
-
-        Raises:
-            DynamicsError: Rigid bodies with friction do not determine it.
-        """
+        """Return what joints do from a switch on, which may be one that took place while other stops held."""
         balance = self.balance(self.span[0], q, switch.v)
         try:
             slip = decided(balance, switch.moving, switch.broken, switch.yielding)
@@ -368,11 +356,7 @@ class JointFriction(ForceElement):
         )
 
     def _standing(self, groups: Sequence[SlipGroup], q: Array) -> Iterator[Coordinate]:
-        """Yield coordinates that stand still if and only if groups do: of joints, or sums of joints.
-
-        Raises:
-            DynamicsError: There is none of a group, or its members do not stand still together while a law moves.
-        """
+        """Yield coordinates that stand still if and only if groups do: of joints, or sums of joints."""
         free = self._possible_motions(q)
         slips = slip_rows_at(self.closure.model, self.contacts, q) @ free
         for group in groups:
@@ -395,10 +379,7 @@ class JointFriction(ForceElement):
         return split_rows(closure.rows(closure.state(q))).free
 
     def _standing_coordinate(self, group: SlipGroup, slip: Array, free: Array) -> Coordinate:
-        """Return a coordinate that stands still if and only if a group does.
-
-        ``slip`` is ``J T`` of its first member, shape (m,), with the possible motions T, shape (nv, m).
-        """
+        """Return a coordinate that stands still if and only if a group does."""
         contacts = [self.contacts[i] for i in group.members]
         for contact in contacts:
             if isinstance(contact.of, int) and not contact.part and contact.standing:

@@ -264,11 +264,7 @@ class BearingReactions:
                 )
 
     def require_determined(self, rows: SplitRows, q: Array) -> None:
-        """Raise where multipliers that do nothing load a bearing, at a configuration with the rows of the constraints.
-
-        Raises:
-            DynamicsError: Says which joint's friction rigid bodies do not determine.
-        """
+        """Raise where multipliers that do nothing load a bearing, at a configuration with the rows of the constraints."""
         self._require_known()
         for contact in self.undetermined(rows, q):
             if not contact.shared:

@@ -220,21 +220,13 @@ class Slipping:
         return roots
 
     def require_one_root_here(self) -> bool:
-        """Return whether (1) has a root for these loads, even if it has several for others.
-
-        Raises:
-            DynamicsError: It has several, or that it has one is not known.
-        """
+        """Return whether (1) has a root for these loads, even if it has several for others."""
         if not self.contracts and self.roots is not None and len(self.roots) < 2:
             return bool(self.roots)
         return self.require_one_root()
 
     def require_one_root(self) -> bool:
-        """Return whether (1) has a root, which changes little with the loads.
-
-        Raises:
-            DynamicsError: It has several, or that it has one is not known.
-        """
+        """Return whether (1) has a root, which changes little with the loads."""
         if self.contracts:
             return True
         some = self._rubbing

@@ -133,10 +133,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
         self.solution.final = y
 
     def run_span(self, interval: Interval, index: int, t: float, y: Array) -> tuple[float, Array]:
-        """Integrate from t [s] to the next sample of an interval, or to its end; return when it ended, and its state.
-
-        The state y at t is what is sampled there.
-        """
+        """Integrate from t [s] to the next sample of an interval, or to its end; return when it ended, and its state."""
         if interval.sampling:
             nq = self.solution.manifold.nq
             interval.sampling.act(t, y[:nq], y[nq:])

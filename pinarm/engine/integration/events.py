@@ -188,11 +188,7 @@ class StepPart(NamedTuple):
 
 
 def _parts(within: WithinStep, watch: Watch, values: Array) -> Iterator[StepPart]:
-    """Yield the parts of a step on which a value is interpolated, in order of time, given its values at the nodes.
-
-    Parts whose series do not show the signs are halved, the first ones first: what follows a crossing is not looked at.
-    The farther there is none, the more are halved in one call.
-    """
+    """Yield the parts of a step on which a value is interpolated, in order of time, given its values at the nodes."""
     known = not watch.loaded or bool(resolved(values[None])[0])
     waiting, left, at_once = [StepPart(0.0, 1.0, values, known)], MOST_STATES, 1
     while waiting:
@@ -218,11 +214,7 @@ def _halves(part: StepPart) -> tuple[tuple[float, float], tuple[float, float]]:
 def _until_stop(
     crossings: Sequence[tuple[float, int]], watches: Sequence[Watch], slack: float
 ) -> tuple[list[tuple[float, int]], float | None]:
-    """Return the crossings up to the one that stops the integration, which comes last, and its instant.
-
-    Of those that stop within ``slack`` [s] it is that of the first watched value. Other crossings at that instant
-    count, even if rounding puts them after it.
-    """
+    """Return the crossings up to the one that stops the integration, which comes last, and its instant."""
     stops = [(instant, number) for instant, number in crossings if watches[number].stops]
     if not stops:
         return list(crossings), None
@@ -258,11 +250,7 @@ def resolved(values: Array) -> Flags:
 def _brackets(
     values: Array, direction: int, level: float | None = None, turns: Sequence[Turn] = ()
 ) -> list[tuple[float, float, bool]]:
-    """Return intervals in [0, 1], each with one zero crossing of values at the nodes, and if these are positive before.
-
-    Where they turn back at 0 both ends are the place of the turn; the crossings just before and behind it are none. For
-    direction and level see ``Watch``.
-    """
+    """Return intervals in [0, 1], each with one zero crossing of values at the nodes, and if these are positive before."""
     series, touches = series_of(values), [turn for turn in turns if turn.is_open and level is not None]
     if not np.isfinite(series).all() or (_is_one_sided(series) and not touches):
         return []
@@ -345,10 +333,7 @@ def _stays(
 
 
 def _reaches(within: WithinStep, watch: Watch, start: float, end: float) -> bool:
-    """Tell whether a value comes to 0, but for rounding, where the integration ends [s]; see ``Watch.level``.
-
-    ``start`` is the start of the last step, or the last crossing in it [s].
-    """
+    """Tell whether a value comes to 0, but for rounding, where the integration ends [s]; see ``Watch.level``."""
     if watch.level is None or not start < end:
         return False
     middle, last = within.evaluate(watch.value, [0.5 * (start + end), end])

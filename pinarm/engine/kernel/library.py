@@ -131,11 +131,7 @@ def address(function: Any) -> int | None:
 
 
 def pointer(array: NDArray[Any]) -> int:
-    """Return the address of the numbers of an array.
-
-    Raises:
-        ValueError: They do not follow one another.
-    """
+    """Return the address of the numbers of an array."""
     try:  # a quarter of the time
         return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
     except (TypeError, ValueError):  # empty, or not to be written, or not in a row

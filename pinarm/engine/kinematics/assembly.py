@@ -52,11 +52,7 @@ OPEN = PrescribedCoordinates((), (), ())
 def start_near(
     mechanism: Mechanism, start: Mapping[str, float], prescribed: PrescribedCoordinates, grid: Grid
 ) -> Array:
-    """Return the configuration, shape (nq,), near which the first position is wanted, from joint coordinates there.
-
-    Raises:
-        InputError: A joint does not exist.
-    """
+    """Return the configuration, shape (nq,), near which the first position is wanted, from joint coordinates there."""
     return near_given(mechanism, start_configuration(mechanism, start), start, prescribed, grid)
 
 
@@ -102,10 +98,6 @@ def first_position(
         drawn: A configuration near the drawing, or that of the start, shape (nq,).
         near: A configuration with the first values, rough elsewhere; the drawn one with those of joints where it is
             left out.
-
-    Raises:
-        AssemblyError: The values are out of reach.
-        InputError: Several assemblies have these values, and none is reached from the drawing.
     """
     whole = _Part(closure.holonomic, prescribed, w, t)
     if not whole.solver.names or (whole.has_values(drawn) and not whole.beyond(drawn, drawn)):
@@ -119,11 +111,7 @@ def first_position(
 
 
 def closed_drawing(closure: Closure, drawn: Array) -> Assembly:
-    """Return the closed configuration near the drawing; with a note where the loops close elsewhere only.
-
-    Raises:
-        AssemblyError: The loops do not close.
-    """
+    """Return the closed configuration near the drawing; with a note where the loops close elsewhere only."""
     found = first_position(closure, OPEN, np.zeros(0), 0.0, drawn)
     return replace(found, q=assembled(closure, OPEN, found.q, np.zeros(0), 0.0))
 
@@ -224,10 +212,7 @@ class _Part:
         return _Way(False, way.end, fault) if fault else way
 
     def _same(self, end: Array, direct: Array) -> bool:
-        """Tell whether the end of a way is the position found directly, in the same turn of every joint.
-
-        Of screws, whose turns to their places are many, in any: they are on the thread nearest to the start.
-        """
+        """Tell whether the end of a way is the position found directly, in the same turn of every joint."""
         if not self.solver.sliding.all():
             return self._apart(end, direct) <= APART
         return bool(np.abs(pin.difference(self.model, end, direct) / self.closure.scale).max() <= APART)
@@ -272,10 +257,7 @@ class _Part:
         return [_distance(begun, direction / self.closure.scale) for direction in directions]
 
     def _found(self, drawn: Array, known: Sequence[Array]) -> list[Array]:
-        """Return the first positions that are known, and others to which other starts lead, each once.
-
-        Where prescribed coordinates leave motions free there are infinitely many: then it ends with one within limits.
-        """
+        """Return the first positions that are known, and others to which other starts lead, each once."""
         found, others = list[Array](), (self._closed(start)[0] for start in self._starts(drawn))
         for q in map(self._turned_back, chain(known, (q for q in others if q is not None))):
             if all(self._apart(q, other) > APART for other in found):
@@ -317,11 +299,7 @@ class _Part:
         return turned if self.has_values(turned) else q
 
     def _chosen(self, found: Sequence[Array], drawn: Array, way: _Way) -> Assembly:
-        """Return the only first position within the limits; where there is none, the end of the way, or the only one.
-
-        Raises:
-            InputError: There are several.
-        """
+        """Return the only first position within the limits; where there is none, the end of the way, or the only one."""
         within = [q for q in found if not self.beyond(q, drawn)]
         chosen = within or (found if way.end is None else found[:1])
         if len(chosen) > 1:
@@ -404,10 +382,7 @@ class _Part:
 
 
 def _distance(start: Array, way: Array) -> StateFunction:
-    """Return how far a configuration is from another one, shape (nq,), along a way d, shape (nv,): ``d . (q - q0)``.
-
-    Its drift is left out, which is right but for ball joints; predictions of these are corrected.
-    """
+    """Return how far a configuration is from another one, shape (nq,), along a way d, shape (nv,): ``d . (q - q0)``."""
     return StateFunction(
         lambda state: float(way @ pin.difference(state.model, start, state.q)),
         lambda state: np.asarray(way @ pin.dDifference(state.model, start, state.q)[1]),
@@ -463,10 +438,6 @@ def determining(mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Prescr
 
     Checked here: that they are not fewer than coordinates less constraint rows, and not more than coordinates. The rest
     is checked once the mechanism is assembled.
-
-    Raises:
-        InputError: A coordinate does not exist, or there are too few or too many.
-        AssemblyError: There are too many, and loops that cannot be closed.
     """
     prescribed, closure = PrescribedCoordinates.bound(mechanism, motion), mechanism.closure
     least = mechanism.model.nv - closure.size  # redundant rows leave more freedom than this says

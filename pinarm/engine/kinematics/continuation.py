@@ -329,27 +329,14 @@ def follow_branch(
 def _across(
     prescribed: PrescribedCoordinates, grid: Grid, first: int, last: int
 ) -> Callable[[float], tuple[Array, Array, Array]]:
-    """Return ``t -> w, w', w''`` on several intervals, by the pieces of the laws on each; where they meet, the later.
-
-    Between rows of a table that are far apart a law may have whole pieces.
-
-    Args:
-        prescribed: The coordinates with their laws.
-        grid: Its cuts bound the intervals.
-        first: The first interval.
-        last: The last one.
-    """
+    """Return ``t -> w, w', w''`` on several intervals, by the pieces of the laws on each; where they meet, the later."""
     pieces = [prescribed.on(*grid.cuts[k : k + 2]) for k in range(first, last + 1)]
     meetings = grid.cuts[first + 1 : last + 1]
     return lambda t: pieces[bisect_right(meetings, t)](t)
 
 
 def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, t: float) -> None:
-    """Raise where a motion begins at a singular position of the mechanism, beside which the laws are enough.
-
-    Raises:
-        InputError: Several motions meet there, and no law tells them apart.
-    """
+    """Raise where a motion begins at a singular position of the mechanism, beside which the laws are enough."""
     closure = mechanism.closure
     freedom = closure.split_at(q).free.shape[1]
     if freedom <= len(prescribed.names):

@@ -1,4 +1,4 @@
-"""Pull of a redundant mechanism towards a posture: the part that its path leaves free, as prescribed coordinates.
+"""Pull of a redundant mechanism towards a posture: the part that its path leaves free, as constraint rows.
 
 At every instant the configuration on a path is nearest to a posture q0 where, with prescribed coordinates w,
 
@@ -9,11 +9,11 @@ row of J holds vanishes:
 
     r(q) = Z Z^T W^2 (q - q0) = 0,    dr/dq = Z Z^T H,    H = W^2 - sum_k lam_k Hess(w_k),    J^T lam = W^2 (q - q0)
 
-The components of r are coordinates, prescribed to be 0; with those of the path they determine the motion, which
-``NewtonSolver`` continues. It is a strict minimum, and smooth, where J has its full rank and ``Z^T H Z`` is positive
-definite (Nocedal and Wright, Numerical Optimization, theorem 12.6; Fiacco, Introduction to Sensitivity and Stability
-Analysis in Nonlinear Programming, theorem 3.2.2). It depends on the path's present point only, so that a closed path
-closes in the joints as well. Limits that hold a joint have a multiplier that presses it inwards.
+With the path these rows determine the motion, which ``NewtonSolver`` continues. It is a strict minimum, and smooth,
+where J has its full rank and ``Z^T H Z`` is positive definite (Nocedal and Wright, Numerical Optimization, theorem
+12.6; Fiacco, Introduction to Sensitivity and Stability Analysis in Nonlinear Programming, theorem 3.2.2). It depends on
+the path's present point only, so that a closed path closes in the joints as well. Limits that hold a joint have a
+multiplier that presses it inwards.
 
 Derivatives of J are complex steps, exact to rounding; second ones, of the acceleration alone, differences of order 6 of
 these.
@@ -21,17 +21,16 @@ these.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.kinematics.newton import NewtonSolver, Target
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates, StateFunction
+from pinarm.engine.kinematics.newton import NewtonSolver
+from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.records import Record
 
 AT_LIMIT = 1e-9
@@ -44,8 +43,8 @@ length of the mechanism]."""
 DIFFERENCES = np.array([3 / 4, -3 / 20, 1 / 60])
 """Weights of the central difference of order 6, at 1 to 3 steps to either side."""
 
-CHANGED = 2.0
-"""Largest ratio of the least eigenvalues before and after a step: where one minimum vanishes, another has another."""
+TINY = 1e-300
+"""Least divisor."""
 
 
 class Posture(Record, frozen=True):
@@ -83,75 +82,75 @@ class Posture(Record, frozen=True):
 
 
 class FreePull:
-    """The part r(q) of the pull towards a posture that no row of J holds, and its derivatives.
+    """The part r(q) of the pull towards a posture that no row of J holds, as a constraint of nv rows.
 
     In coordinates ``q / unit``, in which W is 1 for every joint that is pulled and 0 for the others.
 
     Args:
         path: The rows of J: constraints, coordinates of the path and joints at limits.
-        posture: What is to be near.
+        posture: The target and limits.
         rank: That of J in a position of no special kind.
     """
 
-    def __init__(self, path: NewtonSolver, posture: Posture, rank: int) -> None:
-        self.path, self.posture, self.rank = path, posture, rank
-        weights = posture.weights / max(float((posture.weights * path.scale).max(initial=0.0)), 1e-300)
-        self.pulled = (weights > 0.0).astype(np.float64)
-        self.unit = np.where(weights > 0.0, 1.0 / np.where(weights > 0.0, weights, 1.0), path.scale)
-        self._last: FreePullAt | None = None
-        self._bend: tuple[Kinematics, Array] | None = None
+    name, side = "the posture", 0.0
 
-    def at(self, q: Array) -> FreePullAt:
+    def __init__(self, path: NewtonSolver, posture: Posture, rank: int) -> None:
+        self.path, self.posture, self.rank, self.size = path, posture, rank, path.model.nv
+        weights = posture.weights / max(float((posture.weights * path.scale).max(initial=0.0)), TINY)
+        self.pulled = (weights > 0.0).astype(np.float64)
+        self.units = np.where(weights > 0.0, 1.0 / np.where(weights > 0.0, weights, 1.0), path.scale)
+        self._last: PullAt | None = None
+
+    def unit(self, row: int) -> Unit:
+        return DIMENSIONLESS
+
+    def gap(self, state: Kinematics) -> Array:
+        here = self.at(state.q)
+        return np.asarray(here.free @ (here.free.T @ here.whole))
+
+    def rows(self, state: Kinematics) -> Array:
+        """Return the derivative of r where it is 0, shape (nv, nv)."""
+        here = self.at(state.q)
+        return np.asarray(here.free @ here.bent.T / self.units)
+
+    def drift(self, state: Kinematics) -> Array:
+        """Return the second derivative of r, where it is 0, along the velocity of the state, shape (nv,)."""
+        here, way = self.at(state.q), state.v / self.units
+        first, second = self.rates(state.q, way[None])[0], self._second(state.q, way)
+        rate = here.inverse.T @ (self.pulled * way - first.T @ here.lam)
+        return np.asarray(-here.free @ (here.free.T @ (2.0 * first.T @ rate + second.T @ here.lam)))
+
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        return {}
+
+    def at(self, q: Array) -> PullAt:
         """Return the pull at a configuration, shape (nq,); the last one is kept."""
         if self._last is None or not np.array_equal(self._last.q, q):
-            self._last = FreePullAt(self, q)
+            self._last = PullAt(self, q)
         return self._last
 
-    def rows(self, q: Array) -> Array:
+    def jacobian(self, q: Array) -> Array:
         """Return J, shape (m, nv)."""
-        return np.asarray(self.path.rows(self.path.closure.state(q)) * (self.unit / self.path.scale))
+        return np.asarray(self.path.rows(self.path.closure.state(q)) * (self.units / self.path.scale))
 
     def moved(self, q: Array, step: Array) -> Array:
         """Return the configuration a step away."""
-        return np.asarray(pin.integrate(self.path.model, q, self.unit * step))
+        return np.asarray(pin.integrate(self.path.model, q, self.units * step))
 
     def rates(self, q: Array, ways: Array) -> Array:
         """Return the derivatives of J along ways, shape (k, nv), as an array of shape (k, m, nv)."""
-        steps = 1j * IMAGINARY * (ways * self.unit) @ pin.tangentMap(self.path.model, q).T
+        steps = 1j * IMAGINARY * (ways * self.units) @ pin.tangentMap(self.path.model, q).T
         rows = np.imag(self.path.whole.constraint_rows.at(q + steps).matrices) / IMAGINARY
-        return np.asarray(rows * (self.unit / self.path.measure[:, None]))
-
-    def bend(self, state: Kinematics) -> Array:
-        """Return the second derivative of r, where it is 0, along the velocity of a state, shape (nv,)."""
-        if self._bend is None or self._bend[0] is not state:
-            here, along = self.at(state.q), state.v / self.unit
-            first, second = self.rates(state.q, along[None])[0], self._second(state.q, along)
-            rate = here.inverse.T @ (self.pulled * along - first.T @ here.lam)
-            self._bend = state, -here.free @ (here.free.T @ (2.0 * first.T @ rate + second.T @ here.lam))
-        return self._bend[1]
+        return np.asarray(rows * (self.units / self.path.measure[:, None]))
 
     def _second(self, q: Array, way: Array) -> Array:
         """Return the second derivative of J along a way, shape (m, nv)."""
-        h = STEP / max(float(np.abs(self.unit * way / self.path.scale).max(initial=0.0)), 1e-300)
-        sides = [
-            self.rates(self.moved(q, k * h * way), way[None])[0] - self.rates(self.moved(q, -k * h * way), way[None])[0]
-            for k in range(1, 1 + len(DIFFERENCES))
-        ]
-        return np.asarray(np.tensordot(DIFFERENCES, sides, 1) / h)
-
-    def components(self) -> list[StateFunction]:
-        """Return the components of r as coordinates."""
-        return [self._component(k) for k in range(len(self.unit))]
-
-    def _component(self, k: int) -> StateFunction:
-        return StateFunction(
-            lambda state: float(self.at(state.q).value[k]),
-            lambda state: np.asarray(self.at(state.q).slopes[k]),
-            lambda state: float(self.bend(state)[k]),
-        )
+        h = STEP / max(float(np.abs(self.units * way / self.path.scale).max(initial=0.0)), TINY)
+        ends = [[self.rates(self.moved(q, s * k * h * way), way[None])[0] for s in (1, -1)] for k in (1, 2, 3)]
+        return np.asarray(np.tensordot(DIFFERENCES, [after - before for after, before in ends], 1) / h)
 
 
-class FreePullAt(Record, frozen=True):
+class PullAt(Record, frozen=True):
     """The pull at one configuration, shape (nq,)."""
 
     pull: FreePull
@@ -160,9 +159,9 @@ class FreePullAt(Record, frozen=True):
     @cached_property
     def _split(self) -> tuple[Array, Array, Array]:
         """Singular values of J, its pseudo-inverse, shape (nv, m), and Z, shape (nv, f)."""
-        u, s, vt = np.linalg.svd(self.pull.rows(self.q))
+        u, s, vt = np.linalg.svd(self.pull.jacobian(self.q))
         r = min(self.pull.rank, len(s))
-        return s, (vt[:r].T / np.maximum(s[:r], 1e-300)) @ u[:, :r].T, vt[r:].T
+        return s, (vt[:r].T / np.maximum(s[:r], TINY)) @ u[:, :r].T, vt[r:].T
 
     @property
     def inverse(self) -> Array:
@@ -183,8 +182,8 @@ class FreePullAt(Record, frozen=True):
     @cached_property
     def whole(self) -> Array:
         """The pull W (q - q0), shape (nv,)."""
-        posture, own = self.pull.posture, self.pull
-        return np.asarray(own.pulled * (self.q[posture.places] - posture.target) / own.unit)
+        pull = self.pull
+        return np.asarray(pull.pulled * (self.q[pull.posture.places] - pull.posture.target) / pull.units)
 
     @property
     def lam(self) -> Array:
@@ -192,20 +191,10 @@ class FreePullAt(Record, frozen=True):
         return np.asarray(self.whole @ self.inverse)
 
     @cached_property
-    def value(self) -> Array:
-        """r, shape (nv,)."""
-        return np.asarray(self.free @ (self.free.T @ self.whole))
-
-    @cached_property
     def bent(self) -> Array:
         """H Z, shape (nv, f)."""
-        held = np.einsum("fmv,m->vf", self.pull.rates(self.q, self.free.T), self.lam)
-        return np.asarray(self.pull.pulled[:, None] * self.free - held)
-
-    @cached_property
-    def slopes(self) -> Array:
-        """Derivative of r where it is 0, per unit of velocity in SI, shape (nv, nv)."""
-        return np.asarray(self.free @ self.bent.T / self.pull.unit)
+        bend = np.einsum("fmv,m->vf", self.pull.rates(self.q, self.free.T), self.lam)
+        return np.asarray(self.pull.pulled[:, None] * self.free - bend)
 
     @cached_property
     def stiffness(self) -> tuple[Array, Array]:
@@ -218,24 +207,3 @@ class FreePullAt(Record, frozen=True):
     def least(self) -> float:
         """Least of these eigenvalues; infinite without freedom."""
         return float(self.stiffness[0].min(initial=np.inf))
-
-
-class NearestSolver(NewtonSolver):
-    """Newton's method on a path and the free pull of a posture; steps stay near the minimum that they begin in."""
-
-    def __init__(self, closure: Closure, prescribed: PrescribedCoordinates, pull: FreePull) -> None:
-        super().__init__(closure, prescribed)
-        self.pull, self.least = pull, np.inf
-
-    def steps(
-        self, q: Array, v: Array, a: Array, t: float, to: float, target: Target
-    ) -> Iterator[tuple[float, Array, Array, Array]]:
-        self.least = self.pull.at(q).least
-        yield from super().steps(q, v, a, t, to, target)
-
-    def continues(self, turned: Array, predicted: Array, found: Array) -> bool:
-        least, before = self.pull.at(found).least, self.least
-        if not before <= CHANGED * least <= CHANGED**2 * before or not super().continues(turned, predicted, found):
-            return False
-        self.least = least
-        return True

@@ -60,12 +60,7 @@ class JointMotion(AbstractRecord, frozen=True):
 
     @abstractmethod
     def begin(self, grid: Grid, start: Array) -> Assembly:
-        """Return a configuration at the first of some rows, given that of the drawing or of the start, shape (nq,).
-
-        Raises:
-            AssemblyError: It cannot be reached.
-            InputError: Several may be meant.
-        """
+        """Return a configuration at the first of some rows, given that of the drawing or of the start, shape (nq,)."""
 
     @abstractmethod
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
@@ -74,9 +69,6 @@ class JointMotion(AbstractRecord, frozen=True):
         Args:
             grid: Instants.
             start: A configuration near the first one, shape (nq,): it chooses the branch.
-
-        Raises:
-            AssemblyError: A position cannot be reached.
         """
 
     @abstractmethod
@@ -252,11 +244,7 @@ class RolledMotion(JointMotion, frozen=True):
         return {"rolled": TOLERANCE * steps * max(1.0, float(np.abs(states.q).max(initial=0.0)))}
 
     def _integrated(self, grid: Grid, start: Array) -> tuple[RolledWay, ...]:
-        """Return the ways from the first row on.
-
-        Raises:
-            AssemblyError: The laws determine the velocity no more.
-        """
+        """Return the ways from the first row on."""
         from scipy.integrate import solve_ivp
 
         ways, q, model, begin = list[RolledWay](), start, self.mechanism.model, float(grid.t[0])

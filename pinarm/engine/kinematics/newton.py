@@ -91,9 +91,6 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
     """Return the configuration with the given joint coordinates, shape (nq,); see ``configuration``.
 
     The others are those that the mechanism file gives as ``start``, or 0.
-
-    Raises:
-        InputError: A joint does not exist.
     """
     given = [name for name in mechanism.balls if any(key.startswith(f"{name}.") for key in start)]
     own = {
@@ -157,11 +154,7 @@ class NewtonSolver:
         return np.asarray(self.scale * v)
 
     def assemble(self, q: Array, w: Array, t: float) -> Array:
-        """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q, to rounding.
-
-        Raises:
-            AssemblyError: They end where the gap can shrink no more.
-        """
+        """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q, to rounding."""
         return self._polish(self.close(q, w, t), w)
 
     def close(self, q: Array, w: Array, t: float) -> Array:
@@ -170,9 +163,6 @@ class NewtonSolver:
         Nuts first slide to their places, then turn to the nearest thread: to turn all the way would take many steps.
         Joints without a body follow what they are tied to once all else is closed, which is where it is without them;
         those that count turns begin on the turn that is nearest to where they start.
-
-        Raises:
-            AssemblyError: They end where the gap can shrink no more.
         """
         if not self.sliding.all():
             q, _ = self.closest(q, w, self.sliding * self.untied)
@@ -223,10 +213,7 @@ class NewtonSolver:
         return float(np.linalg.norm(gap / self.measure, np.inf if self.model.nv > MANY else None))
 
     def _polish(self, q: Array, w: Array) -> Array:
-        """Take further Newton steps while they close what is left: from 1e-12 two end at rounding.
-
-        Next to a singular position a gap of 1e-12 leaves an angle of 1e-6, and with it other velocities.
-        """
+        """Take further Newton steps while they close what is left: from 1e-12 two end at rounding."""
         gap = self.gap(self.closure.state(q), w) / self.measure
         for _ in range(POLISHED):
             try:
@@ -251,10 +238,6 @@ class NewtonSolver:
 
         It is cut as well where it would change sides of a singular position without coming close to it: branches that
         all but meet, as of a crank and a rod of nearly the same length, are as smooth across as along.
-
-        Raises:
-            AssemblyError: The branch cannot be continued.
-            InputError: The rows are too far apart.
         """
         pending, smallest = [to], SMALLEST * abs(to - t)
         self.cuts += CUTS_A_ROW
@@ -317,12 +300,7 @@ class NewtonSolver:
         return q if self.closed(state, self.gap(state, w), w) else None
 
     def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
-        """Return v and a, each of shape (nv,).
-
-        Raises:
-            AssemblyError: The position is singular: the coordinates do not determine the velocities, or the mechanism
-                moves that way for an instant only.
-        """
+        """Return v and a, each of shape (nv,)."""
         rows, still = self.rows(self.closure.state(q)), np.zeros(self.closure.size)
         check_rank(rows, self.names, t, lambda: (end := end_of_travel(self, q)) and f"{end}; ")
         x = self.agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
@@ -335,9 +313,6 @@ class NewtonSolver:
         """Return x with ``rows x = right``, on which redundant rows agree, unless the loops move for an instant only.
 
         Terms in the ``square`` of a velocity [1/s^2] may have vanished in the right-hand side but for their rounding.
-
-        Raises:
-            AssemblyError: They do not agree.
         """
         x = _solve(rows, right)
         left, terms = np.abs(rows @ x - right), np.abs(rows) @ np.abs(x) + np.abs(right)

@@ -69,20 +69,12 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
 
     @classmethod
     def bound(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
-        """Return prescribed coordinates of a mechanism, be they as many as they may.
-
-        Raises:
-            InputError: A coordinate does not exist.
-        """
+        """Return prescribed coordinates of a mechanism, be they as many as they may."""
         return cls(tuple(motion), tuple(mechanism.coordinate(name) for name in motion), tuple(motion.values()))
 
     @classmethod
     def some(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
-        """Return prescribed coordinates that leave others free.
-
-        Raises:
-            InputError: A coordinate does not exist, or nothing is left free.
-        """
+        """Return prescribed coordinates that leave others free."""
         prescribed = cls.bound(mechanism, motion)
         if len(prescribed.names) >= mechanism.model.nv:
             raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
@@ -95,11 +87,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         return PrescribedCoordinates((*self.names, *names), (*self.coordinates, *coordinates), (*self.laws, *laws))
 
     def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
-        """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom.
-
-        Raises:
-            InputError: Says which could be added, or how many are too many.
-        """
+        """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom."""
         closure = mechanism.closure
         mobility = closure.split_at(q).free.shape[1]
         if len(self.names) != mobility:

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.free_pull import AT_LIMIT, FreePull, FreePullAt, NearestSolver, Posture
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.kinematics.free_pull import AT_LIMIT, FreePull, Posture, PullAt
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory, prescribed_at_start
 from pinarm.engine.kinematics.newton import NewtonSolver, Target
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
@@ -22,7 +24,7 @@ from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
-from pinarm.records import Record, replace
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
 CURVED = 1e-5
 """Least eigenvalue of ``Z^T H Z``, which is 1 where the path does not bend, at which the nearest configuration still
 counts as determined: it moves as its reciprocal."""
+
+CHANGED = 2.0
+"""Largest ratio of the least eigenvalues before and after a step: where one minimum vanishes, another has another."""
 
 WEAK, FLAT = 1e-3, 0.1
 """Ratio of singular values of J, and least eigenvalue of ``Z^T H Z``, below which they are why a branch ends."""
@@ -62,72 +67,64 @@ class PathState(NamedTuple):
     a: Array
 
 
-class LimitedPath(Record, frozen=True):
-    """The path with joints held at limits.
+class LimitedPath(NewtonSolver):
+    """Newton's method on a path, on joints held at limits, and on the free pull of a posture.
 
-    Attributes:
-        held: These joints.
-        posture: What is to be near, and limits.
-        prescribed: The coordinates of the path, those of the joints, and the components of the free pull.
-        path: Newton's method without the last.
-        solver: Newton's method.
-        pull: The free pull.
+    Steps stay near the minimum that they begin in. ``path`` is the method without the pull.
+
+    Args:
+        mechanism: The mechanism.
+        path: The coordinates of the path.
+        posture: The target and limits.
+        mobility: Degrees of freedom of the mechanism.
+        held: Joints at limits.
     """
 
-    held: AtLimits
-    posture: Posture
-    prescribed: PrescribedCoordinates
-    path: NewtonSolver
-    solver: NearestSolver
-    pull: FreePull
-
-    @classmethod
-    def of(
-        cls, mechanism: Mechanism, path: PrescribedCoordinates, posture: Posture, mobility: int, held: AtLimits
-    ) -> LimitedPath:
-        """Return a path with joints held at limits, of a mechanism with so many degrees of freedom."""
+    def __init__(
+        self, mechanism: Mechanism, path: PrescribedCoordinates, posture: Posture, mobility: int, held: AtLimits
+    ) -> None:
         levels = {posture.names[v]: Constant(value=posture.limit(v, side)) for v, side in held}
         known = path.with_others(levels, [mechanism.coordinates[name] for name in levels], levels.values())
-        newton = NewtonSolver(mechanism.closure, known)
-        pull = FreePull(newton, posture, mechanism.model.nv - mobility + len(known.names))
-        components = pull.components()
-        count = len(components)
-        whole = known.with_others(["the posture"] * count, components, [Constant(value=0.0)] * count)
-        return cls(held, posture, whole, newton, NearestSolver(mechanism.closure, whole, pull), pull)
+        self.path = NewtonSolver(mechanism.closure, known)
+        self.held, self.posture, self.prescribed = held, posture, known
+        self.pull = FreePull(self.path, posture, mechanism.model.nv - mobility + len(known.names))
+        super().__init__(Closure.of(mechanism.model, (*mechanism.closure.constraints, self.pull)), known)
+        self.least = np.inf
 
     def nearest(self, q: Array, w: Array, t: float) -> Array:
-        """Return the nearest configuration near a rough one, shape (nq,), with values w of all prescribed coordinates.
-
-        Raises:
-            AssemblyError: The path is out of reach, or the nearest configuration is not determined.
-        """
-        try:
-            assemble = self.solver.assemble(q, w, t)
-        except AssemblyError as error:
-            raise self.explained(error, q, t, w, t) from None
-        self.require_minimum(assemble, t)
-        return assemble
+        """Return the nearest configuration near a rough one, shape (nq,), with the values w, shape (k,)."""
+        with self._explaining(q, t, w, t):
+            nearest = self.assemble(q, w, t)
+        self.require_minimum(nearest, t)
+        return nearest
 
     def state(self, q: Array, t: float, begin: float, end: float) -> PathState:
         """Return the state at a nearest configuration on an interval without jumps."""
         w, dw, ddw = self.prescribed.on(begin, end)(t)
-        try:
-            return PathState(t, q, *self.solver.rates(q, dw, ddw, t))
-        except AssemblyError as error:
-            raise self.explained(error, q, t, w, t) from None
+        with self._explaining(q, t, w, t):
+            return PathState(t, q, *self.rates(q, dw, ddw, t))
 
-    def steps(self, state: PathState, to: float, target: Target) -> Iterator[PathState]:
+    def states(self, state: PathState, to: float, target: Target) -> Iterator[PathState]:
         """Yield the states after every step from one to another instant, on the same branch."""
-        try:
-            for t, *motion in self.solver.steps(*state[1:], state.t, to, target):
-                state = PathState(t, *motion)
-                yield state
-        except AssemblyError as error:
-            raise self.explained(error, state.q, state.t, target(to)[0], to) from None
+        self.least = self.pull.at(state.q).least
+        steps = self.steps(*state[1:], state.t, to, target)
+        while True:
+            with self._explaining(state.q, state.t, target(to)[0], to):
+                if (step := next(steps, None)) is None:
+                    return
+            state = PathState(*step)
+            yield state
 
-    def advance(self, state: PathState, to: float, target: Target) -> PathState:
+    def continues(self, turned: Array, predicted: Array, solution: Array) -> bool:
+        least, before = self.pull.at(solution).least, self.least
+        if not before <= CHANGED * least <= CHANGED**2 * before or not super().continues(turned, predicted, solution):
+            return False
+        self.least = least
+        return True
+
+    def last(self, state: PathState, to: float, target: Target) -> PathState:
         """Return the state at another instant, on the same branch."""
-        *_, last = self.steps(state, to, target)
+        *_, last = self.states(state, to, target)
         return last
 
     def require_minimum(self, q: Array, t: float) -> None:
@@ -153,10 +150,18 @@ class LimitedPath(Record, frozen=True):
         pull = float(np.abs(self.pull.at(q).whole).max(initial=0.0))
         return np.concatenate([self.posture.slack.ravel(), np.full(len(self.held), LIFTED * (1.0 + pull))])
 
+    @contextmanager
+    def _explaining(self, q: Array, t: float, w: Array, to: float) -> Iterator[None]:
+        """Say why a branch that has come to q at t does not go on to the values w at ``to``."""
+        try:
+            yield
+        except AssemblyError as error:
+            raise self.explained(error, q, t, w, to) from None
+
     def explained(self, error: AssemblyError, q: Array, t: float, w: Array, to: float) -> AssemblyError:
         """Return why a branch that has come to q at t does not go on to the values w at ``to``."""
         try:
-            self.path.assemble(q, w[: len(self.path.coordinates)], to)
+            self.path.assemble(q, w, to)
         except AssemblyError as beyond:
             return beyond
         here = self.pull.at(q)
@@ -171,7 +176,7 @@ class LimitedPath(Record, frozen=True):
         return self._undetermined(q, t) if here.least < FLAT else error
 
     def _undetermined(self, q: Array, t: float) -> AssemblyError:
-        weak = np.abs(self.pull.unit * self.pull.at(q).stiffness[1][:, 0] / self.path.scale)
+        weak = np.abs(self.pull.units * self.pull.at(q).stiffness[1][:, 0] / self.path.scale)
         moving = [name for name, size in zip(self.posture.names, weak, strict=True) if size > 0.3 * weak.max()]
         return AssemblyError(
             f"the configuration nearest to the posture is not determined at {instant(t)}: {', '.join(moving)} can move "
@@ -212,7 +217,7 @@ class LimitedPath(Record, frozen=True):
             return float(np.concatenate([self.margins(q[self.posture.places]), self.pressing(q)])[place])
 
         def margin_at(t: float) -> float:
-            return margin(self.advance(before, t, target).q)
+            return margin(self.last(before, t, target).q)
 
         rounding = float(self.rounding(before.q)[place])
         end = next((end for end in ends if margin_at(end) < -rounding), None)
@@ -220,7 +225,7 @@ class LimitedPath(Record, frozen=True):
             return None
         if margin(before.q) <= 0.0:  # at the limit already
             return before
-        return self.advance(before, float(brentq(margin_at, before.t, end, xtol=0.01 * slack)), target)
+        return self.last(before, float(brentq(margin_at, before.t, end, xtol=0.01 * slack)), target)
 
 
 def first_configuration(
@@ -230,17 +235,13 @@ def first_configuration(
 
     Sequential quadratic programming (SLSQP of scipy) comes near it, all limits being bounds; Newton's method then finds
     it to rounding, the joints at limits being those whose multipliers hold them there.
-
-    Raises:
-        AssemblyError: The path is out of reach, within the limits or at all.
     """
     rough = _rough_minimum(path_of(()), q, w, t)
     near = posture.margins(rough[posture.places]) <= NEAR / AT_LIMIT * posture.slack
     held = {(int(joint), int(side)) for side, joint in np.argwhere(near)}
     for _ in range(2 * len(posture.target) + 1):
         path = path_of(tuple(sorted(held)))
-        levels = [posture.limit(*limit) for limit in path.held]
-        q = path.nearest(rough, np.concatenate([w, levels, np.zeros(len(posture.target))]), t)
+        q = path.nearest(rough, np.append(w, [posture.limit(*limit) for limit in path.held]), t)
         pressing = path.pressing(q)
         if pressing.min(initial=0.0) < 0.0:
             held.discard(path.held[int(pressing.argmin())])
@@ -265,24 +266,22 @@ def _rough_minimum(path: LimitedPath, q: Array, w: Array, t: float) -> Array:
 
     newton, pull, posture = path.path, path.pull, path.posture
     q = newton.assemble(q, w, t)
-    rows = pull.rows(q)
     if pull.at(q).regularity <= SINGULAR:
         raise path.explained(AssemblyError("singular"), q, t, w, t)
-    independent = np.linalg.svd(rows)[0][:, : pull.rank].T  # SLSQP cannot take rows that repeat others
+    independent = np.linalg.svd(pull.jacobian(q))[0][:, : pull.rank].T  # SLSQP cannot take rows that repeat others
 
     def distance(x: Array) -> float:
-        whole = FreePullAt(pull, pull.moved(q, x)).whole
+        whole = PullAt(pull, pull.moved(q, x)).whole
         return 0.5 * float(whole @ whole)
 
     def gap(x: Array) -> Array:
-        state = newton.closure.state(pull.moved(q, x))
-        return np.asarray(independent @ (newton.gap(state, w) / newton.measure))
+        return np.asarray(independent @ (newton.gap(newton.closure.state(pull.moved(q, x)), w) / newton.measure))
 
-    below, above = posture.margins(q[posture.places]) / pull.unit
-    reach = TURN * newton.scale / pull.unit
+    below, above = posture.margins(q[posture.places]) / pull.units
+    reach = TURN * newton.scale / pull.units
     low, high = np.maximum(-reach, -below), np.minimum(reach, above)
     if (low <= high).all():
-        found = minimize(
+        solution = minimize(
             distance,
             np.clip(np.zeros(len(low)), low, high),
             method="SLSQP",
@@ -290,8 +289,8 @@ def _rough_minimum(path: LimitedPath, q: Array, w: Array, t: float) -> Array:
             constraints={"type": "eq", "fun": gap},
             options={"maxiter": 500, "ftol": 1e-12},
         )
-        if np.abs(gap(found.x)).max(initial=0.0) < CLOSE:
-            return pull.moved(q, found.x)
+        if np.abs(gap(solution.x)).max(initial=0.0) < CLOSE:
+            return pull.moved(q, solution.x)
     out = [name for name, off in zip(posture.names, (below < 0.0) | (above < 0.0), strict=True) if off]
     beyond = f": on the way, {', '.join(out)} are beyond them" if out else ""
     raise AssemblyError(
@@ -307,7 +306,7 @@ class NearestMotion(JointMotion, frozen=True):
     """A mechanism that follows a path of fewer coordinates than degrees of freedom, nearest to a posture.
 
     Attributes:
-        posture: What is to be near, and limits.
+        posture: The target and limits.
         mobility: Degrees of freedom of the assembled mechanism.
         bounds: Instants at which limits change, ascending [s].
         held: Joints at limits before the first of them, between them and after the last; none where not yet known.
@@ -326,8 +325,7 @@ class NearestMotion(JointMotion, frozen=True):
         from pinarm.engine.kinematics.assembly import generic_near
 
         prescribed, closure = PrescribedCoordinates.bound(mechanism, motion), mechanism.closure
-        q = generic_near(mechanism, {})
-        mobility = closure.split_at(q).free.shape[1]
+        mobility = closure.split_at(generic_near(mechanism, {})).free.shape[1]
         if len(prescribed.names) == mobility:
             raise InputError(
                 f"{mobility} coordinates follow a law and determine the motion: nothing is left to resolve",
@@ -352,8 +350,8 @@ class NearestMotion(JointMotion, frozen=True):
 
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         path = self.path(self.held_at(t))
-        first, second = (np.append(x, np.zeros(len(path.prescribed.names) - len(x))) for x in (dw, ddw))
-        states = [path.solver.rates(row, first, second, t) for row in q]
+        still = np.zeros(len(path.held))
+        states = [path.rates(row, np.append(dw, still), np.append(ddw, still), t) for row in q]
         return np.array([v for v, _ in states]), np.array([a for _, a in states])
 
     def figures(self, states: JointTrajectory) -> Mapping[str, float]:
@@ -374,7 +372,7 @@ class NearestMotion(JointMotion, frozen=True):
     def path(self, held: AtLimits) -> LimitedPath:
         """Return the path with joints held at limits; each is kept."""
         if held not in self._paths:
-            self._paths[held] = LimitedPath.of(self.mechanism, self.prescribed, self.posture, self.mobility, held)
+            self._paths[held] = LimitedPath(self.mechanism, self.prescribed, self.posture, self.mobility, held)
         return self._paths[held]
 
     def _between_known_changes(self, grid: Grid, q: Array) -> JointTrajectory:
@@ -385,7 +383,7 @@ class NearestMotion(JointMotion, frozen=True):
             target = path.prescribed.on(begin, end)
             for t in grid.t[part].tolist():
                 if states and t != states[-1].t:
-                    states.append(path.advance(states[-1], t, target))
+                    states.append(path.last(states[-1], t, target))
                 else:
                     near = states[-1].q if states else path.nearest(q, target(t)[0], t)
                     states.append(path.state(near, t, begin, end))
@@ -438,7 +436,7 @@ class _Search:
     def _crossing(self, to: float, target: Target) -> tuple[PathState, tuple[int, int]] | None:
         """Go on to a row, or return the change of limits before it."""
         before = self.state
-        for after in self.path.steps(before, to, target):
+        for after in self.path.states(before, to, target):
             self.path.require_minimum(after.q, after.t)
             if crossing := self.path.crossing(before, after, target, self.slack):
                 return crossing

@@ -149,9 +149,6 @@ def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], st
         names: What they belong to.
         t: The instant, for the message.
         why: Says what is singular, as far as that is known.
-
-    Raises:
-        AssemblyError: The position is singular.
     """
     nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)

@@ -267,12 +267,7 @@ class VariantMotion(Record, frozen=True):
         return VariantStates(q, v, a, good & self.own.alike_in_size)
 
     def _begun(self, start: Array, w: Array) -> tuple[Array, Flags]:
-        """Return first positions, shape (k, nv), and where they are one step of the continuation from closed drawings.
-
-        Args:
-            start: Configurations of the drawing, or of the start, shape (k, nv).
-            w: First values of the prescribed coordinates, shape (k, d).
-        """
+        """Return first positions, shape (k, nv), and where they are one step of the continuation from closed drawings."""
         drawn, good = self._assembled(start, w, np.arange(self.own.size))
         first, reached = self._assembled(drawn, w, np.arange(self.closing.rows.size))
         change = self.closing.missing(self.closing.at(drawn[None]), w[None])[..., self.own.size :].repeat(2, axis=0)
@@ -292,10 +287,7 @@ class VariantMotion(Record, frozen=True):
         return np.asarray(((q[..., judged] >= low) & (q[..., judged] <= high)).all(axis=(0, -1)))
 
     def _assembled(self, q: Array, w: Array, some: Indices) -> tuple[Array, Flags]:
-        """Return what damped steps on some rows reach, shape (k, nv), and where no step had to be damped, shape (k,).
-
-        The steps of ``NewtonSolver.closest``; where the gap grows these would be shorter, and the variant is left.
-        """
+        """Return what damped steps on some rows reach, shape (k, nv), and where no step had to be damped, shape (k,)."""
         solver, whole, size = self.solver, self.closing.rows, np.full(len(q), np.inf)
         good, allowed = np.ones(len(q), dtype=bool), self.closing.allowed(w)[:, some]
         for _ in range(ITERATIONS):

@@ -97,10 +97,7 @@ def _rests(
     ends: Sequence[tuple[Array, Array, Array]],
     speed: Array,
 ) -> list[UndeterminedRest]:
-    """Return the first instant at which one part of the mechanism is slow next to a singular position, if any.
-
-    ``part`` has its velocities, the rank of its rows, and their largest least singular value.
-    """
+    """Return the first instant at which one part of the mechanism is slow next to a singular position, if any."""
     (joints, rank, usual), since = part, -np.inf
     cuts = np.cumsum([len(t) for t, _, _ in ends])[:-1]
     limits = np.split(SLOW * _fastest_near(np.concatenate([t for t, _, _ in ends]), speed), cuts)
@@ -232,9 +229,6 @@ def require_turns(
     """Raise where an angle along which something acts leaps between two of n configurations, shape (n, nq).
 
     They belong to values t of the parameter, so close that an angle turns by less than a quarter in between.
-
-    Raises:
-        DynamicsError: Says what acts, when, and what to do.
     """
     states = (Kinematics.at(model, place) for place in q)
     for to, (before, after) in zip(t[1:].tolist(), pairwise(states), strict=True):

@@ -116,13 +116,7 @@ class KnownFriction:
         BearingReactions(run.mechanism.frictions, run.mechanism.closure, dynamics).require_determined(split, run.q[0])
 
     def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
-        """Return the friction of slips in given directions in one row, shape (k,).
-
-        ``at_rest`` tells whether joints whose slip is 0 have the friction of rest, which they have until they slip.
-
-        Raises:
-            DynamicsError: There is none, or more than one.
-        """
+        """Return the friction of slips in given directions in one row, shape (k,)."""
         equation = self._equation(row, direction, at_rest=at_rest)
         if not equation.require_one_root():
             raise self._jammed(row, direction)
@@ -179,11 +173,7 @@ class KnownFriction:
         return columns
 
     def _held_for_an_instant(self, way: Array) -> tuple[Indices, KnownFriction | None]:
-        """Return the rows at which joints are at rest for an instant, and their motion without that of the coordinate.
-
-        Without the acceleration of the drive's coordinate joints would stay at rest. ``way`` is the motion of all
-        joints per unit of the coordinate, shape (n, nv).
-        """
+        """Return the rows at which joints are at rest for an instant, and their motion without that of the coordinate."""
         run, slips = self.run, np.matvec(self.rows, way)
         moved = np.abs(slips) > MOVES * np.abs(way).max(axis=1, keepdims=True)
         begun = np.where(moved & standing(run, self.rows, self.beside.pace) & ~self.resting, slips, 0.0)
@@ -211,11 +201,7 @@ class KnownFriction:
         return ways
 
     def _effort(self, way: Array, sign: float) -> Array:
-        """Return the effort that begins to move a drive's coordinate up or down, shape (n,).
-
-        Joints that do not move with it, as a piston at its dead centre, may rub either way: the way that holds best
-        counts. It is infinite where friction holds any effort; see ``Slipping.locks``.
-        """
+        """Return the effort that begins to move a drive's coordinate up or down, shape (n,)."""
         slips, contacts = np.matvec(self.rows, way), self.run.mechanism.frictions
         largest = np.abs(slips).max(axis=1, keepdims=True, initial=0.0)
         begun = sign * unit_vectors(contacts, np.where(np.abs(slips) > MOVES * largest, slips, 0.0))
@@ -228,10 +214,7 @@ class KnownFriction:
         return efforts
 
     def _held(self, row: int, direction: Array, slips: Array, size: float) -> float:
-        """Return by how much friction raises the effort that begins to move a coordinate; infinite where it locks.
-
-        ``slips`` are per unit of the coordinate, ``size`` is that of the terms of its effort without friction.
-        """
+        """Return by how much friction raises the effort that begins to move a coordinate; infinite where it locks."""
         if self.resting[row].all() and self._equation(row, direction, at_rest=True).locks(slips, size):
             return np.inf
         return float(-slips @ self._friction(row, direction, at_rest=True))

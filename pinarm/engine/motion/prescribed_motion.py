@@ -79,10 +79,6 @@ class Prescription(Record, frozen=True):
         Args:
             grid: Values of the parameter.
             start: Configuration of the drawing, or of the start, shape (nq,): it chooses the branch.
-
-        Raises:
-            AssemblyError: A position cannot be reached.
-            InputError: Several first positions may be meant.
         """
         with running(self.parameter, self.unit):
             assembly = self.motion.begin(grid, start)
@@ -111,11 +107,7 @@ class Prescription(Record, frozen=True):
         )
 
     def _refuse_jumps(self, motion: JointMotion) -> None:
-        """Raise where efforts are asked for, and velocities jump though the laws do not.
-
-        Raises:
-            InputError: Efforts would have to be infinite there.
-        """
+        """Raise where efforts are asked for, and velocities jump though the laws do not."""
         if motion.jumps and self.drives is not None:
             raise InputError(
                 f"{motion.jumps[0]}: it would take infinite efforts",
@@ -250,10 +242,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return self.prescription.solved(self.prescription.moving(grid, self._near(grid)), self.pace)
 
     def _near(self, grid: Grid) -> Array:
-        """Return a configuration near the first value of a grid, followed from the last row before it if that is far.
-
-        Between few rows loops could close on another branch from the nearest one, and angles some turns away.
-        """
+        """Return a configuration near the first value of a grid, followed from the last row before it if that is far."""
         first, start, end = float(grid.t[0]), grid.cuts[0], grid.cuts[-1]
         ahead = (self.t - first) * np.sign(end - start)
         before = np.flatnonzero((ahead <= 0.0) & (np.abs(self.t - start) <= abs(end - start)))
@@ -275,11 +264,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
 
     def knots(self) -> Array:
-        """Return the points of laws of coordinates, of loads, and of profiles of cams; see ``SolvedMotion``.
-
-        Raises:
-            InputError: Profiles have too many.
-        """
+        """Return the points of laws of coordinates, of loads, and of profiles of cams; see ``SolvedMotion``."""
         known, laws = self.prescription, [*self.prescription.motion.laws]
         forces = known.dynamics.forces.values()
         if known.parameter == "t":

@@ -112,11 +112,7 @@ class Recording:
         return Outcome(table, figures=consistency(self.mechanism, rows), notes=notes)
 
     def splined(self, rows: RecordedRows) -> Outcome:
-        """Return the table of rows with the derivatives of their spline, and how well it knows them.
-
-        Raises:
-            InputError: There are too few rows, an instant stands twice, or an angle jumps.
-        """
+        """Return the table of rows with the derivatives of their spline, and how well it knows them."""
         spline, grid = QuinticSpline.through(self.mechanism, rows.t, rows.q), self._grid(rows.t)
         v, a = spline.at(rows.t)[1:]
         beside = spline.beside(grid)
@@ -130,10 +126,7 @@ class Recording:
         return self.table(row, grid, self._beside(row, grid))
 
     def _beside(self, rows: RecordedRows, grid: Grid) -> Beside | None:
-        """Return what tells the directions of given rows: all of them are one motion; ``None`` where it is not known.
-
-        Where an instant stands twice, the motion jumps, and its first row ends what was before.
-        """
+        """Return what tells the directions of given rows: all of them are one motion; ``None`` where it is not known."""
         if rows.v is None or rows.a is None:
             return None
         h = np.diff(rows.t)
@@ -147,9 +140,6 @@ class Recording:
 
         Efforts and forces in loops are those of the closed positions nearest to the rows, since constraints that repeat
         others do so only there: by rows with six digits a linkage with one would be a truss that carries any load.
-
-        Raises:
-            AssemblyError: The loops do not close near a row.
         """
         return replace(self._table(replace(rows, q=self._closed(rows)), grid, beside), q=rows.q)
 
@@ -203,11 +193,7 @@ class QuinticSpline:
 
     @classmethod
     def through(cls, mechanism: Mechanism, t: Array, q: Array) -> QuinticSpline:
-        """Return the spline through rows.
-
-        Raises:
-            InputError: There are too few rows, an instant stands twice, or an angle jumps.
-        """
+        """Return the spline through rows."""
         if len(t) < FEWEST:
             raise InputError(
                 f"{len(t)} rows are too few for a spline of degree {DEGREE} and its error",

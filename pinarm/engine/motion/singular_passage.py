@@ -59,11 +59,7 @@ TOLD = 1e-9
 
 
 def followed(motion: JointMotion, grid: Grid, start: Array) -> tuple[JointTrajectory, Flags]:
-    """Return the motion at the rows of a grid that are not singular, and which these are, shape (n,).
-
-    Raises:
-        AssemblyError: A position cannot be reached, or the first one is singular.
-    """
+    """Return the motion at the rows of a grid that are not singular, and which these are, shape (n,)."""
     kept = np.ones(len(grid.t), dtype=bool)
     while True:
         try:
@@ -132,11 +128,7 @@ class SingularPassage(Record, frozen=True):
         return cls(known, rows.grid.t[clear], rows.q[clear], usual, pace)
 
     def at(self, grid: Grid, near: Callable[[Grid], Array]) -> Trajectory:
-        """Return the states at values of the parameter, followed from the last clear row before them, or from one near.
-
-        Raises:
-            AssemblyError: A position cannot be reached, or is singular and not passed smoothly.
-        """
+        """Return the states at values of the parameter, followed from the last clear row before them, or from one near."""
         longer, q = grid, None
         first = self._before(float(grid.t[0]), *grid.cuts) if len(grid.cuts) == 2 else None
         if first is not None:

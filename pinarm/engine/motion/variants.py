@@ -164,11 +164,7 @@ def _determined(table: PrescribedTable) -> DeterminedMotion:
 
 
 def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
-    """Return the same drives on variants.
-
-    Raises:
-        VariantsDiffer: They share the load, act along task coordinates, or leave joints that mimic others.
-    """
+    """Return the same drives on variants."""
     if isinstance(drives, DriveAtEveryJoint):
         return DriveAtEveryJoint(closure)
     if not isinstance(drives, SelectedDrives) or drives.tasks or drives.distribution is not UNIQUE:

@@ -118,19 +118,10 @@ class Family(AbstractRecord, frozen=True):
 
     @abstractmethod
     def series(self, asked: Asked) -> Series:
-        """Return a quantity over the rows.
-
-        Raises:
-            UnknownQuantity: There is none of this name.
-            InputError: It is not known, or rigid bodies do not determine it.
-        """
+        """Return a quantity over the rows."""
 
     def require_efforts(self, asked: Asked) -> None:
-        """Raise where the run has no efforts.
-
-        Raises:
-            InputError: Says why.
-        """
+        """Raise where the run has no efforts."""
         if self.run.no_efforts:
             hint = self.run.remedy if self.run.unknown else "kind: inverse"
             raise InputError(f"'{asked.name}': {self.run.no_efforts}", hint=hint)
@@ -157,10 +148,6 @@ class Family(AbstractRecord, frozen=True):
         Args:
             asked: The name.
             vectors: World axes, shape (n, 3).
-
-        Raises:
-            InputError: It asks for something but a moment about a point.
-            UnknownQuantity: It has other words.
         """
         axis, extra = asked.words[-1], asked.words[2:-1]
         if "about" in extra[::2] and asked.part not in MOMENTS:
@@ -227,9 +214,6 @@ class WrenchFamily(Family, frozen=True):
             wrench: [f; m] there, world axes, shape (n, 6).
             stresses: What each self-stress of length 1 adds to it, shape (n, 6).
             about: The points of moments where the name gives none [m], shape (n, 3).
-
-        Raises:
-            InputError: A self-stress adds to the component, see ``doubt``.
         """
         values, *added = (self.wrench_component(asked, origins, each, about) for each in (wrench, *stresses))
         terms = np.linalg.norm(wrench[..., :3], axis=-1)
@@ -252,9 +236,6 @@ class WrenchFamily(Family, frozen=True):
         Args:
             asked: The name.
             added: What each self-stress of length 1 adds to the component, shape (n,).
-
-        Raises:
-            InputError: They add to it, and the least values are not asked for.
         """
         if not any(acts(part) for part in added):
             return ""
@@ -279,10 +260,7 @@ class WrenchFamily(Family, frozen=True):
         )
 
     def _across_axis(self, asked: Asked) -> str:
-        """Return the name of the size across the joint's axis in place of a length, where only that is determined.
-
-        It is the length in the plane of a flat mechanism, which rigid bodies do not hold out of its plane.
-        """
+        """Return the name of the size across the joint's axis in place of a length, where only that is determined."""
         if asked.words[-1] != "norm":
             return ""
         name = f"{asked.name.removesuffix('norm')}radial"

@@ -49,10 +49,7 @@ def friction_doubts(run: Trajectory) -> dict[str, str]:
 
 
 def _resting_speed(run: Trajectory) -> float:
-    """Return the slip that rounding leaves of joints that come to rest, in SI: see ``JointFriction.resting_speed``.
-
-    Its accelerations are not below those that friction makes alone, ``|f| / M_kk``.
-    """
+    """Return the slip that rounding leaves of joints that come to rest, in SI: see ``JointFriction.resting_speed``."""
     inertia = np.diagonal(mass_matrix(run.mechanism.model, run.q[0]))
     efforts = np.abs(slip_rows(run.mechanism.model, run.mechanism.frictions, run.q)).max(axis=0)
     alone = _largest(run.friction) * _largest(efforts[:, inertia > 0.0] ** 2 / inertia[inertia > 0.0])
@@ -68,9 +65,6 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
 
     Of a joint that slips, ``f + s (mu N + c)``; of one at rest, by how much ``|f|`` exceeds its limit. N is that of the
     reactions of the rows, by Newton's and Euler's equations of the bodies.
-
-    Raises:
-        DynamicsError: They contradict each other.
     """
     contacts = run.mechanism.frictions
     if not contacts or run.no_efforts or not len(run):

@@ -64,11 +64,7 @@ def placements(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
 
 
 def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None) -> pin.Data:
-    """Return Pinocchio's data of one state; see ``Mechanism.pin_data``.
-
-    Raises:
-        InputError: Several states are given.
-    """
+    """Return Pinocchio's data of one state; see ``Mechanism.pin_data``."""
     model = mechanism.model
     if np.ndim(q) != 1:
         raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({model.nq},)")
@@ -90,11 +86,7 @@ def _configurations(mechanism: Mechanism, q: ArrayLike) -> tuple[LeadingAxes, Ar
 
 
 def _is_coordinate(mechanism: Mechanism, name: str) -> bool:
-    """Tell whether a name is that of a coordinate or of a ball joint.
-
-    Raises:
-        InputError: It is that of a link as well.
-    """
+    """Tell whether a name is that of a coordinate or of a ball joint."""
     word, _, rest = name.partition(".")
     coordinates = {*mechanism.coordinates, *mechanism.balls}
     if name in coordinates and any(_is_link(frame) and frame.name == name for frame in mechanism.model.frames):
@@ -124,11 +116,7 @@ def _is_link(frame: pin.Frame) -> bool:
 
 
 def frame_named(mechanism: Mechanism, name: str) -> int:
-    """Return the index of the frame of a link, or of a joint where it begins with ``joint.``.
-
-    Raises:
-        InputError: There is none of that name.
-    """
+    """Return the index of the frame of a link, or of a joint where it begins with ``joint.``."""
     model = mechanism.model
     word, _, joint = name.partition(".")
     frames = {

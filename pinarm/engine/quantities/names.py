@@ -204,20 +204,12 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         )
 
     def _require_axes(self, series: Series) -> None:
-        """Raise where a quantity of variants has not the axis of these, and would be spread along another.
-
-        Raises:
-            VariantsDiffer: It has not.
-        """
+        """Raise where a quantity of variants has not the axis of these, and would be spread along another."""
         if series.values.shape not in self.trajectory.value_shapes:
             raise VariantsDiffer(series.name)
 
     def _require_known(self, series: Series) -> Series:
-        """Return a quantity, unless it depends on velocities or accelerations that are not known, which are NaN.
-
-        Raises:
-            InputError: Says why they are not known.
-        """
+        """Return a quantity, unless it depends on velocities or accelerations that are not known, which are NaN."""
         if self.trajectory.unknown and np.isnan(series.values).any():
             raise InputError(f"'{series.name}': {self.trajectory.unknown}", hint=self.trajectory.remedy)
         return series
@@ -278,11 +270,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return replace(series, doubt=self.whole[name].doubt)
 
     def _require_one_meaning(self, name: str) -> None:
-        """Raise where a name stands for several things; symbols may take those of constants and ``g``.
-
-        Raises:
-            InputError: Says for which.
-        """
+        """Raise where a name stands for several things; symbols may take those of constants and ``g``."""
         if name not in self._several and name not in self.trajectory.mechanism.worded:
             return
         run, mechanism = self.trajectory, self.trajectory.mechanism
@@ -433,11 +421,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return {inner: self[inner] for inner in expression.names if not _is_constant(inner, self)}
 
     def _require_units(self, expression: Expression) -> None:
-        """Raise where what reads as a number with a unit may be a product of names whose ``*`` was forgotten.
-
-        Raises:
-            InputError: All the words of the unit are names here.
-        """
+        """Raise where what reads as a number with a unit may be a product of names whose ``*`` was forgotten."""
         mechanism = self.trajectory.mechanism
         names = {"g", *self.symbols, *mechanism.symbols, *mechanism.arguments, *mechanism.coordinates}
         for number in expression.measured:

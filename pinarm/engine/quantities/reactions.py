@@ -129,10 +129,7 @@ class Reactions:
         return run.gather(joints)
 
     def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
-        """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6).
-
-        [f; m] at the world's origin, world axes [N, N*m].
-        """
+        """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6)."""
         run, links, states = self.run, self.links.some(rows), self.run.q[rows].shape[:-1]
         wrenches = states_first(np.zeros((6, self.model.njoints, *states), run.q.dtype))
         for force in dynamics.forces.values():
@@ -317,11 +314,7 @@ class Reactions:
         return self._at_sample(added)
 
     def _at_sample(self, added: Sequence[Array]) -> list[Array]:
-        """Return what self-stresses of length 1 add at a sample of the rows, shape (s, ..), with 0 at the others.
-
-        Args:
-            added: The same at the rows of each part of ``stresses``, shape (s, k, ..).
-        """
+        """Return what self-stresses of length 1 add at a sample of the rows, shape (s, ..), with 0 at the others."""
         found = np.zeros((max(map(len, added)), len(self.run), *added[0].shape[2:]))
         for (rows, _), part in zip(self.stresses, added, strict=True):
             found[: len(part), rows] = part

@@ -37,9 +37,6 @@ class LeadingAxes:
 
         Args:
             given: Name -> array of shape (..., width), and its width.
-
-        Raises:
-            InputError: A last axis has another length, the leading axes differ, or something is no real number.
         """
         arrays = {name: real(x, name) for name, (x, _) in given.items()}
         for name, x in arrays.items():
@@ -70,10 +67,6 @@ def states_of(mechanism: Mechanism, q: ArrayLike, **rates: ArrayLike | None) -> 
         mechanism: The mechanism.
         q: Configurations, shape (..., nq).
         rates: ``v``, ``a`` and ``tau``, shape (..., nv); ``None`` where they are not given.
-
-    Raises:
-        InputError: Shapes do not fit, or a quaternion has not the length 1.
-        UnitError: A ``Series`` measures what no coordinate of the mechanism has.
     """
     refuse_foreign(mechanism, q, **rates)
     given = {"q": (q, mechanism.model.nq)}
@@ -84,12 +77,7 @@ def states_of(mechanism: Mechanism, q: ArrayLike, **rates: ArrayLike | None) -> 
 
 
 def refuse_foreign(mechanism: Mechanism, q: ArrayLike, **rates: ArrayLike | None) -> None:
-    """Raise where arrays are not what the mechanism takes; see ``states_of``.
-
-    Raises:
-        InputError: Configurations have the width of those of ``pin.buildModelFromUrdf``; says what converts them.
-        UnitError: A ``Series`` measures what no coordinate of the mechanism has.
-    """
+    """Raise where arrays are not what the mechanism takes; see ``states_of``."""
     for name, x in {"q": q, **rates}.items():
         if isinstance(x, Series):
             require_unit(x, name, *_measures(mechanism, name))
@@ -119,11 +107,7 @@ def _measures(mechanism: Mechanism, name: str) -> set[Unit]:
 
 
 def _check_quaternions(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
-    """Raise where a quaternion has not the length 1.
-
-    Raises:
-        InputError: Says which.
-    """
+    """Raise where a quaternion has not the length 1."""
     for ball in mechanism.balls.values():
         lengths = np.linalg.norm(ball.quaternion(q), axis=1)
         for row in np.flatnonzero(np.abs(lengths - 1.0) > UNIT)[:1]:
@@ -141,9 +125,6 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
 
     Returns:
         q, shape (..., nq).
-
-    Raises:
-        InputError: A joint does not exist, or the shapes differ.
     """
     require_map(positions, "positions", "{'knee': 0.5}")
     model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
@@ -184,10 +165,6 @@ def columns_of(
     Args:
         values: Values by name.
         units: Name -> what it may be measured in; others are refused elsewhere.
-
-    Raises:
-        InputError: Their shapes do not go together, or they are no numbers.
-        UnitError: They measure something else.
     """
     for name, value in values.items():
         if name in units:
@@ -202,12 +179,7 @@ def columns_of(
 
 
 def instant(t: float) -> float:
-    """Return an instant [s].
-
-    Raises:
-        InputError: It is no finite number.
-        UnitError: It has a unit that is none of time.
-    """
+    """Return an instant [s]."""
     require_unit(t, "t", SECOND)
     found = real(t, "t")
     if found.ndim or not np.isfinite(found):

@@ -213,11 +213,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
 
 
 def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array) -> Array:
-    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``.
-
-    Raises:
-        DynamicsError: Something without mass is free to move.
-    """
+    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``."""
     if not mechanism.massive:
         require_masses(mechanism.closure, q, t)
     closure = mechanism.closure
@@ -225,17 +221,7 @@ def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Ar
 
 
 def _check_sides(dynamics: Dynamics, leading: LeadingAxes, run: Trajectory, demand: Array) -> None:
-    """Raise where a cable would have to push, or a cam that pushes only to pull, however constraints share the load.
-
-    Args:
-        dynamics: The forces at the instant of the states.
-        leading: The leading axes of the states.
-        run: The states with their multipliers.
-        demand: ``M a + nle - loads``, shape (n, nv).
-
-    Raises:
-        InputError: Says which, in which state, and with what.
-    """
+    """Raise where a cable would have to push, or a cam that pushes only to pull, however constraints share the load."""
     closure = run.mechanism.closure
     lam, sided = np.asarray(run.lam)[:, : closure.size], one_sided(run.mechanism.constraints)
     at_rest = dynamics.inverse(float(run.grid.t[0]), run.q, run.v, np.zeros_like(run.v))
@@ -257,13 +243,7 @@ def _check_sides(dynamics: Dynamics, leading: LeadingAxes, run: Trajectory, dema
 
 
 def _is_shared(rows: Array, lam: Array, sides: Mapping[int, float]) -> bool:
-    """Tell whether other multipliers give the same loads, without one against its side.
-
-    Args:
-        rows: G, shape (m, nv).
-        lam: Multipliers, shape (m,).
-        sides: Row -> sign that its multiplier may have.
-    """
+    """Tell whether other multipliers give the same loads, without one against its side."""
     if np.linalg.matrix_rank(rows) == len(rows):
         return False
     from scipy.optimize import lsq_linear
@@ -284,11 +264,7 @@ class _Tear(NamedTuple):
 
 
 def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
-    """Raise where a given state tears a loop or a coupling.
-
-    Raises:
-        InputError: Says which, in which row, and by how much.
-    """
+    """Raise where a given state tears a loop or a coupling."""
     for tear in _tears(closure, leading, q, v, a):
         raise InputError(tear.said, expected="states that the loops and couplings allow", hint=CLOSING)
 
@@ -298,9 +274,6 @@ def check_found(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: A
 
     These tear loops at singular positions only, where velocities are not along one of the motions that meet there, and
     next to them.
-
-    Raises:
-        InputError: As there.
     """
     for tear in _tears(closure, leading, q, v, a):
         if tear.what == "accelerations":

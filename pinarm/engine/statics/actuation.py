@@ -121,9 +121,6 @@ def actuation(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[
         drives: Names of the coordinates that drives act along. Where none is named every joint of an open chain has
             a drive, but for those that mimic others, and a mechanism with loops one along every prescribed coordinate.
         prescribed: Names of the coordinates that follow laws.
-
-    Raises:
-        InputError: A coordinate does not exist, or is named twice.
     """
     if not drives and (every := everywhere(mechanism)) is not None:
         return every
@@ -131,11 +128,7 @@ def actuation(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[
 
 
 def along(mechanism: Mechanism, names: Collection[str]) -> Actuation:
-    """Return drives along coordinates, and at no other joint.
-
-    Raises:
-        InputError: A coordinate does not exist, or is named twice.
-    """
+    """Return drives along coordinates, and at no other joint."""
     if len(set(names)) < len(names):
         raise InputError(f"a drive is named twice in {', '.join(names)}", expected="one drive along each coordinate")
     from pinarm.engine.statics.effort_distribution import SelectedDrives  # open chains do without

@@ -289,12 +289,7 @@ class SelectedDrives(Record, frozen=True):
         return driven_along(self.joints.values(), self.own.model.nv)
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
-        """Return the efforts of the drives and the multipliers, the least ones where constraints are redundant.
-
-        Raises:
-            DynamicsError: The efforts are not determined at a dead point.
-            DrivesError: There are too many drives, or they cannot carry the load, or not within their limits.
-        """
+        """Return the efforts of the drives and the multipliers, the least ones where constraints are redundant."""
         states, k = demand.shape[:-1], len(self.joints)
         load = demand.reshape(-1, demand.shape[-1])
         flat = np.broadcast_to(q, (*states, q.shape[-1])).reshape(len(load), -1)
@@ -309,10 +304,7 @@ class SelectedDrives(Record, frozen=True):
         return tau, Multipliers.least(self.closure, q, demand - tau, along)
 
     def _system(self, q: Array, demand: Array, free: Array) -> tuple[Array, Array, Array, Array]:
-        """Return ``(S T)^T``, the load ``T^T demand``, the least singular value and the rounding of the load.
-
-        Shapes are (n, f, d), (n, f), (n,) and (n,); see ``EffortDistribution.efforts``.
-        """
+        """Return ``(S T)^T``, the load ``T^T demand``, the least singular value and the rounding of the load."""
         rows = rows_of(self.own.model, list(self.named.values()), q)
         least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=np.finfo(float).tiny)
         rounding = ROUNDED * np.einsum("fnj,nj->nf", np.abs(free), self._terms(q, demand, len(free)))
@@ -320,11 +312,7 @@ class SelectedDrives(Record, frozen=True):
         return ways, load, least, rounding.max(axis=1, initial=0.0)
 
     def _terms(self, q: Array, demand: Array, freedom: int) -> Array:
-        """Return the sizes of the terms of each joint's demand [N*m or N], shape (n, nv).
-
-        Weights that act along no joint, or cancel, leave a demand that is their rounding. As many drives as degrees of
-        freedom carry that as well.
-        """
+        """Return the sizes of the terms of each joint's demand [N*m or N], shape (n, nv)."""
         terms, model = np.abs(demand), self.own.model
         if len(self.named) >= freedom:
             return terms

@@ -134,10 +134,7 @@ class Adaptive(ValueRecord, frozen=True):
         return dense_terms(tableau, partial(interval.slopes, manifold, steps.t), *arrays), interval
 
     def _parts(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Array, Array]:
-        """Return the starts of equal parts of n steps, their terms, and the states at the ends of the steps.
-
-        Shapes (n, p, m), (n, p, d, m) and (n, m) with m = nq + nv.
-        """
+        """Return the starts of equal parts of n steps, their terms, and the states at the ends of the steps."""
         t, h, tableau = steps.t[:, None] + steps.h[:, None] / PARTS * np.arange(PARTS), steps.h / PARTS, self.tableau
         base = np.empty((len(h), PARTS, steps.y.shape[1]))
         slopes = np.empty((len(h), PARTS, tableau.stages + 1, steps.y.shape[1]))

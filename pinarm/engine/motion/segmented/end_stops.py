@@ -281,10 +281,7 @@ class Contacts(Record, frozen=True):
         return dict(zip(others, parts[rows.size :].tolist(), strict=True))
 
     def _nearest(self, t: float, q: Array, v: Array, back: Mapping[int, float]) -> Array:
-        """Return the velocity nearest to v that is at least the given one away from stops, which push only.
-
-        Between stops that leave no way for a rebound there is none.
-        """
+        """Return the velocity nearest to v that is at least the given one away from stops, which push only."""
         velocities, size = dict[Held, Array](), float(np.abs(v).max(initial=0.0))
 
         def away(pushing: Held) -> dict[int, float]:

@@ -154,10 +154,7 @@ class _Integration(Record, frozen=True):
             self.hybrid.controls.enter(t, q, v)
 
     def _segment(self, mode: Mode, t: float, q: Array, v: Array) -> SegmentEnd | None:
-        """Add a segment to the motion; return what ended it before the end of the run.
-
-        Where something is held a segment ends with its interval: a load that jumps may set it in motion.
-        """
+        """Add a segment to the motion; return what ended it before the end of the run."""
         hybrid, controls = self.hybrid.entered(q, v), self.hybrid.controls
         self.motion.dynamics.note(t, hybrid.dynamics)
         touched, spans = self._at_rest(t, q, v), self._spans(mode, t)
@@ -275,11 +272,7 @@ class _Integration(Record, frozen=True):
         return sorted(hit.union(k for k in passed if self._approaches(k, end.q, end.v)))
 
     def _after_impact(self, held: Held, end: SegmentEnd, met: Sequence[int]) -> tuple[Array, Array]:
-        """Return the state after stops were met: exactly on them, with the velocity after the impact.
-
-        Raises:
-            IntegrationError: See ``_require_clear``.
-        """
+        """Return the state after stops were met: exactly on them, with the velocity after the impact."""
         hybrid, t, q = self.hybrid, end.t, end.q.copy()
         for bound in (hybrid.bounds[k] for k in met):
             if isinstance(bound, Bound):
@@ -293,10 +286,7 @@ class _Integration(Record, frozen=True):
         return q, hybrid.contacts.impact(t, q, end.v, self._slow(met, t, q, end.v), held & hybrid.separations)
 
     def _require_clear(self, k: int, held: Held, end: SegmentEnd) -> None:
-        """Raise where a motion at a dead point turns within the errors of steps of a stop.
-
-        Whether there is an impact, which turns the motion back, is then below the accuracy of the integration.
-        """
+        """Raise where a motion at a dead point turns within the errors of steps of a stop."""
         hybrid, bound, error = self.hybrid, self.hybrid.bounds[k], self.hybrid.method.tolerance
         if not isinstance(bound, Bound) or hybrid.contacts.freedom(k, end.q) > DEAD * error**0.5:
             return
@@ -313,10 +303,7 @@ class _Integration(Record, frozen=True):
             )
 
     def _settled(self, t: float, q: Array, v: Array, mode: Mode, before: Held) -> tuple[Array, Mode]:
-        """Return the velocity and the mode with joints at rest on stops that they begin to rest on.
-
-        A joint that is slow enough to rest there has hit the stop a last time.
-        """
+        """Return the velocity and the mode with joints at rest on stops that they begin to rest on."""
         hybrid, contacts = self.hybrid, self.hybrid.contacts
         begun = [k for k in sorted(mode.held - before) if abs(contacts.rate(k, q, v)) > hybrid.still(k, v)]
         if not begun:
@@ -382,10 +369,7 @@ class _Integration(Record, frozen=True):
         return v, self._pressing(mode.held | touched, t, q, v, slips) if pulls else after
 
     def _entered(self, before: Slip, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
-        """Return the stops among those that are touched into which a joint that breaks loose would go.
-
-        Its acceleration may begin at 0; then that counts which grows with the load beyond its friction.
-        """
+        """Return the stops among those that are touched into which a joint that breaks loose would go."""
         if not touched:
             return touched
         leaving = self._leaving(self.hybrid.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])

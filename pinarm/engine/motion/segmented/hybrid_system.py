@@ -105,11 +105,7 @@ class HybridSystem(Record, frozen=True):
         return self if dynamics is self.dynamics else replace(self, dynamics=dynamics)
 
     def system(self, held: Held = frozenset()) -> TreeSystem | LoopSystem:
-        """Return the equations while joints rest on the given stops.
-
-        Raises:
-            InputError: The prescribed coordinates cannot be prescribed independently.
-        """
+        """Return the equations while joints rest on the given stops."""
         if held not in self._systems:
             self._systems[held] = self._built(held, self.with_stops(held), self.initial)
         return self._systems[held]
@@ -223,11 +219,7 @@ class HybridSystem(Record, frozen=True):
         return Contacts(self.closure_of(frozenset()), self.prescribed, self.bounds)
 
     def begin(self, initial: Initial) -> tuple[Array, Array]:
-        """Return an initial state of the mechanism, assembled.
-
-        Raises:
-            InputError: It contradicts itself, the laws, or a stop.
-        """
+        """Return an initial state of the mechanism, assembled."""
         held = self._closed_at_start(initial)
         assembly = self.assembly if initial is self.initial else self._assembled(initial)
         initial = replace(initial, q=assembly.q, drawn=None)
@@ -247,13 +239,7 @@ class HybridSystem(Record, frozen=True):
         return whole_q[0], whole_v[0]
 
     def _velocity_with_rates(self, initial: Initial, held: Held, q: Array) -> Array:
-        """Return the velocity nearest to the given one, by the masses, that has all given rates, shape (nv,).
-
-        Joints that are not coupled to any that moves are at rest.
-
-        Raises:
-            InputError: Laws, loops and given velocities do not allow a rate.
-        """
+        """Return the velocity nearest to the given one, by the masses, that has all given rates, shape (nv,)."""
         closure, (start, end) = self.closure_of(held), self.cuts[:2]
         rows = closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
         state, mass = rows.state(q), mass_matrix(closure.model, q)
@@ -291,10 +277,7 @@ class HybridSystem(Record, frozen=True):
             return first_position(closure, known, np.array([*w, *values]), start, drawn, initial.q)
 
     def _closed_at_start(self, initial: Initial) -> Held:
-        """Return the one-sided constraints that hold in an initial state: those that given values do not open.
-
-        One is open where all joints that move it are given with a gap, or their velocities are such that it opens.
-        """
+        """Return the one-sided constraints that hold in an initial state: those that given values do not open."""
         positions, held = set(initial.positions), set(self.separations)
         for k in self.separations:
             row = self.bounds[k].row(initial.q)
@@ -370,11 +353,7 @@ class HybridSystem(Record, frozen=True):
         return None if held <= self.separations else self.shares(held)
 
     def loaded(self, system: System, held: Held, shares: StopShares | None, t: float, q: Array) -> System:
-        """Return a system while several stops share the load of joints with friction.
-
-        Raises:
-            DynamicsError: The friction that moves or holds a joint depends on how they share it.
-        """
+        """Return a system while several stops share the load of joints with friction."""
         contacts = self.rubbing(held)
         if not (shares and any(contact.law.loaded for contact in contacts)):
             return system
@@ -414,9 +393,6 @@ def system_of(
         dynamics: Its equation of motion with all the forces of the run.
         prescribed: Coordinates with laws, none for free motion.
         initial: The initial state; joints with given values stay free if they can.
-
-    Raises:
-        InputError: They cannot be prescribed independently.
     """
     if prescribed.linear_in(closure):
         from pinarm.engine.motion.systems.tree_system import TreeSystem

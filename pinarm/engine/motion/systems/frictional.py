@@ -147,11 +147,7 @@ class FrictionalSystem:
         return left, margin
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
-        """Return the motion with the friction of all joints, and with the efforts of what follows laws.
-
-        Raises:
-            IntegrationError: What holds a joint exceeds its bound.
-        """
+        """Return the motion with the friction of all joints, and with the efforts of what follows laws."""
         inner, solved = self._solved(dynamics, grid, q, v)
         for time in BEFORE:
             if not any(self._beyond(rows.solutions[-1]).any() for rows in solved[-1:] if rows.solutions):
@@ -229,11 +225,7 @@ class FrictionalSystem:
         return sliding.extremes(t, q, v, solutions, self.unknown) if self._open else []
 
     def knowing(self, unknown: frozenset[int]) -> FrictionalSystem:
-        """Return the system in which the loads of some joints depend on what several stops share.
-
-        Raises:
-            DynamicsError: One of these joints slips, or friction holds it: its friction is not determined.
-        """
+        """Return the system in which the loads of some joints depend on what several stops share."""
         contacts, grouped = self.friction.contacts, {i for group in self.friction.slip.stuck for i in group.members}
         for i in sorted(unknown):
             if (self._moving[i] or i in grouped) and not contacts[i].shared:
@@ -245,11 +237,7 @@ class FrictionalSystem:
         return replace(self, unknown=unknown)
 
     def _require_within_bounds(self, solution: FrictionSolution, t: float) -> None:
-        """Raise where a step has gone past the switch of a joint.
-
-        Raises:
-            IntegrationError: What holds it exceeds its bound.
-        """
+        """Raise where a step has gone past the switch of a joint."""
         for group, over in zip(self.friction.slip.stuck, self._beyond(solution), strict=True):
             if over:
                 raise IntegrationError(

@@ -233,11 +233,7 @@ class LoopMotion:
         return self.open > PASSED * self.coarse
 
     def require_known_way(self, t: float) -> None:
-        """Raise where rounding would decide whether a singular position is passed.
-
-        Raises:
-            NumericsError: If it would.
-        """
+        """Raise where rounding would decide whether a singular position is passed."""
         if PASSED < self.open / self.coarse <= TURNED:
             raise NumericsError(
                 f"at t = {t:.9g} s the loops almost close in a singular position: they are open there by "

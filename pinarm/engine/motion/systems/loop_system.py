@@ -86,13 +86,7 @@ class LoopSystem(Record, frozen=True):
         )
 
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
-        """Return the closed state nearest to the initial one that has what is given of it.
-
-        Raises:
-            AssemblyError: The loops cannot be closed with the given coordinates.
-            InputError: A law contradicts the loops, or velocities do an instant later.
-            DynamicsError: Something without mass is left free.
-        """
+        """Return the closed state nearest to the initial one that has what is given of it."""
         w, dw, ddw = self.prescribed.on(start, end)(start)
         everything, values = initial.known(self.prescribed, self.rows)
         q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
@@ -146,10 +140,7 @@ class LoopSystem(Record, frozen=True):
             )
 
     def _velocity(self, q: Array, initial: Initial, dw: Array) -> Array:
-        """Return the velocity of least kinetic energy that the constraints allow and that has what is given.
-
-        Where it cannot have that, it has what comes closest. Joints that are not coupled to any that moves are at rest.
-        """
+        """Return the velocity of least kinetic energy that the constraints allow and that has what is given."""
         model = self.rows.model
         nv, mass = model.nv, mass_matrix(model, q)
         rows, right = self.rows.rows(self.rows.state(q)), self.rates(dw)
@@ -223,9 +214,6 @@ class LoopSystem(Record, frozen=True):
             w: Prescribed coordinates, shape (n, k).
             dw: Their rates, shape (n, k).
             t: Instants [s], shape (n,).
-
-        Raises:
-            AssemblyError: Newton's method does not close one.
         """
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
         mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
@@ -279,10 +267,7 @@ class LoopSystem(Record, frozen=True):
         return self._with_efforts(dynamics, grid, *found)
 
     def _solved(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
-        """Return closed states at n instants, their accelerations, and the efforts of what is prescribed.
-
-        ``w`` are prescribed coordinates and their two derivatives, shape (3, n, k).
-        """
+        """Return closed states at n instants, their accelerations, and the efforts of what is prescribed."""
         q, v, splits = self.settled(q, v, w[0], w[1], t)
         mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
         a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))

@@ -56,11 +56,7 @@ class TreeSystem(Record, frozen=True):
     def of(
         cls, closure: Closure, manifold: Manifold, prescribed: PrescribedCoordinates, initial: Initial
     ) -> TreeSystem:
-        """Return the system of a tree with its couplings and laws; joints with initial values stay free if they can.
-
-        Raises:
-            InputError: The coordinates cannot be prescribed independently.
-        """
+        """Return the system of a tree with its couplings and laws; joints with initial values stay free if they can."""
         couplings: list[Coupling] = [*closure.constraints]  # type: ignore[list-item]
         sums = PrescribedCoordinates(
             (*(coupling.name for coupling in couplings), *prescribed.names),
@@ -78,11 +74,7 @@ class TreeSystem(Record, frozen=True):
         return cls(manifold, closure, sums, CoordinatePartition.of(closure.model, rows, sums.names, given))
 
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
-        """Return the state that begins with what is given of it.
-
-        Raises:
-            InputError: The laws contradict an initial value that was given.
-        """
+        """Return the state that begins with what is given of it."""
         if self.reduction is None:
             return initial.q, initial.v
         w, dw, _ = self.sums.on(start, end)(start)

@@ -139,11 +139,7 @@ def _moved_joints(run: Trajectory) -> list[str]:
 
 
 def _index_of(asked: Asked, run: Trajectory) -> int:
-    """Return Pinocchio's index of the joint that is asked about.
-
-    Raises:
-        UnknownQuantity: There is no such joint.
-    """
+    """Return Pinocchio's index of the joint that is asked about."""
     joint = run.mechanism.joints.get(asked.of) or run.mechanism.balls.get(asked.of)
     if joint is None:
         raise asked.unknown
@@ -151,12 +147,7 @@ def _index_of(asked: Asked, run: Trajectory) -> int:
 
 
 def _beyond(asked: Asked, run: Trajectory) -> list[int]:
-    """Return Pinocchio's indices of a joint and those beyond it, or of all joints.
-
-    Raises:
-        UnknownQuantity: There is no such joint.
-        InputError: A joint is called ``all``.
-    """
+    """Return Pinocchio's indices of a joint and those beyond it, or of all joints."""
     if asked.of != ALL:
         return [int(joint) for joint in run.mechanism.model.subtrees[_index_of(asked, run)]]
     if ALL in _moved_joints(run):

@@ -17,12 +17,7 @@ from pinarm.mechanics.joints import Joint, effort_unit
 
 
 def _measures_of(element: ForceElement, joints: Mapping[str, Joint]) -> Mapping[str, ElementQuantity]:
-    """Return what can be asked of an element: its own measures, of one that acts at a single joint the effort there.
-
-    Args:
-        element: The element.
-        joints: Joints with one coordinate, by name.
-    """
+    """Return what can be asked of an element: its own measures, of one that acts at a single joint the effort there."""
     if own := element.measures():
         return own
     acts_at = np.atleast_1d(getattr(element, "v", ())).tolist()

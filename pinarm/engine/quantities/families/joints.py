@@ -183,11 +183,7 @@ class JointQuantities(WrenchFamily, frozen=True):
         return Series(asked.name, BALL_VECTORS[part], np.asarray(values))
 
     def _ball_effort(self, asked: Asked, ball: Ball) -> Array:
-        """Return the moment of the drive of a ball joint, its rotor's share included, axes of the link, shape (n, 3).
-
-        Raises:
-            InputError: The drive acts along a component of the rotation vector, or there are no efforts.
-        """
+        """Return the moment of the drive of a ball joint, its rotor's share included, axes of the link, shape (n, 3)."""
         run, coordinates = self.run, self.run.mechanism.coordinates
         self.require_efforts(asked)
         for name in run.closure.slices:
@@ -279,11 +275,7 @@ class DriveQuantities(Family, frozen=True):
         )
 
     def _torque(self, asked: Asked, drive: Drive, index: int) -> Array:
-        """Return the torque of the motor, by the index of the joint that it moves, shape (n,).
-
-        Raises:
-            InputError: Losses of an elastic gear do not act in the motion, or its joint is driven past the motor.
-        """
+        """Return the torque of the motor, by the index of the joint that it moves, shape (n,)."""
         run = self.run
         tells = f"drive.{asked.of}.friction" in run.columns
         if not drive.rigid and drive.efficiency < 1.0 and not tells and run.tau[..., index].any():
