@@ -81,14 +81,7 @@ def robot_of_model(
 def read_robot(
     description: MechanismDescription, data: Mapping[str, Any], folder: Path, arguments: Mapping[str, float | str]
 ) -> tuple[RobotModel, Mapping[str, str], Source]:
-    """Return the model of a mechanism, the texts of all its arguments, and where it was read from.
-
-    Args:
-        description: The mechanism file.
-        data: Its content as plain data.
-        folder: Folder that paths in it are relative to.
-        arguments: Values given to the model's arguments [SI].
-    """
+    """Return the model of a mechanism, the texts of all its arguments, and where it was read from."""
     if description.planar is not None:
         check_declared(arguments, {})
         return _drawn(description, description.planar, data, folder)

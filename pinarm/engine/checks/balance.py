@@ -53,10 +53,6 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array
     their twists from forward kinematics. The recursions that solved the motion pass inertias from link to link in the
     frames of these; here wrenches are summed in world axes, link by link.
 
-    Args:
-        trajectory: The motion.
-        most: Largest number of rows that are checked.
-
     Returns:
         ``equilibrium``: largest residual of a joint relative to its own terms, the largest over the rows, and at least
         to a part ``SHARED`` of those of the joints that it is tied to; see ``virtual_powers``. ``power``: largest
@@ -147,13 +143,7 @@ def _carried(links: LinkPlacements, tree: LinkTree, wrenches: Array, sizes: Arra
 
 
 class EnergyAccount(Record, frozen=True):
-    """What the energy of an integrated motion is balanced from.
-
-    Attributes:
-        solution: The motion.
-        dynamics: The equation of motion on each of its intervals.
-        whole: Integrated states to those of the mechanism, where they are not the same.
-    """
+    """What the energy of an integrated motion is balanced from."""
 
     solution: Solution
     dynamics: list[Dynamics]

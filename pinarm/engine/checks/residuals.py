@@ -41,19 +41,17 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
         most: Largest number of rows that are looked at.
 
     Returns:
-        Of rows at which all constraints hold:
-        ``closure``, ``closure rate`` and ``closure acceleration``: largest gap of a loop [m or rad], and of its two
-        derivatives. ``regularity``: smallest singular value of the constraints' rows relative to the largest, of as
-        many as are independent at any row, looked for between rows where it becomes small; 0 at a singular position.
-        ``least regular at``: where that is. ``relative regularity``: the smallest singular value there relative to its
-        largest value in the run.
-        ``condition``: largest condition number of the mass matrix of the free motions, scaled to a diagonal of ones.
-        ``return trip``: largest difference of the accelerations that the efforts give by forward dynamics to those of
-        the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
-        weights count with the most that they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz),
-        and forces of a motion at constant rates, which cancel in a steady precession, with ``omega sqrt(2 T M_kk)`` for
-        the largest angular velocity omega of a body and the kinetic energy T.
-        The last two are arrays, of variants of shape (k,), NaN where M is singular.
+        Of rows at which all constraints hold: ``closure``, ``closure rate`` and ``closure acceleration``: largest gap
+        of a loop [m or rad], and of its two derivatives. ``regularity``: smallest singular value of the constraints'
+        rows relative to the largest, of as many as are independent at any row, looked for between rows where it becomes
+        small; 0 at a singular position. ``least regular at``: where that is. ``relative regularity``: the smallest
+        singular value there relative to its largest value in the run. ``condition``: largest condition number of the
+        mass matrix of the free motions, scaled to a diagonal of ones. ``return trip``: largest difference of the
+        accelerations that the efforts give by forward dynamics to those of the table, relative to the largest
+        acceleration that efforts and loads would give if none of them cancelled; weights count with the most that they
+        can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz), and forces of a motion at constant
+        rates, which cancel in a steady precession, with ``omega sqrt(2 T M_kk)`` for the largest angular velocity omega
+        of a body and the kinetic energy T. The last two are arrays, of variants of shape (k,), NaN where M is singular.
     """
     if run.no_efforts and not run.mechanism.closure.size:
         return {}
@@ -196,10 +194,6 @@ def condition_along(mass: Array, free: Array | None = None) -> Array:
     Coordinates are scaled so that M has a diagonal of ones, and T is a basis of right angles then: which basis is given
     has no part in it. A motion may move no mass at some positions only, such as a light crank at the dead centre of its
     slider.
-
-    Args:
-        mass: M, shape (n, .., nv, nv).
-        free: T, shape (n, .., nv, f); ``None`` for the identity.
     """
     square = np.maximum(mass.diagonal(axis1=-2, axis2=-1), 0.0)
     idle = square <= NOTHING * square.max(axis=(0, -1), keepdims=True, initial=0.0)

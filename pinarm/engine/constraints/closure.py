@@ -46,12 +46,7 @@ GUIDED = 4
 
 
 class Closure(Record, frozen=True):
-    """Constraints of one mechanism, stacked.
-
-    Attributes:
-        model: Pinocchio's model.
-        constraints: In the order of their rows.
-    """
+    """Constraints of one mechanism, stacked."""
 
     model: pin.Model
     constraints: tuple[Constraint, ...]
@@ -323,11 +318,6 @@ class Closure(Record, frozen=True):
 
     def acting(self, links: LinkPlacements, q: Array, lam: Array) -> tuple[Array, Array, Array]:
         """Return what multipliers do to the links, and G^T lam of couplings whose forces are not known.
-
-        Args:
-            links: Where the links are.
-            q: Configurations, shape (n, nq).
-            lam: Multipliers, shape (n, m).
 
         Returns:
             [f; m] at the origins of the links, world axes [N, N*m], shape (n, njoints, 6); the sums of the sizes of

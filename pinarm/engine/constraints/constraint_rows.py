@@ -263,12 +263,7 @@ def parts_of(model: Model, one: Measured) -> Sequence[tuple[float, TiedFrames | 
 
 
 class EvaluatedRows(Record, frozen=True):
-    """The rows at configurations; each kind of number is computed when it is asked for.
-
-    Attributes:
-        rows: What is evaluated.
-        q: The configurations, shape (.., nq).
-    """
+    """The rows at configurations; each kind of number is computed when it is asked for."""
 
     rows: ConstraintRows
     q: Array

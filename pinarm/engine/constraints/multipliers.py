@@ -85,12 +85,7 @@ class Multipliers(Record, frozen=True):
         return Multipliers(lambda rows: self.own(rows) + added[rows, :m], self.along + added[:, m:])
 
     def spread(self, rows: Indices, m: int) -> Multipliers:
-        """Return the multipliers of m constraint rows, of which these belong to some; the others are 0.
-
-        Args:
-            rows: Which of the m rows these are, shape (k,).
-            m: Number of rows.
-        """
+        """Return the multipliers of m constraint rows, of which these belong to some; the others are 0."""
 
         def own(wanted: Indices) -> Array:
             found = np.zeros((len(wanted), m))

@@ -256,12 +256,7 @@ class RowDecompositions(Record, frozen=True):
 
     @classmethod
     def of(cls, rows: Array, reach: Array | float = 1.0) -> RowDecompositions:
-        """Return the decompositions.
-
-        Args:
-            rows: G, shape (n, m, nv).
-            reach: Length that each row can have, shape (m,); see ``Closure.reach``.
-        """
+        """Return the decompositions."""
         groups, alone = _groups_of(rows, reach)
         decomposed = [_Singular.of(rows, group, reach) for group in groups]
         ranks = np.array([one.ranks for one in decomposed]).reshape(len(groups), len(rows)).T
@@ -413,11 +408,6 @@ def coupled_joints(rows: Array, right: Array, v: Array) -> Flags:
 
     The others can stay at rest: ``G v = b`` asks nothing of them. They would not if what is nearest to rest were chosen
     by the masses alone, as the weight of a pendulum pulls it along with what carries it.
-
-    Args:
-        rows: G, shape (m, nv).
-        right: b, shape (m,).
-        v: Velocities that are given, and 0, shape (nv,).
     """
     sizes = np.abs(rows)
     touched = sizes > NOTHING * sizes.max(axis=1, initial=0.0)[:, None]

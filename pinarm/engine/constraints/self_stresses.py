@@ -42,10 +42,6 @@ class SelfStresses(Record, frozen=True):
     """The self-stresses of the constraints of a mechanism at n configurations.
 
     Changes are given for s of them, each of length 1, along the first axis. States of variants have a second axis.
-
-    Attributes:
-        closure: The constraints.
-        q: The configurations, shape (n, nq).
     """
 
     closure: Closure
@@ -90,11 +86,7 @@ class SelfStresses(Record, frozen=True):
         return np.concatenate([self.on(self.transmitted(joint)), *both_ways])
 
     def on_multipliers(self, weights: Mapping[str, Array]) -> Array:
-        """Return what they add to a sum of multipliers, shape (s, n).
-
-        Args:
-            weights: Name of a constraint of one row -> weight of its multiplier, shape (n,).
-        """
+        """Return what they add to a sum of multipliers, shape (s, n)."""
         if not self.degree or not weights:
             return self._nothing[..., 0]
         return self.on(self._functions({name: weight[:, None, None] for name, weight in weights.items()}))[..., 0]
@@ -107,9 +99,6 @@ class SelfStresses(Record, frozen=True):
         """Return the wrench of the parent on the child per unit of every multiplier, shape (n, m, 6).
 
         [f; m] at the joint's origin, world axes. It balances what the multipliers do to the links beyond the joint.
-
-        Args:
-            joint: Pinocchio's joint index.
         """
         return self._about(joint, self._beyond[joint])
 
@@ -314,12 +303,7 @@ KINDS = {
 
 
 class Loosening(ValueRecord, frozen=True):
-    """Joints replaced by others that hold less.
-
-    Attributes:
-        changes: Joints, loop joints first, and the kinds that they would get.
-        degree: Degree of hyperstatism that is left.
-    """
+    """Joints replaced by others that hold less."""
 
     changes: tuple[tuple[str, str], ...]
     degree: int
@@ -330,11 +314,7 @@ class Loosening(ValueRecord, frozen=True):
 
 
 def loosenings(stresses: SelfStresses) -> tuple[Loosening, ...]:
-    """Return what leaves the mobility as it is and fewer redundant rows, the best first.
-
-    Args:
-        stresses: The self-stresses at one closed configuration.
-    """
+    """Return what leaves the mobility as it is and fewer redundant rows, the best first."""
     degree = stresses.degree
     found = [
         Loosening(((joint.name, kind),), degree - components.shape[-1])

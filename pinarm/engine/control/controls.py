@@ -134,11 +134,7 @@ class Controls:
             self.memory.modes[number] = mode
 
     def recorded(self, integral: Callable[[Array], Array]) -> RecordedEfforts:
-        """Return the efforts of the run as they have been.
-
-        Args:
-            integral: Integrals at instants [s], shape (n,), as an array of shape (n, m).
-        """
+        """Return the efforts of the run as they have been."""
         memory = self.memory
         return RecordedEfforts(memory.sampled, memory.continuous, memory.history(), integral, memory.integrals)
 

@@ -176,13 +176,7 @@ class ControlHistory(NamedTuple):
 
 
 class ControlMemory:
-    """The memory of all controllers of a run.
-
-    Args:
-        sampled: The sampled controllers; commands of those with a ``supply`` are voltages of motors, not efforts.
-        continuous: The others.
-        nv: Number of velocities.
-    """
+    """The memory of all controllers of a run."""
 
     def __init__(self, sampled: Sequence[Controller], continuous: Sequence[Controller], nv: int) -> None:
         self.sampled, self.continuous, self.nv = tuple(sampled), tuple(continuous), nv

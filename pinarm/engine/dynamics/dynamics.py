@@ -249,13 +249,7 @@ class Dynamics(Record, frozen=True):
             force.note(t, entered._leaping[name])
 
     def at_rows(self, grid: Grid, q: Array, v: Array) -> Dynamics:
-        """Return the dynamics with loads that jump as they were between the cuts of a grid, told by its n states.
-
-        Args:
-            grid: The rows of a motion, cut where loads jump.
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-        """
+        """Return the dynamics with loads that jump as they were between the cuts of a grid, told by its n states."""
         recorded = self.recording()
         for start, _, rows in grid.intervals() if self._leaping else []:
             inner = slice(rows.start + 1, rows.stop - 1) if rows.stop - rows.start > 2 else rows
@@ -278,12 +272,6 @@ class Dynamics(Record, frozen=True):
     def inverse(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
         """Return the efforts that the drives must give for a motion: ``rnea(q, v, a) - loads``.
 
-        Args:
-            t: Instants [s], shape (n,), or one for all.
-            q: Configurations, shape (n, .., nq).
-            v: Velocities, shape (n, .., nv).
-            a: Accelerations, shape (n, .., nv).
-
         Returns:
             Efforts [N*m or N], shape (n, .., nv).
         """
@@ -297,12 +285,6 @@ class Dynamics(Record, frozen=True):
 
     def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:
         """Return the accelerations under given efforts: ``aba(q, v, tau + loads)``.
-
-        Args:
-            t: Instants [s], shape (n,), or one for all.
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            tau: Efforts of the drives [N*m or N], shape (n, nv); none where it is left out.
 
         Returns:
             Accelerations, shape (n, nv).
@@ -406,13 +388,7 @@ def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
 
 
 class ConfigurationSpace(ValueRecord, frozen=True):
-    """Configurations with quaternions or (cos, sin) pairs in them.
-
-    Attributes:
-        model: Pinocchio's model.
-        nq: Numbers in q.
-        nv: Numbers in v.
-    """
+    """Configurations with quaternions or (cos, sin) pairs in them."""
 
     model: pin.Model
     nq: int

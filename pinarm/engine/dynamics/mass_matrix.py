@@ -44,11 +44,6 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
 
     With T a basis of the free motions, ``T^T M T`` must be positive definite; it is scaled to a diagonal of ones, so
     that large ratios of masses do no harm.
-
-    Args:
-        closure: Constraints of the mechanism, and the coordinates that follow laws.
-        q: Configurations, shape (n, nq).
-        t: Instant, for the message.
     """
     if closure.model.nv > LARGE and massive(closure.model):
         return  # M is definite in all directions; elsewhere it is looked at as a matrix

@@ -136,8 +136,7 @@ class FrictionBalance:
         Args:
             direction: Of joints that slip, 0 of others; see ``Slipping``, shape (k,).
             stuck: Groups that are stuck.
-            resting: Which joints that slip have the friction of rest, as they only begin to, shape
-                (k,).
+            resting: Which joints that slip have the friction of rest, as they only begin to, shape (k,).
             any_load: Whether there has to be exactly one for loads nearby as well.
         """
         mu, constant = np.array([contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed
@@ -195,11 +194,10 @@ class FrictionBalance:
 
             f_i - e_i R_i(f) = 0,    alpha_g(f) = 0  or  sigma_g = +-1        (1)
 
-        Solved by Newton's method; which of the two equations of a group counts is told by ``sigma - rho / b``,
-        with the rest ``rho = alpha / A`` and the limit b of the group (Hintermueller, Ito, Kunisch, The primal-
-        dual active set strategy as a semismooth Newton method, SIAM J. Optim. 13 (2003), 865-888). ``mu`` and
-        ``constant`` are those of slip of joints that slip, those at rest of stuck ones, 0 of others, shape
-        (k,).
+        Solved by Newton's method; which of the two equations of a group counts is told by ``sigma - rho / b``, with the
+        rest ``rho = alpha / A`` and the limit b of the group (Hintermueller, Ito, Kunisch, The primal- dual active set
+        strategy as a semismooth Newton method, SIAM J. Optim. 13 (2003), 865-888). ``mu`` and ``constant`` are those of
+        slip of joints that slip, those at rest of stuck ones, 0 of others, shape (k,).
         """
         f, sigma = np.zeros(len(mu)), np.zeros(len(groups))
         for _ in range(ITERATIONS):

@@ -188,15 +188,7 @@ class JointFriction(ForceElement):
     def extremes(
         self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution], unknown: Collection[int] = ()
     ) -> list[Extremes]:
-        """Return the frictions at which shares of joints at rest are least or greatest, in n states.
-
-        Args:
-            t: Instants [s], shape (n,).
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            solutions: The friction in these states; where it and the state stay, so do the extremes.
-            unknown: Joints whose limits rigid bodies do not determine.
-        """
+        """Return the frictions at which shares of joints at rest are least or greatest, in n states."""
         extremes, before = list[Extremes](), b""
         for instant, position, rate, solution in zip(t.tolist(), q, v, solutions, strict=True):
             state = b"".join(x.tobytes() for x in (position, rate, *solution))

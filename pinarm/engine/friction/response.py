@@ -264,7 +264,7 @@ class BearingReactions:
                 )
 
     def require_determined(self, rows: SplitRows, q: Array) -> None:
-        """Raise where multipliers that do nothing load a bearing, at a configuration with the rows of the constraints."""
+        """Raise where multipliers that do nothing load a bearing, at a configuration with its rows."""
         self._require_known()
         for contact in self.undetermined(rows, q):
             if not contact.shared:

@@ -138,8 +138,7 @@ class Slipping:
 
     Attributes:
         contacts: The k joints.
-        direction: s: 1, -1, components of a unit vector where the slip has several, or 0 without friction
-            here, (k,).
+        direction: s: 1, -1, components of a unit vector where the slip has several, or 0 without friction here, (k,).
         mu: Shape (k,).
         constant: c [N*m or N], shape (k,).
         loads: Wrenches of their bearings.

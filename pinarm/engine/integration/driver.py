@@ -48,15 +48,13 @@ def integrate(
         v: Initial velocity, shape (nv,).
         method: The method.
         max_steps: Largest number of steps, rejected ones included.
-        watches: Values whose zero crossings are located; one that stops ends the integration at its
-            crossing.
-        steps_over: Whether a step may have stepped over a piece of a load; methods with variable steps
-            reject it.
+        watches: Values whose zero crossings are located; one that stops ends the integration at its crossing.
+        steps_over: Whether a step may have stepped over a piece of a load; methods with variable steps reject it.
         begun_with: Error of the initial state; see ``Solution``.
 
     Raises:
-        IntegrationError: The step became too small, the steps too many, or the acceleration is not finite;
-            ``partial`` holds the solution up to there.
+        IntegrationError: The step became too small, the steps too many, or the acceleration is not finite; ``partial``
+            holds the solution up to there.
         Interrupted: The user interrupted it; likewise.
     """
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
@@ -133,7 +131,7 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
         self.solution.final = y
 
     def run_span(self, interval: Interval, index: int, t: float, y: Array) -> tuple[float, Array]:
-        """Integrate from t [s] to the next sample of an interval, or to its end; return when it ended, and its state."""
+        """Integrate from t [s] to the next sample of an interval, or to its end; return the instant and the state."""
         if interval.sampling:
             nq = self.solution.manifold.nq
             interval.sampling.act(t, y[:nq], y[nq:])

@@ -55,22 +55,17 @@ class Watch(ValueRecord, frozen=True):
         value: ``(t, q, v) -> g`` of many states at once, shape (n,).
         direction: 1 for rising crossings, -1 for falling ones, 0 for both.
         stops: Whether the integration ends at the first crossing.
-        loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as
-            long as the motion lasts: where loads jump at a sample and it is negative then, the integration
-            ends there.
-        counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is
-            ``None``.
-        begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving
-            it.
-        level: Size of the numbers whose difference the value is. Where it turns back at 0 but for the error
-            of the solution, or the integration ends at 0 but for the rounding of these numbers, it comes to
-            0 there, once. ``None`` where it has to cross 0.
-        what: What happens where the value comes to 0, or ends there where ``loaded``; empty where nothing
-            is decided.
+        loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as long as the
+            motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
+        counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is ``None``.
+        begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving it.
+        level: Size of the numbers whose difference the value is. Where it turns back at 0 but for the error of the
+            solution, or the integration ends at 0 but for the rounding of these numbers, it comes to 0 there, once.
+            ``None`` where it has to cross 0.
+        what: What happens where the value comes to 0, or ends there where ``loaded``; empty where nothing is decided.
         unit: Unit of the margin.
         margin: Distance to the threshold, of the sign of the value; ``None`` where it is the value.
-        sensitivity: ``(t, q, v) -> change of the margin`` in one state by a relative error 1 of the states,
-            if known.
+        sensitivity: ``(t, q, v) -> change of the margin`` in one state by a relative error 1 of the states, if known.
     """
 
     value: Callable[[Array, Array, Array], Array]
@@ -250,7 +245,7 @@ def resolved(values: Array) -> Flags:
 def _brackets(
     values: Array, direction: int, level: float | None = None, turns: Sequence[Turn] = ()
 ) -> list[tuple[float, float, bool]]:
-    """Return intervals in [0, 1], each with one zero crossing of values at the nodes, and if these are positive before."""
+    """Return intervals in [0, 1], each with one zero crossing, and whether the values are positive before it."""
     series, touches = series_of(values), [turn for turn in turns if turn.is_open and level is not None]
     if not np.isfinite(series).all() or (_is_one_sided(series) and not touches):
         return []

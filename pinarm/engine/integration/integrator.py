@@ -82,22 +82,16 @@ class Interval(ValueRecord, frozen=True):
     Attributes:
         start: First instant [s].
         end: Last instant [s].
-        acceleration: Acceleration of one state, smooth up to both ends; at a jump each interval has its own
-            side.
-        settle: Projection onto the constraints, applied after every accepted step; ``None`` without
-            constraints.
-        floor: Returns the smallest useful step [s]: close to a singular position, where rounding is
-            amplified. Such a step is accepted with an error above the tolerance, up to
-            ``runge_kutta.NOISE``.
-        acceleration_of_step: Start of an accepted step [s] -> the acceleration for further stages within
-            it, under the loads of that step, with loops closed; ``None`` where it is ``acceleration``.
-        size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much
-            smaller.
+        acceleration: Acceleration of one state, smooth up to both ends; at a jump each interval has its own side.
+        settle: Projection onto the constraints, applied after every accepted step; ``None`` without constraints.
+        floor: Returns the smallest useful step [s]: close to a singular position, where rounding is amplified. Such a
+            step is accepted with an error above the tolerance, up to ``runge_kutta.NOISE``.
+        acceleration_of_step: Start of an accepted step [s] -> the acceleration for further stages within it, under the
+            loads of that step, with loops closed; ``None`` where it is ``acceleration``.
+        size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
         compiled: The same motion in compiled code; ``None`` where there is none.
-        knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps,
-            ascending.
-        sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for
-            none.
+        knots: Instants within it at which steps have to end, since a derivative of the acceleration jumps, ascending.
+        sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for none.
         remark: A note to the user on how the motion is computed; mostly empty.
     """
 
@@ -290,10 +284,9 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         steps: Accepted steps.
         crossings: Zero crossings of the watched values, in order of time.
         count: Cost.
-        final: State at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event
-            or a failure ended the integration.
-        unresolved: Parts of steps in which a watched value varies with loads faster than it is looked at
-            [s].
+        final: State at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event or a failure
+            ended the integration.
+        unresolved: Parts of steps in which a watched value varies with loads faster than it is looked at [s].
         begun_with: Error of the state at its start, relative to ``size + |y|``.
         nearest: Index of a watch -> the turn at which it is the least certain whether its value comes to 0.
     """

@@ -32,12 +32,7 @@ RATES, SETTLE = ctypes.PYFUNCTYPE(None, *PLACES), ctypes.PYFUNCTYPE(ctypes.c_int
 
 
 class Flow(Record, frozen=True):
-    """What the library integrates: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``.
-
-    Attributes:
-        structure: The C structure.
-        system: What it points to.
-    """
+    """What the library integrates: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``."""
 
     unshown: ClassVar[tuple[str, ...]] = ("system",)
 
@@ -58,13 +53,7 @@ class Flow(Record, frozen=True):
         return self.rates(t, y)
 
     def slopes(self, starts: Array, t: Array, y: Array) -> Array:
-        """Return the slopes of states within steps.
-
-        Args:
-            starts: Starts of the steps [s], shape (n,).
-            t: Instants of the states [s], shape (n,).
-            y: States [q, v], shape (n, nq + nv).
-        """
+        """Return the slopes of states within steps."""
         found = np.empty_like(y)
         for k, (start, instant) in enumerate(zip(starts.tolist(), t.tolist(), strict=True)):
             self.within(start)

@@ -100,13 +100,7 @@ class Way(Record, frozen=True):
 
 
 class Ways(Record, frozen=True):
-    """The ways of loop joints, those first that end at links farther from the world.
-
-    Attributes:
-        model: Pinocchio's model.
-        found: The ways.
-        meeting: Link and unknown -> those that end at the link and have the unknown.
-    """
+    """The ways of loop joints, those first that end at links farther from the world."""
 
     model: pin.Model
     found: list[Way]
@@ -148,13 +142,7 @@ def _moved_by(model: pin.Model, joints: Iterable[int]) -> set[int]:
 
 
 class LoadedLoops(Record, frozen=True):
-    """A tree with loops and its loads, for the library.
-
-    Attributes:
-        structure: The C structure.
-        kept: What it points to.
-        places: Where the library has each row, shape (m,).
-    """
+    """A tree with loops and its loads, for the library."""
 
     structure: ConstraintsStructure
     kept: tuple[Any, ...]
@@ -168,12 +156,7 @@ class LoadedLoops(Record, frozen=True):
 
 
 class CompiledLoops(Record, frozen=True):
-    """A tree with loops as the library knows it.
-
-    Attributes:
-        tree: The tree.
-        tied: Its loops.
-    """
+    """A tree with loops as the library knows it."""
 
     tree: CompiledTree
     tied: Sequence[Tied]

@@ -207,12 +207,7 @@ DISAGREES = "the compiled kernel is not used: its accelerations differ from Pino
 
 
 class LoadedTree(Record, frozen=True):
-    """A tree with its loads, for the library.
-
-    Attributes:
-        structure: The C structure.
-        arrays: What it points to.
-    """
+    """A tree with its loads, for the library."""
 
     structure: TreeStructure
     arrays: tuple[NDArray[Any], ...]
@@ -298,13 +293,7 @@ class CompiledTree(Record, frozen=True):
         return links_of(model) if library() is not None and model.nv else None
 
     def flow(self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()) -> Flow | None:
-        """Return the free motion under loads; ``None`` where the library does not know one of them, or refuses.
-
-        Args:
-            steady: The sum of the steady loads [N*m or N], shape (nv,).
-            changing: The other force elements; springs and dampers at joints as one, see ``forces.summed``.
-            guided: See ``loaded``.
-        """
+        """Return the free motion under loads; ``None`` where the library does not know one of them, or refuses."""
         held = [load for force in changing if (load := force.held) is not None]
         compiled, tree = library(), self.loaded(steady, [one for one in changing if one.held is None], guided)
         if compiled is None or tree is None or len(held) > 1 or (held and tree.structure.laws):
@@ -394,13 +383,6 @@ def disagreement(
     """Return the largest difference of a flow's accelerations to those of another route, relative to ``|a| + |v|^2``.
 
     They are compared in states of no special kind, whose coordinates and velocities are about 1, the same every time.
-
-    Args:
-        model: Pinocchio's model.
-        flow: The motion in compiled code.
-        acceleration: The other route.
-        t: The instant at which they are compared [s].
-        onto: Brings a state onto the constraints.
     """
     k, differences = np.arange(model.nv), []
     for i in range(STATES):

@@ -144,15 +144,7 @@ class _Way(NamedTuple):
 
 
 class _Part:
-    """A part of a mechanism, to be assembled.
-
-    Args:
-        closure: Its constraints.
-        prescribed: Its prescribed coordinates.
-        w: First values of these, shape (k,).
-        t: The first instant.
-        moving: Indices in v of its joints; all where it is left out.
-    """
+    """A part of a mechanism, to be assembled."""
 
     def __init__(
         self,
@@ -299,7 +291,7 @@ class _Part:
         return turned if self.has_values(turned) else q
 
     def _chosen(self, found: Sequence[Array], drawn: Array, way: _Way) -> Assembly:
-        """Return the only first position within the limits; where there is none, the end of the way, or the only one."""
+        """Return the only first position within the limits; else the end of the way, or the only one."""
         within = [q for q in found if not self.beyond(q, drawn)]
         chosen = within or (found if way.end is None else found[:1])
         if len(chosen) > 1:

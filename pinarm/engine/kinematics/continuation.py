@@ -224,12 +224,7 @@ SIZES = (1e-4, 1e4)
 
 
 class Ahead:
-    """Sweeps over the rows of one table.
-
-    Args:
-        rows: The constraints, and the prescribed coordinates.
-        own: Number m of rows of the constraints.
-    """
+    """Sweeps over the rows of one table."""
 
     def __init__(self, rows: Closure, own: int) -> None:
         self.rows, self.own = rows, own
@@ -247,16 +242,7 @@ class Ahead:
         return cls(closure.with_guides(prescribed.names, prescribed.coordinates), closure.size)
 
     def ahead(self, t: Array, w: Array, q: Array, v: Array, before: Array, a: Array) -> tuple[Array, ...]:
-        """Return q, v and a, shape (m, nv), at as many of the instants after the first as surely are on its branch.
-
-        Args:
-            t: Instants, of which the first is solved, shape (n,).
-            w: Prescribed coordinates and their two derivatives, shape (3, n, k).
-            q: Configuration at the first instant, shape (nv,).
-            v: Velocity there, shape (nv,).
-            before: The last instants up to the first one, at most ``KNOWN``, shape (p,).
-            a: Accelerations there, shape (p, nv).
-        """
+        """Return q, v and a, shape (m, nv), at as many of the instants after the first as surely are on its branch."""
         h, wanted = t[: self._length] - t[0], w[:, : self._length]
         if (chosen := self._chosen_at(q)) is None:
             return NOTHING
@@ -268,13 +254,7 @@ class Ahead:
         return found.q[1:n], found.rates.v[1:n], found.rates.a[1:n]
 
     def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, ...]:
-        """Return v and a, shape (m, nv), at as many of the first configurations as surely are regular.
-
-        Args:
-            q: Closed configurations, shape (n, nv).
-            dw: Velocities of the prescribed coordinates, shape (n, k).
-            ddw: Their accelerations, shape (n, k).
-        """
+        """Return v and a, shape (m, nv), at as many of the first configurations as surely are regular."""
         if (chosen := self._chosen_at(q[0])) is None:
             return NOTHING[1:]
         with np.errstate(all="ignore"):
@@ -329,7 +309,7 @@ def follow_branch(
 def _across(
     prescribed: PrescribedCoordinates, grid: Grid, first: int, last: int
 ) -> Callable[[float], tuple[Array, Array, Array]]:
-    """Return ``t -> w, w', w''`` on several intervals, by the pieces of the laws on each; where they meet, the later."""
+    """Return ``t -> w, w', w''`` on several intervals, by the pieces of the laws on each; the later where two meet."""
     pieces = [prescribed.on(*grid.cuts[k : k + 2]) for k in range(first, last + 1)]
     meetings = grid.cuts[first + 1 : last + 1]
     return lambda t: pieces[bisect_right(meetings, t)](t)
@@ -448,11 +428,7 @@ class StraightWays(Record, frozen=True):
         return None if closing is None else cls(closing, start, first, [q for q in range(model.nq) if q not in given])
 
     def ends(self, w: Array) -> tuple[Array, Flags]:
-        """Return configurations, shape (n, nv), and where they are surely on the branch and within the limits.
-
-        Args:
-            w: Values of the coordinates, shape (n, k).
-        """
+        """Return configurations, shape (n, nv), and where they are surely on the branch and within the limits."""
         rest = np.broadcast_to(self.first[w.shape[1] :], (len(w), len(self.first) - w.shape[1]))
         w, q, good = np.hstack([w, rest]), np.tile(self.start, (len(w), 1)), np.zeros(len(w), dtype=bool)
         for steps in STEPS:

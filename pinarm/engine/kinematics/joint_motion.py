@@ -73,14 +73,7 @@ class JointMotion(AbstractRecord, frozen=True):
 
     @abstractmethod
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-        """Return velocities and accelerations at configurations of the motion, each of shape (n, nv).
-
-        Args:
-            t: An instant, if the motion is one in time: it tells between which jumps of velocities they are.
-            q: Configurations, shape (n, nq).
-            dw: Velocities of the prescribed coordinates, shape (k,).
-            ddw: Their accelerations, shape (k,).
-        """
+        """Return velocities and accelerations at configurations of the motion, each of shape (n, nv)."""
 
     def figures(self, states: JointTrajectory) -> Mapping[str, float]:
         """Return how well the rows keep to what is prescribed, by name; nothing where they do to rounding."""

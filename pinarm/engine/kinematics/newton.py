@@ -100,13 +100,7 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
 
 
 class NewtonSolver:
-    """Newton's method on the constraints and the prescribed coordinates of one mechanism, or of a part of it.
-
-    Args:
-        closure: The constraints; rows that bind velocities alone play no part.
-        prescribed: The prescribed coordinates.
-        moving: Indices in v of the joints of the part; the others rest.
-    """
+    """Newton's method on the constraints and the prescribed coordinates of one mechanism, or of a part of it."""
 
     def __init__(
         self, closure: Closure, prescribed: PrescribedCoordinates, moving: Indices | slice = slice(None)
@@ -181,13 +175,7 @@ class NewtonSolver:
         return found
 
     def closest(self, q: Array, w: Array, weight: Array) -> tuple[Array, Array]:
-        """Return the configuration with the smallest gap that damped steps from q reach, and that gap.
-
-        Args:
-            q: Where they begin, shape (nq,).
-            w: Wanted values of the prescribed coordinates, shape (k,).
-            weight: Of every row, 0 where it does not count, shape (m + k,).
-        """
+        """Return the configuration with the smallest gap that damped steps from q reach, and that gap."""
         state = self.closure.state(q)
         gap, damping = weight * self.gap(state, w), 0.0
         sizes = [np.inf] * ITERATIONS
@@ -271,13 +259,7 @@ class NewtonSolver:
                 raise self._lost(q, t, to, target(to)[0])
 
     def continues(self, turned: Array, predicted: Array, found: Array) -> bool:
-        """Return whether a solution is on the branch of its prediction; see ``on_branch``.
-
-        Args:
-            turned: Error of the predicted velocity, times the step in time, shape (nv,).
-            predicted: Predicted configuration, shape (nq,).
-            found: The solution, shape (nq,).
-        """
+        """Return whether a solution is on the branch of its prediction; see ``on_branch``."""
         correction = np.asarray(np.abs(pin.difference(self.model, predicted, found) / self.scale).max())
         return bool(on_branch(turned / self.scale, correction))
 
@@ -363,14 +345,7 @@ class NewtonSolver:
         return float(values[rows.shape[1] - 1] / values[0]) if len(rows) >= rows.shape[1] else 0.0
 
     def unreachable(self, q: Array, gap: Array, t: float, followed: str = "") -> AssemblyError:
-        """Return that a position is out of reach.
-
-        Args:
-            q: The closest configuration, shape (nq,).
-            gap: What is left open there [m or rad], shape (m + k,).
-            t: The instant.
-            followed: Up to where the mechanism can follow the motion, as text.
-        """
+        """Return that a position is out of reach."""
         owners = list(zip(self.names, self.units, strict=True))
         sizes = {owner: float(np.linalg.norm(gap[[other == owner for other in owners]])) for owner in owners}
         worst = max(sizes, key=sizes.__getitem__)

@@ -71,13 +71,6 @@ class LimitedPath(NewtonSolver):
     """Newton's method on a path, on joints held at limits, and on the free pull of a posture.
 
     Steps stay near the minimum that they begin in. ``path`` is the method without the pull.
-
-    Args:
-        mechanism: The mechanism.
-        path: The coordinates of the path.
-        posture: The target and limits.
-        mobility: Degrees of freedom of the mechanism.
-        held: Joints at limits.
     """
 
     def __init__(
@@ -391,13 +384,7 @@ class NearestMotion(JointMotion, frozen=True):
 
 
 class _Search:
-    """A motion on the way through its rows, on which joints reach limits and come off them.
-
-    Args:
-        motion: The motion.
-        grid: Its rows.
-        q: A rough configuration at the first of them, shape (nq,).
-    """
+    """A motion on the way through its rows, on which joints reach limits and come off them."""
 
     def __init__(self, motion: NearestMotion, grid: Grid, q: Array) -> None:
         (begin, end, _), t = grid.intervals()[0], float(grid.t[0])

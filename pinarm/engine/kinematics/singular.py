@@ -123,13 +123,7 @@ def _sign(rows: Array, there: Array) -> float:
 
 
 def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
-    """Return what depends on each other: the names of the rows with a part in a combination that all but vanishes.
-
-    Args:
-        rows: Shape (m, nv).
-        rank: That of rows in a position of no special kind.
-        names: What they belong to.
-    """
+    """Return what depends on each other: the names of the rows with a part in a combination that all but vanishes."""
     size = np.linalg.norm(rows, axis=1)
     units = np.where(size > RANK * size.max(), size, 1.0)  # a part does not hang on the unit of its row
     weak = np.linalg.svd(rows / units[:, None])[0][:, rank - 1]
@@ -142,14 +136,7 @@ def dependent(names: str) -> str:
 
 
 def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], str] = str) -> None:
-    """Raise where rows do not determine the velocity of every joint.
-
-    Args:
-        rows: Those of constraints and coordinates, shape (m, nv).
-        names: What they belong to.
-        t: The instant, for the message.
-        why: Says what is singular, as far as that is known.
-    """
+    """Raise where rows do not determine the velocity of every joint."""
     nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:

@@ -109,12 +109,7 @@ class VariantClosure(Closure, frozen=True):
         return self.constraint_rows.at(q).drifts(v)
 
     def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
-        """Return G decomposed, shape (n, k, ..) in one part; NaN where a variant has another rank than the first.
-
-        Args:
-            q: Configurations, shape (n, k or 1, nq).
-            rows: G there, if known.
-        """
+        """Return G decomposed, shape (n, k, ..) in one part; NaN where a variant has another rank than the first."""
         rows = self.at(q)[1] if rows is None else rows
         states = rows.shape[:2]
         split = of_one_rank(rows.reshape(math.prod(states), *rows.shape[2:]), self.reach).shaped(states)
@@ -197,12 +192,7 @@ class VariantMotion(Record, frozen=True):
         return self._sound(q, rates, good)
 
     def follow_near(self, laws: Array, near: Array) -> VariantStates:
-        """Return states each of its own, near configurations that are predicted from states of the motion.
-
-        Args:
-            laws: The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d).
-            near: The predicted configurations, shape (n, k, nq).
-        """
+        """Return states each of its own, near configurations that are predicted from states of the motion."""
         with np.errstate(all="ignore"):
             q, rates, sound = self._solved(laws, near)
             good = sound & (np.abs(q - near).max(axis=-1) <= NEAR)
@@ -234,13 +224,7 @@ class VariantMotion(Record, frozen=True):
         return near
 
     def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-        """Return velocities and accelerations, shape (n, k, nv), at configurations of the motion, shape (n, k, nq).
-
-        Args:
-            q: The configurations.
-            dw: Velocities of the prescribed coordinates, the same at every row, shape (k or 1, d).
-            ddw: Their accelerations, shape (k or 1, d).
-        """
+        """Return velocities and accelerations, shape (n, k, nv), at configurations of the motion, shape (n, k, nq)."""
         targets = (self._spread(np.repeat(x[None], len(q), axis=0)) for x in (dw, ddw))
         rates = self.closing.rates(self.closing.at(q), *targets)
         return rates.v, rates.a
@@ -267,7 +251,7 @@ class VariantMotion(Record, frozen=True):
         return VariantStates(q, v, a, good & self.own.alike_in_size)
 
     def _begun(self, start: Array, w: Array) -> tuple[Array, Flags]:
-        """Return first positions, shape (k, nv), and where they are one step of the continuation from closed drawings."""
+        """Return first positions, shape (k, nv), and where they are one step from closed drawings."""
         drawn, good = self._assembled(start, w, np.arange(self.own.size))
         first, reached = self._assembled(drawn, w, np.arange(self.closing.rows.size))
         change = self.closing.missing(self.closing.at(drawn[None]), w[None])[..., self.own.size :].repeat(2, axis=0)
@@ -287,7 +271,7 @@ class VariantMotion(Record, frozen=True):
         return np.asarray(((q[..., judged] >= low) & (q[..., judged] <= high)).all(axis=(0, -1)))
 
     def _assembled(self, q: Array, w: Array, some: Indices) -> tuple[Array, Flags]:
-        """Return what damped steps on some rows reach, shape (k, nv), and where no step had to be damped, shape (k,)."""
+        """Return where damped steps on some rows lead, shape (k, nv), and where no step had to be damped, (k,)."""
         solver, whole, size = self.solver, self.closing.rows, np.full(len(q), np.inf)
         good, allowed = np.ones(len(q), dtype=bool), self.closing.allowed(w)[:, some]
         for _ in range(ITERATIONS):

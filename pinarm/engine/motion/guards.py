@@ -63,9 +63,8 @@ class UndeterminedRest(NamedTuple):
 def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> UndeterminedRest | None:
     """Return the first instant at which a motion is slow next to a singular position.
 
-    Loops that share no joint are looked at one by one. A motion may begin at rest beside a singular position, but
-    not in one: the start itself tells the branch. ``closure`` has the constraints, and the coordinates that follow
-    laws.
+    Loops that share no joint are looked at one by one. A motion may begin at rest beside a singular position, but not
+    in one: the start itself tells the branch. ``closure`` has the constraints, and the coordinates that follow laws.
     """
     segments = [segment for segment in motion.segments if segment.solution.steps]
     if not closure.parts or not segments:

@@ -173,7 +173,7 @@ class KnownFriction:
         return columns
 
     def _held_for_an_instant(self, way: Array) -> tuple[Indices, KnownFriction | None]:
-        """Return the rows at which joints are at rest for an instant, and their motion without that of the coordinate."""
+        """Return the rows with joints at rest for an instant, and their motion without that of the coordinate."""
         run, slips = self.run, np.matvec(self.rows, way)
         moved = np.abs(slips) > MOVES * np.abs(way).max(axis=1, keepdims=True)
         begun = np.where(moved & standing(run, self.rows, self.beside.pace) & ~self.resting, slips, 0.0)

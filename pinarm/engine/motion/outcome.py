@@ -75,11 +75,9 @@ class Decision(ValueRecord, frozen=True):
     """Whether something happens in a motion: an event, contact with a stop, friction that holds, a switch.
 
     Attributes:
-        what: What happens or not, such as ``event 'back' takes place``: the same words in every solution of
-            a run.
+        what: What happens or not, such as ``event 'back' takes place``: the same words in every solution of a run.
         t: Instant at which the motion is nearest to the threshold [s].
-        margin: Distance to the threshold: positive where the solution is beyond it, negative where it falls
-            short.
+        margin: Distance to the threshold: positive where the solution is beyond it, negative where it falls short.
         error: Estimated error of the margin.
         unit: Unit of both.
         happens: Whether the run goes on as if it happens.

@@ -74,12 +74,7 @@ class Prescription(Record, frozen=True):
     rates: Rates | None = None
 
     def outcome(self, grid: Grid, start: Array) -> Outcome:
-        """Return the states at the rows of a grid, and the motion between them.
-
-        Args:
-            grid: Values of the parameter.
-            start: Configuration of the drawing, or of the start, shape (nq,): it chooses the branch.
-        """
+        """Return the states at the rows of a grid, and the motion between them."""
         with running(self.parameter, self.unit):
             assembly = self.motion.begin(grid, start)
             states, kept = self._followed(grid, assembly.q)
@@ -166,12 +161,7 @@ class Prescription(Record, frozen=True):
         return [*range(self.mechanism.model.nv)] if self.mechanism.frictions else lossy(self.mechanism)
 
     def solved(self, rows: Trajectory, pace: Array | None) -> Trajectory:
-        """Return the rows of a motion with directions and efforts.
-
-        Args:
-            rows: The motion without efforts.
-            pace: See ``_pace``.
-        """
+        """Return the rows of a motion with directions and efforts."""
         beside = self._beside(rows, pace)
         if lossy(self.mechanism):
             rows = replace(rows, directions=directions(rows.v, rows.a, *beside))
@@ -220,10 +210,9 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         cuts: Bounds of the intervals between jumps.
         t: The values.
         q: Shape (n, nq): they tell the branch in their neighbourhood.
-        start: Configuration of the drawing, or of the start, from which the first of them was found, shape
-            (nq,).
-        pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where
-            no direction is asked for.
+        start: Configuration of the drawing, or of the start, from which the first of them was found, shape (nq,).
+        pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
+            direction is asked for.
         passing: How singular positions are passed; ``None`` where they are not.
     """
 
@@ -242,7 +231,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return self.prescription.solved(self.prescription.moving(grid, self._near(grid)), self.pace)
 
     def _near(self, grid: Grid) -> Array:
-        """Return a configuration near the first value of a grid, followed from the last row before it if that is far."""
+        """Return a configuration near the first value of a grid, followed from the last row before it if it is far."""
         first, start, end = float(grid.t[0]), grid.cuts[0], grid.cuts[-1]
         ahead = (self.t - first) * np.sign(end - start)
         before = np.flatnonzero((ahead <= 0.0) & (np.abs(self.t - start) <= abs(end - start)))

@@ -126,7 +126,7 @@ class Recording:
         return self.table(row, grid, self._beside(row, grid))
 
     def _beside(self, rows: RecordedRows, grid: Grid) -> Beside | None:
-        """Return what tells the directions of given rows: all of them are one motion; ``None`` where it is not known."""
+        """Return the data on directions of given rows, all of one motion; ``None`` where it is not known."""
         if rows.v is None or rows.a is None:
             return None
         h = np.diff(rows.t)

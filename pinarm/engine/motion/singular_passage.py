@@ -98,8 +98,7 @@ class SingularPassage(Record, frozen=True):
 
     Attributes:
         known: What is prescribed.
-        t: Values of the parameter at which the motion has been solved, clear of singular positions, shape
-            (n,).
+        t: Values of the parameter at which the motion has been solved, clear of singular positions, shape (n,).
         q: Configurations there, shape (n, nq).
         usual: The largest regularity in the run.
         pace: See ``Prescription.solved``.
@@ -128,7 +127,7 @@ class SingularPassage(Record, frozen=True):
         return cls(known, rows.grid.t[clear], rows.q[clear], usual, pace)
 
     def at(self, grid: Grid, near: Callable[[Grid], Array]) -> Trajectory:
-        """Return the states at values of the parameter, followed from the last clear row before them, or from one near."""
+        """Return the states at values of the parameter, followed from the last clear row before, or from one near."""
         longer, q = grid, None
         first = self._before(float(grid.t[0]), *grid.cuts) if len(grid.cuts) == 2 else None
         if first is not None:

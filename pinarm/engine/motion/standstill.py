@@ -131,7 +131,7 @@ def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
 
 
 def _held_by_gear(run: Trajectory, name: str, drive: Drive, rest: Flags) -> list[str]:
-    """Return a note on rows at which a gear with losses, and friction behind it, hold a load at rest, if there are any."""
+    """Return a note on rows at which a gear with losses, and friction behind it, hold a load at rest, if any."""
     low = high = run.drive_effort(drive.joint)
     if drive.joint in run.drives and run.mechanism.frictions:
         from pinarm.engine.friction.columns import BANDS, own_effort

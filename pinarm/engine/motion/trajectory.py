@@ -113,15 +113,7 @@ class Trajectory(Record, frozen=True):
     def schema_row(
         cls, mechanism: Mechanism, q: Array, parameter: str, measured: Unit, closure: Closure | None = None
     ) -> Trajectory:
-        """Return one row, at rest: enough to see which quantities there are, and which are determined.
-
-        Args:
-            mechanism: The mechanism.
-            q: A closed configuration of no special kind, shape (nq,).
-            parameter: What runs along the rows.
-            measured: Its unit.
-            closure: Constraints with the drives along task coordinates; none of these where it is left out.
-        """
+        """Return one row, at rest: enough to see which quantities there are, and which are determined."""
         q, idle = np.atleast_2d(q), np.zeros((1, mechanism.model.nv))
         dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
         closure = closure or mechanism.closure

@@ -100,12 +100,7 @@ class NamedQuantity(NamedTuple):
 
 @dataclass(frozen=True)
 class QuantityCatalogue:
-    """What can be asked by name.
-
-    Attributes:
-        title: Of what.
-        entries: The quantities.
-    """
+    """What can be asked by name."""
 
     title: str
     entries: tuple[NamedQuantity, ...]
@@ -137,13 +132,7 @@ class QuantityCatalogue:
 
 
 def catalogue(quantities: Quantities, title: str, like: str = "") -> QuantityCatalogue:
-    """Return what can be asked of a trajectory.
-
-    Args:
-        quantities: Of the trajectory; one row is enough.
-        title: Heading.
-        like: Part of the name or of the meaning, in any case; all where it is empty.
-    """
+    """Return what can be asked of a trajectory."""
     wanted = like.casefold()
     asked = (meaning for meaning in _meanings(quantities) if wanted in f"{meaning[0]} {meaning[1]}".casefold())
     with one_blas_thread(quantities.trajectory.mechanism.model.nv):

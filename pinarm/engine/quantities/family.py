@@ -143,12 +143,7 @@ class Family(AbstractRecord, frozen=True):
         return self.evaluation.frame(words[words.index("about", 2) + 1])[..., 0, :]
 
     def component(self, asked: Asked, vectors: Array) -> Array:
-        """Return the component of vectors that the last word names, in the axes that ``along`` names, shape (n,).
-
-        Args:
-            asked: The name.
-            vectors: World axes, shape (n, 3).
-        """
+        """Return the component of vectors that the last word names, in the axes that ``along`` names, shape (n,)."""
         axis, extra = asked.words[-1], asked.words[2:-1]
         if "about" in extra[::2] and asked.part not in MOMENTS:
             raise _about_a_point(asked)
@@ -231,12 +226,7 @@ class WrenchFamily(Family, frozen=True):
         return self.component(asked, wrench[..., 3:] + crossed(arm, wrench[..., :3]))
 
     def doubt(self, asked: Asked, added: list[Array]) -> str:
-        """Return what is in doubt about a component; nothing where self-stresses add nothing to it.
-
-        Args:
-            asked: The name.
-            added: What each self-stress of length 1 adds to the component, shape (n,).
-        """
+        """Return what is in doubt about a component; nothing where self-stresses add nothing to it."""
         if not any(acts(part) for part in added):
             return ""
         doubt = f"hyperstatic of degree {self.evaluation.reactions.degree}: rigid bodies do not determine it"

@@ -359,9 +359,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
     def switches(self, name: str) -> list[Array]:
         """Return functions that change their sign wherever formulas behind a name go from one smooth part to another.
 
-        Args:
-            name: A quantity, a symbol or a formula; symbols in it are looked into.
-
         Returns:
             Values at the rows, each of shape (n,); see ``Expression.switches``.
 
@@ -385,10 +382,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         """Raise where a symbol stands for what does not exist, for what cannot be added, or for itself.
 
         What exists is no mistake, also where this run does not tell it, as forces of a kinematic one.
-
-        Args:
-            symbols: Their names.
-            locate: Gives mistakes their place.
 
         Raises:
             InputError: Says which, and where it stands.

@@ -89,20 +89,12 @@ class Reactions:
         return np.asarray(np.linalg.norm(self.origins, axis=-1).max(axis=-1))
 
     def markers(self, joint: int) -> Array:
-        """Return the places of a joint on its parent [m], world axes, shape (n, 3): its origin where it does not slide.
-
-        Args:
-            joint: Pinocchio's joint index.
-        """
+        """Return the places of a joint on its parent [m], world axes, (n, 3): its origin where it does not slide."""
         parent, place = self.model.parents[joint], self.model.jointPlacements[joint].translation
         return np.asarray(self.links.places[:, parent] + self.links.turns[:, parent] @ place)
 
     def tree_axes(self, joint: int) -> Array | None:
-        """Return the axis of a joint, world axes, shape (n, 3); ``None`` where it has none.
-
-        Args:
-            joint: Pinocchio's joint index.
-        """
+        """Return the axis of a joint, world axes, shape (n, 3); ``None`` where it has none."""
         axis = tree_axis(self.model, joint)
         return None if axis is None else self.links.turns[..., joint, :, :] @ axis
 
@@ -302,11 +294,7 @@ class Reactions:
         return self._at_sample([stresses.on_loop(self.loops[name]) for _, stresses in self.stresses])
 
     def stressed_multipliers(self, weights: Mapping[str, Array]) -> list[Array]:
-        """Return what each self-stress adds to a sum of multipliers, shape (n,); see ``_at_sample``.
-
-        Args:
-            weights: Name of a constraint of one row -> weight of its multiplier, shape (n,).
-        """
+        """Return what each self-stress adds to a sum of multipliers, shape (n,); see ``_at_sample``."""
         added = []
         for rows, stresses in self.stresses:
             holding = {name: weight[rows] for name, weight in weights.items() if name in stresses.closure.slices}

@@ -61,13 +61,7 @@ class LeadingAxes:
 
 
 def states_of(mechanism: Mechanism, q: ArrayLike, **rates: ArrayLike | None) -> tuple[LeadingAxes, dict[str, Array]]:
-    """Return the leading axes of states, and their arrays by name as rows, as far as they are given.
-
-    Args:
-        mechanism: The mechanism.
-        q: Configurations, shape (..., nq).
-        rates: ``v``, ``a`` and ``tau``, shape (..., nv); ``None`` where they are not given.
-    """
+    """Return the leading axes of states, and their arrays by name as rows, as far as they are given."""
     refuse_foreign(mechanism, q, **rates)
     given = {"q": (q, mechanism.model.nq)}
     given |= {name: (x, mechanism.model.nv) for name, x in rates.items() if x is not None}

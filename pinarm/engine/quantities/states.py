@@ -46,12 +46,7 @@ NO_DRIVES = "the mechanism has loops, and no drives are named that carry the loa
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """The quantities of states by name.
-
-    Attributes:
-        rows: The same, one row for every state.
-        leading: The leading axes that the states were given in.
-    """
+    """The quantities of states by name."""
 
     rows: Quantities
     leading: LeadingAxes

@@ -47,8 +47,7 @@ class Entry(ValueRecord, frozen=True):
         factory: Class or function in the module that returns the method, of the tolerance or of the longest step [s].
         setting: Which of the two it takes.
         summary: Its order and its use, for the JSON Schema.
-        finest: Finest setting that a trade-off tries: the tolerance ``10^-finest``, or the span by
-            ``16 2^finest``.
+        finest: Finest setting that a trade-off tries: the tolerance ``10^-finest``, or the span by ``16 2^finest``.
     """
 
     module: str

@@ -188,18 +188,17 @@ def pressed(
 ) -> Held:
     """Return which of several stops that are touched push: none that does pulls, and none that does not is entered.
 
-    The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself
-    (Murty, Note on a Bard-type scheme for solving the complementarity problem, 1974). One that moves only with
-    those that push takes the place of the first of these that it would relieve (the criss-cross method of den
-    Hertog, Roos and Terlaky, The linear complementarity problem, sufficient matrices, and the criss-cross method,
-    1993): only the sum of their pushes is determined. Where rounding or friction let sets come again, stops that
-    pull are let go one by one.
+    The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself (Murty,
+    Note on a Bard-type scheme for solving the complementarity problem, 1974). One that moves only with those that push
+    takes the place of the first of these that it would relieve (the criss-cross method of den Hertog, Roos and Terlaky,
+    The linear complementarity problem, sufficient matrices, and the criss-cross method, 1993): only the sum of their
+    pushes is determined. Where rounding or friction let sets come again, stops that pull are let go one by one.
 
     Args:
         touched: The stops.
         away: Stops that push -> their pushes, and how fast the motion leaves the others.
-        ties: Stops that push, and another one -> by how much its coordinate changes with theirs, each
-            counted away from the stop; nothing where it moves by itself as well.
+        ties: Stops that push, and another one -> by how much its coordinate changes with theirs, each counted away from
+            the stop; nothing where it moves by itself as well.
         slight: How fast one that moves only with others may seem to be entered by rounding.
     """
     known, seen, first = sorted(touched), set[Held](), frozenset[int]()

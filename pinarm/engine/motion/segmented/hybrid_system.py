@@ -386,14 +386,7 @@ class HybridSystem(Record, frozen=True):
 def system_of(
     closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, initial: Initial
 ) -> TreeSystem | LoopSystem:
-    """Return what has to be integrated while the prescribed coordinates follow their laws.
-
-    Args:
-        closure: Constraints of the mechanism.
-        dynamics: Its equation of motion with all the forces of the run.
-        prescribed: Coordinates with laws, none for free motion.
-        initial: The initial state; joints with given values stay free if they can.
-    """
+    """Return what has to be integrated while the prescribed coordinates follow their laws."""
     if prescribed.linear_in(closure):
         from pinarm.engine.motion.systems.tree_system import TreeSystem
 

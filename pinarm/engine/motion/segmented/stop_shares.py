@@ -44,8 +44,7 @@ class StopShares(Record, frozen=True):
 
     Attributes:
         closure: The constraints that hold.
-        prescribed: Coordinates that follow laws, then those of the stops; others than joints and sums of
-            them first.
+        prescribed: Coordinates that follow laws, then those of the stops; others than joints and sums of them first.
         others: How many of these are neither joints nor sums of them.
         stops: The stops.
         separations: One-sided constraints that hold.

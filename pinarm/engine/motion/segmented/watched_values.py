@@ -47,9 +47,8 @@ def watched(
 ) -> list[tuple[str | Cause, Watch]]:
     """Return the events of the user, by name, and the ends of a segment, by their causes.
 
-    ``resting`` are stops that are touched at rest: a joint that leaves its stop from rest does so slower than
-    rounding at first, and is given some slack. ``tied`` ones of them move only with stops that hold, within the
-    errors of steps.
+    ``resting`` are stops that are touched at rest: a joint that leaves its stop from rest does so slower than rounding
+    at first, and is given some slack. ``tied`` ones of them move only with stops that hold, within the errors of steps.
     """
     watches: list[tuple[str | Cause, Watch]] = list(hybrid.watches.items())
     for k, bound in enumerate(hybrid.bounds):

@@ -39,8 +39,7 @@ class Initial(Record, frozen=True):
         velocities: Indices in v of the joints whose velocities are given.
         rates: Other coordinates whose rates are given, and these [rad/s or m/s].
         followers: Rotors of elastic gears.
-        drawn: Configuration from which the mechanism is assembled, shape (nq,); q itself where it is left
-            out.
+        drawn: Configuration from which the mechanism is assembled, shape (nq,); q itself where it is left out.
     """
 
     q: Array
@@ -88,10 +87,9 @@ class CompletedStates(Record, frozen=True):
         lam: Multipliers of the constraints [N or N*m].
         friction: Friction that sticks, along the slips of k joints [N*m or N], shape (n, k).
         opened: Whether a one-sided constraint is open, shape (n,); ``None`` where none ever is.
-        others: The same motion with other efforts, multipliers and frictions that hold it as well: the ends
-            of what rigid bodies leave open where several joints at rest share a load.
-        endless: Of such a motion, in which rows it only tells a direction without a known end; ``None`` for
-            none, (n,).
+        others: The same motion with other efforts, multipliers and frictions that hold it as well: the ends of what
+            rigid bodies leave open where several joints at rest share a load.
+        endless: Of such a motion, in which rows it only tells a direction without a known end; ``None`` for none, (n,).
         pushed: What of ``tau`` end stops push, shape (n, nv); ``None`` where nothing rests on any.
     """
 

@@ -82,17 +82,7 @@ class ClosingSystem(Record, frozen=True):
         cls, loops: LoadedLoops, scale: Array, nq: int, exact: ProximalStructure,
         closing: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0), limits: LimitsStructure | None = None,
     ) -> ClosingSystem | None:  # fmt: skip
-        """Return the motion; ``None`` where a number is none.
-
-        Args:
-            loops: The loops.
-            scale: Unit of every velocity, shape (nv,).
-            nq: Number of coordinates.
-            exact: How accelerations are solved for.
-            closing: Numbers of the closing, as in ``closing.h`` from ``projection`` on; none where
-                nothing has to be closed.
-            limits: When positions are regular; none where nobody looks.
-        """
+        """Return the motion; ``None`` where a number is none."""
         nv = len(scale)
         kept = scale.copy(), *(np.zeros(nv) for _ in range(3)), *(np.zeros(nq + nv) for _ in range(2))
         if not np.isfinite([exact.term, exact.accuracy, *closing, *scale]).all():
@@ -108,15 +98,7 @@ class ClosingSystem(Record, frozen=True):
 
 
 class JudgedLoops(Record, frozen=True):
-    """Loops in compiled code under their loads, and how their multipliers are solved for.
-
-    Attributes:
-        loops: The loops.
-        measure: How regular they are.
-        term: Proximal term of closed states [1/kg].
-        tree: The tree with its loads.
-        alone: Whether the library knows all loads and laws; else Python has to write them.
-    """
+    """Loops in compiled code under their loads, and how their multipliers are solved for."""
 
     loops: LoadedLoops
     measure: Regularity

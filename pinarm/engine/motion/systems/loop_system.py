@@ -58,8 +58,7 @@ class LoopSystem(Record, frozen=True):
         manifold: Space of its configurations.
         own: Constraints of the mechanism.
         rows: The same, then one row for each prescribed coordinate.
-        closure: The same without joint coordinates that follow laws, whose multipliers are efforts at
-            joints.
+        closure: The same without joint coordinates that follow laws, whose multipliers are efforts at joints.
         near: A configuration near closed ones, shape (nq,).
     """
 
@@ -206,15 +205,7 @@ class LoopSystem(Record, frozen=True):
         return lru_cache(maxsize=KEPT)(judged)
 
     def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, RowDecompositions]:
-        """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart.
-
-        Args:
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            w: Prescribed coordinates, shape (n, k).
-            dw: Their rates, shape (n, k).
-            t: Instants [s], shape (n,).
-        """
+        """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart."""
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
         mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)

@@ -183,7 +183,7 @@ class JointQuantities(WrenchFamily, frozen=True):
         return Series(asked.name, BALL_VECTORS[part], np.asarray(values))
 
     def _ball_effort(self, asked: Asked, ball: Ball) -> Array:
-        """Return the moment of the drive of a ball joint, its rotor's share included, axes of the link, shape (n, 3)."""
+        """Return the moment of the drive of a ball joint, with its rotor's share, axes of the link, shape (n, 3)."""
         run, coordinates = self.run, self.run.mechanism.coordinates
         self.require_efforts(asked)
         for name in run.closure.slices:
