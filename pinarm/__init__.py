@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from pinarm.use.study.restore import replay, restore
     from pinarm.use.study.run import run, validate
     from pinarm.use.study.sweep.batches import Batch, batch
-    from pinarm.use.study.sweep.sweep import Sweep, sweep
+    from pinarm.use.study.sweep.sweep import sweep
+    from pinarm.use.study.sweep.table import Sweep
     from pinarm.use.study.tradeoff import Tradeoff, tradeoff
 
 __version__ = "0.1.0"
@@ -44,7 +45,7 @@ _HOMES = {
     "explain": "pinarm.use.study.explain",
     "Result": "pinarm.use.facade",
     "Scenario": "pinarm.use.facade",
-    "Sweep": "pinarm.use.study.sweep.sweep",
+    "Sweep": "pinarm.use.study.sweep.table",
     "Tradeoff": "pinarm.use.study.tradeoff",
     "Sheet": "pinarm.use.study.lab",
     "lab": "pinarm.use.study.lab",

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from pinarm.use.facade import Scenario
-    from pinarm.use.output.folder import Destination
+    from pinarm.use.output import Destination
     from pinarm.use.study.answers.check import Findings
 
 OK, MISSED, BAD_INPUT = 0, 1, 2
@@ -78,7 +78,7 @@ def show(options: Namespace, data: Mapping[str, object], *texts: str) -> None:
 def work(options: Namespace, kind: str) -> Iterator[tuple[Scenario, Destination, Executor | None]]:
     """Yield the scenario, the folder for its results, and the executor of the cluster that is named."""
     from pinarm.use.facade import load
-    from pinarm.use.output.folder import check_replaceable, destination
+    from pinarm.use.output import check_replaceable, destination
     from pinarm.use.show.picture_files import picture_format
 
     picture_format(options.plots or True, options.dpi)  # mistakes are told before the work
@@ -366,8 +366,12 @@ MANY: dict[str, Any] = {"action": "append", "default": []}
     VALUES,
 )
 def _sweep(options: Namespace) -> int:
+    from pinarm.use.progress import progress_bar
     from pinarm.use.study.sweep.sweep import sweep
-    from pinarm.use.study.sweep.sweep_files import progress_bar, report
+    from pinarm.use.study.sweep.table import report, require_parquet
+
+    if options.parquet:
+        require_parquet()
 
     with work(options, "sweep") as (scenario, target, executor), progress_bar(sys.stderr) as bar:
         swept = sweep(
@@ -382,7 +386,6 @@ def _sweep(options: Namespace) -> int:
             workers=options.workers,
             executor=executor,
             folder=target.folder,
-            parquet=options.parquet,
             progress=bar,
         )
         swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)

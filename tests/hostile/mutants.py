@@ -23,7 +23,7 @@ from pinarm.use.cases.case import Row
 from pinarm.use.show.meshes import read_mesh
 from pinarm.use.study.restore import restore
 from pinarm.use.study.sweep.axes import read_cases
-from pinarm.use.study.sweep.journal import Journal, Sources
+from pinarm.use.study.sweep.journal import Journal
 from pinarm.use.workers.executors import ExecutorWorkers
 
 LARGEST = 100_000
@@ -380,7 +380,7 @@ def prepare(folder: Path) -> None:
     (folder / "p.yaml").write_text(SCENARIO.replace("arm.yaml\narguments: {m: 3 kg}", "plain.yaml"))
     journal = Journal(folder / "journal.jsonl", "task", width=2)
     for case in range(3):
-        journal.add([(str(case), Row((1.5, float("nan")), "", (str(folder / "law.csv"),)))], Sources())
+        journal.add([(str(case), Row((1.5, float("nan")), "", (str(folder / "law.csv"),)))])
     journal.close()
 
 

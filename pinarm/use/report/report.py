@@ -11,14 +11,13 @@ from pathlib import Path
 from pinarm.errors import InputError, choices, printable
 from pinarm.records import Record, replace
 from pinarm.use.facade import Result
-from pinarm.use.output.folder import write_file
+from pinarm.use.output import write_file
 from pinarm.use.report.chapter import Chapter, chapter_on, keyless
 from pinarm.use.report.sweep_chapter import chapter_on_sweep
 from pinarm.use.show.document import tag, text
 from pinarm.use.show.notebook import frame
 from pinarm.use.study.restore import restore
-from pinarm.use.study.sweep.stored import stored_sweep
-from pinarm.use.study.sweep.sweep import Sweep
+from pinarm.use.study.sweep.table import Sweep, stored_sweep
 
 STYLE = Path(__file__).parent / "report.css"
 HTML, PDF = ".html", ".pdf"

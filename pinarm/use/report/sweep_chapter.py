@@ -10,8 +10,7 @@ from pinarm.use.report.chapter import Chapter, appendix, figure, provenance
 from pinarm.use.report.given import problem_rows
 from pinarm.use.show.document import ReportTable, number, part, rounded, sentences, unit_text, with_unit
 from pinarm.use.study.sweep.plots import pictures
-from pinarm.use.study.sweep.sweep import Sweep
-from pinarm.use.study.sweep.sweep_files import ranges, remarks
+from pinarm.use.study.sweep.table import Sweep, ranges, remarks
 
 MOST_CASES = 100
 """Cases of the table that are printed; ``cases.csv`` has all."""

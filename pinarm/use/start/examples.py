@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pinarm.errors import InputError
-from pinarm.use.output.folder import reason, write_new_file
+from pinarm.use.output import reason, write_new_file
 
 FOLDERS = ("models", "scenarios", "examples")
 LEFT_BY_RUNS = ("results", "__pycache__")

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pinarm.errors import InputError, choices
-from pinarm.use.output.folder import reason, write_new_file
+from pinarm.use.output import reason, write_new_file
 
 TEMPLATES = Path(__file__).parent / "templates"
 

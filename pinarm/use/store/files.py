@@ -13,7 +13,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from pinarm.use.output.manifest import no_text
+from pinarm.use.output import no_text
 
 
 def write(path: Path, text: str) -> None:

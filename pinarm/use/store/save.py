@@ -23,7 +23,7 @@ from pinarm.errors import InputError
 from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
 from pinarm.use.assessments import FILES
-from pinarm.use.output.folder import whole_folder
+from pinarm.use.output import whole_folder
 from pinarm.use.result.stored_rows import event_arrays, states
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 

@@ -115,7 +115,7 @@ class Explanation:
         Raises:
             InputError: It has another suffix, or cannot be written.
         """
-        from pinarm.use.output.folder import write_file
+        from pinarm.use.output import write_file
         from pinarm.use.show.picture_files import picture_format
 
         path = Path(file)

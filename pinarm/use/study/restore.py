@@ -27,8 +27,7 @@ from pinarm.problems.simplify.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.facade import Result, Scenario
 from pinarm.use.mechanism import Mechanism, with_methods
-from pinarm.use.output.folder import complete_folder
-from pinarm.use.output.manifest import read_manifest
+from pinarm.use.output import complete_folder, read_manifest
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, events_of, trajectory_of
 from pinarm.use.store.section_files import SECTIONS, read_sections

@@ -109,7 +109,7 @@ def input_files(path: Path) -> tuple[list[Path], int]:
     Returns:
         The files, in the order of their names, and the number of other files ending in .yaml.
     """
-    from pinarm.use.output.manifest import read_manifest
+    from pinarm.use.output import read_manifest
 
     if not path.is_dir():
         return [path], 0

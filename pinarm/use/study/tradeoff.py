@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Values
 from pinarm.use.facade import Given, Scenario, load
-from pinarm.use.output.folder import whole_folder
+from pinarm.use.output import whole_folder
 from pinarm.use.store.files import json_text, write
 from pinarm.use.study.trials import (
     WANTED,

@@ -27,7 +27,7 @@ from typing import Any
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.units import read_quantity
-from pinarm.use.output.folder import write_file
+from pinarm.use.output import write_file
 from pinarm.use.show.replay.page import Replay
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")

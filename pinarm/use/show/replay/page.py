@@ -23,7 +23,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, as_names
 from pinarm.records import Record
-from pinarm.use.output.folder import write_file
+from pinarm.use.output import write_file
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
 from pinarm.use.show.meshes import Mesh, thinned
 from pinarm.use.show.replay.arrows import ARROWS, Arrow, arrows_of, traced

@@ -360,3 +360,43 @@ def _is_number(text: str) -> bool:
 
 def _same(measured: str, path: str) -> str:
     return measured
+
+
+def axes_of(
+    unit_of: UnitOf,
+    over: Mapping[str, object],
+    cases: str | Path | None,
+    samples: int | None,
+    seed: int,
+    how: Sampling,
+) -> Iterator[Axis]:
+    """Yield the axes: the lines of a file, then what is drawn, then each list or grid.
+
+    Args:
+        unit_of: Path -> the unit of bare numbers.
+        over: Path -> values; see ``sweep``, as for the others.
+        cases: A file of cases.
+        samples: How many values to draw.
+        seed: Of the drawing.
+        how: Of the drawing.
+
+    Raises:
+        InputError: Something is to be drawn and it is not said how often, or the other way round.
+    """
+    if cases is not None:
+        yield read_cases(Path(cases), unit_of)
+    read = [read_axis(path, given, unit_of) for path, given in over.items()]
+    drawn = [values for values in read if isinstance(values, Distribution)]
+    if drawn and (samples is None or not 1 <= samples <= MOST):
+        raise InputError(
+            f"'{drawn[0].path}' is to be drawn",
+            expected=f"how many samples to draw, 1 to {MOST:,}",
+            hint="--sample 1000",
+        )
+    if seed < 0:
+        raise InputError(f"the seed is {seed}", expected="a whole number from 0")
+    if (samples is not None or how != "random") and not drawn:
+        raise InputError("there is nothing to draw samples of", expected="a distribution, such as normal(0.25, 0.01) m")
+    if drawn and samples is not None:
+        yield draw(drawn, samples, seed, how)
+    yield from (values for values in read if isinstance(values, Axis))

@@ -32,7 +32,8 @@ from pinarm.use.store.files import write_arrays, write_parts
 from pinarm.use.store.save import arrays, csv
 from pinarm.use.study.sweep.axes import Axis, Cases
 from pinarm.use.study.sweep.solving import Solving
-from pinarm.use.study.sweep.sweep import Sweep, first_case, measured_results, swept_of
+from pinarm.use.study.sweep.sweep import first_case, measured_results, swept_of
+from pinarm.use.study.sweep.table import Sweep
 from pinarm.use.workers.runners import HERE, Runners
 from pinarm.use.workers.worker import LostJob
 
@@ -285,8 +286,7 @@ class Batch:
         Raises:
             InputError: The folder cannot be written, or holds something else.
         """
-        from pinarm.use.output.folder import whole_folder
-        from pinarm.use.study.sweep.sweep_files import write_tables
+        from pinarm.use.output import whole_folder
 
         outputs = list(dict.fromkeys(self.scenario.content.outputs))
         wanted, columns = measured_results(self.scenario, self.cases, outputs)
@@ -299,7 +299,7 @@ class Batch:
                 for name, content in zip(("csv", "npz"), files, strict=False):
                     if content:
                         write_parts(draft / "motions" / f"{number:06d}.{name}", [content])
-            write_tables(self._table(solving), draft, Path(folder))
+            self._table(solving).write_tables(draft, Path(folder))
         return Path(folder)
 
     def _solved(self, wanted: Sequence[Taken], width: int = 0) -> Solving:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from pinarm.use.show.picture import Picture
-    from pinarm.use.study.sweep.sweep import Sweep
+    from pinarm.use.study.sweep.table import Sweep
 
 FAMILY = 6
 """Curves in one picture; a longer family is drawn as a map."""

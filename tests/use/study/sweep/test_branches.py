@@ -13,7 +13,7 @@ from pinarm.input.units import DIMENSIONLESS
 from pinarm.use.cases.case_table import Column
 from pinarm.use.study.sweep.axes import Axis, Cases
 from pinarm.use.study.sweep.branches import RAW, ModeValues
-from pinarm.use.study.sweep.sweep import Sweep
+from pinarm.use.study.sweep.table import Sweep
 
 BODY = """<link name="{0}"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
 </inertial></link><joint name="{0}_slide" type="prismatic"><parent link="rail"/><child link="{0}"/><axis xyz="1 0 0"/>

@@ -4,12 +4,13 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.cases.case import Row, Task
-from pinarm.use.study.sweep.journal import HEAD, Journal, JournalEntry, Sources, _line, digest, task_digest
+from pinarm.use.study.sweep.journal import HEAD, Journal, JournalEntry, digest, task_digest
 
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
 
@@ -19,10 +20,14 @@ def path(tmp_path: Path) -> Path:
     (tmp_path / "file").write_text("content")
     journal = Journal(tmp_path / "journal.jsonl", "task", 2)
     for case in range(3):
-        journal.add([(f"case {case}", Row((float(case), float("nan")), "", (str(tmp_path / "file"),)))], Sources())
-    journal.add([("failed", Row((), "why", (str(tmp_path / "file"),)))], Sources())
+        journal.add([(f"case {case}", Row((float(case), float("nan")), "", (str(tmp_path / "file"),)))])
+    journal.add([("failed", Row((), "why", (str(tmp_path / "file"),)))])
     journal.close()
     return tmp_path / "journal.jsonl"
+
+
+def line_of(entry: JournalEntry) -> bytes:
+    return msgspec.json.encode(entry) + b"\n"
 
 
 def known(path: Path) -> Iterator[str]:
@@ -46,8 +51,8 @@ def test_what_was_written_is_read_again(path: Path) -> None:
     (1, []), (2, ["case 1", "case 2", "failed"]), (5, ["case 0", "case 1", "case 2"]),
 ])  # fmt: skip
 @pytest.mark.parametrize("change", [
-    lambda line: b"", lambda line: line[:-9], lambda line: line.replace(b"0", b"3"), lambda line: b"\xff\xfe\n",
-    lambda line: b"[" * 100_000 + b"\n", lambda line: line.rstrip(b"}\n") + b', "error": "x"}\n',
+    lambda line: b"", lambda line: line[:-9], lambda line: b"\xff\xfe\n",
+    lambda line: b"[" * 100_000 + b"\n",
 ])  # fmt: skip
 def test_a_line_that_was_changed_is_passed_over(path: Path, line: int, left: list[str], change) -> None:  # type: ignore[no-untyped-def]
     lines = path.read_bytes().splitlines(keepends=True)
@@ -65,8 +70,8 @@ def test_devices_and_pipes_that_it_names_are_not_read(path: Path) -> None:
     with open(path, "ab") as stream:
         for name in names:
             files = {name: digest(name)}
-            stream.write(_line(JournalEntry(digest(files), files)))
-            stream.write(_line(JournalEntry(digest(files), case="case 0", numbers=(9.0, 9.0))))
+            stream.write(line_of(JournalEntry(digest(files), files)))
+            stream.write(line_of(JournalEntry(digest(files), case="case 0", numbers=(9.0, 9.0))))
     assert [*known(path)] == ["case 0", "case 1", "case 2", "failed"]
 
 

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 import pinarm
-from pinarm.use.study.sweep.sweep_files import ranges
+from pinarm.use.study.sweep.table import ranges
 
 LONG = {"arguments.m": "1:3:9 kg", "arguments.l": "0.2:1:7 m"}
 

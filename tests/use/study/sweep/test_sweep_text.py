@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pinarm.cli.main import main
-from pinarm.use.study.sweep.sweep_files import progress_bar
+from pinarm.use.progress import progress_bar
 
 MASSES = "arguments.m=1:3:3 kg"
 

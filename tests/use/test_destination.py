@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.output.folder import Destination, complete_folder, destination, whole_folder
+from pinarm.use.output import Destination, complete_folder, destination, whole_folder
 
 
 @pytest.fixture(autouse=True)

@@ -1,1 +1,0 @@
-"""Writing of folders and files of results, whole or not at all."""

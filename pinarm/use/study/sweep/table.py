@@ -1,0 +1,413 @@
+"""Sweep: the table with a line per case, its statistics, files and texts. The same cases give the same bytes."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinarm.arrays import Array
+from pinarm.engine.labelled_array import dataframe
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, choices, require_name
+from pinarm.input.numbers import DECIMAL
+from pinarm.input.units import DIMENSIONLESS, unit
+from pinarm.input.yaml.document import Document
+from pinarm.use.cases.case import OPEN, WORTH
+from pinarm.use.output import whole_folder
+from pinarm.use.result.measures import CLOSURES, RESIDUALS, singularity_words
+from pinarm.use.result.numbers import read_number
+from pinarm.use.result.presentation import Presentation
+from pinarm.use.show.terminal import aligned, counted
+from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
+from pinarm.use.study.sweep.axes import Cases, axes_of
+from pinarm.use.study.sweep.journal import JOURNAL
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from pinarm.use.show.picture import Picture
+
+NAMED, SHOWN_CASES, SHOWN = 12, 5, 10
+"""Most columns that the ``repr`` names, cases that a note names, and reasons of failures that are printed."""
+
+BLOCK, PART = 10_000, 10_000
+"""Lines of CSV whose texts are made at once; cases of a part of the table as Parquet."""
+
+PARQUET = "cases.parquet"
+"""Folder of the table as Parquet, in parts, which pandas, pyarrow, Polars and Spark read as one table."""
+
+TEXTS, SHORTEST = 25_000_000, 20
+"""Most characters of an array of texts, each as long as the longest; and least length to which a text is cut."""
+
+QUANTILES = {"5 %": 0.05, "median": 0.5, "95 %": 0.95}
+SCALED = ("min", "mean", "deviation", "max")
+"""Statistics that have the unit of their column."""
+
+WORST: dict[str, Callable[[Array], Any]] = {
+    **dict.fromkeys((*RESIDUALS, *CLOSURES, "condition", "global error"), np.nanmax),
+    "regularity": np.nanmin,
+    "relative regularity": np.nanmin,
+}
+"""Measures of accuracy, and which of their values is the worst."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Sweep:
+    """Results of a sweep: columns with one number, or word, per case.
+
+    Attributes:
+        name: Name of the scenario.
+        title: Title of the scenario.
+        definition: The call as plain data.
+        cases: The values of every case.
+        columns: Results and measures of accuracy in SI; NaN where a case has none.
+        errors: Case -> why it failed.
+        presentation: Units and labels of tables for people.
+        notes: What to know of the results.
+    """
+
+    name: str
+    title: str
+    definition: Mapping[str, Any]
+    cases: Cases
+    columns: Sequence[Series]
+    errors: Mapping[int, str]
+    presentation: Presentation
+    notes: Sequence[str] = ()
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    @property
+    def given(self) -> list[Series]:
+        """The columns that were varied, in the units they were given in."""
+        return self.cases.table()
+
+    @cached_property
+    def table(self) -> dict[str, Series]:
+        """All columns by name."""
+        return {series.name: series for series in (*self.given, *self.columns)}
+
+    def __repr__(self) -> str:
+        """Return its name, how many cases it has, and the first of its columns."""
+        failed = f", {len(self.errors)} failed" if self.errors else ""
+        return f"<Sweep of '{self.name}': {len(self)} cases{failed}; {', '.join(list(self.table)[:NAMED])}>"
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a column by name; that of a number as it may be asked for: ``C_B @ max(C_B)`` is ``C_B @ max``.
+
+        Raises:
+            InputError: There is none of that name; the message lists those there are.
+        """
+        require_name(name)
+        name = read_number(name).label if "@" in name and name not in self.table else name
+        if name not in self.table:
+            expected, hint = choices(name, self.table)
+            raise InputError(f"the table has no column '{name}'", expected=expected, hint=hint)
+        return self.table[name]
+
+    def results(self) -> list[Series]:
+        """Return the columns that were asked for, without the measures of accuracy."""
+        return [series for series in self.columns if series.name not in WORTH]
+
+    @property
+    def missing(self) -> dict[str, list[int]]:
+        """Results that are not finite in cases that did not fail, and these cases."""
+        empty = {series.name: np.flatnonzero(np.isnan(series.values)).tolist() for series in self.results()}
+        known = {name: [case for case in cases if case not in self.errors] for name, cases in empty.items()}
+        return {name: cases for name, cases in known.items() if cases}
+
+    def written(self) -> list[Series]:
+        """Return the columns as tables for people have them: in the units that the scenario chooses."""
+        return [*self.given, *map(self.presentation.written, self.columns)]
+
+    def to_dataframe(self) -> DataFrame:
+        """Return a pandas table, units in the headings, and why cases failed."""
+        columns: dict[str, Any] = {series.label: series.values for series in self.written()}
+        return dataframe({**columns, "error": [self.errors.get(case, "") for case in range(len(self))]})
+
+    def csv(self) -> str:
+        """Return the table as CSV: number of the case, columns, why it failed; numbers that a case lacks are empty."""
+        return "".join(csv_lines(self.written(), self.errors))
+
+    def summary(self) -> dict[str, Any]:
+        """Return statistics of every result, the worst measures of accuracy, cases without a result, and failures."""
+        names = [series.name for series in self.columns if series.name in WORST]
+        doubts = [f"{series.name}: {series.doubt}" for series in self.columns if series.doubt]
+        return {
+            "scenario": self.name,
+            "title": self.title,
+            "cases": len(self),
+            "failed": len(self.errors),
+            "results": {series.name: statistics(series) for series in self.results()},
+            "accuracy": {name: float(WORST[name](self[name].values)) for name in names},
+            "missing": self.missing,
+            "failures": failures(self.errors),
+            "notes": [*doubts, *self.notes, *self._open_cases()],
+        }
+
+    def _open_cases(self) -> list[str]:
+        """Return a note of the cases whose results hang on decisions that are not certain, if any."""
+        cases = [np.flatnonzero(series.values > 0.0) for series in self.columns if series.name == OPEN]
+        if not cases or not len(cases[0]):
+            return []
+        first = ", ".join(map(str, cases[0][:SHOWN_CASES].tolist()))
+        more = ", ..." if len(cases[0]) > SHOWN_CASES else ""
+        return [
+            f"{len(cases[0])} cases hang on decisions that are not certain, such as whether an event takes place: "
+            f"column '{OPEN}', and the notes of single runs (cases {first}{more})"
+        ]
+
+    def plot(self, name: str | None = None) -> Picture:
+        """Return a plot of a column over what was varied: curves, a map, or how often which value came out.
+
+        Args:
+            name: The column; the first result where it is left out. ``mode.1.damping`` draws all branches of modes,
+                ``root_locus`` their eigenvalues.
+        """
+        from pinarm.use.study.sweep.plots import pictured, plot
+
+        if name is None:
+            return plot(self, self.columns[0])
+        pictures = {series.name: series for series in pictured(self)}
+        return plot(self, pictures[name] if name in pictures else self[name])
+
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        plots: Literal["svg", "png", "pdf"] | bool = True,
+        dpi: int = 200,
+        parquet: bool = False,
+    ) -> Path:
+        """Write ``sweep.yaml``, ``cases.csv``, ``cases.npz``, ``summary.json`` and plots; return the folder.
+
+        Args:
+            folder: The folder; an earlier sweep in it is replaced.
+            plots: Format of the pictures, ``svg`` (the default), ``png`` or ``pdf``; ``False`` for none.
+            dpi: Pixels per inch of PNG.
+            parquet: Whether the table is written as Parquet too, in parts of 10,000 cases, by pyarrow.
+
+        Raises:
+            InputError: The folder cannot be written, or holds files that are not an earlier sweep's, or pyarrow is not
+                installed.
+        """
+        folder, scenario = Path(folder), self.definition.get("scenario")
+        with whole_folder(folder, "sweep", source=Path(scenario) if scenario else None, beside=(JOURNAL,)) as draft:
+            self.write_tables(draft, folder)
+            if parquet:
+                self._write_parquet(draft / PARQUET)
+            if plots:
+                from pinarm.use.show.picture_files import write_pictures
+                from pinarm.use.study.sweep.plots import pictures
+
+                write_pictures(pictures(self), draft / "plots", plots, dpi)
+        return folder
+
+    def write_tables(self, draft: Path, folder: Path) -> None:
+        """Write the definition, the table and the summary to a draft of a folder, from which files are named."""
+        definition = {key: value for key, value in self.definition.items() if value is not None}
+        files = {key: os.path.relpath(definition[key], folder) for key in ("scenario", "cases") if definition.get(key)}
+        write(draft / "sweep.yaml", yaml_text({**definition, **files}))
+        write_parts(draft / "cases.csv", (line.encode() for line in csv_lines(self.written(), self.errors)))
+        write_arrays(draft / "cases.npz", arrays(list(self.table.values()), self.errors))
+        write(draft / "summary.json", json_text(self.summary()) + "\n")
+
+    def _write_parquet(self, folder: Path) -> None:
+        """Write the table into a new folder: number of the case, the columns of the CSV file in SI, why it failed."""
+        require_parquet()
+        import pyarrow
+        import pyarrow.parquet
+
+        folder.mkdir()
+        unknown, known = np.full(len(self), np.nan), {series.name: series for series in self.columns}
+        measures = [known.get(name, Series(name, DIMENSIONLESS, unknown)) for name in WORTH]
+        for number, begin in enumerate(range(0, len(self), PART)):
+            part = range(begin, min(begin + PART, len(self)))
+            table: dict[str, Any] = {"case": part}
+            table |= {series.label: series.values for series in self.cases.table(part)}
+            table |= {series.label: series.values[begin : part.stop] for series in (*self.results(), *measures)}
+            table["error"] = [self.errors.get(case, "") for case in part]
+            pyarrow.parquet.write_table(pyarrow.table(table), folder / f"part-{number:06d}.parquet")
+
+    def _repr_html_(self) -> str:
+        """Return statistics and a plot, for notebooks."""
+        from pinarm.use.show.notebook import blocks, heading, lines, picture, table
+
+        return blocks(heading(self.title or self.name), table(ranges(self)), lines(remarks(self)), picture(self.plot()))
+
+
+def require_parquet() -> None:
+    """Raise where Parquet cannot be written.
+
+    Raises:
+        InputError: pyarrow is not installed.
+    """
+    if find_spec("pyarrow") is None:
+        raise InputError("Parquet is written by pyarrow, which is not installed", hint="pip install 'pinarm[parquet]'")
+
+
+def stored_sweep(folder: Path) -> Sweep:
+    """Return the sweep that a folder holds; nothing is solved again.
+
+    Raises:
+        InputError: It is none, or its files do not belong together.
+    """
+    from msgspec import json
+
+    file, definition = folder / "sweep.yaml", Document.read(folder / "sweep.yaml").data
+    try:
+        base, units = definition["base"], definition.get("units", {})
+        source = folder / definition["cases"] if definition.get("cases") else None
+        drawn = definition.get("samples"), definition["seed"], definition["sampling"]
+        cases = Cases.of(axes_of(lambda path: units.get(path, ""), definition["over"], source, *drawn))
+        with np.load(folder / "cases.npz", allow_pickle=False) as stored:
+            varied = {column.path for column in cases.columns()}
+            columns = [
+                Series(name, None if text == "?" else unit(text), stored[name])
+                for name, text in stored["units"].tolist()
+                if name not in varied
+            ]
+            errors = {case: text for case, text in enumerate(stored["error"].tolist()) if text}
+        if {len(cases)} != {len(series.values) for series in columns}:
+            raise InputError(f"{folder / 'cases.npz'} has not the cases of {file}")
+        shown = Presentation.of(base.get("units", {}), base.get("labels", {}))
+        notes = list(json.decode((folder / "summary.json").read_bytes()).get("notes", ()))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{folder} does not hold a sweep ({error!r})", hint="run the sweep again") from None
+    name = Path(str(definition.get("scenario", folder.name))).stem
+    return Sweep(
+        name=name,
+        title=str(base.get("title", "")),
+        definition=definition,
+        cases=cases,
+        columns=columns,
+        errors=errors,
+        presentation=shown,
+        notes=notes,
+    )
+
+
+def csv_lines(columns: Sequence[Series], errors: Mapping[int, str]) -> Iterator[str]:
+    """Yield a table as CSV: the number of each case, its columns, and why it failed.
+
+    Numbers have the digits that it takes to read them back; those that are none are empty.
+    """
+    yield ",".join(["case", *(cell(series.label) for series in columns), "error"]) + "\n"
+    for start in range(0, len(columns[0].values), BLOCK):
+        texts = [_texts(series.values[start : start + BLOCK]) for series in columns]
+        for number, row in enumerate(zip(*texts, strict=True), start):
+            yield ",".join([str(number), *row, cell(errors.get(number, ""))]) + "\n"
+
+
+def _texts(values: NDArray[Any]) -> list[str]:
+    """Return the cells of a column."""
+    if values.dtype.kind != "f":
+        return [cell(value) if isinstance(value, str) else repr(value) for value in values.tolist()]
+    texts = [*map(repr, values.tolist())]
+    for row in np.flatnonzero(np.isnan(values)).tolist():
+        texts[row] = ""
+    return texts
+
+
+def arrays(columns: Sequence[Series], errors: Mapping[int, str]) -> dict[str, Any]:
+    """Return the same as arrays by name, with the units of all; of many cases the reasons are cut to ``TEXTS``."""
+    n = len(columns[0].values)
+    width = max(SHORTEST, TEXTS // max(n, 1))
+    shown = {k: text if len(text) <= width else f"{text[: width - 3]}..." for k, text in errors.items()}
+    texts = np.zeros(n, f"U{max((len(text) for text in shown.values()), default=1) or 1}")
+    for number, text in shown.items():
+        texts[number] = text
+    units = np.array([[series.name, str(series.unit or "?")] for series in columns])
+    return {**{series.name: series.values for series in columns}, "error": texts, "units": units}
+
+
+def statistics(series: Series) -> dict[str, Any]:
+    """Return statistics of a column over the cases that have numbers.
+
+    The standard deviation is that of a sample, which one number has not.
+    """
+    solved = np.flatnonzero(np.isfinite(series.values))
+    values = series.values[solved]
+    numbers: dict[str, Any] = {"unit": str(series.unit or "?"), "cases": len(values)}
+    if not len(values):
+        return numbers
+    low, high = int(values.argmin()), int(values.argmax())
+    numbers |= {"min": values[low], "at_min": int(solved[low]), "max": values[high], "at_max": int(solved[high])}
+    exponent = int(np.frexp(np.abs(values).max())[1])  # squares of sizes up to 1 are finite
+    scaled = np.ldexp(values, -exponent)
+    measures = {"mean": scaled.mean(), **({"deviation": scaled.std(ddof=1)} if len(values) > 1 else {})}
+    measures |= {name: np.quantile(scaled, share) for name, share in QUANTILES.items()}
+    numbers |= {name: np.ldexp(x, exponent) for name, x in measures.items()}
+    return {name: float(value) if isinstance(value, np.floating) else value for name, value in numbers.items()}
+
+
+def failures(errors: Mapping[int, str]) -> list[dict[str, Any]]:
+    """Return why cases failed: each reason once, as its first case has it, the most frequent first.
+
+    Reasons that differ in their numbers only count as one.
+    """
+    reasons: dict[str, list[int]] = {}
+    for number, error in errors.items():
+        reasons.setdefault(re.sub(DECIMAL, "#", error), []).append(number)
+    ordered = sorted(reasons.values(), key=lambda cases: (-len(cases), cases[0]))
+    return [{"reason": errors[cases[0]], "cases": len(cases), "first": cases[:10]} for cases in ordered]
+
+
+def report(sweep: Sweep) -> str:
+    """Return the statistics of a sweep and why cases failed, as text."""
+    return "\n".join([sweep.title or sweep.name, *aligned(ranges(sweep)), *remarks(sweep)])
+
+
+def ranges(sweep: Sweep) -> list[list[str]]:
+    """Return a heading and the statistics of every result, in the units and by the labels of the scenario."""
+    rows, how = [["", "unit", "min", "in case", "mean", "deviation", "max", "in case"]], sweep.presentation
+    for series in sweep.results():
+        (scale, shown), entry = how.scale(series), statistics(series)
+        numbers = [
+            "-" if (x := entry.get(key)) is None else f"{x * scale if key in SCALED else x:.7g}"
+            for key in ("min", "at_min", "mean", "deviation", "max", "at_max")
+        ]
+        rows.append([how.label(series.name)[:48], str(shown or "?"), *numbers])
+    return rows
+
+
+def remarks(sweep: Sweep) -> list[str]:
+    """Return what is to be said beside the numbers, a line each: accuracy, notes, and why cases failed."""
+    summary = sweep.summary()
+    accuracy, reasons, lines = summary["accuracy"], summary["failures"], []
+    for head, names in (
+        ("accuracy: largest relative residuals", RESIDUALS),
+        ("loops [m or rad, s]: largest", CLOSURES),
+    ):
+        measured = [f"{name} {accuracy[name]:.1e}" for name in names if name in accuracy]
+        lines += [f"{head}: {', '.join(measured)}"] if measured else []
+    if "global error" in accuracy:
+        lines.append(f"error: at most {accuracy['global error']:.1e} of the largest value")
+    if words := singularity_words(accuracy):
+        lines.append(f"regularity: {words} in the worst case; 0 at a singular position")
+    lines += [f"note: {note}" for note in counted(summary["notes"])]
+    lines.append(f"cases: {len(sweep)}" + (f", {len(sweep.errors)} failed" if sweep.errors else ""))
+    for name, cases in summary["missing"].items():
+        left = summary["results"][name]["cases"]
+        words = f"is not finite in some cases ({_counted(len(cases), cases)}); its statistics are over {left}"
+        lines.append(f"missing: {name} {words}")
+    for failure in reasons[:SHOWN]:
+        lines.append(f"failed: {failure['reason']} ({_counted(failure['cases'], failure['first'])})")
+    return [*lines, *([f"failed: {len(reasons) - SHOWN} more reasons"] if len(reasons) > SHOWN else [])]
+
+
+def _counted(count: int, cases: Sequence[int]) -> str:
+    """Return how many cases there are, and the first three of them."""
+    return f"{count}: {', '.join(map(str, cases[:3]))}{', ...' if count > 3 else ''}"
