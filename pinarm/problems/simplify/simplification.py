@@ -2,25 +2,295 @@
 
 A joint is locked where a law, a value of ``hold`` or a coupling keeps it still: with what it carries it becomes one
 body with its parent. See ``problems.simplify.locking`` for the joints that stay.
+
+Back in the whole, locked joints have the efforts that inverse dynamics of the whole gives them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.constraint_rows import joint_ties
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.outcome import Outcome, RelayedMotion, SolvedMotion, positions_by_interval
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place, listed
+from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.geometry.kinematics import new_data
+from pinarm.mechanics.joints import joints_of
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import bind_loads
-from pinarm.records import Record, ValueRecord
+from pinarm.problems.simplify.locking import Locking
+from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.problems.simplify.locked_mechanism import LockedMechanism
+    from pinarm.mechanics.forces.kinds import Force
+
+
+class LockedMechanism(Record, frozen=True):
+    """A mechanism with joints locked.
+
+    Attributes:
+        whole: The mechanism.
+        forces: All force elements of the run, those of the whole.
+        locking: The joints.
+        mechanism: The part that is solved.
+    """
+
+    whole: Mechanism
+    forces: Mapping[str, ForceElement]
+    locking: Locking
+    mechanism: Mechanism
+
+    @classmethod
+    def of(
+        cls, whole: Mechanism, forces: Mapping[str, ForceElement], loads: Mapping[str, Force], locking: Locking
+    ) -> LockedMechanism | None:
+        """Return a mechanism with joints locked; ``None`` where a force element cannot be had without them.
+
+        Args:
+            whole: The mechanism.
+            forces: All force elements of the run.
+            loads: Definitions of those of the problem.
+            locking: The joints.
+        """
+        part = _Part(whole, locking)
+        elements = part.forces(forces, {**whole.description.forces, **loads})
+        return None if elements is None else cls(whole, forces, locking, replace(part.mechanism, forces=elements))
+
+    @cached_property
+    def _part(self) -> _Part:
+        return _Part(self.whole, self.locking)
+
+    def spread(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return states of the part as those of the whole, shapes (.., nq) and (.., nv)."""
+        part = self._part
+        whole_q = np.broadcast_to(part.configuration, (*q.shape[:-1], len(part.configuration))).copy()
+        whole_v = np.zeros((*v.shape[:-1], self.whole.model.nv))
+        whole_q[..., part.kept_q], whole_v[..., part.kept_v] = q, v
+        return whole_q, whole_v
+
+    def restored(self, outcome: Outcome) -> Outcome:
+        """Return what came out for the part as what comes out for the whole."""
+        motion = outcome.motion and RestoredMotion(self, outcome.motion, outcome.rows.grid.cuts)
+        events = [self._event(event) for event in outcome.events]
+        return replace(outcome, rows=self.restored_rows(outcome.rows), motion=motion, events=events)
+
+    def _event(self, event: EventRecord) -> EventRecord:
+        q, v = self.spread(event.q, event.v)
+        return replace(event, q=q, v=v)
+
+    def restored_rows(self, run: Trajectory) -> Trajectory:
+        """Return states of the part as those of the whole, with the efforts of the joints that are locked."""
+        own, kept, n = self.locking, self._part.kept_v, len(run)
+        (q, v), (_, a), (_, tau) = (self.spread(run.q, x) for x in (run.v, run.a, run.tau))
+        names = [constraint.name for constraint in run.closure.constraints[len(run.mechanism.constraints) :]]
+        closure = self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names])
+        driven, directions = run.driven, run.directions
+        if driven is not None:
+            driven = np.isin(np.arange(len(v[0])), [*kept[driven], *own.answered])
+        if directions is not None:
+            directions = self.spread(run.q, directions)[1]
+        back = replace(
+            run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
+            dynamics=Dynamics.of(self.whole.model, self.forces), driven=driven, directions=directions,
+        )  # fmt: skip
+        if run.no_efforts:
+            return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(own.couplings)))))
+        return self._with_efforts(back)
+
+    def _with_efforts(self, run: Trajectory) -> Trajectory:
+        """Return a run of the whole with the efforts of the joints that are locked, or that carry such.
+
+        Where couplings W are removed, ``tau + W^T lam`` is what the motion asks at their joints.
+        """
+        answered, names = self.locking.answered, self.locking.couplings
+        demand = run.gather(lambda part, rows: part.inverse(run.grid.t[rows], run.q[rows], run.v[rows], run.a[rows]))
+        tau = run.tau.copy()
+        tau[:, answered] = demand[:, answered]
+        if not names:
+            return replace(run, tau=tau)
+        couplings = (
+            constraint
+            for constraint in self.whole.constraints
+            if isinstance(constraint, Coupling) and constraint.name in names
+        )
+        geared = np.array([coupling.coordinate.weights for coupling in couplings])
+        tied = np.flatnonzero(geared.any(axis=0))
+        driven = answered[geared[:, answered].any(axis=0)]
+        ways = np.vstack([np.eye(self.whole.model.nv)[driven], geared])[:, tied]
+        efforts = np.asarray(np.linalg.solve(ways.T, demand[:, tied].T).T, dtype=np.float64)
+        tau[:, driven] = efforts[:, : len(driven)]
+        return replace(run, tau=tau, lam=self._multipliers(run.lam, efforts[:, len(driven) :]))
+
+    def _multipliers(self, lam: Multipliers, geared: Array) -> Multipliers:
+        """Return the multipliers of the whole from those of the part and of the couplings removed, shape (n, k)."""
+        gone = np.zeros(self.whole.closure.size, dtype=bool)
+        for name in self.locking.couplings:
+            gone[self.whole.closure.slices[name]] = True
+
+        def own(rows: Indices) -> Array:
+            multipliers = np.empty((len(rows), len(gone)))
+            multipliers[:, gone], multipliers[:, ~gone] = geared[rows], lam.own(rows)
+            return multipliers
+
+        return Multipliers(own, lam.along) if gone.any() else lam
+
+
+class _Part(Record, frozen=True):
+    """The part of a mechanism that is left where joints are locked."""
+
+    whole: Mechanism
+    locking: Locking
+
+    @cached_property
+    def configuration(self) -> Array:
+        """A configuration of the whole in which the locked joints are where they are locked, shape (nq,)."""
+        q = np.asarray(pin.neutral(self.whole.model)).copy()
+        for v, position in self.locking.positions.items():
+            q[self._places_in_q[v]] = position
+        return q
+
+    @cached_property
+    def _places_in_q(self) -> dict[int, int]:
+        return {joint.v: joint.q for joint in self.whole.joints.values()}
+
+    @cached_property
+    def kept_q(self) -> Indices:
+        """Places of the part's configuration in that of the whole, shape (nq of the part,)."""
+        gone = [self._places_in_q[v] for v in self.locking.positions]
+        return np.delete(np.arange(self.whole.model.nq), gone)
+
+    @cached_property
+    def kept_v(self) -> Indices:
+        """Places of the part's velocity in that of the whole, shape (nv of the part,)."""
+        return np.delete(np.arange(self.whole.model.nv), list(self.locking.positions))
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The part, without force elements."""
+        whole, model = self.whole, self.model
+        joints = joints_of(model)
+        left = (constraint for constraint in whole.constraints if constraint.name not in self.locking.couplings)
+        constraints = tuple(
+            self._coupling(left_name) if isinstance(left_name, Coupling) else left_name for left_name in left
+        )
+        drives = {name: drive for name, drive in whole.drives.items() if drive.joint in joints}
+        return replace(
+            whole, model=model, joints=joints, balls=balls_of(model), coordinates=self._coordinates(),
+            constraints=constraints, drives=drives, forces={},
+        )  # fmt: skip
+
+    def forces(
+        self, forces: Mapping[str, ForceElement], definitions: Mapping[str, Force]
+    ) -> dict[str, ForceElement] | None:
+        """Return the force elements of the part; ``None`` where one is not known of it, or jumps where it would stay.
+
+        Those at locked joints are left out.
+        """
+        from pinarm.mechanics.forces.kinds import bound
+
+        elements, part = dict[str, ForceElement](), self.mechanism
+        for name, force in forces.items():
+            within = force.within(self.kept_q, self.kept_v)
+            if within is None:
+                if name not in definitions:
+                    return None
+                try:
+                    within = bound(definitions[name], part.model, part.joints, part.coordinates)
+                except InputError:  # at a locked joint
+                    if force.jumps or getattr(definitions[name], "joint", None) not in self.whole.joints:
+                        return None
+                    continue
+            elements[name] = within
+        return elements
+
+    @cached_property
+    def model(self) -> pin.Model:
+        """Pinocchio's model of the part, its frames numbered as in the whole.
+
+        ``pin.buildReducedModel`` looks frames up by name and refuses a link that is called like a joint.
+        """
+        whole, model = self.whole.model, pin.Model()
+        model.name, model.gravity = whole.name, whole.gravity
+        data = new_data(whole)
+        pin.forwardKinematics(whole, data, self.configuration)
+        places = [(0, pin.SE3.Identity())]  # for every joint the one that moves its bodies, and where it is in that
+        for index in range(1, whole.njoints):
+            joint, (parent, before) = whole.joints[index], places[whole.parents[index]]
+            if joint.idx_v in self.locking.positions:
+                places.append((parent, before * data.liMi[index]))
+            else:
+                own = model.addJoint(parent, joint, before * whole.jointPlacements[index], whole.names[index])
+                places.append((own, pin.SE3.Identity()))
+            model.appendBodyToJoint(places[index][0], whole.inertias[index], places[index][1])
+        for frame in list(whole.frames)[1:]:
+            carrier, place = places[frame.parentJoint]
+            model.addFrame(pin.Frame(frame.name, carrier, frame.parentFrame, place * frame.placement, frame.type))
+        model.armature[:] = whole.armature[self.kept_v]
+        return model
+
+    def _coordinates(self) -> dict[str, Coordinate]:
+        """Return the coordinates that no locked joint has a part in, but for those of frames, which all stay."""
+        gone, balls = list(self.locking.positions), balls_of(self.model)
+        coordinates = {
+            name: self._sum(known) if isinstance(known, LinearCoordinate) else self._counting(known)
+            for name, known in self.whole.coordinates.items()
+            if not (isinstance(known, LinearCoordinate) and known.weights[gone].any())
+        }
+        return {**coordinates, **ball_coordinates(balls), **ball_angles(balls)}
+
+    def _coupling(self, coupling: Coupling) -> Coupling:
+        """Return a coupling of the part, its forces as efforts: reactions are asked of the whole."""
+        follower = None if coupling.follower is None else int(np.searchsorted(self.kept_v, coupling.follower))
+        return replace(coupling, coordinate=self._sum(coupling.coordinate), follower=follower, transmission=None)
+
+    def _counting(self, coordinate: Coordinate) -> Coordinate:
+        """Return a coordinate of frames; of an angle at a loop joint, joints that are locked count as they stand."""
+        from pinarm.mechanics.loops.relative import TurnedAbout  # most have none
+
+        turns = coordinate.turns if isinstance(coordinate, TurnedAbout) else None
+        if not isinstance(coordinate, TurnedAbout) or turns is None:
+            return coordinate
+        gone = list(self.locking.positions)
+        held = float(turns.weights[gone] @ self.configuration[turns.places[gone]])
+        return replace(coordinate, turns=self._sum(turns), offset=coordinate.offset + held)
+
+    def _sum(self, coordinate: LinearCoordinate) -> LinearCoordinate:
+        places = np.zeros(self.model.nv, dtype=np.intp)
+        for joint in joints_of(self.model).values():
+            places[joint.v] = joint.q
+        return replace(coordinate, weights=coordinate.weights[self.kept_v], places=places)
+
+
+class RestoredMotion(RelayedMotion):
+    """A motion of the whole, from that of the part that was solved, with bounds of the intervals between jumps."""
+
+    def __init__(self, part: LockedMechanism, motion: SolvedMotion, cuts: Sequence[float]) -> None:
+        self.part, self.motion, self.cuts = part, motion, cuts
+
+    @property
+    def relayed(self) -> SolvedMotion:
+        return self.motion
+
+    def at(self, grid: Grid) -> Trajectory:
+        return self.part.restored_rows(self.motion.at(grid))
+
+    def positions(self, t: Array) -> Array:
+        return positions_by_interval(self, self.cuts, t)
 
 
 class Removal(ValueRecord, frozen=True):
@@ -88,7 +358,7 @@ class Simplification(Record, frozen=True):
             lock = None
         if lock is None:
             return whole
-        from pinarm.problems.simplify.locked_mechanism import LockedMechanism
+        from pinarm.problems.simplify.simplification import LockedMechanism
 
         forces = bind_loads(mechanism, declared.loads, place)
         part = LockedMechanism.of(mechanism, forces, declared.loads, lock)

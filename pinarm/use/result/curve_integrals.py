@@ -6,8 +6,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.records import ValueRecord
-from pinarm.use.result.curve import Curve
-from pinarm.use.result.pieces import DEGREE, FLAT, Pieces
+from pinarm.use.result.curve import DEGREE, FLAT, Curve, Pieces
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 """Errors at which an integral is good enough, relative to itself and to the integral of the size of what is summed."""

@@ -13,8 +13,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.records import ValueRecord, replace
-from pinarm.use.result.curve import ULPS, Curve, Spots
-from pinarm.use.result.pieces import DEGREE, FLAT, Pieces
+from pinarm.use.result.curve import DEGREE, FLAT, ULPS, Curve, Pieces, Spots
 
 HALVINGS, MOST_PIECES, MOST_KINKS = 6, 64, 4
 """Rounds of a search for the largest value in which 64 pieces are halved at most, those that may rise most; in later

@@ -16,10 +16,9 @@ from pinarm.engine.quantities.names import OPERATORS, Quantities
 from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
-from pinarm.use.result.curve import Curve, Span, Spots
+from pinarm.use.result.curve import DEGREE, NODES, Curve, Pieces, Span, Spots
 from pinarm.use.result.curve_places import Endless, Peak, higher, highest, zeros, zeros_of_angle
 from pinarm.use.result.natural_sizes import ZERO, natural_sizes
-from pinarm.use.result.pieces import DEGREE, NODES, Pieces
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit

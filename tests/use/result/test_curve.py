@@ -11,11 +11,10 @@ import pytest
 from pinarm.arrays import Array
 from pinarm.use.result import curve_integrals
 from pinarm.use.result import curve_places as curve_extremes
-from pinarm.use.result.curve import Curve, Span
+from pinarm.use.result.curve import NODES, TO_COEFFICIENTS, WEIGHTS, Curve, Span
 from pinarm.use.result.curve_integrals import percentile
 from pinarm.use.result.curve_places import Endless, Peak, zeros_of_angle
 from pinarm.use.result.curve_places import zeros as zeros_of
-from pinarm.use.result.pieces import NODES, TO_COEFFICIENTS, WEIGHTS
 
 ROUNDING = 1e-14
 """Of sums of some hundred terms of size 1."""

@@ -27,8 +27,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import Coefficient, InputStruct, LoadRating, Span
-from pinarm.use.assessments.loads.joint import LoadedJoint
-from pinarm.use.assessments.loads.number import LoadNumber, peak, rounding
+from pinarm.use.assessments.loads.joint import LoadedJoint, LoadNumber, peak, rounding
 from pinarm.use.result.curve_figures import integrals
 from pinarm.use.result.row_lookup import Lookup
 

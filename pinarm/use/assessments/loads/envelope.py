@@ -14,8 +14,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.use.assessments.loads.joint import LoadedJoint
-from pinarm.use.assessments.loads.number import LoadNumber, rounding, worst_row
+from pinarm.use.assessments.loads.joint import LoadedJoint, LoadNumber, rounding, worst_row
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, SectionTable
 

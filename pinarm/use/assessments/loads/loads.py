@@ -20,9 +20,8 @@ from pinarm.use.assessments.loads.envelope import (
     peaks,
     polar_diagram,
 )
-from pinarm.use.assessments.loads.joint import LoadedJoint
+from pinarm.use.assessments.loads.joint import LoadedJoint, LoadNumber
 from pinarm.use.assessments.loads.load_sets import LoadSet, sets_table, told
-from pinarm.use.assessments.loads.number import LoadNumber
 from pinarm.use.assessments.loads.rotor import Rotor
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Graph, Section, SectionTable

@@ -22,7 +22,7 @@ from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Lead, ServiceSpeed
 from pinarm.mechanics.joints import RADIAN
-from pinarm.use.assessments.loads.number import LoadNumber
+from pinarm.use.assessments.loads.joint import LoadNumber
 from pinarm.use.result.row_lookup import Lookup
 
 GRADES = (0.4, 1.0, 2.5, 6.3, 16.0, 40.0, 100.0, 250.0, 630.0, 1600.0, 4000.0)

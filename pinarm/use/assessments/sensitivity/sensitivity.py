@@ -35,8 +35,7 @@ from pinarm.use.assessments.sensitivity.tables import (
     sobol_remarks,
     sobol_table,
 )
-from pinarm.use.assessments.sensitivity.tolerance import Tolerance
-from pinarm.use.assessments.sensitivity.variation import Input, Varied, inputs_of, varied_runs
+from pinarm.use.assessments.sensitivity.variation import Input, Tolerance, Varied, inputs_of, varied_runs
 from pinarm.use.result.number_accuracy import global_error, noise, rounding
 from pinarm.use.result.numbers import AnyNumber, measured, read_number, slug
 from pinarm.use.result.section import Graph, Section, SectionTable

@@ -11,25 +11,108 @@ rotor inertia J behind a gear of the ratio N gives the torque ``T = J N a + y / 
 
 for a cycle of the length L: three integrals serve all motors and ratios. The least rms torque of a motor is at
 ``N² = C^(1/2) / (J A^(1/2))``, which is ``J_load / J`` where a constant inertia is all the load.
+
+The inertia that the drive feels is what the masses ask of it for an acceleration. With the velocities v that the
+mechanism can have, in which the driven coordinate moves at 1 and the coordinates of the
+other drives are held, and the mass matrix M, it is the least ``vᵀ M v``: joints that nothing drives give way as they do
+when the coordinate is accelerated from rest. Weights, springs and losses have no part in it. Where one drive moves the
+mechanism it is ``2 T / w²``, with the kinetic energy T at the speed w.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.motion.standstill import at_rest, directions
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
-from pinarm.use.assessments.sizing.load_inertia import load_inertia
-from pinarm.use.assessments.sizing.samples import left_of_trapezia, rise_between
 from pinarm.use.result.curve_figures import ROUNDING, integrals
 from pinarm.use.result.row_lookup import PLATEAU, Lookup
+
+HELD = 1e-10
+"""Singular value of what drives do to the free motions, relative to the largest, below which one holds the others."""
+
+
+def load_inertia(run: Trajectory, coordinate: str, held: Iterable[str] = ()) -> Array:
+    """Return the inertia that the drive of a coordinate feels in every row, rotors included, shape (n,).
+
+    It is in kg*m^2 or kg, and infinite where the coordinate cannot move while the other drives are held.
+
+    Args:
+        run: The rows.
+        coordinate: Name of the driven coordinate.
+        held: Names of joints that follow laws beside those of ``run.drives``, as where simplification holds them.
+    """
+    mechanism = run.mechanism
+    names = [coordinate, *(name for name in dict.fromkeys((*run.drives, *held)) if name != coordinate)]
+    rows = rows_of(mechanism.model, [mechanism.coordinate(name) for name in names], run.q)
+    masses, felt = run.dynamics.mass_matrices(run.q), np.empty(len(run.q))
+    for places, free in mechanism.closure.free_motions(run.q):
+        ways = np.einsum("ndj,fnj->ndf", rows[places], free)
+        reduced = np.einsum("fnj,njk,gnk->nfg", free, masses[places], free)
+        felt[places] = [_felt(way, mass) for way, mass in zip(ways, reduced, strict=True)]
+    return felt
+
+
+def _felt(ways: Array, mass: Array) -> float:
+    """Return the least ``uᵀ M u`` of free motions u, shape (f,), with ``ways u = (1, 0, ..)``; ways of shape (d, f)."""
+    left, sizes, right = np.linalg.svd(ways)
+    if len(sizes) < len(ways) or not sizes[-1] > HELD * sizes[0]:
+        return np.inf
+    u = right[: len(sizes)].T @ (left[0] / sizes)
+    passive = right[len(sizes) :]
+    if len(passive):
+        u = u - passive.T @ np.linalg.lstsq(passive @ mass @ passive.T, passive @ (mass @ u))[0]
+    return float(u @ mass @ u)
+
+
+def rise_between(t: Array, values: Array) -> float:
+    """Return by how much a curve may be above the largest of its values.
+
+    From either end of a part of it the curve goes on no steeper than before: a concave one, as about a smooth peak,
+    does so less and less. The less steep of two slopes counts, as one may be that of a jump.
+
+    Args:
+        t: Instants, ascending, shape (n,); twice where the curve may jump.
+        values: Of the curve, shape (n,).
+    """
+    h, slopes = np.diff(t), _slopes(t, values)
+    gentle = np.where(np.abs(slopes[1:]) < np.abs(slopes[:-1]), slopes[1:], slopes[:-1])
+    ahead, behind = np.zeros_like(h), np.zeros_like(h)
+    ahead[2:], behind[:-2] = gentle[:-1], -gentle[1:]
+    reach = np.maximum(values[:-1] + h * ahead, values[1:] + h * behind)
+    return float(reach.max(initial=values.max()) - values.max())
+
+
+def left_of_trapezia(t: Array, values: Array) -> float:
+    """Return what trapezia may leave of the integral of a curve.
+
+    A part of the length h with the second derivative f'' is wrong by ``h³ f'' / 12``, and with a jump D by ``h D / 2``;
+    with the second divided difference ``f'' / 2``, or ``D / (2 h²)``, the cube of h times it is no less than either.
+
+    Args:
+        t: Instants, ascending, shape (n,); twice where the curve may jump.
+        values: Of the curve, shape (n,).
+    """
+    h, slopes = np.diff(t), _slopes(t, values)
+    bends = np.zeros(len(t))
+    both = (h[1:] > 0.0) & (h[:-1] > 0.0)
+    bends[1:-1] = np.where(both, np.abs(np.diff(slopes)) / np.where(both, h[1:] + h[:-1], 1.0), 0.0)
+    return float((h**3 * np.maximum(bends[:-1], bends[1:])).sum())
+
+
+def _slopes(t: Array, values: Array) -> Array:
+    """Return the slopes between instants, 0 where two are one, shape (n - 1,)."""
+    h = np.diff(t)
+    return np.divide(np.diff(values), h, out=np.zeros_like(h), where=h > 0.0)
+
 
 SAMPLES = 2000
 """Instants at which peaks and temperatures are looked at, spread over the intervals of a run by their lengths, besides
