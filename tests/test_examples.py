@@ -67,12 +67,10 @@ def test_a_script_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out
 
 
-RUN = [pytest.param(path, marks=pytest.mark.slow if path != NOTEBOOKS[0] else ()) for path in NOTEBOOKS]
-"""The kernel of a notebook takes seconds to start: all but the first are slow."""
-
-
-@pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path) -> None:
+    """Its kernel takes seconds to start."""
     outputs = [out for cell in executed(path).cells for out in cell.get("outputs", [])]
     assert not [out for out in outputs if out.get("name") == "stderr"]
     assert [out for out in outputs if {"text/html", "image/png"} & out.get("data", {}).keys()]

@@ -18,7 +18,7 @@ FILES = sorted(FOLDER.glob("*.yaml"))
 
 
 LONG = re.compile(
-    "forty|machine_on_mounts_shaking|rotor_balanced|four_bar_shaking_balanced|panda_drawing|mass_on_belt"
+    "forty|machine_on_mounts_shaking|rotor_balanced|four_bar_shaking|slider_crank_bearings|panda_drawing|mass_on_belt"
     "|olive_vibrator_shaking|hoist_with_losses"
 )
 MANY_QUANTITIES = re.compile("manipulator_(?!motion)|exoskeleton_leg_guided|andrews|bricard|two_four_bars")

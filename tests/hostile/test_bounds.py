@@ -11,7 +11,6 @@ import pinarm
 from pinarm.cli.main import main
 from pinarm.engine import mesh_inertias
 from pinarm.errors import InputError, ModelError
-from pinarm.input.yaml.document import Document
 from pinarm.problems import time_grid
 from pinarm.use.workers.runners import check_number
 
@@ -127,14 +126,6 @@ def test_data_from_python_are_no_deeper_than_files() -> None:
     for data in (deep, {"pinarm": circle}):
         with pytest.raises(InputError, match="nested too deeply"):
             pinarm.load(data)
-
-
-@pytest.mark.parametrize("text", ["a: {{{}: 2}}\n", '"{}": 1\n'])
-def test_long_keys_are_named_as_such(text: str) -> None:
-    with pytest.raises(InputError, match="the key before this colon is too long") as caught:
-        Document.parse(text.format("k" * 1100))
-    assert "at most 1024 characters; or '? KEY'" in caught.value.expected
-    assert Document.parse("? {}\n: 1\n".format("k" * 1100)).data == {"k" * 1100: 1}
 
 
 def test_no_list_of_a_thousand_million_workers_is_made() -> None:

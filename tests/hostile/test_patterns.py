@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 
-LENGTH = 100_000  # linear patterns take milliseconds for it, quadratic ones minutes
+LENGTH = 30_000  # linear patterns take milliseconds for all texts, quadratic ones minutes
 BOUNDED = {
     "pinarm.input.units._FACTOR": 100,  # units are at most that long
     "pinarm.input.xacro.expander._MACRO_PARAMETER": 10_000,  # an attribute

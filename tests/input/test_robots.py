@@ -36,6 +36,7 @@ def test_a_robot_loads_by_the_name_that_its_package_gives_it(name):
     assert floating == is_floating(robot(name))
 
 
+@pytest.mark.slow
 def test_the_other_files_of_the_package_load_but_the_one_without_a_robot():
     known = {robot(name) for name in LOADERS}
     others = {path: name for name, path in robots().items() if path not in known and path.stem != "ur3"}

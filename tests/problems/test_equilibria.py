@@ -336,14 +336,6 @@ def test_joints_with_several_coordinates_are_refused(mechanism, chain):
         solve(free, [{}])
 
 
-def test_mistakes_in_a_file_are_located():
-    file = ROOT / "scenarios" / "gen411_arm_equilibria.yaml"
-    for override, message in (("starts=[{O: 0 rad}, {C: 1 rad}]", "no joint 'C'"), ("hold={phi: 3 m}", "'m' is not a")):
-        with pytest.raises(InputError, match=message) as caught:
-            pinarm.load(file, [f"problem.{override}"]).validate()
-        assert str(caught.value).startswith(f"--set problem.{override}")
-
-
 @pytest.mark.parametrize("start", ["50 mm", "10 mm"])
 def test_where_a_cable_becomes_taut_no_stiffness_is_told(start):
     """To one side it has that of the cable, to the other none: half of it would be that of nothing."""

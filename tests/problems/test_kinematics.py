@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import AssemblyError, InputError, UnitError
+from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
@@ -85,17 +85,6 @@ def test_a_motion_out_of_reach_is_refused():
 def test_a_stretched_arm_is_singular_without_any_mass():
     with pytest.raises(AssemblyError, match="singular"):
         solve(arm(**WEIGHTLESS), {"A_height": Constant(value=0.5), "A_side": Constant(value=0.5)}, start={"B": 0.01})
-
-
-@pytest.mark.parametrize(("override", "error", "message"), [
-    ("problem.loads={}", InputError, "unknown key 'loads'"),
-    ("problem.motion.alpha={law: constant, value: 3 m}", UnitError, "'m' is not a unit"),
-    ("problem.start={gamma: 3 rad}", InputError, "no joint 'gamma'"),
-])  # fmt: skip
-def test_mistakes_in_a_file_are_located(override, error, message):
-    with pytest.raises(error, match=message) as caught:
-        pinarm.load(ROOT / "scenarios" / "magic_arms_kinematics.yaml", [override]).validate()
-    assert str(caught.value).startswith("--set")
 
 
 @pytest.mark.parametrize("name", ["joint.B.power", "joint.O.moment.z"])

@@ -55,7 +55,7 @@ def test_a_mass_on_a_spring_and_a_rough_plane(mechanism, chain):
     assert ends(found, "slide") == pytest.approx([0.25 - half, 0.25 + half], rel=1e-13)
 
 
-@pytest.mark.parametrize(("slope", "holds"), [(21.7, True), (21.9, False)])
+@pytest.mark.parametrize(("slope", "holds"), [pytest.param(21.7, True, marks=pytest.mark.slow), (21.9, False)])
 def test_a_block_on_an_incline_stays_where_it_is_or_nowhere(mechanism, chain, slope, holds):
     """``tan(slope) <= mu``, at every position: 0.4 is the tangent of 21.80 deg."""
     angle = math.radians(slope)

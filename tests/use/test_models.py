@@ -81,14 +81,6 @@ def test_mistakes_about_a_floating_joint_are_told(write, before, after, said):
         assert words in str(caught.value)
 
 
-def test_names_with_dots_are_names(write):
-    result = pinarm.load(write(HELD, arm_xml=ARM)).run()
-    angle = result["j.1"].values
-    assert result["joint.j.1.effort"].values == pytest.approx(-5.0 * np.cos(angle), abs=1e-12)
-    assert result["joint.j.1.moment.about.link.1.y"].values == pytest.approx(-5.0 * np.cos(angle), abs=1e-12)
-    assert result["point.tip.position.z"].values == pytest.approx(-np.sin(angle), abs=1e-12)
-
-
 def test_limits_that_are_exceeded_are_told_on_the_terminal_and_in_the_summary_and_notes_too(write, tmp_path, capsys):
     arm = ARM.replace("<site", "<geom size='1'/><site")
     assert main(["run", str(write(HELD, arm_xml=arm)), "-o", str(tmp_path / "r"), "--no-plots"]) == 0

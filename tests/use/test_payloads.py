@@ -15,13 +15,6 @@ RUN = "\npayloads: {sack: {point: tip, mass: 3000 g, inertia: [0 kg*m^2, 0.2 kg*
 PULL, TURN = (2.0 + 1.0 + 3.0) * 10.0, 0.5 + 2.0 + 1.0 + 3.0 + 0.2
 """Weights times their lever of 1 m [N*m], and moment of inertia about the pivot [kg*m^2]."""
 
-EQUILIBRIA = """\
-pinarm: 1
-mechanism: pendulum.yaml
-problem: {kind: equilibria, starts: [{pivot: 10 deg}]}
-outputs: [alpha]
-"""
-
 
 @pytest.fixture
 def with_payloads(scenario: Callable[..., Any], folder: Path) -> Callable[..., Any]:
@@ -44,12 +37,6 @@ def test_free_motion_swings_the_payloads(with_payloads: Callable[..., Any]) -> N
     )
     small = 0.02 * np.pi / 180 * np.cos(np.sqrt(PULL / TURN) * result["t"].values)
     assert result["alpha"].values == pytest.approx(small, abs=1e-10)  # the pendulum's own term of third order is 2e-12
-
-
-def test_equilibria_feel_the_payloads(with_payloads: Callable[..., Any], folder: Path) -> None:
-    (folder / "equilibria.yaml").write_text(EQUILIBRIA + RUN)
-    result = pinarm.load(folder / "equilibria.yaml").run()
-    assert result["equilibrium.frequency2_1"].values == pytest.approx([PULL / TURN], rel=1e-12)
 
 
 def test_holding_efforts_carry_the_payloads_that_the_summary_lists_and_the_hash_knows(

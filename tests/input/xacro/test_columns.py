@@ -115,7 +115,7 @@ TERMS = st.recursive(
 )  # fmt: skip
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(TERMS, min_size=1, max_size=3), st.lists(st.sampled_from(NUMBERS), min_size=3, max_size=4))
 def test_any_arithmetic_is_that_of_xacro(tmp_path: Path, terms: list[str], numbers: list[tuple[float, float]]) -> None:
     chain = "".join(f'<xacro:property name="p{k}" value="${{{term}}}"/>' for k, term in enumerate(terms))

@@ -137,19 +137,6 @@ def test_urdf_that_xacro_has_written_stays_as_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "body",
-    [
-        '<m v="${1 + 1}"/>', '<m v="&#x24;&#123;1 + 1}"/>',
-        '<xacro:arg name="a" default="2"/><m v="$(arg a)"/>',
-    ],
-)  # fmt: skip
-def test_urdf_with_anything_of_xacro_is_what_xacro_makes_of_it(tmp_path: Path, body: str) -> None:
-    path = tmp_path / "a.urdf"
-    path.write_text(DECLARED.format(body))
-    assert content(expand(path, {}, root=tmp_path).xml) == content(plainly(path))
-
-
-@pytest.mark.parametrize(
     ("expression", "wanted"),
     [
         ("${6/3} ${7//2} ${2**10} ${2**-1} ${7 % 4}", "2.0 3 1024 0.5 3"),

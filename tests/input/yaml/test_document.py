@@ -124,12 +124,6 @@ def test_what_is_refused_and_where(text: str, says: str, place: tuple[int, int])
     assert at(error) == place
 
 
-@pytest.mark.parametrize("text", ["a: \x07\n", 'a: "\\uD800"\n', '"\\uD800": 1\n', 'a: "\\udfff"\n'])
-def test_text_that_no_file_can_hold(text: str) -> None:
-    """Half a surrogate pair is a character in Python and in no encoding: results could not be written."""
-    assert "f.yaml" in str(refused(text))
-
-
 # --------------------------------------------------------------------------------------------------------- files
 
 
@@ -244,12 +238,6 @@ def test_a_mistake_is_explained_where_it_stands(text: str, says: str, place: tup
     assert says in caught.value.message
     assert at(caught.value) == place
     assert caught.value.hint == hint
-
-
-@pytest.mark.parametrize("text", ["", "# a remark\n", "---\n"])
-def test_an_empty_file_is_told(text: str) -> None:
-    with pytest.raises(InputError, match="this is an empty file"):
-        Document.parse(text, source="f.yaml").validate(Whole)
 
 
 @pytest.mark.parametrize(

@@ -55,10 +55,3 @@ def test_errors_of_regular_motions_do_not_grow_exponentially(chaos):
     assert result.error < 1e-5
     assert "e-folding" not in result.figures
     assert "e-fold" not in report(result)
-
-
-def test_what_rests_on_one_solution_says_nothing_of_growth(chaos):
-    result = chaos.varied(WIDE).run()
-    assert "e-folding" not in result.figures
-    assert "global error: not estimated; residuals do not bound it" in report(result)
-    assert result.summary()["accuracy"]["error"] == "not estimated"

@@ -60,9 +60,9 @@ def exact(pulsation, damping):
 
 
 def test_true_errors_are_below_the_bounds(step):
-    """Of 49 numbers at tolerances from 1e-3 to 1e-9; the bounds are not far above."""
+    """Of 28 numbers at tolerances from 1e-3 to 1e-9; the bounds are not far above."""
     generator, ratios = np.random.default_rng(3), []
-    for tolerance in np.geomspace(1e-3, 1e-9, 7):
+    for tolerance in np.geomspace(1e-3, 1e-9, 4):
         case = float(generator.uniform(3.0, 8.0)), float(generator.uniform(0.1, 0.5))
         result = step(float(tolerance), *case).verified()
         for name, value in exact(*case).items():

@@ -72,21 +72,11 @@ def test_a_target_is_one_of_the_output_itself_whatever_its_size(oscillator, ampl
     assert 0.01 * result.error < true <= result.error <= 1e-6
 
 
-@pytest.mark.slow
-def test_the_finest_setting_is_tried_before_a_target_is_missed(oscillator):
-    """Runge-Kutta 4 errs by ``200 (200/n)^4 / 120`` in n steps: 3.7e-8 in 16,400, 2.3e-9 in twice as many."""
-    asked = {"problem.time.end": "20 s", "accuracy": {"target": 1e-8, "method": "rk4"}}
-    result = pinarm.run(oscillator, asked)
-    assert not result.missed
-    true = np.abs(result["joint.x.position"].values - np.cos(10.0 * result.trajectory.grid.t)).max()
-    assert 1e-9 < true <= result.error <= 1e-8
-
-
 def test_shorter_steps_are_tried_where_the_first_diverges():
-    """A slide of 2 kg in a damper of 2 kN s/m: v = v0 exp(-1000 t), of which a step of a 64th second makes 2000 v0."""
+    """A slide of 2 kg in a damper of 2 kN s/m: v = v0 exp(-1000 t), of which a step of 8 ms makes 100 v0."""
     given = {
         "pinarm": 1, "mechanism": str(ROOT / "docs" / "kind_examples" / "laws" / "slide.yaml"),
-        "problem": {"kind": "forward", "time": {"end": "1 s", "samples": 3},
+        "problem": {"kind": "forward", "time": {"end": "0.5 s", "samples": 3},
                     "initial": {"velocity": {"x": "1 m/s"}},
                     "loads": {"damper": {"kind": "joint_spring", "joint": "x", "damping": "2000 N*s/m"}}},
         "outputs": ["x"], "accuracy": {"method": "rk4", "target": 1e-2},

@@ -80,12 +80,12 @@ def test_a_limit_whose_number_is_not_known_is_beyond_in_any_order(
     assert result.number("limits.beyond")[0] == 1.0
 
 
-@pytest.mark.parametrize("keep", ANY_ORDER)
-def test_a_search_does_not_end_where_a_limit_is_not_known(controlled: pinarm.Scenario, keep: dict[str, str]) -> None:
+@pytest.mark.slow
+def test_a_search_does_not_end_where_a_limit_is_not_known(controlled: pinarm.Scenario) -> None:
     """The overshoot falls with the damping, but from some on it takes too long: 100 N m s/rad / 50 N m/rad = 2 s."""
     path = "problem.control.0.kd"
     search = {"for": {path: ["2 N*m*s/rad", "100 N*m*s/rad"]}, "maximise": "limits.least_margin", "starts": 3}
-    result = controlled.varied({"limits": {"keep": keep}, "find": search}).run()
+    result = controlled.varied({"limits": {"keep": ANY_ORDER[0]}, "find": search}).run()
     assert result.number("limits.beyond")[0] == 0.0
     assert result.number("limits.least_margin")[0] > 0.3
 

@@ -126,8 +126,8 @@ def asked(angles: list[float], b: float = B) -> dict[str, Any]:
     return {"expect": [], "problem.time.samples": 61, "path_error": {"point": "G3", "wanted": wanted}}
 
 
-@pytest.mark.parametrize("angles", [[200.0, 300.0, 10.0, 80.0], [350.0, 5.0, 100.0]])
-def test_a_path_that_closes_may_begin_anywhere(angles: list[float]) -> None:
+def test_a_path_that_closes_may_begin_anywhere() -> None:
+    angles = [200.0, 300.0, 10.0, 80.0]
     result = pinarm.run(FOUR_BAR, asked(angles))
     assert result.number("path_error.peak")[0] < 1e-12
     times = [row[1] for row in result.sections["path_error"].tables[0].rows]

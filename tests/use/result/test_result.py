@@ -101,16 +101,6 @@ def test_an_output_that_is_not_finite_is_an_error_of_the_numerics(scenario: Call
     assert str(caught.value.location).endswith("inverse.yaml:7:14")
 
 
-def test_an_event_that_does_not_take_place_is_named_where_its_time_is_asked(scenario: Callable[..., Any]) -> None:
-    asked = (
-        ("energy.total", "event.far.time"),
-        ("  initial:", "  events: {far: {when: pivot, reaches: 9 rad}}\n  initial:"),
-    )
-    with pytest.raises(DynamicsError, match=r"event\.far\.time is not finite") as caught:
-        scenario("forward", "", *asked).run()
-    assert caught.value.hint == "event.far does not take place; its count is 0"
-
-
 def test_a_load_over_time_has_no_place_where_there_is_no_time(scenario: Callable[..., Any]) -> None:
     """In statics what runs along the rows is an angle: a law of time would be read at t = angle."""
     load = "{load: {kind: joint_effort, joint: pivot, effort: {law: harmonic, amplitude: 5 N*m, pulsation: 1 rad/s}}}"

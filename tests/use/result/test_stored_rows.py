@@ -10,8 +10,8 @@ import pytest
 import pinarm
 
 ROOT = Path(__file__).parents[3]
-SCENARIOS = ["gen411_arm_equilibria", "hoist_with_losses", "manipulator_counterweight"]
-"""Equilibria, a motor with losses, and a search over loops."""
+SCENARIOS = ["gen411_arm_equilibria", "manipulator_counterweight"]
+"""Equilibria, and a search over loops."""
 
 
 def assert_same(one: pinarm.Result, other: pinarm.Result) -> None:

@@ -95,10 +95,12 @@ def test_what_is_refused(tmp_path, unknown, wanted, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_runs_that_have_not_as_many_rows_are_refused_with_what_to_ask_instead() -> None:
     """An arm ends its motion at another instant with every initial speed."""
     swing = Path(__file__).parents[3] / "scenarios" / "gen411_arm_swing.yaml"
     changes = {
+        "accuracy.tolerance": 1e-5,
         "problem.events": {"low": {"when": "O", "reaches": "-0.8 rad", "then": "stop"}},
         "find": {"for": {"problem.initial.velocity.B": "3 rad/s"}, "so_that": {"A_y": "0.3 m"}},
     }

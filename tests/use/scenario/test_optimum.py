@@ -163,10 +163,7 @@ def test_the_trapezoid_of_least_heat_spends_a_third_of_its_time_on_each_part(tmp
     ("find", "message"),
     [
         ("for: {problem.time.end: 1 s}\nminimise: t @ end", "searched between bounds"),
-        ("for: {problem.time.end: [2 s, 1 s]}\nminimise: t @ end", "not in order"),
-        ("for: {problem.time.end: [1 s, 2 kg]}\nminimise: t @ end", "'kg' is not a unit"),
         ("for: {problem.time.end: [1 s, 2 s]}\nminimise: t", "no number of a run"),
-        ("for: {problem.time.end: [1 s, 2 s]}", "what is wanted"),
         ("for: {problem.time.end: [1 s, 2 s]}\nso_that: {t @ end: 1 s}", "without bounds"),
         ("for: {problem.time.end: [1 s, 2 s]}\nminimise: t @ end\nsubject_to: {t @ end: 3 s}", "no condition"),
     ],

@@ -1,11 +1,7 @@
 """Pictures by matplotlib: right lines and texts, without a display and without noise."""
 
 import io
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -81,32 +77,3 @@ def test_what_is_near_the_largest_number_leaves_a_gap(y: np.ndarray) -> None:
         marks = [use for use in root.iter(f"{SVG}use") if "stroke: #123456" in use.get("style", "")]
         assert len(marks) == int((np.abs(y) < 1e300).sum())
         assert np.isfinite([float(use.get(axis, "")) for use in marks for axis in "xy"]).all()
-
-
-DRAWN = """
-import hashlib
-import numpy as np
-from pinarm.use.show.picture import Note, draw, drawing, legend, panels, write
-x = np.linspace(0.0, 1.0, 50)
-with drawing(5.0, 3.0, "heading") as made:
-    [axis] = panels(made, ["\\\\$ 5 <"], "x")
-    legend(axis, [draw(axis, x, x**k, f"$x_{k}$", marker="o") for k in (1, 2)])
-    write(axis, Note("P", np.array([0.5, 0.5]), "#000000"))
-for form in ("svg", "png", "pdf"):
-    print(hashlib.sha256(made.encoded(form)).hexdigest())
-"""
-
-
-@pytest.mark.slow
-def test_bytes_do_not_depend_on_hash_seeds_and_settings_of_the_user(tmp_path: Path) -> None:
-    """A backend that does not exist and another style, as users may have for programs of their own."""
-    (tmp_path / "matplotlibrc").write_text("font.size: 20\naxes.facecolor: red\ntext.usetex: True\n")
-    settings = [
-        {"PYTHONHASHSEED": "1"},
-        {"PYTHONHASHSEED": "2", "MPLBACKEND": "nonsense", "MATPLOTLIBRC": str(tmp_path / "matplotlibrc")},
-    ]
-    runs = [subprocess.run([sys.executable, "-c", DRAWN], env={**os.environ, **setting}, capture_output=True, text=True,
-                           check=False) for setting in settings]  # fmt: skip
-    assert [run.stderr for run in runs] == ["", ""]
-    assert runs[0].stdout == runs[1].stdout
-    assert len(runs[0].stdout.split()) == 3

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import pinarm
@@ -46,17 +45,6 @@ def test_a_point_of_a_drawing_has_its_name_once() -> None:
     """A pin is one point of the drawing, though each of its two links has a mark of it; the ground is hatched."""
     known = found(pinarm.run(ROOT / "docs/kind_examples/problems/kinematics.yaml"))
     assert {text for text, (kind, _) in known.items() if kind != "part"} == {"O", "A", "B", "C"}
-
-
-def test_points_of_a_mechanism_file_are_named() -> None:
-    """A point of the file that its model does not have, and one in the origin of the world, which is only a frame."""
-    points = {"eye": {"link": "crank", "at": ["20 mm", "5 mm", "0 m"]},
-              "still": {"link": "base", "at": ["0 m", "0 m", "0 m"]}}  # fmt: skip
-    mechanism = pinarm.Mechanism.load(ROOT / "models/slider_crank/mechanism.yaml", values={"points": points})
-    shown = scene(mechanism, {}, pin.neutral(mechanism.model)[None])
-    known = {name.text: name.at.path(shown.places)[0] for name in names_of(mechanism, shown, Presentation())}
-    assert known["eye"] == pytest.approx([0.02, 0.005, 0.0], abs=1e-12)
-    assert "still" not in known
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.cli.main import main
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
 from pinarm.use.start.new import TEMPLATES, templates
@@ -171,18 +170,3 @@ def test_what_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
         pinarm.new("arm", tmp_path / "file" / "sub")
-
-
-def test_results_of_files_of_one_name_go_to_folders_of_their_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """What ``new`` writes is always called ``scenario.yaml``: a run of one must not replace the result of another."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / ".pinarm-root").touch()
-    for name in ("four_bar", "arm"):
-        pinarm.new(name)
-        assert main(["run", f"{name}/scenario.yaml", "--no-plots"]) == 0
-        assert f"written to results/{name}\n" in capsys.readouterr().out
-    assert {finding.scenario for name in ("four_bar", "arm") for finding in pinarm.check(name)} == {"four_bar", "arm"}
-    assert main(["run", "results/arm/scenario.yaml", "--no-plots", "-o", "results/arm"]) == 2
-    assert "would overwrite its own input" in capsys.readouterr().err

@@ -52,7 +52,7 @@ ROD = """\
 """
 
 
-@pytest.mark.parametrize("declared", ["", "arguments: {m: kg}", "arguments: {m: kg, l0: m}"])
+@pytest.mark.parametrize("declared", ["", "arguments: {m: kg}"])
 def test_a_result_can_be_run_again_whichever_arguments_its_mechanism_declares(tmp_path: Path, declared: str) -> None:
     (tmp_path / ".pinarm-root").touch()
     (tmp_path / "rod.urdf.xacro").write_text(ROD)

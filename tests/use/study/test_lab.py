@@ -72,6 +72,7 @@ def test_a_moment_about_another_point_is_told(knee):
     assert "at the joint hip" in knee.check(2, "m4*(g + hdd)*l4")
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_and_holds_no_key(tmp_path):
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     file = pinarm.lab(SCENARIOS / "gen411_arm_static.yaml", tmp_path / "sheet.ipynb")

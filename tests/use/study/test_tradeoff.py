@@ -38,6 +38,7 @@ def oscillator(scenario):
     return scenario("forward", "gravity: none\n", ("outputs: [alpha, energy.total]", f"{load}outputs: [alpha]"))
 
 
+@pytest.mark.slow
 def test_errors_of_settings_are_those_against_the_closed_form(scenario):
     """A rod on a spring moves as A cos(2 t). Between the rows errors are seen in 100 places: their largest, to 15 %."""
     asked = oscillator(scenario)

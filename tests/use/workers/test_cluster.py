@@ -219,6 +219,7 @@ def test_what_is_no_scheduler_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
         pass
 
 
+@pytest.mark.slow
 def test_a_cluster_without_pinarm_is_refused(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
     dask = start(PYTHONPATH="")
     if subprocess.run([sys.executable, "-P", "-c", "import pinarm"], cwd="/", env=dask.environment).returncode == 0:

@@ -12,10 +12,9 @@ from typing import Any
 
 import pytest
 
-from pinarm.errors import InputError, NumericsError
-from pinarm.use.workers import executors
+from pinarm.errors import NumericsError
 from pinarm.use.workers.dispatch import Dispatch
-from pinarm.use.workers.executors import ExecutorWorkers, LocalProcesses, chosen_workers
+from pinarm.use.workers.executors import ExecutorWorkers, LocalProcesses
 from pinarm.use.workers.worker import LostJob
 
 KILLED = """
@@ -55,6 +54,7 @@ def test_workers_end_with_the_work(module: Make) -> None:
     assert not {process for process in workers if Path(f"/proc/{process}").exists()}
 
 
+@pytest.mark.slow
 def test_workers_leave_the_cores_to_one_another(module: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(os.environ, "OMP_NUM_THREADS", "4")
     before = dict(os.environ)
@@ -108,14 +108,6 @@ def test_threads_answer_every_job_once_and_the_executor_stays() -> None:
         assert executor.submit(square, 3).result() == 9
 
 
-def test_the_workers_of_an_executor_are_counted_or_said() -> None:
-    assert ExecutorWorkers(Refusing()).count() == executors.cores()
-    assert chosen_workers(40, Refusing()).count() == 40
-    assert chosen_workers(3, None).count() == 3
-    with pytest.raises(InputError, match="3 is no executor"):
-        chosen_workers(None, 3)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("executor", [Failing(CancelledError()), Failing(BrokenExecutor("gone")), Refusing()])
 def test_an_executor_that_is_gone_ends_the_work(executor: Executor) -> None:
     with pytest.raises(
@@ -128,10 +120,3 @@ def test_an_executor_that_is_gone_ends_the_work(executor: Executor) -> None:
 def test_a_worker_that_dies_costs_its_job() -> None:
     answers = distribute(square, [1, 2], ExecutorWorkers(Failing(OSError("killed\nby me")), 1))
     assert list(answers) == [(n, LostJob("its process died by OSError: killed")) for n in (1, 2)]
-
-
-def test_a_missing_module_is_named_whatever_it_is_wrapped_in() -> None:
-    wrapped = RuntimeError("deserialization")
-    wrapped.__cause__ = ModuleNotFoundError("No module named 'pinarm'")
-    with pytest.raises(InputError, match="cannot run pinarm: No module named 'pinarm'"):
-        list(distribute(square, [1], ExecutorWorkers(Failing(wrapped))))

@@ -58,6 +58,7 @@ def test_bodies_are_where_pinocchio_has_them(solved: Callable[..., Any], shown: 
     assert [url.split(":")[0] for url in requests] == ["file"]
 
 
+@pytest.mark.slow
 def test_between_two_rows_joints_turn_evenly(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
     """Half way every joint has turned by half, and no rod has changed its length."""
     result = solved("manipulator_motion")
@@ -69,6 +70,7 @@ def test_between_two_rows_joints_turn_evenly(solved: Callable[..., Any], shown: 
     assert seen(shown(result), middle) == pytest.approx(wanted, abs=EXACT)
 
 
+@pytest.mark.slow
 def test_a_free_body_and_a_slide_are_placed_too(shown: Callable[..., Any], tmp_path: Path) -> None:
     import pinarm
 
@@ -98,6 +100,7 @@ def press(page: Page, key: str, **more: Any) -> None:
     page.call("Input.dispatchKeyEvent", type="keyUp", key=key)
 
 
+@pytest.mark.slow
 def test_keys_move_it(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
     result = solved("exoskeleton_leg_knee")
     t, page = np.unique(result.trajectory.grid.t), shown(result)
@@ -151,6 +154,7 @@ def test_plots_follow_and_lead(solved: Callable[..., Any], shown: Callable[..., 
     assert page.evaluate("replay.player.value") == pytest.approx(0.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_without_webgl_the_page_says_so_and_plots_go_on(
     solved: Callable[..., Any], tmp_path: Path, _browser: Page
 ) -> None:
@@ -163,6 +167,7 @@ def test_without_webgl_the_page_says_so_and_plots_go_on(
         assert complaints(page) == []
 
 
+@pytest.mark.slow
 def test_it_works_in_a_notebook_cell(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
     cell = solved("gen411_arm_static").replay()._repr_html_()
     frame = "document.querySelector('iframe').contentWindow"
@@ -188,6 +193,7 @@ def test_names_from_files_are_text(scenario: Callable[..., Any], folder: Path, s
     assert complaints(page) == []
 
 
+@pytest.mark.slow
 def test_the_key_n_names_points_where_they_are(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
     """Beside its point by the camera of the page, at several instants; hidden at first, hidden again by the key."""
     result = solved("slider_crank_gas")

@@ -8,14 +8,11 @@ from typing import Any
 
 import meshcat
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.facade import Result
-from pinarm.use.show.replay.live import _geometries
-from pinarm.use.show.shapes import Shape
 
 ROOT = Path(__file__).parents[4]
 
@@ -78,15 +75,6 @@ def test_what_is_sent_is_the_mechanism_and_its_motion(solved: Callable[[str], Re
         x, y, z, w = tracks[".quaternion"][k]["value"]
         assert [2 * (x * y + z * w), w * w + x * x - y * y - z * z] == pytest.approx(placement[[1, 0], 0], abs=1e-12)
     assert tracks[".position"][-1]["time"] / clips["meshcat/mine/B"]["fps"] == pytest.approx(5.0)
-
-
-def test_cylinders_and_capsules_lie_along_z() -> None:
-    """Those of meshcat lie along y, and capsules have their ends beyond the length."""
-    capsule = Shape(1, pin.SE3.Identity(), "capsule", (0.1, 0.6), (1.0, 0.0, 0.0, 0.5))
-    (rod, place), *ends = _geometries(capsule)
-    assert (rod.height, rod.radiusTop) == (0.6, 0.1)
-    assert np.abs(place.rotation @ [0.0, 1.0, 0.0]) == pytest.approx([0.0, 0.0, 1.0], abs=1e-14)
-    assert sorted(end.translation[2] for _, end in ends) == pytest.approx([-0.3, 0.3])
 
 
 def test_something_else_is_no_viewer(solved: Callable[[str], Result]) -> None:

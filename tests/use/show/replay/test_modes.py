@@ -55,6 +55,7 @@ def test_a_tree_moves_along_its_shape(solved: Callable[..., Any], shown: Callabl
     assert text.startswith(f"mode 2: {result['mode.2.frequency'].values[0]:.4g} Hz, damping ratio 0; full amplitude: ")
 
 
+@pytest.mark.slow
 def test_loops_stay_closed_at_any_amplitude(swing: Result, shown: Callable[..., Any]) -> None:
     """The pin B is where both links have it, to the square of the distance between two levels."""
     page, model = shown(swing), swing.trajectory.mechanism.model
@@ -79,6 +80,7 @@ def test_positions_are_closed_and_deviate_as_the_shape(swing: Result) -> None:
     assert pictures.notes == ()
 
 
+@pytest.mark.slow
 def test_a_period_goes_on_without_an_end(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
     page = shown(solved("gen411_arm_modes"))
     assert page.evaluate("replay.player.seconds()") == 2.0

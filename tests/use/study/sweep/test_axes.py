@@ -47,15 +47,10 @@ def test_every_form_gives_its_values(path: str, given: object, wanted: list[obje
     ("given", "message"),
     [
         ("1 kg, 2, 3 kg", "some of the values have a unit"),
-        ("1 kg, 2 m", "different kinds"),
-        ("1, two", "is no number"),
         ("1, " + "9" * 400, "beyond all numbers"),
         ("1,000 kg", "a comma between thousands"),
-        ("1:2:1", "no grid"),
         ("1 kg:2 kg:5", "the unit once, at the end"),
         ("normal(1)", "are no values"),
-        ("normal(1, 0)", "has no width"),
-        ("1, 2 kgs", "unknown unit 'kgs'"),
         ([], "are no values"),
     ],
 )

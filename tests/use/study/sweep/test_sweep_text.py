@@ -52,9 +52,7 @@ def test_json_is_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "message"),
     [
         (["--over", "arguments.m"], "'--over arguments.m' says no values"),
-        (["--over", "arguments.m=1:2"], "error: --over arguments.m=1:2: '1:2' are no values"),
         (["--over", MASSES, "--result", "N"], "error: --result N: there is no quantity 'N'"),
-        (["--over", MASSES, "--sample", "3"], "nothing to draw samples of"),
         (["--over", MASSES, "-j", "0"], "0 workers solve nothing"),
         (["--cases", "none.csv"], "there is no file none.csv"),
         ([], "try: --over problem.time.end='1, 2, 3 s', or --cases FILE.csv"),
