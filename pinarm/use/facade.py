@@ -11,13 +11,16 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, cast
 
+from pinarm.engine.checks.balance import power_balance
+from pinarm.engine.checks.figures import plain
+from pinarm.engine.checks.residuals import residual_figures
+from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.engine.mechanism import Mechanism as MechanismParts
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, NumericsError
+from pinarm.errors import InputError, NumericsError, PinarmError
 from pinarm.input.yaml.document import Values
 from pinarm.records import public_face, replace
-from pinarm.use import views
 from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.result import result as results
 from pinarm.use.result.failures import failures_in_words
@@ -46,6 +49,10 @@ if TYPE_CHECKING:
 
     # mypy compares the classes with the protocol, which are imported by name
     _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Limits, Response, Sensitivity)
+
+
+MOST_PLOTS, MOST_LINES, FRAME_HEIGHT = 8, 60, 400
+"""In a notebook: most outputs that are drawn without being asked, most rows of a table, height of the replay [px]."""
 
 
 class Result(results.Result, frozen=True):
@@ -117,7 +124,11 @@ class Result(results.Result, frozen=True):
                 several.
             against: What runs along the horizontal axis; the run's parameter where it is left out.
         """
-        return views.plot(self, names or tuple(self.content.outputs), against=against)
+        from pinarm.use.show.plot import graph, graph_named, plot
+
+        chosen = names or tuple(self.content.outputs)
+        drawn = graph_named(self, chosen)
+        return plot(self, chosen, against=against) if drawn is None else graph(drawn, self.presentation)
 
     def sketch(self, *, forces: bool = False, at: float | str | None = None) -> Picture:
         """Return a drawing of the mechanism at the start and the end of the run, or its free-body diagrams.
@@ -131,7 +142,10 @@ class Result(results.Result, frozen=True):
         Raises:
             InputError: The run does not come there.
         """
-        return views.sketch(self, forces, at)
+        from pinarm.use.show.free_bodies import free_body_diagrams
+        from pinarm.use.show.sketch import sketch
+
+        return free_body_diagrams(self, at) if forces else sketch(self)
 
     def replay(
         self,
@@ -154,7 +168,9 @@ class Result(results.Result, frozen=True):
         Raises:
             InputError: A name is unknown, or the run does not have what is asked.
         """
-        shown = views.replay(self, traces, arrows, plots, named)
+        from pinarm.use.show.replay.page import replay_page
+
+        shown = replay_page(self, traces=traces, arrows=arrows, plots=plots, named=named)
         if path is not None:
             shown.save(path)
         return shown
@@ -173,7 +189,9 @@ class Result(results.Result, frozen=True):
         Raises:
             InputError: It is no viewer.
         """
-        return views.show(self, visualizer, name)
+        from pinarm.use.show.replay import live
+
+        return live.show(self, visualizer, name=name)
 
     def save(self, folder: str | Path, *, plots: Literal["svg", "png", "pdf"] | bool = True, dpi: int = 200) -> Path:
         """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder.
@@ -183,11 +201,37 @@ class Result(results.Result, frozen=True):
             plots: Format of the plots, ``svg`` (the default), ``png`` or ``pdf``; ``False`` for none.
             dpi: Pixels per inch of PNG.
         """
-        return views.save(self, Path(folder), plots=plots, dpi=dpi)
+        from pinarm.use.store.save import save
+
+        return save(self, Path(folder), plots=plots, dpi=dpi)
 
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
-        return views.html(self)
+        from pinarm.use.show.notebook import (
+            blocks,
+            folded,
+            frame,
+            heading,
+            lines,
+            picture,
+            section_html,
+            side_by_side,
+            table,
+        )
+        from pinarm.use.show.terminal import ranges, remarks
+
+        parts = [heading(self.content.title or self.name), table(ranges(self)), lines(remarks(self))]
+        parts += [section_html(section, self.presentation) for section in self.shown_sections.values()]
+        short = {name: array for name, array in self.arrays.items() if len(array.rows) <= MOST_LINES}
+        parts += [folded(name, table(array.cells())) for name, array in short.items()]
+        if len(self) > 1:
+            outputs = list(dict.fromkeys(self.content.outputs))[:MOST_PLOTS]
+            parts.append(side_by_side(picture(self.plot(*outputs)), picture(self.sketch())))
+        try:
+            parts.append(frame(self.replay(plots=()).html, height=FRAME_HEIGHT))
+        except PinarmError as error:
+            parts.append(lines([f"no replay: {error}"]))
+        return blocks(*parts)
 
 
 class Scenario(scenarios.Scenario, frozen=True):
@@ -262,8 +306,6 @@ class Scenario(scenarios.Scenario, frozen=True):
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
         """
-        from pinarm.use.accuracy.solved import solved
-
         if control is None and (period is not None or delay):
             raise InputError(
                 "a period or a delay is given, but no function", expected="control, with functions of drives"
@@ -271,7 +313,16 @@ class Scenario(scenarios.Scenario, frozen=True):
         asked = self.controlled(control, period, delay) if control is not None else self
         asked = asked.with_forces(forces) if forces else asked
         asked.check_answer_key()
-        return cast("Result", solved(asked))
+        return asked._reaching_target()
+
+    def _reaching_target(self) -> Result:
+        """Return the result; with ``accuracy.target``, at the cheapest setting whose error is below it."""
+        search = self.content.find
+        if self.content.accuracy.target is None or (search and search.objective):  # every run of which reaches it
+            return self.solve()
+        from pinarm.use.accuracy.tolerance_search import reach_target
+
+        return cast("Result", reach_target(self))
 
     def with_workers(self, workers: int | None = None, executor: Executor | None = None) -> Self:
         """Return the scenario whose searches and sensitivities give their runs to others; the numbers are the same.
@@ -293,10 +344,18 @@ class Scenario(scenarios.Scenario, frozen=True):
         Raises:
             PinarmError: See ``run``.
         """
-        from pinarm.use.accuracy.solved import verified
+        from pinarm.use.accuracy.error_estimate import estimate_errors
 
         self.check_answer_key()
-        return cast("Result", verified(self))
+        result = self._reaching_target()
+        run, rows = result.trajectory, len(result)
+        with one_blas_thread(self.mechanism.model.nv):
+            figures = plain({**power_balance(run, rows), **residual_figures(run, result.outcome.motion, rows)})
+        result = replace(result, figures={**result.figures, **figures})
+        if result.errors:
+            return result
+        scenario = self.restated(result.data) if "find" in result.known else self
+        return cast("Result", estimate_errors(scenario, result))
 
     def solve(self) -> Result:
         """Solve the problem once, at its own setting; with ``find``, for the values that bring about what is wanted.

@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.mechanism import Mechanism, some_variants
-from pinarm.engine.motion.outcome import SolvedMotion
+from pinarm.engine.mechanism import some_variants
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.variants import PrescribedVariants
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
@@ -30,58 +30,8 @@ from pinarm.use.result.numbers import SectionNumber
 from pinarm.use.result.row_lookup import Lookup
 
 
-class MovingVariants(Protocol):
-    """Motions of k variants of a mechanism."""
-
-    @property
-    def run(self) -> Trajectory:
-        """The rows of the first variant."""
-        ...
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """The variants."""
-        ...
-
-    @property
-    def motion(self) -> SolvedMotion:
-        """The motion of the first variant."""
-        ...
-
-    @property
-    def grids(self) -> Sequence[Grid]:
-        """The rows of each variant."""
-        ...
-
-    def some(self, mechanism: Mechanism, variants: Indices, grids: Sequence[Grid]) -> Self:
-        """Return some of the variants, of which these are the mechanism, at other rows."""
-        ...
-
-    def rows(self) -> tuple[Trajectory, Flags]:
-        """Return the states at the rows, and which variants are sound, shape (k,)."""
-        ...
-
-    def at(self, near: Array) -> tuple[Trajectory, Flags]:
-        """Return the same at rows each of which is a state of its own, near configurations of shape (n, k, nq)."""
-        ...
-
-
-class Told(NamedTuple):
-    """Numbers of k cases.
-
-    Attributes:
-        numbers: Those that are wanted, in order [SI], each of shape (k,).
-        quadrature: The largest error of a quadrature relative to its number, NaN where there is none, shape (k,).
-        sound: Which cases have them, shape (k,).
-    """
-
-    numbers: list[Array]
-    quadrature: Array
-    sound: Flags
-
-
 class Place(NamedTuple):
-    """Where states of a case are asked for.
+    """States of a case that are asked for.
 
     Attributes:
         case: The case.
@@ -100,59 +50,36 @@ class Place(NamedTuple):
 
 
 class StatesMissing(Exception):
-    """States of a case are asked for that have not been solved.
-
-    Attributes:
-        places: Intervals, and values of the parameter there as bytes.
-    """
+    """States of a case that have not been solved: ``places`` are intervals, and values of the parameter as bytes."""
 
     def __init__(self, places: Sequence[tuple[int, bytes]]) -> None:
         self.places = places
 
 
 class CaseQuantities(Quantities, kw_only=True):
-    """The quantities of one of several cases.
-
-    Attributes:
-        shared: Those of all of them.
-        case: Its place among them.
-    """
+    """The quantities of one of several cases: ``shared`` are those of all, ``case`` is its place among them."""
 
     shared: Quantities
     case: int
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity of the case; see ``Quantities``."""
-        told = self.shared[name]
-        values, terms = told.values, np.broadcast_to(told.terms, told.values.shape)
-        own = min(self.case, values.shape[1] - 1)
-        return replace(told, values=values[:, own], terms=terms[:, own])
+        series = self.shared[name]
+        values, terms = series.values, np.broadcast_to(series.terms, series.values.shape)
+        case = min(self.case, values.shape[1] - 1)
+        return replace(series, values=values[:, case], terms=terms[:, case])
 
 
 class CaseLookup(Lookup, frozen=True):
-    """A run of one of several cases that is asked for its states at places.
-
-    Attributes:
-        solved: The quantities of states that have been solved, by interval and values of the parameter.
-    """
+    """A run of one of several cases: ``solved`` are the quantities by interval and values of the parameter."""
 
     solved: dict[tuple[int, bytes], Quantities] = {}
 
     def quantities_at(self, interval: int, t: Array) -> Quantities:
-        """Return the quantities at values of the parameter in one interval, shape (n,).
-
-        Raises:
-            StatesMissing: They have not been solved.
-        """
         self.announce([(interval, t)])
         return self.solved[interval, t.tobytes()]
 
     def heights(self, height: Callable[[Quantities], Array], spots: Spots) -> list[Array]:
-        """Return a function of the quantities at places of intervals, shape (n,) each.
-
-        Raises:
-            StatesMissing: Some have not been solved.
-        """
         self.announce(spots)
         return [height(self.solved[interval, t.tobytes()]) for interval, t in spots]
 
@@ -172,31 +99,38 @@ class VariantNumbers:
     """Cases that have been solved together, of which numbers are wanted.
 
     Attributes:
-        variants: What moves, and how.
+        variants: Their motions.
         run: The rows.
         quantities: Their quantities.
         block: Number of rows -> the number of cases whose states are solved at once.
     """
 
-    variants: MovingVariants
+    variants: PrescribedVariants
     run: Trajectory
     quantities: Quantities
     block: Callable[[int], int]
 
-    def told(self, wanted: Sequence[Taken], sound: Flags) -> Told:
-        """Return what is wanted of the cases that are sound so far, shape (k,)."""
-        numbers, quadrature, sound = list[Array](), np.full(len(sound), np.nan), sound.copy()
-        for entry in self._asked(wanted, sound):
-            if not isinstance(entry, np.ndarray):
-                numbers += entry.of_rows(self.quantities)
-            else:
-                numbers.append(entry[:, 0])
-                relative = np.where(entry.all(axis=1), entry[:, 1] / np.abs(entry[:, 0]), np.nan)
-                quadrature = np.fmax(quadrature, relative)
-        return Told(numbers, quadrature, sound)
+    def told(self, wanted: Sequence[Taken], sound: Flags) -> tuple[list[Array], Array, Flags]:
+        """Return numbers of the cases that are sound so far.
 
-    def _asked(self, wanted: Sequence[Taken], sound: Flags) -> list[Taken | Array]:
-        """Return what is wanted, numbers of a run with their values and the errors of their quadratures, shape (k, 2).
+        Returns:
+            The numbers that are wanted, in order [SI], each of shape (k,); the largest error of a quadrature relative
+            to its number, NaN where there is none, shape (k,); and which cases have them, shape (k,).
+        """
+        numbers, quadrature, sound = list[Array](), np.full(len(sound), np.nan), sound.copy()
+        of_curves = self._of_curves(wanted, sound)
+        for place, entry in enumerate(wanted):
+            if place not in of_curves:
+                numbers += entry.of_rows(self.quantities)
+                continue
+            value, error = of_curves[place].T
+            numbers.append(value)
+            both = (value != 0.0) & (error != 0.0)
+            quadrature = np.fmax(quadrature, np.where(both, error / np.abs(value), np.nan))
+        return numbers, quadrature, sound
+
+    def _of_curves(self, wanted: Sequence[Taken], sound: Flags) -> dict[int, Array]:
+        """Return numbers of a run with the errors of their quadratures, by their places, each of shape (k, 2).
 
         Cases that have no such number are not sound.
         """
@@ -211,21 +145,19 @@ class VariantNumbers:
                     known[place][case] = asked[place].told(self._lookups[case])
                 except StatesMissing as states:
                     lacking.append((place, case))
-                    missing |= dict.fromkeys(Place(case, *asked) for asked in states.places)
+                    missing |= dict.fromkeys(Place(case, *spot) for spot in states.places)
                 except InputError:  # the case alone says why
                     sound[case] = False
             self._solve([*missing], sound)
             left = [(place, case) for place, case in lacking if sound[case]]
-        return [known.get(place, entry) for place, entry in enumerate(wanted)]
+        return known
 
     @cached_property
     def _lookups(self) -> list[CaseLookup]:
         """The runs of all cases."""
-        motion, found = self.variants.motion, list[CaseLookup]()
-        for case, grid in enumerate(self.variants.grids):
-            rows = replace(self.variants.run, grid=grid)
-            found.append(CaseLookup(CaseQuantities(rows, shared=self.quantities, case=case), motion))
-        return found
+        rows = (replace(self.run, grid=grid) for grid in self.variants.grids)
+        each = (CaseQuantities(run, shared=self.quantities, case=case) for case, run in enumerate(rows))
+        return [CaseLookup(quantities, self.variants.motion) for quantities in each]
 
     def _solve(self, places: Sequence[Place], sound: Flags) -> None:
         """Solve states of cases, as many of one number of rows at once as suits processors."""
@@ -251,8 +183,8 @@ class VariantNumbers:
         quantities = self.quantities.of(run)
         sound[cases[~good]] = False
         for k, place in enumerate(places):
-            own = CaseQuantities(self.variants.run, shared=quantities, case=k)
-            self._lookups[place.case].solved[place.interval, place.t] = own
+            solved = CaseQuantities(self.variants.run, shared=quantities, case=k)
+            self._lookups[place.case].solved[place.interval, place.t] = solved
 
     def _near(self, places: Sequence[Place], cases: Indices) -> Array:
         """Return configurations near those at places, shape (n, places, nq): those of rows, moved on to the places."""
@@ -275,6 +207,6 @@ def _nearest(grid: Grid, place: Place) -> tuple[Indices, Array]:
     """Return the rows of a grid that are nearest to instants of an interval, and how far from these [s], shape (n,)."""
     first, end = grid.rows[place.interval], grid.rows[place.interval + 1]
     first, end = (first, end) if first < end else (0, len(grid.t))
-    own, t = grid.t[first:end], place.instants
-    rows = np.abs(own - t[:, None]).argmin(axis=1)
-    return first + rows, t - own[rows]
+    known, t = grid.t[first:end], place.instants
+    rows = np.abs(known - t[:, None]).argmin(axis=1)
+    return first + rows, t - known[rows]

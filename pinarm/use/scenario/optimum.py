@@ -32,14 +32,11 @@ ACTIVE = 1e-4
 REFUSED = 10.0
 """Scaled objective of runs that are refused, above the worst one that is not."""
 
-FLAT = 0.01
-"""Change of the objective, relative to it, by which is told how flat an optimum is."""
-
-FIRST_STEP, EDGE, NOWHERE = 0.02, 0.05, 1e-4
-"""Of the way along which flatness is told, scaled: first step, its relative accuracy, and below which it is 0."""
-
 VANISHES = 1e-4
 """Objective at the optimum, relative to that at the starts, below which the latter is what changes are relative to."""
+
+BESIDE = 1e-3
+"""Largest distance of refused runs from the best point, scaled, at which they may hold it where it is."""
 
 SMALLEST = 1e-6
 """Least size of an objective, relative to that at the starts, by which the best end is followed again."""
@@ -219,21 +216,6 @@ class Descent:
 
 
 @dataclass(frozen=True)
-class Reach:
-    """How far one unknown may go with the others held.
-
-    Attributes:
-        low: Lowest value, in SI.
-        high: Highest value, in SI.
-        stops: What ends it on either side: ``objective``, ``bound``, ``condition`` or ``run refused``.
-    """
-
-    low: float
-    high: float
-    stops: tuple[str, str]
-
-
-@dataclass(frozen=True)
 class Optimum:
     """The best point, and how it was found.
 
@@ -242,8 +224,8 @@ class Optimum:
         descents: All starts and where they led; last, where there was one, the search from the best end without
             slopes, or along the border of refused runs.
         active: Numbers of the conditions that hold it there.
-        reaches: For every unknown, how far it may go until the objective is worse by ``allowance``.
-        allowance: That change of the objective.
+        refused: Numbers of the unknowns beside whose best values runs were refused.
+        size: Size of the objective at the best point, at the starts where it vanishes.
         runs: Number of runs in all.
         flat: Whether the objective is the same in all of them, but for rounding.
         largest: Largest size of the objective in all of them.
@@ -252,8 +234,8 @@ class Optimum:
     best: Descent
     descents: Sequence[Descent]
     active: Sequence[int]
-    reaches: Sequence[Reach]
-    allowance: float
+    refused: Sequence[int]
+    size: float
     runs: int
     flat: bool = False
     largest: float = math.inf
@@ -290,21 +272,29 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
         descents.append(best)
     if not best.valid:
         raise _nowhere(landscape, best, len(points))
-    return _told(landscape, best, descents)
+    return _optimum(landscape, best, descents)
 
 
-def _told(landscape: Landscape, best: Descent, descents: Sequence[Descent]) -> Optimum:
-    """Return the best point with its active conditions, how far each unknown may go, and how flat the objective is."""
+def _optimum(landscape: Landscape, best: Descent, descents: Sequence[Descent]) -> Optimum:
+    """Return the best point with its active conditions, refused runs beside it, and whether the objective is flat."""
     x = landscape.scaled_point(best.end)
     margins = landscape.margins(x)
     active = [k for k, equal in enumerate(landscape.equations) if equal or margins[k] <= ACTIVE]
-    size = abs(best.trial.objective)
-    allowance = FLAT * (size if size > VANISHES * landscape.size else landscape.size)
-    reaches = [_reach(landscape, x, k, best.trial.objective + allowance) for k in range(len(x))]
+    steps = [point - x for point, trial in landscape.trials.values() if trial.refusal]
+    near = [np.abs(step) for step in steps if np.abs(step).max() <= BESIDE]
+    refused = sorted({int(step.argmax()) for step in near})
     values = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
-    largest = float(np.abs(values).max())
-    flat = bool(np.ptp(values) <= SAME * largest)
-    return Optimum(best, descents, active, reaches, allowance, len(landscape.trials), flat, largest)
+    size, largest = abs(best.trial.objective), float(np.abs(values).max())
+    return Optimum(
+        best,
+        descents,
+        active,
+        refused,
+        size if size > VANISHES * landscape.size else landscape.size,
+        len(landscape.trials),
+        bool(np.ptp(values) <= SAME * largest),
+        largest,
+    )
 
 
 def spread(k: int, count: int, seed: int) -> list[Array]:
@@ -326,12 +316,12 @@ def _is_sharp(landscape: Landscape, best: Descent) -> bool:
 
 def _descent(landscape: Landscape, start: Array, search: Callable[[Landscape, Array], str]) -> Descent:
     """Return the best point that a search comes to from a start, among all that it has run."""
-    before, own = len(landscape.trials), dict(landscape.trials)
+    before, known = len(landscape.trials), dict(landscape.trials)
     if refusal := landscape.trial(start).refusal:
         values = landscape.values(start)
         return Descent(values, values, landscape.trial(start), math.inf, 1, f"refused: {refusal}")
     status = search(landscape, start)
-    visited = [start, *(x for key, (x, _) in landscape.trials.items() if key not in own)]
+    visited = [start, *(x for key, (x, _) in landscape.trials.items() if key not in known)]
     end = min((x for x in visited if not landscape.trial(x).refusal), key=landscape.rank)
     runs = len(landscape.trials) - before
     ends = landscape.values(start), landscape.values(end)
@@ -392,43 +382,6 @@ def _constraints(landscape: Landscape) -> tuple[object, ...]:
         return ()
     upper = np.where(landscape.equations, 0.0, np.inf)
     return (NonlinearConstraint(landscape.margins, np.zeros(len(upper)), upper),)
-
-
-def _reach(landscape: Landscape, x: Array, k: int, allowed: float) -> Reach:
-    """Return how far an unknown may go with the others held: doubled steps until something ends it, then halves."""
-    sides = [_edge(landscape, x, sign * np.eye(len(x))[k], allowed) for sign in (-1.0, 1.0)]
-    (low, below), (high, above) = sides
-    return Reach(
-        landscape.values(x - low * np.eye(len(x))[k])[k],
-        landscape.values(x + high * np.eye(len(x))[k])[k],
-        (below, above),
-    )
-
-
-def _edge(landscape: Landscape, x: Array, direction: Array, allowed: float) -> tuple[float, str]:
-    """Return how far it is to where the objective is worse than allowed, scaled, and what is met there."""
-    room = float(1.0 - x @ direction) if direction.sum() > 0 else float(-(x @ direction))
-    good, bad, met = 0.0, FIRST_STEP, ""
-    while not met and good < room:
-        bad = min(bad, room)
-        met = _obstacle(landscape, x + bad * direction, allowed)
-        good, bad = (good, bad) if met else (bad, 3.0 * bad)
-    if not met:
-        return room, "bound"
-    while bad - good > EDGE * bad and bad > NOWHERE:
-        middle = 0.5 * (good + bad)
-        here = _obstacle(landscape, x + middle * direction, allowed)
-        good, bad, met = (good, middle, here) if here else (middle, bad, met)
-    return good, met
-
-
-def _obstacle(landscape: Landscape, x: Array, allowed: float) -> str:
-    trial = landscape.trial(x)
-    if trial.refusal:
-        return "run refused"
-    if landscape.violation(x) > KEPT:
-        return "condition"
-    return "objective" if trial.objective > allowed else ""
 
 
 def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationError:
