@@ -343,7 +343,7 @@ def _remarks(linear: Linearisation) -> list[str]:
     modes, size = linear.modes, np.abs(linear.modes.eigenvalues)
     notes = [linear.at.friction.note] if linear.at.friction.note else []
     notes += [] if len(size) else ["nothing is free to move: there are no modes"]
-    notes += _modes_that("unstable: {} grows", modes.eigenvalues.real > modes.errors)
+    notes += _modes_that("unstable: {}", modes.eigenvalues.real > modes.errors)
     known = size > 0.0
     notes += rigid_modes(linear)
     twins = [(j, k) for j, k in modes.defective if known[j] and known[k]]

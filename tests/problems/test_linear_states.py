@@ -121,6 +121,8 @@ def test_friction_holds_a_pendulum_where_it_is_put(solve):
     assert result.figures["small motion"] < 1e-6
     with pytest.raises(DynamicsError, match=r"joint\.a begins to slip here"):
         solve(xml, {"equilibrium": {"a": "40 deg", "b": "-40 deg"}}, friction)
+    with pytest.raises(DynamicsError, match="modes of the state: none"):  # and no traceback
+        solve(xml, {"equilibrium": {"a": "1 deg"}}, {"friction": {key: {"constant": "50 N*m"} for key in "ab"}})
 
 
 def test_explain_tells_the_modes_and_why_one_is_rigid(solve):

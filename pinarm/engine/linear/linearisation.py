@@ -180,7 +180,7 @@ class Modes(Record, frozen=True):
     def damping_ratios(self) -> Array:
         """``-Re lambda / |lambda|``, shape (k,); 0 of an eigenvalue 0."""
         size = np.abs(self.eigenvalues)
-        return np.asarray(-self.eigenvalues.real / np.where(size > 0.0, size, 1.0))
+        return np.asarray(0.0 - self.eigenvalues.real / np.where(size > 0.0, size, 1.0))
 
     @property
     def defective(self) -> list[tuple[int, int]]:
@@ -210,7 +210,7 @@ Slopes = Callable[[LinearMotion], Array]
 
 
 def linear_motion(
-    model: pin.Model, at: EquationDerivatives, v: Array, rows: Rows, slopes: Slopes | None = None
+    model: pin.Model, at: EquationDerivatives, v: Array, rows: Rows, scale: Array, slopes: Slopes | None = None
 ) -> LinearMotion:
     """Return the linearised motion about a state.
 
@@ -219,6 +219,7 @@ def linear_motion(
         at: Derivatives of the equation of motion there.
         v: Velocity there, shape (nv,).
         rows: What its rows do.
+        scale: Size of each joint's coordinate [rad or m], shape (nv,).
         slopes: Of friction, where joints slip.
 
     Raises:
@@ -233,6 +234,7 @@ def linear_motion(
         acceleration_q=at.acceleration_q[holding],
         acceleration_v=at.acceleration_v[holding],
     )
+    _require_sizes(at, scale)
     independent, allowed = independent_joints(at.rows)
     _require_regular(at, allowed)
     placed, spread, held = independent, allowed, np.setdiff1d(np.arange(len(at.rows)), rows.rolling)
@@ -362,6 +364,18 @@ def independent_joints(rows: Array) -> tuple[Indices, Array]:
     allowed[dependent] = -np.linalg.lstsq(scaled[:, dependent], scaled[:, free], rcond=None)[0]
     ascending = np.argsort(free)
     return free[ascending], allowed[:, ascending]
+
+
+def _require_sizes(at: EquationDerivatives, scale: Array) -> None:
+    """Raise where a row is small in this position only: loops that close to rounding leave it undetermined.
+
+    Raises:
+        DynamicsError: The position is singular.
+    """
+    sizes = np.linalg.norm(at.rows * scale, axis=1)
+    changes = np.linalg.norm(at.rows_q * np.multiply.outer(scale, scale)[:, None], axis=2).max(axis=0, initial=0.0)
+    if ((sizes > ROUNDING * sizes.max(initial=0.0)) & (sizes < SINGULAR * changes)).any():
+        raise _singular()
 
 
 def _require_regular(at: EquationDerivatives, allowed: Array) -> None:

@@ -81,7 +81,8 @@ def _masses(linear: Linearisation) -> dict[str, Array]:
     model, found = state.mechanism.model, dict[str, Array]()
     both = np.hstack([shapes.real, shapes.imag]).T
     links, twists = speeding(model, np.broadcast_to(state.q, (len(both), model.nq)), both)
-    energies = links.energies(twists)[0].reshape(2, shapes.shape[1], -1).sum(axis=0)
+    halves = links.energies(twists)[0]
+    energies = halves.reshape(2, shapes.shape[1], halves.shape[-1]).sum(axis=0)
     for index, names in enumerate(links_behind(model)[1:], 1):
         if model.inertias[index].mass:
             found[names[0] if names else str(model.names[index])] = energies[:, index]

@@ -123,11 +123,12 @@ class SteppedState(Record, frozen=True):
             InputError: Something has no derivative here.
         """
         model, v, friction = self.state.mechanism.model, self.state.v[0], self.friction
+        scale = self.state.mechanism.closure.scale
         if not len(self.rows.slipping):
-            return linear_motion(model, self.derivatives, v, self.rows)
+            return linear_motion(model, self.derivatives, v, self.rows, scale)
         slipping = [contact for contact, stuck in zip(friction.contacts, friction.stuck, strict=True) if not stuck]
         return linear_motion(
-            model, self.derivatives, v, self.rows, lambda motion: friction_slopes(self.steps(motion), slipping)
+            model, self.derivatives, v, self.rows, scale, lambda motion: friction_slopes(self.steps(motion), slipping)
         )
 
     def steps(self, motion: LinearMotion) -> Trajectory:

@@ -57,10 +57,11 @@ def checked_by_motion(result: Result) -> Result:
         return _noted(result, {}, f"no small motion of the integrator checks the modes: {error.message}")
     left, bent = float(np.abs(2.0 * half - whole).max()), 2.0 * float(np.abs(whole - half).max())
     figures = {"small motion": left}
-    figures |= {"linear up to": 0.01 * AMPLITUDE / bent} if bent > 0.01 * AMPLITUDE else {}
-    return _noted(
-        result, figures, f"a small motion of the integrator differs from exp(A t) x by {left:.1e} of its size"
-    )
+    said = f"a small motion of the integrator differs from exp(A t) x by {left:.1e} of its size"
+    if bent > 0.01 * AMPLITUDE:
+        figures["linear up to"] = 0.01 * AMPLITUDE / bent
+        said += f"; by 1 % at the amplitude {figures['linear up to']:.1g} rad or m"
+    return _noted(result, figures, said)
 
 
 def _noted(result: Result, figures: dict[str, float], note: str) -> Result:

@@ -286,6 +286,12 @@ class Result(Run, frozen=True):
             {series.label: series.values for series in map(self.presentation.written, self.table_columns())}
         )
 
+    def _modes_instead_of(self, name: str) -> str:
+        """Return which modes there are, where a measure of one that the state does not have is asked for."""
+        if self.kind != "linear" or "mode." not in name:
+            return ""
+        return f"modes of the state: {', '.join(self.arrays['eigenvalues'].columns) or 'none'}"
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same result: by its scenario, with the same rows to the last bit."""
         from pinarm.use.result.stored_rows import states
@@ -335,6 +341,7 @@ class Result(Run, frozen=True):
                 if never
                 else "; ".join(said)
                 or too_large(run, bad[0])
+                or self._modes_instead_of(name)
                 or "a body without mass that is free to move, or a formula that divides by zero there"
             )
             reasons = refusals(run.dynamics.forces, run.q[bad[0]])

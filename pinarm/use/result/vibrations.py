@@ -109,7 +109,7 @@ class ResponseNumbers(Record, frozen=True):
         units = dict[str, Unit | None]()
         for output, driven in product(self.outputs, inputs):
             name, own = _number(output, driven.position or driven.name), quantities[output].unit
-            units |= {f"{name}.largest": own and own / driven.unit, f"{name}.frequency": HERTZ}
+            units |= {f"{name}.largest": _quotient(own, unit("1") / driven.unit), f"{name}.frequency": HERTZ}
         return units
 
 

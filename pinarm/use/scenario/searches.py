@@ -78,7 +78,7 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     if search.objective is None:
         remarks = root.remarks(_noise(result, search, root.missed))
         return replace(result, outcome=replace(result.outcome, notes=(*result.outcome.notes, *remarks)))
-    objective = search.objective.described(result.quantities, bare.content.assessments)
+    objective = search.objective.described(result.quantities, bare.concluded)
     (left,) = rounding(result, [objective.unit])
     best = replace(best, flat=best.flat or best.largest <= left)
     _, error = search.objective.value(result)
@@ -92,7 +92,7 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
         PinarmError: A run on the way fails, or nothing is found.
     """
     wanted = search.wanted or {}
-    numbers = {name: search.number(name, bare.content.assessments) for name in wanted}
+    numbers = {name: search.number(name, bare.concluded) for name in wanted}
     taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
     task = Task.of(bare, taken, search.case(search.start))
     of_rows, runs, sizes = sum(number is None for number in numbers.values()), count(1), list[int]()

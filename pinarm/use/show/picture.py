@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from typing import Any
@@ -69,6 +69,9 @@ STYLE: dict[Any, Any] = {
 
 MARK = "#6a737d"
 """Colour of vertical lines."""
+
+BESIDE = 0.025
+"""Distance of two texts of two letters that touch, relative to the width of the picture."""
 
 SCREEN, PRINT = 100, 200
 """Pixels per inch of an ordinary screen, and of the files that are written."""
@@ -209,11 +212,19 @@ def write(axis: Axes, note: Note, offset: Array | Sequence[float] = (0.0, 0.0), 
     return text
 
 
-def write_above(axis: Axes, x: float, text: str) -> None:
-    """Write a short text above a place of the horizontal axis."""
-    place: Any = (x, 1.0)
+def write_above(axis: Axes, marks: Iterable[tuple[float, str]]) -> None:
+    """Write short texts above places of the horizontal axis; texts that would touch are one, at the first place."""
     look: dict[str, Any] = {"fontsize": 7, "color": MARK, "ha": "center", "va": "bottom"}
-    axis.annotate(text, place, (0, 2), axis.get_xaxis_transform(), "offset points", **look)
+    apart, last = axis.get_window_extent().width * BESIDE, -np.inf
+    written = list[Any]()
+    for x, text in sorted(mark for mark in marks if mark[1]):
+        pixel = axis.transData.transform((x, axis.get_ylim()[1]))[0]
+        if pixel - last < apart:
+            written[-1].set_text(f"{written[-1].get_text()}, {text}")
+        else:
+            place: Any = (x, 1.0)
+            written.append(axis.annotate(text, place, (0, 2), axis.get_xaxis_transform(), "offset points", **look))
+        last = pixel
 
 
 def drawable(values: ArrayLike) -> Array:

@@ -125,8 +125,7 @@ def graph(drawn: Graph, how: Presentation = PLAIN, *, titled: bool = True) -> Pi
                 legend(axis, axis.lines, loc="best")
             places = [place / scale for place, _ in drawn.marks]
             axis.vlines(places, 0.0, 1.0, MARK, "--", linewidth=0.9, zorder=0, transform=axis.get_xaxis_transform())
-        for place, text in drawn.marks:
-            write_above(axes[0], place / scale, text)
+        write_above(axes[0], [(place / scale, text) for place, text in drawn.marks])
         if many:
             legend_below(picture, axes[0].lines)
     return picture

@@ -228,3 +228,7 @@ def test_singular_positions_are_refused():
     square = Mechanism.load(ROOT / "models/crank_rocker/mechanism.yaml", {"a": 0.2, "b": 0.3, "c": 0.2, "d": 0.3})
     with pytest.raises(DynamicsError, match="singular"):
         square.linearise(square.configurations({"theta2": 0.0, "A": 0.0, "theta4": 0.0}))
+    aligned = Mechanism.load(ROOT / "models/change_point_four_bar/mechanism.yaml")
+    for beside in (0.0, 3e-8):  # loops close to rounding, bars are aligned to its root
+        with pytest.raises(DynamicsError, match="singular"):
+            aligned.linearise(aligned.configurations({"theta2": np.pi, "A": np.pi - beside, "theta4": beside - np.pi}))

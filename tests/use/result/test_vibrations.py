@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.input.units import HERTZ
 from pinarm.use.facade import Result
+from pinarm.use.result.section import Curve, Graph
 from pinarm.use.result.vibrations import responses
 from pinarm.use.show.picture_files import pictures
+from pinarm.use.show.plot import graph
 from pinarm.use.show.terminal import report
 
 CARRIAGE = """<robot name="carriage"><link name="rail"/><link name="body"><inertial><mass value="2"/>
@@ -27,15 +31,15 @@ RATIO = DAMPING / (2.0 * MASS * NATURAL)
 def carriage(tmp_path: Path) -> Callable[..., Result]:
     (tmp_path / "carriage.urdf").write_text(CARRIAGE)
 
-    def run(damping: float = DAMPING, outputs: tuple[str, ...] = ("slide",)) -> Result:
+    def run(damping: float = DAMPING, outputs: tuple[str, ...] = ("slide",), **more: object) -> Result:
         spring = {"kind": "joint_spring", "joint": "slide", "stiffness": "300 N/m", "damping": f"{damping} N*s/m"}
         mechanism = {"pinarm": 1, "robot": str(tmp_path / "carriage.urdf"), "gravity": "none"}
         with pinarm.file_root(tmp_path):
             return pinarm.run({
-                "pinarm": 1, "mechanism": {**mechanism, "forces": {"mount": spring}},
-                "problem": {"kind": "linear", "outputs": list(outputs),
+                "pinarm": 1, "mechanism": mechanism,
+                "problem": {"kind": "linear", "outputs": list(outputs), "loads": {"mount": spring},
                             "frequencies": {"from": "0.1 Hz", "to": "50 Hz", "samples": 30}},
-                "outputs": ["mode.1.frequency"],
+                "outputs": ["mode.1.frequency"], **more,
             })  # fmt: skip
 
     return run
@@ -63,6 +67,22 @@ def test_the_peak_of_a_resonance_is_a_number(carriage: Callable[..., Result]) ->
     frequency, _ = result.number("frequency_response.slide.slide.frequency")
     assert frequency == pytest.approx(NATURAL * np.sqrt(1.0 - 2.0 * RATIO**2) / (2.0 * np.pi), rel=1e-7)
     assert carriage(0.0).number("frequency_response.slide.slide.largest")[0] == np.inf
+
+
+def test_a_search_moves_a_peak(carriage: Callable[..., Result]) -> None:
+    """The damping whose peak is 1/(40 N/m), and the mass whose peak is at 1 Hz, by the formulas above."""
+    largest = "frequency_response.slide.slide.largest"
+    damping = {"for": {"problem.loads.mount.damping": "4 N*s/m"}, "so_that": {largest: "0.025 m/N"}}
+    ratio = carriage(find=damping)["mode.1.damping"].values[0]
+    assert 2.0 * ratio * np.sqrt(1.0 - ratio**2) * STIFFNESS == pytest.approx(40.0, rel=1e-6)
+    least = {"for": {"problem.loads.mount.damping": ["1 N*s/m", "9 N*s/m"]}, "minimise": largest}
+    assert carriage(find=least)["mode.1.damping"].values[0] == pytest.approx(RATIO * 9.0 / DAMPING, rel=1e-6)
+
+
+def test_marks_side_by_side_have_one_text() -> None:
+    curve = Curve(Series("f", HERTZ, np.array([1.0, 10.0])), Series("x", HERTZ, np.array([1.0, 10.0])))
+    drawn = Graph("bode", "Bode", [curve], logarithmic="xy", marks=[(2.0, "1"), (2.02, "2"), (5.0, "3")])
+    assert [text.get_text() for text in graph(drawn).axes[0].texts] == ["1, 2", "3"]
 
 
 def test_what_takes_part_in_a_mode_is_told(carriage: Callable[..., Result]) -> None:
