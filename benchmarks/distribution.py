@@ -50,7 +50,7 @@ def dask(number: int) -> Iterator[Any]:
 def chunk_times(workers: Workers) -> tuple[float, float]:
     """Return the time of a chunk of one job, once workers run, and the processor time of it here [s]."""
     with patch.object(dispatch, "GROWTH", 1), closing(Dispatch(abs, workers)) as chunks:
-        answers = chunks.pairs([0.0] * CHUNKS)
+        answers = (answer for _, some in chunks.answers([0.0] * CHUNKS) for answer in some)
         first = len(list(islice(answers, 4 * workers.count())))
         begin, cpu = time.perf_counter(), time.process_time()
         left = sum(1 for _ in answers)

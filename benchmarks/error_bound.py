@@ -28,7 +28,7 @@ from pinarm.errors import NumericsError
 from pinarm.use.accuracy.error_estimate import BOUND, estimate_errors, output_differences
 from pinarm.use.accuracy.integration_settings import with_setting
 from pinarm.use.facade import Result, Scenario, load
-from pinarm.use.study.trials import MARGIN
+from pinarm.use.study.tradeoff import MARGIN
 
 RESOLVED = 30.0
 """True error over that of the reference, from which on it counts."""

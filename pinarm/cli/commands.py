@@ -87,7 +87,7 @@ def work(options: Namespace, kind: str) -> Iterator[tuple[Scenario, Destination,
         options.output = target.folder
         if kind != "sweep":  # which goes on where it was
             check_replaceable(target.folder, kind)
-        if options.cluster is None:
+        if getattr(options, "cluster", None) is None:  # a trade-off has no such option
             yield scenario, target, None
             return
         from pinarm.use.workers.executors import cluster
@@ -414,7 +414,6 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
     "scenario.yaml",
     SCENARIO,
     output("folder (default: results/SCENARIO-tradeoff)"),
-    workers("processes for settings and variants, whose times they change (default: none but this one)"),
     PLOTS,
     DPI,
     VALUES,
@@ -423,8 +422,8 @@ def _tradeoff(options: Namespace) -> int:
     from pinarm.use.study.tradeoff import tradeoff
     from pinarm.use.study.tradeoff_view import report
 
-    with work(options, "trade-off") as (scenario, target, executor):
-        trade = tradeoff(scenario, workers=options.workers, executor=executor)
+    with work(options, "trade-off") as (scenario, target, _):
+        trade = tradeoff(scenario)
         trade.save(target.folder, plots=options.plots, dpi=options.dpi)
     show(options, {**trade.summary(), "folder": str(target.folder)}, report(trade), str(target))
     return OK

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.use.show.terminal import aligned
-from pinarm.use.study.trials import WANTED
+from pinarm.use.study.tradeoff import WANTED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from pinarm.use.show.picture import Picture
     from pinarm.use.study.tradeoff import Tradeoff
-    from pinarm.use.study.trials import TriedSetting
 
 MARKERS = "os^Dv*"
 
@@ -37,14 +36,13 @@ def settings(trade: Tradeoff) -> list[list[str]]:
     for point in trade.points:
         worst = max(point.errors, key=lambda name: point.errors[name])
         error = f"{point.error:.1e}" if point.error > trade.reference.bound else f"< {trade.reference.bound:.0e}"
-        cells = [error, worst[:24]] if math.isfinite(point.error) else [without_error(point), ""]
+        cells = (
+            [error, worst[:24]]
+            if math.isfinite(point.error)
+            else ["other events" if point.evaluations else "failed", ""]
+        )
         rows.append([point.setting, *cells, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
     return rows
-
-
-def without_error(point: TriedSetting) -> str:
-    """Return why a setting has no error: it failed, or its solution has other events than the reference."""
-    return "other events" if point.evaluations else "failed"
 
 
 def advice(trade: Tradeoff) -> list[str]:
@@ -150,10 +148,3 @@ def outputs(trade: Tradeoff) -> Picture:
             fit(axis)
         legend(axes[0], axes[0].lines, loc="best")
     return picture
-
-
-def plots(trade: Tradeoff) -> dict[str, Picture]:
-    """Return the figures ``settings`` and ``variants``, whichever there is something to draw for."""
-    drawn = {"settings": work_precision} if trade.reference else {}
-    drawn |= {"variants": outputs} if trade.variants else {}
-    return {name: draw(trade) for name, draw in drawn.items()}

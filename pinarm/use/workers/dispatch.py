@@ -1,7 +1,7 @@
 """Jobs given to workers in chunks: each job is answered once, whatever happens to the workers.
 
-A chunk takes a worker about ``CHUNK_TIME``, as measured of the chunks before. A chunk with which a worker died is tried
-again by halves, down to single jobs, with nothing else under way: only a job that kills its worker alone is lost.
+A chunk takes a worker about ``CHUNK_TIME``, as measured of the chunks before. Jobs of a chunk with which a worker died
+are tried again one by one, with nothing else under way: only a job that kills its worker alone is lost.
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ from __future__ import annotations
 import os
 import pickle
 import queue
-import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import partial
-from itertools import chain, islice
+from itertools import islice
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from pinarm.errors import InputError, NumericsError
@@ -25,13 +24,10 @@ CHUNK_TIME, TIME_PER_WORKER = 0.5, 0.005
 """Time of a chunk [s]: at least, and for each worker there is, so that answers come 200 times a second at most."""
 
 GROWTH = 8
-"""Size of a chunk relative to that of one that has been answered, at most."""
+"""Largest size of a chunk relative to that of one that has been answered."""
 
 HOPELESS = 10
 """Deaths of workers in a row, with no answer in between, after which the work is given up."""
-
-AHEAD = 100
-"""Jobs that are looked at to see whether they are few: then every worker gets a share."""
 
 PATIENCE = 5.0
 """Time without an answer after which workers are looked for [s]."""
@@ -53,7 +49,7 @@ class Dispatch(Generic[JobT, AnswerT]):
     """Chunks of jobs under way.
 
     Args:
-        function: Answers a job; importable by its name, as is all that it holds. See ``Together``.
+        function: Answers a job; importable by its name, as is all that it holds; see ``worker.answered_parts``.
         workers: Who calls it.
         written: Returns jobs as a worker gets them: a list of them, or what stands for it.
     """
@@ -67,7 +63,7 @@ class Dispatch(Generic[JobT, AnswerT]):
         self.workers, self.written = workers, written
         self.call = partial(work, versions(), os.urandom(16).hex(), pickle.dumps(function), given_access())
         self.jobs: Iterator[NumberedJob[JobT]] = iter(())
-        self.size, self.share, self.deaths = 1, sys.maxsize, 0
+        self.size, self.deaths = 1, 0
         self.retries, self.given = deque[Chunk](), dict[Any, Chunk]()
         self.over, self.files = queue.SimpleQueue[Any](), dict[str, str]()
 
@@ -75,25 +71,17 @@ class Dispatch(Generic[JobT, AnswerT]):
         """Yield numbered jobs and their answers, as many as come together, in the order in which answers come.
 
         Args:
-            jobs: Taken as they are needed, and a few ahead. Those of a call before are all answered.
+            jobs: Taken as they are needed. Those of a call before are all answered.
 
         Raises:
             InputError: A worker has other versions, or other files.
             NumericsError: Workers die one after the other, or there are none any more.
         """
-        left = enumerate(jobs)
-        seen = [*islice(left, AHEAD)]
-        self.jobs = chain(seen, left)
-        self.share = -(-len(seen) // self.workers.count()) if len(seen) < AHEAD else sys.maxsize
+        self.jobs = enumerate(jobs)
         self._hand_out()
         while self.given:
             yield from self._coming()
             self._hand_out()
-
-    def pairs(self, jobs: Iterable[JobT]) -> Iterator[tuple[JobT, AnswerT | LostJob]]:
-        """Yield jobs and their answers, in the order in which answers come; see ``answers``."""
-        for some, answers in self.answers(jobs):
-            yield from ((job, answer) for (_, job), answer in zip(some, answers, strict=True))
 
     def close(self) -> None:
         """End the workers."""
@@ -113,7 +101,7 @@ class Dispatch(Generic[JobT, AnswerT]):
     def _next(self) -> Chunk | None:
         if self.retries:
             return self.retries.popleft()
-        jobs = [*islice(self.jobs, min(self.size, self.share))]
+        jobs = [*islice(self.jobs, self.size)]
         return Chunk(jobs) if jobs else None
 
     def _packed(self, chunk: Chunk) -> tuple[Any, ...]:
@@ -158,14 +146,11 @@ class Dispatch(Generic[JobT, AnswerT]):
                 raise InputError(said, expected="files that all workers see", hint="a folder that all machines share")
 
     def _lost(self, chunk: Chunk, death: WorkerDeath) -> Iterator[tuple[list[NumberedJob[JobT]], list[LostJob]]]:
-        """Halve a chunk with which a worker died; give up a job that did so alone."""
+        """Try the jobs of a chunk with which a worker died one by one; give up a job that did so alone."""
         self.deaths += 1
         if self.deaths >= HOPELESS:
             raise NumericsError(f"{HOPELESS} workers died one after the other, the last by {death}")
-        half = len(chunk.jobs) // 2
-        if half:
-            self.retries += [Chunk(chunk.jobs[:half], alone=True), Chunk(chunk.jobs[half:], alone=True)]
-        elif not chunk.alone:
-            self.retries.append(Chunk(chunk.jobs, alone=True))
-        else:
+        if chunk.alone:
             yield chunk.jobs, [LostJob(f"its process died by {death}")]
+        else:
+            self.retries += [Chunk([job], alone=True) for job in chunk.jobs]

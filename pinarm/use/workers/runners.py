@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pinarm.errors import InputError
 from pinarm.records import ValueRecord
-from pinarm.use.workers.worker import LostJob, Together, in_order
+from pinarm.use.workers.worker import LostJob, answered_parts, in_order
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -65,7 +65,7 @@ class Runners(ValueRecord, frozen=True):
         """Yield what applies a function to jobs, as often as it is asked; workers end with the block.
 
         Args:
-            function: Importable by its name, as is all that it holds; it may be ``Together``.
+            function: Importable by its name, as is all that it holds; see ``worker.answered_parts``.
             written: Returns jobs as the function gets them: a list of them, or what stands for it.
 
         Raises:
@@ -100,10 +100,10 @@ def _answers_here(
     function: Callable[[JobT], AnswerT], written: Callable[[list[JobT]], Any], jobs: Iterable[JobT]
 ) -> Iterator[tuple[list[tuple[int, JobT]], Collection[Any]]]:
     """Yield the answers of jobs, which are solved when they are asked for, or with one before them."""
-    left = enumerate(jobs)
-    if not isinstance(function, Together):
-        yield from (([(number, job)], [function(job)]) for number, job in left)
-        return
-    while some := list(islice(left, TOGETHER)):
-        for places, answers in function.together(written([job for _, job in some])):
+    left, size = enumerate(jobs), TOGETHER if hasattr(function, "together") else 1
+    while some := list(islice(left, size)):
+        if size == 1:
+            yield some, [function(some[0][1])]
+            continue
+        for places, answers in answered_parts(function, written([job for _, job in some])):
             yield [some[place] for place in places], answers

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 from pinarm.errors import fault
 from pinarm.input.roots import Access, example_robot_data, file_root, noting_files
@@ -30,14 +30,6 @@ class LostJob(ValueRecord, frozen=True):
     """A job that has no answer, and why: its worker died, or the program failed."""
 
     reason: str
-
-
-@runtime_checkable
-class Together(Protocol):
-    """A function of a job that solves several of them at once."""
-
-    def together(self, jobs: Any) -> Iterator[AnsweredPart]:
-        """Yield places of jobs and their answers, none of which raises."""
 
 
 class Answers(NamedTuple):
@@ -81,9 +73,13 @@ def work(wanted: Versions, session: str, function: bytes, access: Access, jobs: 
 
 
 def answered_parts(function: Callable[[Any], Any], jobs: Any) -> Iterator[AnsweredPart]:
-    """Yield places of jobs and their answers; a fault of the program costs one job."""
-    if isinstance(function, Together):
-        yield from function.together(jobs)
+    """Yield places of jobs and their answers; a fault of the program costs one job.
+
+    A function with a method ``together`` solves several jobs at once, and yields the same, without errors.
+    """
+    together = getattr(function, "together", None)
+    if together is not None:
+        yield from together(jobs)
         return
     for place, job in enumerate(jobs):
         try:

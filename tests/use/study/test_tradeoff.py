@@ -8,8 +8,7 @@ from scipy.special import ellipj, ellipk
 
 from pinarm.cli.main import main
 from pinarm.errors import InputError
-from pinarm.use.study.tradeoff import tradeoff
-from pinarm.use.study.trials import TriedSetting, recommended_setting, solve_variants, solving_trials
+from pinarm.use.study.tradeoff import TriedSetting, recommended_setting, solve_variants, tradeoff
 
 SMALL = """\
 variants:
@@ -26,11 +25,6 @@ def pendulum(t, start, pulsation):
     k = np.sin(start / 2)
     sn, _, _, _ = ellipj(ellipk(k**2) - pulsation * t, k**2)
     return 2 * np.arcsin(k * sn)
-
-
-def variants(asked):
-    with solving_trials(asked) as solve:
-        return solve_variants(asked, solve)
 
 
 def oscillator(scenario):
@@ -86,7 +80,7 @@ def test_the_cheapest_setting_that_is_good_enough_by_a_margin_is_recommended():
 
 def test_the_error_of_a_simplified_model_is_that_of_the_closed_forms(scenario):
     """A pendulum released at 30 degrees against its law for small angles, and against no law at all."""
-    exact, small, weightless = variants(scenario("forward", SMALL))
+    exact, small, weightless = solve_variants(scenario("forward", SMALL))
     t, start = exact.result["t"].values, np.pi / 6
     swing = pendulum(t, start, np.sqrt(8.0))
     assert np.abs(exact.result["alpha"].values - swing).max() < 1e-7
@@ -124,6 +118,6 @@ def test_a_mistake_in_a_variant_is_found_where_it_stands(scenario):
 
 def test_a_variant_that_cannot_be_solved_says_why_and_the_others_are_told(scenario):
     more = SMALL + "  hasty: {accuracy.max_steps: 3}\n"
-    *_, weightless, hasty = variants(scenario("forward", more))
+    *_, weightless, hasty = solve_variants(scenario("forward", more))
     assert weightless.errors
     assert "3 steps" in hasty.failure

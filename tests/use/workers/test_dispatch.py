@@ -63,7 +63,8 @@ class Here:
 
 def distribute(function: Callable[[Any], Any], jobs: Iterable[Any], workers: Any) -> Iterator[tuple[Any, Any]]:
     with closing(Dispatch(function, workers)) as chunks:
-        yield from chunks.pairs(jobs)
+        for some, answers in chunks.answers(jobs):
+            yield from ((job, answer) for (_, job), answer in zip(some, answers, strict=True))
 
 
 @pytest.fixture(autouse=True)

@@ -35,7 +35,8 @@ def square(n: int) -> int:
 
 def distribute(function: Callable[[Any], Any], jobs: Iterable[Any], workers: Any) -> Iterator[tuple[Any, Any]]:
     with closing(Dispatch(function, workers)) as chunks:
-        yield from chunks.pairs(jobs)
+        for some, answers in chunks.answers(jobs):
+            yield from ((job, answer) for (_, job), answer in zip(some, answers, strict=True))
 
 
 def test_only_the_job_that_kills_its_process_is_lost(module: Make) -> None:
