@@ -38,7 +38,6 @@ from pinarm.use.accuracy.integration_settings import (
     finer_setting,
     format_setting,
     other_method,
-    reference_settings,
     step_limit,
     takes_other_steps,
     with_setting,
@@ -60,10 +59,6 @@ BOUND = 2.0
 Measured by ``benchmarks/error_bound.py`` (``docs/accuracy.md``): the 99 % quantile of error over difference is 1.1 for
 all methods together, and 1.5 where only rounding is left.
 """
-
-LONGER, ROWS = 10.0, 401
-"""Time of tight solutions that tell how fast errors grow, over that until coarse ones are far apart: from 1e-13 it
-takes at most ten times as many e-folds as from 1e-2. Their rows."""
 
 LEAST = 1e-15
 """Relative error that no comparison in double precision can tell from none."""
@@ -149,7 +144,7 @@ def with_errors(result: Result, other: Result | None, setting: str) -> Result:
     setting += f"; 0 but for rounding: {zeros}" if zeros else ""
     rounding = max(_rounding(result), _rounding(other))
     setting += f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion" if rounding else ""
-    time = _growth_time(result, other)
+    time = e_folding(result.trajectory, other.trajectory)
     growth = {} if time is None else {"e-folding": time}
     found = replace(result, errors=errors, setting=setting, figures={**result.figures, **growth}, no_bound=why)
     return _with_number_bounds(found, other)
@@ -207,22 +202,6 @@ def _with_number_bounds(result: Result, other: Result | None) -> Result:
         return result
     bounds = number_bounds(result, other)
     return replace(result, number_errors=bounds, known={**result.known, **bounded_sections(result, bounds)})
-
-
-def _growth_time(result: Result, other: Result) -> float | None:
-    """Return the time in which errors grow e-fold [s]; ``None`` where they do not grow exponentially.
-
-    Where the solutions are far apart before that is seen, of two tight ones of as much of the motion as these need.
-    """
-    time, apart = e_folding(result.trajectory, other.trajectory), saturation(result.trajectory, other.trajectory)
-    if time is not None or apart is None or "evaluations" not in result.figures:
-        return time
-    start, end = result.trajectory.grid.t[[0, -1]].tolist()
-    span = {"start": f"{start!r} s", "end": f"{min(start + LONGER * apart, end)!r} s", "samples": ROWS}
-    beginning = other.scenario.varied({"problem.time": span})
-    most = result.content.accuracy.max_steps
-    first, second = (_other(beginning, setting, most) for setting in reference_settings()[::2])
-    return e_folding(first.trajectory, second.trajectory) if first and second else None
 
 
 def error_bounds(result: Result, other: Result | None) -> dict[str, float]:
@@ -464,15 +443,6 @@ def e_folding(one: Trajectory, two: Trajectory) -> float | None:
         return None
     t, grown = t[rows] - t[rows].mean(), grown - grown.mean()
     return float(t @ t / (t @ grown))
-
-
-def saturation(one: Trajectory, two: Trajectory) -> float | None:
-    """Return the time until two solutions of a motion have no digit in common [s]; ``None`` where they always have."""
-    if one.parameter != "t":
-        return None
-    t, difference = _differences(one, two)
-    apart = t[difference >= SATURATED]
-    return float(apart[0]) if len(apart) else None
 
 
 def _steady(grown: Array) -> bool:

@@ -81,9 +81,9 @@ class Taken(ABC):
             DynamicsError: One is not finite.
         """
 
-    @abstractmethod
     def of_rows(self, quantities: Quantities) -> list[Array]:
         """Return the numbers of variants, each of shape (k,) or (1,), from the quantities of their rows."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -265,9 +265,6 @@ class FunctionValue(Taken):
             raise DynamicsError(f"{self.name} is not finite")
         measured = said.unit if isinstance(said, Series) else None
         return Series(self.name, measured, np.asarray(said, float).reshape(()))
-
-    def of_rows(self, quantities: Quantities) -> list[Array]:
-        raise InputError("a function takes a whole result")
 
 
 @dataclass(frozen=True)

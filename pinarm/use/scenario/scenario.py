@@ -149,16 +149,7 @@ class Scenario(Record, frozen=True):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
-        source = ScenarioSource(
-            type(self),
-            self.document,
-            self.folder.absolute(),
-            self.seed,
-            self.given,
-            self.functions,
-            self.function_forces,
-        )
-        return ScenarioSource.scenario, (source,)
+        return ScenarioSource.scenario, (self.source,)
 
     @property
     def source(self) -> ScenarioSource:
@@ -187,10 +178,6 @@ class Scenario(Record, frozen=True):
             InputError: A path leads nowhere.
         """
         return _varied(self.document, self.folder, values)
-
-    def merged(self, changes: Mapping[str, Any]) -> Self:
-        """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
-        return self.with_document(self.document.merged(replace(self.document, data=dict(changes), places={}, keys={})))
 
     def restated(self, data: Mapping[str, Any]) -> Self:
         """Return the scenario of other plain data in the same place, such as ``Result.data``."""

@@ -1,4 +1,4 @@
-"""Sections of a result as a file, and read back: what was concluded is not computed again."""
+"""Sections of a result as a file, and read back: conclusions are not computed again."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ import numpy as np
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.use.result.section import Cell, Curve, Graph, Scales, Section, SectionTable
+from pinarm.records import Record
+from pinarm.use.result.section import Curve, Graph, Scales, Section, SectionTable
 from pinarm.use.store.files import json_text
 
 SECTIONS = "sections.json"
 
 MOST_BYTES = 200_000_000
-"""Of a file of sections that is read: a thousand times those of the longest here."""
+"""Largest file of sections that is read: a thousand times the longest here."""
 
 ENDLESS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 """Numbers that JSON has no word for, as texts in lists of one."""
@@ -27,7 +28,25 @@ ENDLESS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 def sections_text(sections: Mapping[str, Section]) -> str:
     """Return sections as JSON: numbers with the digits that it takes to read them back."""
-    return json_text([_section(section) for section in sections.values()]) + "\n"
+    return json_text([_plain(section) for section in sections.values()]) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    """Return a section, or a part of it, as plain data: maps of the fields of its records."""
+    if isinstance(value, Unit):
+        return {"factor": value.factor, "dimension": [str(power) for power in value.dimension], "text": value.text}
+    if isinstance(value, Series):
+        values = [_plain(number) for number in np.asarray(value.values, float).tolist()]
+        return {"name": value.name, "unit": _plain(value.unit), "values": values, "doubt": value.doubt}
+    if isinstance(value, Record):
+        return {name: _plain(getattr(value, name)) for name in value.__struct_fields__}
+    if isinstance(value, Mapping):
+        return {name: _plain(inner) for name, inner in value.items()}
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    if isinstance(value, Sequence):
+        return [_plain(inner) for inner in value]
+    return float(value) if math.isfinite(value) else [str(float(value))]
 
 
 def read_sections(path: Path) -> dict[str, Section]:
@@ -41,52 +60,29 @@ def read_sections(path: Path) -> dict[str, Section]:
     if not path.is_file():
         return {}
     try:
-        with open(path, "rb") as stream:
-            raw = stream.read(MOST_BYTES + 1)
-        if len(raw) > MOST_BYTES:
+        if path.stat().st_size > MOST_BYTES:
             raise ValueError(f"it has more than {MOST_BYTES} bytes")
-        found = [_section_again(each) for each in msgspec.json.decode(raw)]
+        sections = [_section(data) for data in msgspec.json.decode(path.read_bytes())]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
         raise InputError(f"{path} holds no sections of a result ({error})", hint="run the scenario again") from None
-    return {section.key: section for section in found}
+    return {section.key: section for section in sections}
 
 
-def _section(section: Section) -> dict[str, Any]:
-    return {
-        "key": section.key,
-        "title": section.title,
-        "tables": [_table(table) for table in section.tables],
-        "numbers": {name: _series(series) for name, series in section.numbers.items()},
-        "remarks": list(section.remarks),
-        "graphs": [_graph(graph) for graph in section.graphs],
-        "errors": {name: _number(error) for name, error in section.errors.items()},
-    }
-
-
-def _section_again(data: Any) -> Section:
+def _section(data: Any) -> Section:
     return Section(
         str(data["key"]),
         str(data["title"]),
-        [_table_again(each) for each in data["tables"]],
-        {str(name): _series_again(each) for name, each in data["numbers"].items()},
-        [str(remark) for remark in data["remarks"]],
-        [_graph_again(each) for each in data["graphs"]],
-        {str(name): _number_again(each) for name, each in data["errors"].items()},
+        [*map(_table, data["tables"])],
+        {str(name): _series(series) for name, series in data["numbers"].items()},
+        [*map(str, data["remarks"])],
+        [*map(_graph, data["graphs"])],
+        {str(name): _number(error) for name, error in data["errors"].items()},
     )
 
 
-def _table(table: SectionTable) -> dict[str, Any]:
-    rows = [[cell if isinstance(cell, str) else _number(cell) for cell in row] for row in table.rows]
-    units = [_unit(unit) for unit in table.units]
-    return {"name": table.name, "title": table.title, "columns": list(table.columns), "units": units, "rows": rows,
-            "row_unit": table.row_unit}  # fmt: skip
-
-
-def _table_again(data: Any) -> SectionTable:
-    name, columns = str(data["name"]), [str(each) for each in data["columns"]]
-    if not name.isidentifier():
-        raise ValueError(f"'{name[:40]}' names no table")
-    units, rows = [_unit_again(each) for each in data["units"]], [tuple(map(_cell, row)) for row in data["rows"]]
+def _table(data: Any) -> SectionTable:
+    name, columns, units = _name(data), [*map(str, data["columns"])], [*map(_unit, data["units"])]
+    rows = [tuple(cell if isinstance(cell, str) else _number(cell) for cell in row) for row in data["rows"]]
     if any(len(row) != len(columns) for row in (units, *rows)):
         raise ValueError(f"the table '{name}' has rows of different lengths")
     row_unit = data.get("row_unit")
@@ -95,79 +91,37 @@ def _table_again(data: Any) -> SectionTable:
     return SectionTable(name, str(data["title"]), columns, units, rows, row_unit)
 
 
-def _cell(data: Any) -> Cell:
-    return data if isinstance(data, str) else _number_again(data)
+def _name(data: Any) -> str:
+    """Return the name of a table or a graph, which becomes that of its file."""
+    name = str(data["name"])
+    if not name.isidentifier():
+        raise ValueError(f"'{name[:40]}' names no table or graph")
+    return name
 
 
-def _graph(graph: Graph) -> dict[str, Any]:
-    plain = {"name": graph.name, "title": graph.title, "curves": _curves(graph.curves), "equal": graph.equal}
-    marks = [[_number(place), text] for place, text in graph.marks]
-    return {
-        **plain,
-        "below": _curves(graph.below),
-        "logarithmic": graph.logarithmic,
-        "marks": marks,
-        "bars": [*graph.bars],
-    }
-
-
-def _curves(curves: Sequence[Curve]) -> list[dict[str, Any]]:
-    return [
-        {"across": _series(curve.across), "up": _series(curve.up), "label": curve.label, "points": curve.points}
-        for curve in curves
-    ]
-
-
-def _graph_again(data: Any) -> Graph:
-    name, scales = str(data["name"]), data.get("logarithmic", "")
-    if not name.isidentifier() or scales not in get_args(Scales):
-        raise ValueError(f"'{name[:40]}' names no graph")
-    marks = [(_number_again(place), str(text)) for place, text in data.get("marks", ())]
-    curves, below = (_curves_again(data.get(key, ())) for key in ("curves", "below"))
-    return Graph(
-        name,
-        str(data["title"]),
-        curves,
-        bool(data["equal"]),
-        below,
-        scales,
-        marks,
-        [str(name) for name in data.get("bars", ())],
+def _graph(data: Any) -> Graph:
+    scales = data.get("logarithmic", "")
+    if scales not in get_args(Scales):
+        raise ValueError(f"a graph has the scales {str(scales)[:40]}")
+    curves, below = (
+        [Curve(_series(x["across"]), _series(x["up"]), str(x["label"]), bool(x["points"])) for x in data.get(key, ())]
+        for key in ("curves", "below")
     )
+    marks = [(_number(place), str(text)) for place, text in data.get("marks", ())]
+    bars = [*map(str, data.get("bars", ()))]
+    return Graph(_name(data), str(data["title"]), curves, bool(data["equal"]), below, scales, marks, bars)
 
 
-def _curves_again(data: Any) -> list[Curve]:
-    return [
-        Curve(_series_again(each["across"]), _series_again(each["up"]), str(each["label"]), bool(each["points"]))
-        for each in data
-    ]
+def _series(data: Any) -> Series:
+    values = np.array([*map(_number, data["values"])], float)
+    return Series(str(data["name"]), _unit(data["unit"]), values, str(data["doubt"]))
 
 
-def _series(series: Series) -> dict[str, Any]:
-    values = [_number(value) for value in np.asarray(series.values, float).tolist()]
-    return {"name": series.name, "unit": _unit(series.unit), "values": values, "doubt": series.doubt}
+def _number(value: Any) -> float:
+    return ENDLESS[value[0]] if isinstance(value, list) else float(value)
 
 
-def _series_again(data: Any) -> Series:
-    values = np.array([_number_again(each) for each in data["values"]], float)
-    return Series(str(data["name"]), _unit_again(data["unit"]), values, str(data["doubt"]))
-
-
-def _number(value: float) -> float | list[str]:
-    return float(value) if math.isfinite(value) else [str(float(value))]
-
-
-def _number_again(data: float | Sequence[str]) -> float:
-    return ENDLESS[data[0]] if isinstance(data, list) else float(data)  # type: ignore[arg-type]
-
-
-def _unit(unit: Unit | None) -> dict[str, Any] | None:
-    if unit is None:
-        return None
-    return {"factor": unit.factor, "dimension": [str(each) for each in unit.dimension], "text": unit.text}
-
-
-def _unit_again(data: Any) -> Unit | None:
+def _unit(data: Any) -> Unit | None:
     if data is None:
         return None
     metres, kilograms, seconds, amperes, *_ = (*map(Fraction, data["dimension"]), Fraction(0))  # some have three

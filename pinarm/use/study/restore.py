@@ -5,9 +5,6 @@ Only files in the folder are read, and the tables that its laws of motion name.
 
 from __future__ import annotations
 
-import io
-import math
-import os
 import re
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -16,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.labelled_array import labelled_arrays
@@ -144,7 +141,7 @@ def _summary(path: Path) -> dict[str, Any]:
             raise ValueError("figures that are no numbers")
         doubts = ": least multipliers; ", ": not determined in "  # which the outputs bring along themselves
         notes = [str(note) for note in decode["notes"] if not any(doubt in str(note) for doubt in doubts)]
-        removals = tuple(Removal(**one) for one in decode["not solved for"])
+        removals = tuple(Removal(**removal) for removal in decode["not solved for"])
         return {"scenario": decode["scenario"], "notes": notes, "removals": removals, "figures": figures,
                 "errors": errors, "number_errors": of_numbers, "setting": str(accuracy.get("setting", "")),
                 "no_bound": str(accuracy.get("no bound", ""))}  # fmt: skip
@@ -162,15 +159,20 @@ def _arrays(path: Path) -> dict[str, Array]:
     """
     try:
         with zipfile.ZipFile(path) as archive:
+            if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
+                raise ValueError("it is compressed")
             further = [match[1] for name in archive.namelist() if (match := FURTHER.fullmatch(name))]
-            arrays = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *further)}
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[f"state.{name}"] for name in (*STATE, "further", "guides", *further)}
+        if any(getattr(array, "dtype", np.dtype(object)).kind not in NUMBERS_AND_TEXT for array in arrays.values()):
+            raise ValueError("an array holds neither numbers nor text")
         texts = {name for name in arrays if TEXTS.fullmatch(name)}
         tables = {name for name in arrays if name.startswith("array.")} - texts
         arrays = {
             name: array if name in tables else array.astype(str if name in texts else float)
             for name, array in arrays.items()
         }
-    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
     unknown = {name for name in ("v", "a") if np.isnan(arrays[name]).all()}  # of recorded motions
     told = {name for name in further if name.rpartition(".")[2] == "further"}  # NaN of an event that takes no place
@@ -181,36 +183,11 @@ def _arrays(path: Path) -> dict[str, Array]:
     return arrays
 
 
-def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """Return an array of an npz file whose arrays are not compressed: none is larger than the file.
-
-    Raises:
-        ValueError: It is compressed, or its heading promises other than it holds.
-        KeyError: There is none of that name.
-    """
-    entry = archive.getinfo(f"{name}.npy")
-    size = os.fstat(archive.fp.fileno()).st_size if archive.fp else 0
-    if entry.compress_type != zipfile.ZIP_STORED or entry.file_size != entry.compress_size or entry.file_size > size:
-        raise ValueError(f"{name} is compressed, or larger than the file")
-    raw = archive.read(entry)
-    stream = io.BytesIO(raw)
-    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    version = np.lib.format.read_magic(stream)
-    if version not in read:
-        raise ValueError(f"{name} has another version of its format")
-    shape, in_columns, kind = read[version](stream)
-    if kind.hasobject or min(shape, default=0) < 0 or math.prod(shape) * kind.itemsize != len(raw) - stream.tell():
-        raise ValueError(f"{name} does not hold what its heading says")
-    if kind.kind not in NUMBERS_AND_TEXT:
-        raise ValueError(f"{name} holds neither numbers nor text")
-    return np.frombuffer(raw, kind, offset=stream.tell()).reshape(shape, order="F" if in_columns else "C")
-
+NUMBERS_AND_TEXT = "cfiuU"
+"""Kinds of numpy's types that the arrays of a result have."""
 
 MOST_SUMMARY = 20_000_000
 """Bytes of a summary: a thousand times those of the longest here."""
-
-NUMBERS_AND_TEXT = "cfiuU"
-"""Kinds of numpy's types that the arrays of a result have."""
 
 
 def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:

@@ -170,9 +170,9 @@ def npy(shape: str, kind: str = "<f8", data: bytes = b"") -> bytes:
 
 
 @pytest.mark.parametrize(("raw", "said"), [
-    (npy("(1000000000000,)", "'<f8'", bytes(8)), "does not hold what its heading says"),
+    (npy("(1000000000000,)", "'<f8'", bytes(8)), "does not hold the states"),
     (npy("(1000000000000, 0)", "'<f8'"), "not those of its model"),
-    (npy("(1,)", "'|O'", b"cos\nsystem\n"), "does not hold what its heading says"),
+    (npy("(1,)", "'|O'", b"cos\nsystem\n"), "does not hold the states"),
     (npy("(1,)", "[('a', '<f8')]", bytes(8)), "neither numbers nor text"),
     (npy("(" * 500 + ")" * 500, "'<f8'"), "does not hold the states"),
     (npy("(1,)", "__import__('os')"), "does not hold"), (b"", "does not hold the states"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,22 +94,7 @@ def versions() -> dict[str, str]:
 
 
 def _blas() -> str:
-    """Return numpy's library of linear algebra and, of its own OpenBLAS, the kernel that this processor gets."""
+    """Return numpy's library of linear algebra."""
     config: Any = np.show_config("dicts")  # type: ignore[call-overload,unused-ignore]
     built = config["Build Dependencies"]["blas"]
-    name = f"{built.get('name', '?')} {built.get('version', '')}".strip()
-    for library in (Path(np.__file__).parents[1] / "numpy.libs").glob("*openblas*"):
-        if kernel := _kernel(library):
-            return f"{name}, kernel {kernel}"
-    return name
-
-
-def _kernel(library: Path) -> str:
-    import ctypes
-
-    try:
-        call: Callable[[], bytes] = ctypes.CDLL(str(library)).scipy_openblas_get_corename64_
-        call.restype = ctypes.c_char_p  # type: ignore[attr-defined]
-        return call().decode()
-    except (OSError, AttributeError):
-        return ""
+    return f"{built.get('name', '?')} {built.get('version', '')}".strip()

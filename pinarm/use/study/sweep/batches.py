@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.state_arrays import columns_of
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, require_map, require_name
@@ -60,32 +59,18 @@ REDUCTIONS: Mapping[str, Callable[[Array, Array], float]] = {
 
 @dataclass(frozen=True)
 class InstantValues(Taken):
-    """Values of a quantity at the instants of the table, NaN where a motion does not come to them."""
+    """Values of a quantity at the instants of the table, NaN where a motion does not come to them.
 
-    quantity: str
+    Without a quantity they are configurations and velocities, one after the other.
+    """
+
+    quantity: str = ""
     broken_off: ClassVar[bool] = True
 
     def numbers(self, result: ResultRecord) -> list[tuple[float, float]]:
-        values = _at_instants(result, result.quantities.determined(self.quantity).values)
-        return [(value, 0.0) for value in values.tolist()]
-
-    def of_rows(self, quantities: Quantities) -> list[Array]:
-        return [*quantities[self.quantity].values]
-
-
-@dataclass(frozen=True)
-class InstantStates(Taken):
-    """Configurations and velocities at the instants, one after the other."""
-
-    broken_off: ClassVar[bool] = True
-
-    def numbers(self, result: ResultRecord) -> list[tuple[float, float]]:
-        states = _at_instants(result, np.hstack([result.trajectory.q, result.trajectory.v]))
-        return [(value, 0.0) for value in states.ravel().tolist()]
-
-    def of_rows(self, quantities: Quantities) -> list[Array]:
-        run = quantities.trajectory
-        return [column for q, v in zip(run.q, run.v, strict=True) for column in (*q.T, *v.T)]
+        run = result.trajectory
+        states = np.hstack([run.q, run.v]) if not self.quantity else result.quantities.determined(self.quantity).values
+        return [(value, 0.0) for value in _at_instants(result, states).ravel().tolist()]
 
 
 @dataclass(frozen=True)
@@ -96,15 +81,15 @@ class ColumnReduction(Taken):
     measure: Measure
 
     @classmethod
-    def read(cls, given: Mapping[str, Measure | Sequence[Measure]]) -> list[ColumnReduction]:
+    def read(cls, asked: Mapping[str, Measure | Sequence[Measure]]) -> list[ColumnReduction]:
         """Return the reductions of a map from quantities to one measure, or several.
 
         Raises:
             InputError: There is no such measure.
         """
-        require_map(given, "quantities and measures", "{'A_y': ['max', 95]}")
+        require_map(asked, "quantities and measures", "{'A_y': ['max', 95]}")
         reductions = []
-        for name, measures in given.items():
+        for name, measures in asked.items():
             for measure in [measures] if isinstance(measures, str | int | float) else measures:
                 if isinstance(measure, str) and measure not in REDUCTIONS:
                     names, hint = choices(measure, REDUCTIONS)
@@ -120,20 +105,12 @@ class ColumnReduction(Taken):
         share = self.measure if isinstance(self.measure, str) else f"{self.measure:g} %"
         return f"{share} {self.quantity}"
 
-    def of(self, t: Array, x: Array) -> float:
-        """Return the number of values x at instants t, both of shape (n,)."""
-        if isinstance(self.measure, str):
-            return float(REDUCTIONS[self.measure](t, x))
-        return float(np.percentile(x, self.measure))
-
     def numbers(self, result: ResultRecord) -> list[tuple[float, float]]:
         values, t = _at_instants(result, result.quantities.determined(self.quantity).values), _instants(result.scenario)
         reached = _rows(result.trajectory.grid.t, t)[1]
-        return [(self.of(t[reached], values[reached]), 0.0)]
-
-    def of_rows(self, quantities: Quantities) -> list[Array]:
-        t, values = quantities.trajectory.grid.t, quantities[self.quantity].values
-        return [np.array([self.of(t, x) for x in values.T])]
+        if not isinstance(self.measure, str):
+            return [(float(np.percentile(values[reached], self.measure)), 0.0)]
+        return [(float(REDUCTIONS[self.measure](t[reached], values[reached])), 0.0)]
 
 
 def _instants(scenario: ScenarioRecord) -> Array:
@@ -238,7 +215,7 @@ class Batch:
         """Return q, shape (b, n, nq), and v, shape (b, n, nv), of the whole mechanism; not a number beyond an end."""
         model, n = self.scenario.mechanism.model, len(self.t)
         width = n * (model.nq + model.nv)
-        states = self._solved([InstantStates()], width).numbers[:, :width].reshape(len(self), n, -1)
+        states = self._solved([InstantValues()], width).numbers[:, :width].reshape(len(self), n, -1)
         return states[..., : model.nq], states[..., model.nq :]
 
     def reduced(self, asked: Mapping[str, str | float | Sequence[str | float]]) -> Sweep:

@@ -19,7 +19,6 @@ import numpy as np
 from pinarm.arrays import Array, Complex, Flags, Indices
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.problems.linear import MODE_UNITS
 from pinarm.use.cases.case import Taken
@@ -93,9 +92,6 @@ class ModeValues(Taken):
         shapes = np.ascontiguousarray(mode_shapes(result)[:, : len(values)].T).view(float)
         table[: len(values)] = np.column_stack([values.real, values.imag, errors, shapes])
         return [(float(number), 0.0) for number in table.ravel()]
-
-    def of_rows(self, quantities: Quantities) -> list[Array]:
-        raise InputError("modes are those of one state")
 
     def followed(self, cases: Cases, columns: Sequence[Series]) -> tuple[list[Series], list[str]]:
         """Return the columns with those of branches in place of their material, and notes on the branches."""
