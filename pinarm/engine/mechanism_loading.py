@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -17,7 +17,7 @@ from pinarm.errors import InputError, Key, Place, nowhere, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.numbers import argument_word
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import Unit
 from pinarm.input.xacro.expansion import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document, Values, varied
 from pinarm.input.yaml.schema import (
@@ -151,7 +151,7 @@ def _build(
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = arguments_of(description, arguments, here, caller)
     key = "planar" if description.planar else "robot"
-    with here(key), naming_arguments(caller):
+    with here(key), naming_arguments(caller), naming_arguments(here, description.arguments):
         robot, texts, source = read(description, data, folder, given)
     parameters = description.parameters
     resolved = {**{name: float(value) for name, value in parameters.items()}, **dict(numeric(texts))}
@@ -443,31 +443,35 @@ def parameters_of(document: Document, arguments: Mapping[str, float | str], call
 def arguments_of(
     description: MechanismDescription, arguments: Mapping[str, float | str], here: Place, caller: Place
 ) -> tuple[dict[str, Unit], dict[str, float | str]]:
-    """Return the units of the model's arguments and the given values, numbers in SI."""
+    """Return units of the model's arguments, and the values given by the file or by the caller, numbers in SI."""
     units, given = dict[str, Unit](), dict[str, float | str]()
-    for name, text in description.arguments.items():
+    for name in description.arguments:
         with here("arguments", name):
-            units[name] = written = unit(text)
-            if written.factor != 1.0:  # in a default of another unit the number would be wrong
+            written, value = description.argument(name)
+            if value is not None:
+                given[name] = value if isinstance(value, str) else float(value)
+            elif written and written.factor != 1.0:  # the model's own number is in SI
                 raise InputError(
                     f"the model is given numbers in SI, and {written} is no unit of it",
                     expected=str(written.si),
                     hint=f"in the model the argument in {written.si}; scenarios may give it in any unit, in {written} "
                     "too",
                 )
-    for name, value in arguments.items():
+            if written is not None:
+                units[name] = written.si
+    for name, text in arguments.items():
         with caller("arguments", name):
-            given[name] = _argument(name, value, units.get(name))
+            given[name] = _argument(name, text, units.get(name))
     return units, given
 
 
 @contextmanager
-def naming_arguments(place: Place) -> Iterator[None]:
-    """Place arguments that the model does not have at their keys."""
+def naming_arguments(place: Place, only: Container[str] | None = None) -> Iterator[None]:
+    """Place arguments that the model does not have, of these only, at their keys."""
     try:
         yield
     except UnknownArgument as error:
-        with place("arguments", Key(error.name)):
+        with place("arguments", Key(error.name)) if only is None or error.name in only else nullcontext():
             raise
 
 

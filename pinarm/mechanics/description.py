@@ -8,8 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, Key, ModelError, within
-from pinarm.input.yaml.schema import Acceleration, AnyQuantity, Deferred, InputStruct, Level, Positive
+from pinarm.errors import InputError, Key, ModelError, UnitError, within
+from pinarm.input.numbers import argument_word
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import Acceleration, AnyQuantity, Deferred, InputStruct, Level, Measured, Positive
 from pinarm.mechanics.joints import AXES, Direction, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
 from pinarm.mechanics.loops.closing_frames import Closure
@@ -88,8 +90,9 @@ class MechanismDescription(InputStruct, frozen=True):
         parameters: Numbers by name, such as ``{l1: 100 mm, alpha: 30 deg}``: quantities of this file may be formulas of
             them (``l1*cos(alpha)``), and parameters formulas of those before. Scenarios give them other values under
             ``arguments``; sweeps, searches and sensitivities vary ``arguments.l1``.
-        arguments: Unit in SI of every xacro argument of the model, such as ``{L: m}``, so that a scenario can give them
-            with units, also with others. The model is given numbers in SI, and its own are in SI.
+        arguments: Of xacro arguments of the model: the unit in SI, such as ``{L: m}``, so that a scenario can give them
+            with units, also with others; or a value that is no unit, such as ``{L: 300 mm, prefix: right_}``, in place
+            of that of the model. The model is given numbers in SI, and its own are in SI.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
         turns: Angles of loop joints and ball joints whose turns are to be counted, such as ``[L.angle, hip.yaw]``: each
@@ -136,7 +139,7 @@ class MechanismDescription(InputStruct, frozen=True):
     points: dict[str, PointDefinition] = {}
     packages: dict[str, str] = {}
     parameters: dict[str, AnyQuantity] = {}
-    arguments: dict[str, str] = {}
+    arguments: dict[str, str | bool | float] = {}
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}
     turns: list[str] = []
@@ -172,4 +175,16 @@ class MechanismDescription(InputStruct, frozen=True):
     def written_unit(self, argument: str) -> str:
         """Return the unit that the file has for an argument or a parameter; empty where it has none."""
         parameter = self.parameters.get(argument)
-        return str(parameter.unit or "") if parameter is not None else self.arguments.get(argument, "")
+        own = parameter.unit if parameter is not None else self.argument(argument)[0]
+        return str(own or "")
+
+    def argument(self, name: str) -> tuple[Unit | None, Measured | str | None]:
+        """Return the unit of an argument of the model and its value, or word, as far as the file has them."""
+        text = self.arguments.get(name, "1")
+        if (word := argument_word(text)) is None:
+            value = Measured.read(text)
+            return value.unit, value
+        try:
+            return unit(word), None
+        except UnitError:
+            return None, word

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from pinarm.arrays import Array
     from pinarm.engine.kinematics.free_pull import Posture
     from pinarm.input.units import Unit
-    from pinarm.mechanics.couplings.coupling import JointRelation
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.mechanics.joints import Joint
 
@@ -97,7 +96,7 @@ def grid_of(
     """Return the grid of instants, shape (n,), cut where laws have breakpoints, and cams and loads jump.
 
     Where a cam passes a breakpoint of its profile there is a row on either side: the acceleration of its follower may
-    jump in between. Likewise where a load jumps with the position of a joint that follows a law.
+    jump in between. Where a load jumps with the position or direction of a joint that follows a law there are two rows.
 
     Args:
         mechanism: The mechanism.
@@ -108,11 +107,13 @@ def grid_of(
     """
     joints = motion.prescribed.joint_laws
     start, end = float(t[0]), float(t[-1])
-    jumping: list[JointRelation | ForceElement] = [*mechanism.relations, *forces]
-    kinks = [x for law in jumping for x in law.passages(joints, start, end) if start < x < end]
+    leaping = [force for force in forces if force.leaps]
+    jumps = [x for force in leaping for x in force.passages(joints, start, end)]
+    jumps += [x for law in laws if leaping for x in law.breakpoints() if start < x < end]  # where a joint comes to rest
+    kinks = [x for relation in mechanism.relations for x in relation.passages(joints, start, end) if start < x < end]
     near = [x + side * BESIDE * (end - start) for x in kinks for side in (-1.0, 1.0)]
     rows = np.unique([*t, *(x for x in near if start < x < end)]) if near else t
-    return Grid.cover(rows, laws, kinks=kinks)
+    return Grid.cover(rows, laws, jumps, kinks)
 
 
 def profile_remarks(mechanism: Mechanism, motion: Mapping[str, Motion]) -> list[str]:

@@ -55,6 +55,25 @@ def test_arguments_are_in_units_of_si(tmp_path, written, right):
     assert caught.value.expected == right
 
 
+def test_a_mechanism_file_gives_arguments_values_that_a_scenario_may_replace(tmp_path):
+    model = (ARM.parent / "gen411_arm.urdf.xacro").read_text()
+    word = '<xacro:arg name="tip" default="x"/><link name="$(arg tip)end"/><joint name="f" type="fixed">'
+    word += '<parent link="BA"/><child link="$(arg tip)end"/></joint></robot>'
+    (tmp_path / "arm.urdf.xacro").write_text(model.replace("</robot>", word))
+    text = "pinarm: 1\nrobot: arm.urdf.xacro\narguments: {m_A: 300 g, tip: right_, m_BA: kg}\n"
+    (tmp_path / "arm.yaml").write_text(text)
+    arm, other = (
+        Mechanism.load(tmp_path / "arm.yaml"),
+        Mechanism.load(tmp_path / "arm.yaml", {"m_A": "0.1 kg", "tip": "u"}),
+    )
+    assert (arm.arguments["m_A"], other.arguments["m_A"]) == (pytest.approx(0.3, rel=1e-15), 0.1)
+    assert arm.model.existFrame("right_end") and other.model.existFrame("uend")
+    assert arm.argument_units["m_A"] == arm.argument_units["m_BA"]
+    (tmp_path / "arm.yaml").write_text(text.replace("m_A", "m_AA"))
+    with pytest.raises(InputError, match=r"arm\.yaml:3:13: the model has no argument 'm_AA'"):
+        Mechanism.load(tmp_path / "arm.yaml")
+
+
 def test_an_unknown_robot_is_refused():
     with pytest.raises(ModelError, match="no robot 'pandaa'") as caught:
         Mechanism.load("pandaa")

@@ -96,11 +96,44 @@ def test_prescribed_motions_have_rows_on_both_sides_of_a_jump():
     motion = {"O": {"law": "constant_speed", "speed": "1 rev/s"}}
     result = run(WHEEL, {"kind": "inverse", "motion": motion, "loads": {"gas": GAS}}, ["joint.O.effort", "power.gas"])
     effort = -result["joint.O.effort"].values
-    t = result.trajectory.grid.t
-    near = np.abs(t - 0.25) < 1e-6
-    assert sorted(effort[near & (t < 0.25)]) == pytest.approx([40.0], abs=1e-5)
-    assert effort[near & (t > 0.25)].max() == pytest.approx(-10.0, abs=1e-5)
+    assert effort[result.trajectory.grid.t == 0.25] == pytest.approx([40.0, -10.0], abs=1e-9)
     assert result.number("power.gas @ mean")[0] == pytest.approx(work(np.array([2 * np.pi]))[0], rel=1e-9)
+
+
+def lever(angle):
+    """How far the ram goes per angle of the crank: dx/dO."""
+    rod = np.sqrt(ROD**2 - (CRANK * np.sin(angle)) ** 2)
+    return -CRANK * np.sin(angle) * (1.0 + CRANK * np.cos(angle) / rod)
+
+
+@pytest.mark.parametrize("samples", [2, 41])
+def test_a_load_in_one_direction_acts_up_to_rest_in_a_prescribed_motion(samples, tmp_path):
+    """The crank rests, turns from 60 to 420 deg, and rests: the ram goes down at both ends, 0.2 m in all."""
+    motion = {"O": {"law": "polynomial", "from": "60 deg", "to": "420 deg", "begin": "0.5 s", "duration": "1 s"}}
+    problem = {"kind": "inverse", "motion": motion, "drives": ["O"], "time": {"end": "2 s", "samples": samples}}
+    loads = {"press": {**LOADS["effort"], "while": {"x": "decreasing"}}}
+    result = run(PRESS, {**problem, "loads": loads}, ["joint.O.effort", "power.press"])
+    effort, t = result["joint.O.effort"].values, result.trajectory.grid.t
+    [begin, end] = (effort[t == instant] for instant in (0.5, 1.5))
+    held = -800.0 * lever(np.pi / 3)
+    assert (*begin, *end) == pytest.approx((0.0, held, held, 0.0), abs=1e-9)
+    assert result.number("power.press @ integral")[0] == pytest.approx(-800.0 * 2.0 * CRANK, rel=1e-9)
+    assert result.number("joint.O.effort @ max")[1] < 1e-6
+    result.save(tmp_path / "result")
+    read = pinarm.restore(tmp_path / "result")
+    assert read["power.press"].values == pytest.approx(result["power.press"].values, rel=1e-12, abs=1e-9)
+
+
+def test_a_prescribed_motion_has_rows_beside_jumps_over_a_joint_that_follows():
+    over = {"over": "x", "effort": points((-0.1, 500), (-0.1, 0), x="m", y="N")}
+    loads = {"press": {"kind": "joint_effort", "joint": "x", **over}}
+    motion = {"O": {"law": "constant_speed", "speed": "1 rev/s"}}
+    result = run(PRESS, {"kind": "inverse", "motion": motion, "drives": ["O"], "loads": loads}, ["joint.O.effort", "x"])
+    twice = np.flatnonzero(np.diff(result.trajectory.grid.t) == 0.0)
+    effort, angle = result["joint.O.effort"].values, result["joint.O.position"].values[twice]
+    assert result["x"].values[twice] == pytest.approx([-0.1] * 4, abs=1e-9)
+    jumps = [-500.0, 500.0] * 2 * lever(angle)
+    assert effort[twice + 1] - effort[twice] == pytest.approx(jumps, abs=1e-6)
 
 
 def downward(x):

@@ -248,14 +248,29 @@ class Dynamics(Record, frozen=True):
         for name, force in self._leaping.items():
             force.note(t, entered._leaping[name])
 
-    def at_rows(self, grid: Grid, q: Array, v: Array) -> Dynamics:
-        """Return the dynamics with loads that jump as they were between the cuts of a grid, told by its n states."""
+    def at_rows(
+        self, grid: Grid, q: Array, v: Array, middle: Callable[[float, float], tuple[Array, Array]] | None = None
+    ) -> Dynamics:
+        """Return the dynamics with loads that jump as they were between the cuts of a grid, told by its n states.
+
+        Of intervals without inner rows ``middle`` returns the state (q, v) from their ends.
+        """
         recorded = self.recording()
-        for start, _, rows in grid.intervals() if self._leaping else []:
-            inner = slice(rows.start + 1, rows.stop - 1) if rows.stop - rows.start > 2 else rows
-            if rows.start < rows.stop:
-                recorded.note(start, self.entered(q[inner].mean(axis=0), v[inner].mean(axis=0)))
+        for start, end, rows in grid.intervals() if self._leaping else []:
+            inner = (rows.start + rows.stop) // 2
+            if rows.stop - rows.start > 2:
+                recorded.note(start, self.entered(q[inner], v[inner]))
+            elif middle and start != end:
+                recorded.note(start, self.entered(*middle(start, end)))
+            elif rows.start < rows.stop:
+                recorded.note(start, self.entered(q[rows].mean(axis=0), v[rows].mean(axis=0)))
         return recorded
+
+    @property
+    def leaps_with_joints(self) -> bool:
+        """Whether loads may jump with the state of the mechanism, and do so with single joints only."""
+        conditions = [force.condition for force in self._leaping.values() if force.condition]
+        return bool(conditions) and all(condition.of_joints for condition in conditions)
 
     @cached_property
     def _changes(self) -> bool:

@@ -44,6 +44,9 @@ PER_TURN, LOOKS = 8.0, (257, 16385)
 
 KINEMATIC = "the problem is kinematic and asks for no forces"
 
+APART = 1e-9
+"""Part of a motion below which two jumps of loads are one: rounding of instants at which joints pass or turn back."""
+
 CLOSE = 0.005
 """Part of an interval up to which the nearest row tells the branch by itself."""
 
@@ -73,14 +76,20 @@ class Prescription(Record, frozen=True):
     unit: Unit
     rates: Rates | None = None
 
-    def outcome(self, grid: Grid, start: Array) -> Outcome:
-        """Return the states at the rows of a grid, and the motion between them."""
+    def outcome(self, grid: Grid, start: Array, *, parted: bool = False) -> Outcome:
+        """Return the states at the rows of a grid, and the motion between them; ``parted``: at all jumps of loads."""
         with running(self.parameter, self.unit):
             assembly = self.motion.begin(grid, start)
             states, kept = self._followed(grid, assembly.q)
             self._refuse_jumps(states.motion)
             known, grid = replace(self, motion=states.motion), grid if not kept.all() else states.grid
             rows = known.rows_of(states)
+            if self.drives and self.dynamics.leaps_with_joints and self.parameter == "t" and self.rates is None:
+                whole = PrescribedMotion(known, grid.cuts, rows.grid.t, rows.q, start, None)
+                if not parted and (jumps := whole.jumps_of_loads()):
+                    return self.outcome(grid.parted(jumps), start, parted=True)
+                known = replace(known, dynamics=self.dynamics.at_rows(rows.grid, rows.q, rows.v, whole.middle))
+                rows = replace(rows, dynamics=known.dynamics)
             pace = known._pace(rows)
             rows = known.solved(rows, pace)
             passed, regular, passing = np.zeros(len(rows), dtype=bool), np.ones(len(rows)), None
@@ -262,6 +271,25 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         passed = [t for force in forces for t in force.marked(joints, *ends)]
         passed += [t for relation in known.mechanism.relations for t in relation.marked(joints, *ends)]
         return distinct(np.array([*(knot for law in laws for knot in law.knots()), *passed]))
+
+    def jumps_of_loads(self) -> list[float]:
+        """Return the instants, ascending, at which loads jump with the state, beside the cuts.
+
+        Raises:
+            InputError: There are too many.
+        """
+        laws, (start, *_, end), known = self._joint_laws(), self.cuts, list(self.cuts)
+        jumps = [t for force in self.prescription.dynamics.forces.values() for t in force.passages(laws, start, end)]
+        for jump in sorted(jumps):
+            if np.abs(np.subtract(known, jump)).min() > APART * (end - start):
+                known.append(jump)
+        return known[len(self.cuts) :]
+
+    def middle(self, start: float, end: float) -> tuple[Array, Array]:
+        """Return q and v in the middle of an interval between cuts."""
+        grid = Grid(np.array([0.5 * (start + end)]), (start, end), (0, 1))
+        states = self.prescription.moving(grid, self._near(grid))
+        return states.q[0], states.v[0]
 
     def _joint_laws(self) -> dict[int, MotionLaw]:
         """Return how joints of one coordinate move, by index in v: by laws that they follow, or as has come out."""

@@ -277,7 +277,7 @@ def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
             return node.values
         case ast.IfExp():
             return [node.test, node.body, node.orelse]
-        case ast.Call() if not _as_function(node, grammar).keywords:
+        case ast.Call() if not _as_function(node, grammar).keywords and _is_name(node.func):
             _check_call(_dotted(node.func), len(node.args), grammar)
             return node.args
         case ast.Subscript() if grammar.collections:

@@ -95,6 +95,12 @@ class LoadCondition(Record, frozen=True):
     def leaps(self) -> bool:
         return bool(self.gates or (self.profile and self.profile.leaps))
 
+    @property
+    def of_joints(self) -> bool:
+        """Whether all that it depends on are coordinates of single joints."""
+        along = [*([self.along] if self.along else []), *(gate.along for gate in self.gates)]
+        return all(getattr(measured.coordinate, "joint", None) is not None for measured in along)
+
     def entered(self, q: Array, v: Array) -> LoadCondition:
         """Return the condition from a state to the next edge; see ``ForceElement.entered``."""
         gates = tuple(replace(gate, is_open=bool(gate.acts(q, v))) for gate in self.gates)

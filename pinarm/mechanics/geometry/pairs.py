@@ -292,10 +292,10 @@ class RotationRow(Record, frozen=True):
 
     def _turned(self, axes: Axes) -> Array:
         """Return the axes of frame 2 in the fixed axes, shape (3, 3) or (3, 3, n), the first index their number."""
-        return np.array([np.tensordot(self._back, axis, 1) for axis in axes])
+        return np.array([self._back @ axis for axis in axes])
 
     def _in_frame_1(self, direction: Array) -> tuple[Array, Array]:
-        turned = np.tensordot(self.turn, direction, 1)[None]
+        turned = (self.turn @ direction)[None]
         return np.zeros_like(turned), turned
 
 
@@ -315,7 +315,7 @@ class RotationVectorRow(RotationRow, frozen=True):
         return self._in_frame_1(self._row(w, c))
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
-        w, turning = rotation_vector(self._turned(axes)), np.tensordot(self._back, omega, 1)
+        w, turning = rotation_vector(self._turned(axes)), self._back @ omega
         c, slope = bend_coefficients(dot(w, w))
         square, unit = dot(w, w), self._unit(w)
         rate = (1.0 - c * square) * turning + c * dot(w, turning) * w - 0.5 * cross(w, turning)

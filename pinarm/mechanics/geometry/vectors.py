@@ -136,7 +136,7 @@ def rotation_vector(axes: Axes) -> Array:
     Source: Shepperd, Quaternion from rotation matrix, Journal of Guidance and Control 1 (1978).
     """
     if axes[0].ndim == 1:
-        return np.asarray(pin.log3(np.column_stack(list(axes))))
+        return np.asarray(pin.log3(np.array(axes).T))
     (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = np.broadcast_arrays(*axes)
     a, b, c, d, e, f = y2 - z1, z0 - x2, x1 - y0, x1 + y0, z0 + x2, y2 + z1
     own = 1.0 + x0 + y1 + z2, 1.0 + x0 - y1 - z2, 1.0 - x0 + y1 - z2, 1.0 - x0 - y1 + z2

@@ -267,6 +267,19 @@ class Grid(ValueRecord, frozen=True):
             for (start, end), (low, high) in zip(pairwise(self.cuts), pairwise(self.rows), strict=True)
         ]
 
+    def parted(self, jumps: Sequence[float]) -> Grid:
+        """Return the grid of ascending instants with two rows at further jumps, which are apart from its cuts."""
+        t, cuts, rows = list[Array](), [self.cuts[0]], [0]
+        for start, end, own in self.intervals():
+            inner, left = [x for x in jumps if start < x < end], self.t[own]
+            for jump in inner:
+                t, left = [*t, left[left < jump], np.array([jump])], np.array([jump, *left[left > jump]])
+                rows.append(sum(map(len, t)))
+            t.append(left)
+            cuts += [*inner, end]
+            rows.append(sum(map(len, t)))
+        return Grid(np.concatenate(t), tuple(cuts), tuple(rows))
+
     def evaluate(self, law: MotionLaw) -> Values:
         """Return s, s', s'' of a law at every row, each side of a jump by its own piece."""
         parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.intervals()]

@@ -77,7 +77,7 @@ def restore(folder: str | Path) -> Result:
     scenario = scenario.with_mechanism(mechanism)
     question, mechanism = scenario.problem, scenario.mechanism
     rows = trajectory_of(question, mechanism, arrays)
-    if question.kind == "forward":
+    if question.kind == "forward" or (question.kind == "inverse" and rows.dynamics.leaps_with_joints):
         rows = replace(rows, dynamics=rows.dynamics.at_rows(rows.grid, rows.q, rows.v))
     anew = SolvedAnew(question, scenario.content.accuracy, scenario.place, mechanism, rows)
     motion = None if rows.isolated else anew

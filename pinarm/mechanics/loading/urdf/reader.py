@@ -247,6 +247,12 @@ def _ordered(links: Mapping[str, Any], joints: Mapping[str, TreeJoint]) -> tuple
                 f"link '{child}' is carried by two joints, '{other}' and '{name}'",
                 expected="a tree: a loop is cut at one joint and closed by <loop>, or in the mechanism file",
             )
+    if not links:
+        raise ModelError(
+            "the model has no link",
+            expected="links and joints",
+            hint="of a file with nothing but macros of xacro, one that includes and calls them",
+        )
     roots = [name for name in links if name not in carried]
     if len(roots) != 1:
         raise ModelError(
