@@ -68,12 +68,13 @@ def highest(curve: Curve, sign: float, top: Peak, slack: float) -> Peak:
     if not curve.spans:
         return top
     pieces, rounds, left = curve.first(fine=False), 0, 0.0
+    first = None if _is_seen(curve, sign, top, slack) else top  # of a size, the height of the other sign
     top = _highest_known(curve, sign, top)
     top = higher(curve, sign, top, [(span.number, span.sides) for span in curve.spans if len(span.sides)])
     while len(pieces):
         top = _top(curve, sign, top, pieces)
         bounds = pieces.bounds(sign)[:, 0]
-        rising = _rising(sign, top, pieces, bounds, slack)
+        rising = _rising(top, pieces, bounds, slack, seen=top is not first)
         wide = curve.divisible(pieces.some(rising))
         narrow, rising = rising[~wide], rising[wide]
         if len(narrow):
@@ -85,6 +86,12 @@ def highest(curve: Curve, sign: float, top: Peak, slack: float) -> Peak:
             rounds + 1,
         )
     return replace(top, error=max(top.error, left))
+
+
+def _is_seen(curve: Curve, sign: float, top: Peak, slack: float) -> bool:
+    """Return whether the function times the sign has a height at its place."""
+    [value] = curve.values([(top.interval, np.array([top.place]))])
+    return bool(sign * value.reshape(-1)[0] >= top.height - slack)
 
 
 def _highest_known(curve: Curve, sign: float, top: Peak) -> Peak:
@@ -122,10 +129,10 @@ def higher(curve: Curve, sign: float, top: Peak, spots: Spots) -> Peak:
     return top
 
 
-def _rising(sign: float, top: Peak, pieces: Pieces, bounds: Array, slack: float) -> Indices:
-    """Return the pieces in which the function may be above a top, between the places that have been evaluated."""
+def _rising(top: Peak, pieces: Pieces, bounds: Array, slack: float, *, seen: bool) -> Indices:
+    """Return the pieces in which the function may be above a top, which it was seen to have or not, between places."""
     within = (pieces.interval == top.interval) & (pieces.low <= top.place) & (top.place <= pieces.high)
-    blind = within & (bounds < top.height - slack)  # the polynomial does not tell what has been seen
+    blind = seen & within & (bounds < top.height - slack)  # the polynomial does not tell what has been seen
     smooth = pieces.resolved[:, 0] | pieces.constant[:, 0]
     poles = pieces.is_singular[:, 0] & (pieces.tail[:, 0] > slack)
     return np.flatnonzero(blind | (~smooth & ((bounds > top.height + slack) | poles)))

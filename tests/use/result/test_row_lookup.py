@@ -14,7 +14,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.result.row_lookup import MOST_INTERVALS
+from pinarm.use.result.row_lookup import MOST_INTERVALS, Lookup
 
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
 
@@ -53,6 +53,15 @@ def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, val
 
 def test_the_error_of_an_instant_that_is_given_is_none(scenario: Callable[..., Any]) -> None:
     assert scenario("inverse").run().number("alpha @ t=0.3 s") == (pytest.approx(0.045, rel=ROUNDING), 0.0)
+
+
+def test_the_largest_amount_takes_few_evaluations_of_the_motion(scenario: Callable[..., Any], monkeypatch: Any) -> None:
+    """The height of the other sign is none of the function: no piece is halved for it."""
+    lookup, solved = scenario("statics").run().lookup, list[int]()
+    rows_at = Lookup._rows_at
+    monkeypatch.setattr(Lookup, "_rows_at", lambda self, *at: solved.append(1) or rows_at(self, *at))
+    assert lookup.extreme("largest", "-(sin(alpha) + 0.2*alpha)")[1] < 1e-10
+    assert len(solved) < 12
 
 
 @pytest.mark.parametrize(("which", "sign"), [("max", 1), ("min", -1), ("largest", 1), ("largest", -1)])
