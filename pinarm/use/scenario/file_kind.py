@@ -23,57 +23,33 @@ def is_mechanism(data: Any) -> bool:
     )
 
 
-def refuse_folder(path: Path) -> None:
-    """Refuse a folder, one with the name of a robot too.
+OF_ROBOT = "for the robot, the command in another folder, or a mechanism file with 'robot: NAME'"
 
-    Raises:
-        InputError: It is one; the message names the files in it that can be given.
-    """
+
+def refuse_folder(path: Path) -> None:
+    """Refuse a folder, one with the name of a robot too; the message names the files in it that can be given."""
     if not path.is_dir():
         return
     files = sorted(file for file in path.iterdir() if file.name.endswith((".yaml", ".yml", *ENDINGS)))
     shown = [str(file) for file in files[:MOST]] + (["..."] if len(files) > MOST else [])
     none = "a scenario, a mechanism file or a model; there is none of them in it"
-    robot = _is_robot(path)
-    hint = _OF_ROBOT if robot else _OF_RESULT if (path / "summary.json").is_file() else ""
+    robot, hint = _is_robot(path), ""
+    if (path / "summary.json").is_file():
+        hint = "for the saved result, the commands replay and report, or pinarm.restore in Python"
     raise InputError(
         "this is a folder" + (", and the name of a robot" if robot else ""),
         expected=f"one of the files in it: {', '.join(shown)}" if shown else none,
-        hint=hint,
+        hint=OF_ROBOT if robot else hint,
     ).at(Location(str(path)))
 
 
-_OF_RESULT = "for the saved result, the commands replay and report, or pinarm.restore in Python"
-_OF_ROBOT = "for the robot, the command in another folder, or a mechanism file with 'robot: NAME'"
-
-
 def refuse_ambiguous(path: Path) -> None:
-    """Refuse a folder, and the name of a robot where a file here has it too.
-
-    Raises:
-        InputError: It is one of both.
-    """
+    """Refuse a folder, and the name of a robot where a file here has it too."""
     refuse_folder(path)
     if path.exists() and _is_robot(path):
-        raise InputError(
-            "this is a file, and the name of a robot",
-            expected="a scenario or a mechanism file (.yaml), or a model",
-            hint=_OF_ROBOT,
-        ).at(Location(str(path)))
-
-
-def refuse_robot(path: Path) -> None:
-    """Refuse the name of a robot where there is no file of that name.
-
-    Raises:
-        InputError: It is one; the message says what to do with it.
-    """
-    if not path.exists() and _is_robot(path):
-        raise InputError(
-            f"'{path}' is the name of a robot, not a scenario",
-            expected="a scenario (.yaml): a question about a mechanism",
-            hint=f"python -m pinarm new {path}, which writes a scenario for it; or python -m pinarm explain {path}",
-        )
+        expected = "a scenario or a mechanism file (.yaml), or a model"
+        error = InputError("this is a file, and the name of a robot", expected=expected, hint=OF_ROBOT)
+        raise error.at(Location(str(path)))
 
 
 def _is_robot(path: Path) -> bool:
@@ -89,25 +65,23 @@ def _is_robot(path: Path) -> bool:
 
 
 def refuse_model(path: Path) -> None:
-    """Refuse a model file; of one that does not exist, whoever reads it says so.
+    """Refuse a model file, and the name of a robot where there is no file of that name; say what to do with it.
 
-    Raises:
-        InputError: It is one; the message says what to do with it.
+    Whoever reads a model that does not exist says so.
     """
-    if path.name.endswith(ENDINGS) and path.is_file():
-        raise InputError(
-            "this is a model, not a scenario",
-            expected="a scenario (.yaml): a question about a mechanism",
-            hint=f"python -m pinarm new {path}, which writes a scenario for it; or python -m pinarm explain {path}",
-        ).at(Location(str(path)))
+    robot = not path.exists() and _is_robot(path)
+    if not robot and not (path.name.endswith(ENDINGS) and path.is_file()):
+        return
+    error = InputError(
+        f"'{path}' is the name of a robot, not a scenario" if robot else "this is a model, not a scenario",
+        expected="a scenario (.yaml): a question about a mechanism",
+        hint=f"python -m pinarm new {path}, which writes a scenario for it; or python -m pinarm explain {path}",
+    )
+    raise error if robot else error.at(Location(str(path)))
 
 
 def refuse_mechanism(path: Path, data: Any) -> None:
-    """Refuse a mechanism file.
-
-    Raises:
-        InputError: It is one; the message says what to do with it.
-    """
+    """Refuse a mechanism file; say what to do with it."""
     if is_mechanism(data):
         raise InputError(
             "this is a mechanism file, not a scenario",
@@ -117,20 +91,14 @@ def refuse_mechanism(path: Path, data: Any) -> None:
 
 
 def refuse_keys_of_mechanism(values: Values, keys: Collection[str]) -> None:
-    """Refuse other values at keys that mechanism files have, and no scenario, whose ``keys`` these are.
-
-    Raises:
-        InputError: Says by which path a scenario changes them.
-    """
+    """Refuse other values at keys that mechanism files have, and no scenario, whose ``keys`` these are."""
     for text in values if isinstance(values, Iterable) else ():  # what is none is refused where values are read
         path = str(text).partition("=")[0].strip()
         first = path.partition(".")[0]
         if first not in keys and (place := map_in_mechanism_file(first)) is not None:
-            raise InputError(
-                f"'{first}' is a key of mechanism files",
-                expected="a path in the scenario",
-                hint=f"changes.{place}{path}",
-            ).at(Location(path))
+            error = InputError(f"'{first}' is a key of mechanism files", expected="a path in the scenario")
+            error.hint = f"changes.{place}{path}"
+            raise error.at(Location(path))
 
 
 def map_in_mechanism_file(key: str) -> str | None:
@@ -143,15 +111,11 @@ def map_in_mechanism_file(key: str) -> str | None:
 
 
 GIVEN = "mechanism.yaml"
-"""What a scenario calls a mechanism that was given as such: the file that a result writes it to."""
+"""Name in a scenario of a mechanism that was given as an object: the file that a result writes it to."""
 
 
 def refuse_changes(data: Mapping[str, Any]) -> None:
-    """Refuse changes of a mechanism that was given as such: it is what it is.
-
-    Raises:
-        InputError: Says which key asks for them.
-    """
+    """Refuse changes of a mechanism that was given as an object: it is what it is."""
     for key in ("arguments", "gravity", "payloads", "changes"):
         if data.get(key):
             raise InputError(
@@ -162,17 +126,16 @@ def refuse_changes(data: Mapping[str, Any]) -> None:
 
 
 def refuse_misplaced_keys(document: Document, keys: Collection[str]) -> None:
-    """Refuse keys that scenarios do not have and problems or mechanism files do; ``keys`` are those of scenarios.
+    """Refuse keys that scenarios do not have and problems or mechanism files do; say where they belong.
 
-    Raises:
-        InputError: Says where the key belongs.
+    Args:
+        document: A scenario.
+        keys: Those of scenarios.
     """
     data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
-    for key in [*data]:
-        if key in keys:
-            continue
-        problem = data.get("problem")
-        kind = problem.get("kind") if isinstance(problem, dict) else None
+    problem = data.get("problem")
+    kind = problem.get("kind") if isinstance(problem, dict) else None
+    for key in [key for key in data if key not in keys]:
         if isinstance(kind, str) and kind in KINDS and key in _keys(kind):
             raise InputError(f"'{key}' is a key of the problem", expected=f"'{key}:' below 'problem:', indented").at(
                 document.locate((Key(key),))
@@ -181,25 +144,16 @@ def refuse_misplaced_keys(document: Document, keys: Collection[str]) -> None:
 
 
 def refuse_misplaced_keys_of_problem(document: Document, kind: str, keys: Collection[str]) -> None:
-    """Refuse keys that no problem has, and scenarios, ``keys``, or mechanism files do; and drives that are maps.
-
-    Raises:
-        InputError: Says where the key belongs.
-    """
-    given = document.data["problem"]
-    others = set[str]()
-    for key in [*given]:
-        if key in _keys(kind):
-            continue
-        others = others or {name for other in KINDS for name in _keys(other)}
-        if key in others:
-            continue
+    """Refuse keys that no problem has, and scenarios, ``keys``, or mechanism files do; and drives that are maps."""
+    problem = document.data["problem"]
+    others = {name for other in KINDS for name in _keys(other)} if problem.keys() - _keys(kind) else set()
+    for key in [key for key in problem if key not in _keys(kind) and key not in others]:
         if key in keys:
-            raise InputError(
-                f"'{key}' is a key of the scenario", expected=f"'{key}:' beside 'problem:', not below it"
-            ).at(document.locate(("problem", Key(key))))
+            expected = f"'{key}:' beside 'problem:', not below it"
+            error = InputError(f"'{key}' is a key of the scenario", expected=expected)
+            raise error.at(document.locate(("problem", Key(key))))
         _refuse_key_of_mechanism(document, key, "problem")
-    drives = given.get("drives")
+    drives = problem.get("drives")
     for index, drive in enumerate(drives if isinstance(drives, list) else ()):
         if isinstance(drive, dict):
             name = drive.get("along", drive.get("joint"))
@@ -212,7 +166,6 @@ def refuse_misplaced_keys_of_problem(document: Document, kind: str, keys: Collec
 
 
 def _refuse_key_of_mechanism(document: Document, key: str, *at: str) -> None:
-    """Refuse a key where mechanism files have it; see ``refuse_misplaced_keys``."""
     outer = map_in_mechanism_file(key)
     if outer is None:
         return

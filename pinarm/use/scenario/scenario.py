@@ -50,7 +50,6 @@ from pinarm.use.scenario.file_kind import (
     refuse_misplaced_keys,
     refuse_misplaced_keys_of_problem,
     refuse_model,
-    refuse_robot,
 )
 from pinarm.use.scenario.scenario_file import ScenarioFile
 from pinarm.use.workers.runners import HERE, Runners
@@ -105,7 +104,6 @@ class Scenario(Record, frozen=True):
         """
         refuse_folder(Path(path))
         refuse_model(Path(path))
-        refuse_robot(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)
         document = _with_digits(document)

@@ -53,39 +53,26 @@ def save(
         InputError: The folder cannot be written, or holds files that are not an earlier result's; or a force is a
             function in Python.
     """
-    scenario, given = folder / "scenario.yaml", result.scenario.document.path
+    scenario, source = folder / "scenario.yaml", result.scenario.document.path
     if functions := result.scenario.function_forces:
         raise InputError(
             f"the force '{functions[0].name}' is a function in Python, which no file holds",
             expected="a result whose forces have laws",
             hint="result.to_dataframe()",
         )
-    if given is not None and scenario.exists() and scenario.resolve() == given.resolve():
+    if source is not None and scenario.exists() and scenario.resolve() == source.resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
-    with whole_folder(folder, "result", source=result.source or given) as draft:
-        columns, mechanism = result.table_columns(), result.trajectory.mechanism
-        model, laws = f"model{file_suffix(mechanism.xml)}", LawTables()
+    with whole_folder(folder, "result", source=result.source or source) as draft:
+        mechanism, laws = result.trajectory.mechanism, LawTables()
+        model = f"model{file_suffix(mechanism.xml)}"
         write(draft / "summary.json", json_text(result.summary()) + "\n")
         write(draft / "scenario.yaml", _resolved(result, folder, laws))
         write(draft / "mechanism.yaml", mechanism_text(mechanism.source, model, laws))
-        for name, source in (*_tables(result).values(), *laws.kept):
-            write_parts(draft / name, [source.read_bytes()])
-        if result.kind == RECORDED:
-            write_parts(draft / MOTION, recorded_csv(result))
         write(draft / model, _model(mechanism, folder))
-        write_parts(draft / "trajectory.csv", csv([result.presentation.written(series) for series in columns]))
-        write_arrays(draft / "trajectory.npz", arrays(result, columns))
-        if result.arrays:
-            write_arrays(draft / "tables.npz", table_arrays(result.arrays))
-            for name, table in result.arrays.items():
-                write(draft / f"{re.sub('[^A-Za-z0-9_.-]+', '_', name)}.csv", array_csv(table))
-        if result.sections:
-            from pinarm.use.store.section_files import SECTIONS, sections_text
-
-            write(draft / SECTIONS, sections_text(result.sections))
-        for section in result.written_sections.values():
-            for each in section.tables:
-                write(draft / f"{section.key}_{each.name}.csv", table_csv(each))
+        for name, file in (*_tables(result).values(), *laws.kept):
+            write_parts(draft / name, [file.read_bytes()])
+        _write_rows(result, draft)
+        _write_sections(result, draft)
         if timing:
             write(draft / "timing.json", json_text(timing) + "\n")
         if plots:
@@ -95,10 +82,33 @@ def save(
     return folder
 
 
+def _write_rows(result: Result, draft: Path) -> None:
+    """Write the rows of the outputs, what is behind them, and further tables."""
+    columns = result.table_columns()
+    if result.kind == RECORDED:
+        write_parts(draft / MOTION, recorded_csv(result))
+    write_parts(draft / "trajectory.csv", csv([result.presentation.written(series) for series in columns]))
+    write_arrays(draft / "trajectory.npz", arrays(result, columns))
+    if result.arrays:
+        write_arrays(draft / "tables.npz", table_arrays(result.arrays))
+    for name, table in result.arrays.items():
+        write(draft / f"{re.sub('[^A-Za-z0-9_.-]+', '_', name)}.csv", array_csv(table))
+
+
+def _write_sections(result: Result, draft: Path) -> None:
+    if result.sections:
+        from pinarm.use.store.section_files import SECTIONS, sections_text
+
+        write(draft / SECTIONS, sections_text(result.sections))
+    for section in result.written_sections.values():
+        for table in section.tables:
+            write(draft / f"{section.key}_{table.name}.csv", table_csv(table))
+
+
 def table_csv(table: SectionTable) -> str:
     """Return a table of a section as CSV, in the units of its headings, with all digits of the numbers."""
     lines = [",".join(cell(heading) for heading in table.headings())]
-    lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
+    lines += [",".join(cell(x) if isinstance(x, str) else repr(x) for x in row) for row in table.rows]
     return "\n".join(lines) + "\n"
 
 

@@ -72,7 +72,7 @@ def test_cases_that_fail_say_why_as_if_alone(task: Task, sizes: list[int]) -> No
     assert [bool(row.error) for row in rows] == [True, False, True, True, True, True, False]
 
 
-def test_every_branch_of_a_model_has_a_stack(path: Path, sizes: list[int]) -> None:
+def test_cases_of_another_branch_of_the_model_are_solved_alone(path: Path, sizes: list[int]) -> None:
     (path.parent / "pendulum.urdf.xacro").write_text(BRANCHES)
     (path.parent / "pendulum.yaml").write_text((path.parent / "pendulum.yaml").read_text().replace(", l: m", ""))
     path.write_text(path.read_text().replace("arguments: {l: 1 m}\n", ""))
