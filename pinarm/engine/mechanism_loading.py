@@ -28,7 +28,7 @@ from pinarm.input.yaml.schema import (
     with_parameters,
     without_formulas,
 )
-from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of, unit_of
+from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of, positions_of, unit_of
 from pinarm.mechanics.coordinates import Coordinate, coordinate_of, coordinates_of, sum_of
 from pinarm.mechanics.couplings.coupling import JointRelation, mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words
@@ -357,7 +357,7 @@ def named_parts(
     """
     joints, balls = joints_of(model), balls_of(model)
     check_start(description, joints, balls, here)
-    turns = {**ball_coordinates(balls), **ball_angles(balls)}
+    turns = ball_coordinates(model, balls)
     loops = loop_joints_of(model, key, robot.loops, description.loops, here)
     if description.closures:
         from pinarm.mechanics.loops.closing_frames import closures_of

@@ -6,8 +6,8 @@ pitch and yaw, ``R = Rz(yaw) Ry(pitch) Rx(roll)``. The velocity is the angular v
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.pairs import RollPitchYawRow, RotationVectorRow, TiedFrames, whole_turns
@@ -23,9 +23,11 @@ from pinarm.mechanics.geometry.vectors import arctan2
 from pinarm.mechanics.joints import METRE, RADIAN, UNIVERSE, Joint
 from pinarm.records import ValueRecord
 
-ANGLES = ("roll", "pitch", "yaw")
-SPIN = unit("rad/s")
-NOWHERE = np.zeros(3)
+ANGLES, ROTATIONS, SPINS = (
+    ("roll", "pitch", "yaw"),
+    *(tuple(f"{vector}.{axis}" for axis in "xyz") for vector in ("rotation", "angular_velocity")),
+)
+"""Names of what says an orientation, and an angular velocity, behind the name of a ball joint."""
 
 
 class Ball(ValueRecord, frozen=True):
@@ -78,53 +80,35 @@ def roll_pitch_yaw(quaternion: Array) -> Array:
     return turned - whole_turns(turned)
 
 
-class BallCoordinate(ValueRecord, frozen=True):
-    """Component k of a ball joint's rotation vector."""
+class BallCoordinate(PairCoordinate, frozen=True, kw_only=True):
+    """Component k of a ball joint's rotation vector: the rotation of its link in its placement on the parent."""
 
-    wraps: ClassVar[bool] = False
     kind: ClassVar[type[RotationVectorRow | RollPitchYawRow]] = RotationVectorRow
     ball: Ball
     component: int
-    unit: Unit = RADIAN
 
-    def way(self, model: pin.Model) -> TiedFrames:
-        """Return the rotation of the joint's link, in the joint's placement on its parent, between two frames."""
-        index, parent = self.ball.index, int(model.parents[self.ball.index])
+    @classmethod
+    def of(cls, model: pin.Model, ball: Ball, component: int) -> Self:
+        """Return the coordinate of a ball joint of a model."""
+        parent = int(model.parents[ball.index])
         first = model.getFrameId(model.names[parent], pin.JOINT) if parent else UNIVERSE
-        row = self.kind(self.component, np.asarray(model.jointPlacements[index].rotation))
-        return TiedFrames(first, model.getFrameId(model.names[index], pin.JOINT), row)
+        row = cls.kind(component, np.asarray(model.jointPlacements[ball.index].rotation))
+        way = TiedFrames(first, model.getFrameId(ball.name, pin.JOINT), row)
+        return cls(way, RADIAN, ball=ball, component=component)
 
     def value(self, state: Kinematics) -> float:
         return float(self.vector(state.q)[self.component])
 
     def vector(self, q: Array) -> Array:
         """Return the rotation vector [rad], shape (3,)."""
-        return np.asarray(pin.log3(self._turn(q)))
-
-    def row(self, state: Kinematics) -> Array:
-        turn, row = self._turn(state.q), np.zeros(state.model.nv)
-        row[self.ball.v : self.ball.v + 3] = self._row.directions(NOWHERE, turn.T)[1][0] @ turn
-        return row
-
-    def drift(self, state: Kinematics) -> float:
-        """Return the bend: the joint's own velocity is constant while a = 0."""
-        turn = self._turn(state.q)
-        return float(self._row.bend(NOWHERE, turn.T, NOWHERE, turn @ self.ball.vectors(state.v))[0])
+        return np.asarray(pin.log3(pin.Quaternion(self.ball.quaternion(q)).matrix()))
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return nothing: the moment acts between the links of the joint."""
         return {}
 
-    @property
-    def _row(self) -> RotationVectorRow | RollPitchYawRow:
-        return self.kind(self.component, np.eye(3))
 
-    def _turn(self, q: Array) -> Array:
-        """Return the rotation of the child in the joint's placement, shape (3, 3)."""
-        return np.asarray(pin.Quaternion(self.ball.quaternion(q)).matrix())
-
-
-class BallAngle(BallCoordinate, frozen=True):
+class BallAngle(BallCoordinate, frozen=True, kw_only=True):
     """Roll, pitch or yaw of a ball joint, up to half a turn; at a pitch of 90 deg roll and yaw are not determined.
 
     The component is 0 for roll, 1 for pitch, 2 for yaw: the angles of three joints in series, about z, y, x.
@@ -141,26 +125,28 @@ class BallAngle(BallCoordinate, frozen=True):
         return roll_pitch_yaw(self.ball.quaternion(q))
 
 
-def ball_angles(balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
-    """Return roll, pitch and yaw of every ball joint, ``J.roll`` and so on."""
-    return {f"{name}.{angle}": BallAngle(ball, k) for name, ball in balls.items() for k, angle in enumerate(ANGLES)}
-
-
-def ball_coordinates(balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
-    """Return the components of the rotation vector of every ball joint, ``J.rotation.x`` and so on."""
+def ball_coordinates(model: pin.Model, balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
+    """Return the coordinates of every ball joint J: ``J.rotation.x`` and so on of all, then ``J.roll`` and so on."""
+    names: dict[type[BallCoordinate], Sequence[str]] = {BallCoordinate: ROTATIONS, BallAngle: ANGLES}
     return {
-        f"{name}.rotation.{axis}": BallCoordinate(ball, component)
+        f"{name}.{part}": kind.of(model, ball, k)
+        for kind, parts in names.items()
         for name, ball in balls.items()
-        for component, axis in enumerate("xyz")
+        for k, part in enumerate(parts)
     }
+
+
+def _joint_at(model: pin.Model, index: int) -> pin.JointModel:
+    """Return the joint that an index in v belongs to."""
+    return next(joint for joint in model.joints if joint.nv and joint.idx_v <= index < joint.idx_v + joint.nv)
 
 
 def coordinate_at(model: pin.Model, index: int) -> Coordinate:
     """Return the coordinate that belongs to an index in v: a joint's, or a component of a rotation vector."""
-    joint = next(each for each in model.joints if each.nv and each.idx_v <= index < each.idx_v + each.nv)
+    joint = _joint_at(model, index)
     if joint.nv == 3:
         ball = Ball(model.names[joint.id], joint.id, joint.idx_q, joint.idx_v)
-        return BallCoordinate(ball, index - joint.idx_v)
+        return BallCoordinate.of(model, ball, index - joint.idx_v)
     weights, places = np.zeros(model.nv), np.full(model.nv, joint.idx_q, dtype=np.intp)
     weights[index] = 1.0
     return LinearCoordinate(METRE if joint.shortname().startswith("JointModelP") else RADIAN, weights, places)
@@ -168,7 +154,7 @@ def coordinate_at(model: pin.Model, index: int) -> Coordinate:
 
 def coordinate_name(model: pin.Model, index: int) -> str:
     """Return the name of the coordinate that belongs to an index in v."""
-    joint = next(each for each in model.joints if each.nv and each.idx_v <= index < each.idx_v + each.nv)
+    joint = _joint_at(model, index)
     name = str(model.names[joint.id])
     return f"{name}.rotation.{'xyz'[index - joint.idx_v]}" if joint.nv == 3 else name
 
@@ -183,23 +169,20 @@ def indices_of(name: str, joints: Mapping[str, Joint], balls: Mapping[str, Ball]
 
 def positions_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, Unit]:
     """Return what a configuration can be given by, with units: see ``configuration``."""
-    turns = (f"{name}.{part}" for name in balls for part in (*(f"rotation.{axis}" for axis in "xyz"), *ANGLES))
+    turns = (f"{name}.{part}" for name in balls for part in (*ROTATIONS, *ANGLES))
     return {**{name: joint.unit for name, joint in joints.items()}, **dict.fromkeys(turns, RADIAN)}
 
 
 def velocities_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, Unit]:
     """Return what velocities can be given by, with units: see ``velocity``."""
-    spins = (f"{name}.angular_velocity.{axis}" for name in balls for axis in "xyz")
-    measures = {measured: measured / unit("s") for measured in {joint.unit for joint in joints.values()}}
+    measures = {METRE: unit("m/s"), RADIAN: unit("rad/s")}
     rates = {name: measures[joint.unit] for name, joint in joints.items()}
-    return {**rates, **dict.fromkeys(spins, SPIN)}
+    return {**rates, **{f"{name}.{spin}": measures[RADIAN] for name in balls for spin in SPINS}}
 
 
 def places_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, int]:
     """Return the indices in v of what velocities can be given by."""
-    spins = {
-        f"{name}.angular_velocity.{axis}": ball.v + k for name, ball in balls.items() for k, axis in enumerate("xyz")
-    }
+    spins = {f"{name}.{spin}": ball.v + k for name, ball in balls.items() for k, spin in enumerate(SPINS)}
     return {**{name: joint.v for name, joint in joints.items()}, **spins}
 
 
@@ -228,12 +211,13 @@ def configuration(
     for name, joint in joints.items():
         q[joint.q] = values.get(name, 0.0)
     for name, ball in balls.items():
-        vector = np.array([values.get(f"{name}.rotation.{axis}", 0.0) for axis in "xyz"])
-        angles = np.array([values.get(f"{name}.{angle}", 0.0) for angle in ANGLES])
-        given = [key for key in values if key.startswith(f"{name}.rotation.")]
-        if given and any(f"{name}.{angle}" in values for angle in ANGLES):
+        vector, angles = (
+            np.array([values.get(f"{name}.{part}", 0.0) for part in parts]) for parts in (ROTATIONS, ANGLES)
+        )
+        by_vector, by_angles = (any(f"{name}.{part}" in values for part in parts) for parts in (ROTATIONS, ANGLES))
+        if by_vector and by_angles:
             raise InputError(f"the orientation of '{name}' is given twice", expected="roll, pitch and yaw, or rotation")
-        turn = pin.exp3(vector) if given else pin.rpy.rpyToMatrix(angles)
+        turn = pin.exp3(vector) if by_vector else pin.rpy.rpyToMatrix(angles)
         q[ball.q : ball.q + 4] = pin.Quaternion(turn).coeffs()
     return q
 

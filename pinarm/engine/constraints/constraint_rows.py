@@ -23,7 +23,7 @@ from pinarm.mechanics.geometry.frame_pairs import FramePairs, RelativeMotion, li
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first
-from pinarm.mechanics.geometry.model_variants import Model
+from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
 from pinarm.mechanics.geometry.pairs import TiedFrames
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
@@ -249,8 +249,8 @@ def parts_of(model: Model, one: Measured) -> Sequence[tuple[float, TiedFrames | 
     """Return the signed pairs of frames and relations whose rows, added up, are those of a constraint or coordinate."""
     if isinstance(one, JointRelation | LinearCoordinate | LoopJoint):
         return [(1.0, one)]
-    if isinstance(one, BallCoordinate):
-        return [(1.0, one.way(model))]
+    if isinstance(one, BallCoordinate) and isinstance(model, ModelVariants):
+        raise VariantsDiffer("the placement of a ball joint")
     if hasattr(one, "rotor"):
         tie = cast("GearedRotor", one)
         weights, places = np.zeros(model.nv), np.zeros(model.nv, dtype=np.intp)

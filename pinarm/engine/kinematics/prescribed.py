@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import LISTED, InputError, several
 from pinarm.input.units import DIMENSIONLESS, Unit
-from pinarm.mechanics.ball_joints import ball_coordinates
+from pinarm.mechanics.ball_joints import ROTATIONS
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
@@ -97,7 +97,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         """Return that they are not as many as the degrees of freedom: which could be added, or how many are wanted."""
         missing = mobility - len(self.names)
         if missing > 0:
-            own = [*mechanism.joints, *ball_coordinates(mechanism.balls)]
+            own = [*mechanism.joints, *(f"{name}.{part}" for name in mechanism.balls for part in ROTATIONS)]
             free = [name for name in own if name not in self.names]
             elastic = ", ".join(name for name, drive in mechanism.drives.items() if drive.elasticity is not None)
             hint = elastic and (

@@ -169,7 +169,7 @@ class Acting(NamedTuple):
             turned = (ends[1] - ends[0]) / TURN
             if np.abs(turned - np.round(turned)).max() > 0.25:
                 return POLE
-        elif isinstance(angle, BallCoordinate) or _is_turn(angle):
+        elif _is_turn(angle):
             way = np.linalg.norm(_vector(angle, after) - _vector(angle, before))
             return self.vector if way > np.pi else None
         leaps = not self.counted and abs(angle.value(after) - angle.value(before)) > np.pi
@@ -200,7 +200,7 @@ def acting_on_angles(
 
 
 def _leaps(angle: Coordinate) -> bool:
-    return isinstance(angle, BallAngle | BallCoordinate) or _is_turn(angle)
+    return isinstance(angle, BallCoordinate) or _is_turn(angle)
 
 
 def _is_turn(angle: Coordinate) -> bool:
@@ -209,10 +209,8 @@ def _is_turn(angle: Coordinate) -> bool:
 
 def _vector(angle: Coordinate, state: Kinematics) -> Array:
     """Return the rotation vector of which an angle is a component [rad], shape (3,)."""
-    if isinstance(angle, BallCoordinate):
-        return angle.vector(state.q)
-    assert isinstance(angle, PairCoordinate)
-    rows = (replace(angle.way, pair=RotationVectorRow(k, np.eye(3))) for k in range(3))
+    assert isinstance(angle, PairCoordinate) and isinstance(angle.way.pair, RotationVectorRow)
+    rows = (replace(angle.way, pair=replace(angle.way.pair, component=k)) for k in range(3))
     return np.array([row.gap(state)[0] for row in rows])
 
 

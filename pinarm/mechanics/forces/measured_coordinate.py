@@ -74,13 +74,8 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
     @cached_property
     def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:
         """The pairs of frames that the coordinate measures."""
-        from pinarm.mechanics.ball_joints import BallCoordinate
         from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
 
         along = self.coordinate
-        if isinstance(along, BallCoordinate):
-            ways: tuple[TiedFrames, ...] = (along.way(self.model),)
-        else:
-            assert isinstance(along, PairCoordinate | PathLength)
-            ways = along.ways
-        return [(way, FramePairs.between(self.model, way.first, way.second)) for way in ways]
+        assert isinstance(along, PairCoordinate | PathLength)
+        return [(way, FramePairs.between(self.model, way.first, way.second)) for way in along.ways]

@@ -23,7 +23,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, RelayedMotion, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place, listed
-from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import ForceElement

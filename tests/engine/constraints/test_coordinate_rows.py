@@ -29,7 +29,7 @@ def model_of(chain):
 def coordinates(model):
     """One of each kind."""
     body, joints = balls_of(model)["body"], joints_of(model)
-    found = [BallCoordinate(body, k) for k in range(3)] + [BallAngle(body, k) for k in range(3)]
+    found = [kind.of(model, body, k) for kind in (BallCoordinate, BallAngle) for k in range(3)]
     found += [Rotation(body=LAST, about=axis).bind(model, joints) for axis in "xyz"]
     found += [Rotation(body=LAST, about="y", relative_to=SWING).bind(model, joints)]
     found += [Distance(between=(SWING, LAST)).bind(model, joints), coordinate_at(model, 0)]

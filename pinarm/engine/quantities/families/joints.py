@@ -28,7 +28,7 @@ from pinarm.engine.quantities.reactions import tree_axis
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.ball_joints import ANGLES, Ball, BallAngle, BallCoordinate, roll_pitch_yaw
+from pinarm.mechanics.ball_joints import ANGLES, Ball, BallCoordinate, roll_pitch_yaw
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 from pinarm.mechanics.joints import METRE, Joint, effort_unit
@@ -188,7 +188,7 @@ class JointQuantities(WrenchFamily, frozen=True):
         self.require_efforts(asked)
         for name in run.closure.slices:
             guided = coordinates.get(name)
-            if isinstance(guided, BallCoordinate | BallAngle) and guided.ball == ball:
+            if isinstance(guided, BallCoordinate) and guided.ball == ball:
                 raise InputError(
                     f"'{asked.name}': the drive acts along {name}",
                     hint=f"joint.{ball.name}.moment.x, or coordinate.{name}.effort",
