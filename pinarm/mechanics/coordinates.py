@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -35,39 +35,6 @@ from pinarm.mechanics.joints import (
     unit_vector,
 )
 from pinarm.records import Record, ValueRecord, replace
-
-
-class Coordinate(Protocol):
-    """A coordinate of one mechanism, ready for evaluation."""
-
-    @property
-    def unit(self) -> Unit:
-        """Unit of its value."""
-        ...
-
-    @property
-    def wraps(self) -> bool:
-        """Whether it is an angle that a configuration tells up to whole turns, from -pi to pi."""
-        ...
-
-    def value(self, state: Kinematics) -> float:
-        """Return w(q)."""
-        ...
-
-    def row(self, state: Kinematics) -> Array:
-        """Return J, shape (nv,)."""
-        ...
-
-    def drift(self, state: Kinematics) -> float:
-        """Return J' v."""
-        ...
-
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return the wrenches on links of efforts along the coordinate, shape (n,), other than joint efforts.
-
-        Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
-        """
-        ...
 
 
 class LinearCoordinate(ValueRecord, frozen=True):
@@ -223,6 +190,12 @@ class PathLength(Record, frozen=True):
 
     def words(self, model: pin.Model) -> str:
         return ", ".join(model.frames[frame].name for frame in self.frames)
+
+
+Coordinate = LinearCoordinate | PairCoordinate | PathLength
+"""A coordinate of one mechanism: ``value`` w(q), ``row`` J, ``drift`` J' v, and ``wrenches`` on links, other than joint
+efforts, of efforts along it, shape (n,): joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
+``wraps`` tells whether it is an angle that a configuration tells up to whole turns, from -pi to pi."""
 
 
 class HeldCoordinate(Record, frozen=True):

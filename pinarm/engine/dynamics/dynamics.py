@@ -219,11 +219,7 @@ class Dynamics(Record, frozen=True):
 
     @cached_property
     def _acting(self) -> tuple[ForceElement, ...]:
-        if not self.forces:
-            return ()
-        from pinarm.mechanics.forces.joint_forces import summed
-
-        return summed(self.forces.values())
+        return tuple(self.forces.values())
 
     def on(self, start: float, end: float) -> Dynamics:
         """Return the dynamics as it is on an interval of time in which no load jumps; buffers are shared."""
@@ -367,15 +363,7 @@ class Dynamics(Record, frozen=True):
     @cached_property
     def _storing(self) -> tuple[ForceElement, ...]:
         """The force elements but for the steady ones, whose work counts as dissipated: they have no potential."""
-        return tuple(force for force in self._energetic if not force.steady)
-
-    @cached_property
-    def _energetic(self) -> tuple[ForceElement, ...]:
-        if not self.forces:
-            return ()
-        from pinarm.mechanics.forces.joint_forces import energetic
-
-        return energetic(self.forces.values())
+        return tuple(force for force in self.forces.values() if not force.steady)
 
     @cached_property
     def exchanging(self) -> Dynamics | None:
@@ -394,7 +382,7 @@ class Dynamics(Record, frozen=True):
 
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
-        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self._energetic), np.zeros(len(q))))
+        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self._acting), np.zeros(len(q))))
 
 
 def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:

@@ -309,7 +309,7 @@ class CompiledTree(Record, frozen=True):
 
         Args:
             steady: The sum of the steady loads [N*m or N], shape (nv,).
-            changing: The other force elements; springs and dampers at joints as one.
+            changing: The other force elements.
             guided: Coordinates that follow laws, whose joints have armatures that outweigh the tree.
         """
         from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, SpringDamper
@@ -322,10 +322,15 @@ class CompiledTree(Record, frozen=True):
         lines = [self._between_points(one) for one in changing if isinstance(one, TwoPointSpring)]
         laws = laws_of([*guided, *efforts], steady)
         known = len(springs) + len(balls) + len(lines) + len(efforts)
-        if laws is None or known < len(changing) or len(springs) > 1:
+        if laws is None or known < len(changing):
             return None
         model, count = self.model, len(self.links)
-        loads = self._degrees(steady, springs), np.array(balls, ROTATION_SPRING), np.array(lines, POINT_SPRING), laws
+        loads = (
+            self._degrees(steady, SpringDamper.sum(springs)),
+            np.array(balls, ROTATION_SPRING),
+            np.array(lines, POINT_SPRING),
+            laws,
+        )
         if not all(map(finite, (self.links, *loads))) or not np.isfinite(model.gravity.linear).all():
             return None
         sizes = count, model.nq, model.nv, len(balls), len(lines), len(laws)
@@ -342,13 +347,12 @@ class CompiledTree(Record, frozen=True):
         numbers = spring.stiffness, spring.damping, spring.rest, spring.force
         return (first, second), (begin, end), *numbers
 
-    def _degrees(self, steady: Array, springs: Sequence[SpringDamper]) -> NDArray[np.void]:
+    def _degrees(self, steady: Array, springs: SpringDamper) -> NDArray[np.void]:
         """Return each velocity with its rotor and what acts along it."""
         degrees = np.zeros(self.model.nv, DEGREE)
         degrees["screw"], degrees["armature"], degrees["effort"] = self.screws, self.model.armature, steady
-        for spring in springs:
-            degrees["sprung"][spring.v], degrees["rest"][spring.v] = spring.q, spring.rest
-            degrees["stiffness"][spring.v], degrees["damping"][spring.v] = spring.stiffness, spring.damping
+        degrees["sprung"][springs.v], degrees["rest"][springs.v] = springs.q, springs.rest
+        degrees["stiffness"][springs.v], degrees["damping"][springs.v] = springs.stiffness, springs.damping
         return degrees
 
 

@@ -221,7 +221,7 @@ class _Part:
     def _followed(self, begun: Array, kept: Sequence[StateFunction], w: Array) -> _Way:
         """Return the straight way of the coordinates to values, shape (k + f,), by steps of the continuation."""
         names, q, fault = (*self.prescribed.names, *(f"free motion {k}" for k in range(len(kept)))), begun, ""
-        everything = PrescribedCoordinates(names, (*self.prescribed.coordinates, *kept), ())
+        everything = PrescribedCoordinates(names, (*self.prescribed.coordinates, *kept), ())  # type: ignore[arg-type]
         solver, state = NewtonSolver(self.closure, everything, self.moving), self.closure.state(begun)
         first, still = np.array([coordinate.value(state) for coordinate in everything.coordinates]), np.zeros(len(w))
         change = w - first

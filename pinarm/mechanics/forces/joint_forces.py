@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
@@ -45,10 +45,8 @@ class JointSpring(InputStruct, frozen=True, tag_field="kind", tag="joint_spring"
         joint = _joint(joints, self.joint)
         effort = effort_unit(joint)
         _check(self, stiffness=effort / joint.unit, rest=joint.unit, damping=effort / joint.unit * unit("s"))
-        one = np.array([1.0])
-        return SpringDamper(
-            np.array([joint.q]), np.array([joint.v]), self.stiffness * one, self.damping * one, self.rest * one
-        )
+        numbers = (np.array([float(number)]) for number in (self.stiffness, self.damping, self.rest))
+        return SpringDamper(np.array([joint.q]), np.array([joint.v]), *numbers)
 
 
 class SpringDamper(AbstractRecord, ForceElement, frozen=True):
@@ -83,21 +81,11 @@ class SpringDamper(AbstractRecord, ForceElement, frozen=True):
         rest = np.divide(pull, stiffness, out=np.zeros(len(kept)), where=stiffness > 0.0)
         return cls(places[kept], kept, stiffness, damping, rest)
 
-    @classmethod
-    def together(cls, elements: Sequence[SpringDamper]) -> SpringDamper:
-        """Return the element whose energy and power are the sums of theirs; a joint may stand in it several times."""
-        parts = zip(
-            *((element.q, element.v, element.stiffness, element.damping, element.rest) for element in elements),
-            strict=True,
-        )
-        return cls(*map(np.concatenate, parts))
-
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
-        places, rates = self._places
-        load = self.stiffness * (q[..., places] - self.rest)
+        load = self.stiffness * (q[..., self.q] - self.rest)
         if self._damped:
-            load += self.damping * v[..., rates]
-        tau[..., rates] -= load
+            load += self.damping * v[..., self.v]
+        tau[..., self.v] -= load
 
     def within(self, kept_q: Indices, kept_v: Indices) -> SpringDamper:
         """Return the springs and dampers at the joints of a part; the energy of the others is left out."""
@@ -110,22 +98,17 @@ class SpringDamper(AbstractRecord, ForceElement, frozen=True):
     def _damped(self) -> bool:
         return bool(self.damping.any())
 
-    @cached_property
-    def _places(self) -> tuple[slice | Indices, slice | Indices]:
-        """The indices, as slices where they follow one another: these are read without a copy."""
-        return _following(self.q), _following(self.v)
-
     def potential_energy(self, q: Array) -> Array:
-        moved = q[..., self._places[0]] - self.rest
+        moved = q[..., self.q] - self.rest
         return np.asarray(0.5 * (self.stiffness * moved * moved).sum(axis=-1))
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        rates = v[..., self._places[1]]
+        rates = v[..., self.v]
         return np.asarray((self.damping * rates * rates).sum(axis=-1))
 
     @property
     def conservative(self) -> bool:
-        return not self.damping.any()
+        return not self._damped
 
 
 class BallSpring(AbstractRecord, ForceElement, frozen=True):
@@ -319,30 +302,3 @@ def _check(keys: InputStruct, **expected: Unit) -> None:
     for name, measured in expected.items():
         with within(name):
             check_unit(getattr(keys, name), measured)
-
-
-def _following(indices: Indices) -> slice | Indices:
-    """Return the slice of indices that follow one another, otherwise these."""
-    if not len(indices):
-        return indices
-    first, last = int(indices[0]), int(indices[-1]) + 1
-    return slice(first, last) if np.array_equal(indices, np.arange(first, last)) else indices
-
-
-def summed(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
-    """Return elements with the same load in all, the springs and dampers at joints as one."""
-    springs, others = _springs(forces)
-    return (SpringDamper.sum(springs), *others) if springs else others
-
-
-def energetic(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
-    """Return elements with the same energy and power in all, the springs and dampers at joints as one."""
-    springs, others = _springs(forces)
-    return (SpringDamper.together(springs), *others) if springs else others
-
-
-def _springs(forces: Iterable[ForceElement]) -> tuple[list[SpringDamper], tuple[ForceElement, ...]]:
-    """Return the springs and dampers at joints, and the other elements."""
-    known = tuple(forces)
-    springs = [force for force in known if isinstance(force, SpringDamper)]
-    return springs, tuple(force for force in known if not isinstance(force, SpringDamper))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -27,7 +27,9 @@ from pinarm.mechanics.rotors import GearedRotor
 from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.coordinates import PairCoordinate
     from pinarm.mechanics.friction.bearing import Bearing
+    from pinarm.mechanics.friction.coupling_friction import CamSlip, GearSlip
 
 
 class FrictionLaw(ValueRecord, frozen=True):
@@ -88,25 +90,6 @@ class FrictionLaw(ValueRecord, frozen=True):
         return self.static_mu > 0.0
 
 
-class Slip(Protocol):
-    """A velocity u = J v; coordinates are slips."""
-
-    def row(self, state: Kinematics) -> Array:
-        """Return J, shape (nv,)."""
-        ...
-
-    def drift(self, state: Kinematics) -> float:
-        """Return J' v."""
-        ...
-
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return what friction, shape (n,), does to links, other than within a joint of the tree.
-
-        Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
-        """
-        ...
-
-
 class CoupledSlip(LinearCoordinate, frozen=True):
     """The slip of threads, teeth and belts: a sum of joint velocities.
 
@@ -118,6 +101,10 @@ class CoupledSlip(LinearCoordinate, frozen=True):
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         return self.acting.on_links(links, effort) if self.acting else {}
+
+
+Slip: TypeAlias = "LinearCoordinate | PairCoordinate | CamSlip | GearSlip"
+"""A velocity u = J v: coordinates are slips; ``wrenches`` are those of friction, shape (n,), on links."""
 
 
 class FrictionContact(Record, frozen=True):

@@ -80,12 +80,8 @@ class Pair(Protocol):
         ...
 
 
-class RotationGap(Protocol):
-    """How far the rotation of frame 2 against frame 1 is from the one that a pair asks at p."""
-
-    def __call__(self, p: Array, axes: Axes) -> Array:
-        """Return a rotation vector [rad], shape (3, ..)."""
-        ...
+RotationGap = Callable[[Array, Axes], Array]
+"""From p and the axes of frame 2 to the rotation vector by which a pair is open [rad], shape (3, ..)."""
 
 
 class LowerPair(Record, frozen=True):

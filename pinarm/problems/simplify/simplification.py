@@ -251,7 +251,7 @@ class _Part(Record, frozen=True):
             for name, known in self.whole.coordinates.items()
             if not (isinstance(known, LinearCoordinate) and known.weights[gone].any())
         }
-        return {**coordinates, **ball_coordinates(balls), **ball_angles(balls)}
+        return {**coordinates, **ball_coordinates(self.model, balls)}
 
     def _coupling(self, coupling: Coupling) -> Coupling:
         """Return a coupling of the part, its forces as efforts: reactions are asked of the whole."""

@@ -94,7 +94,7 @@ def _sums(mechanism: Mechanism) -> dict[str, str]:
 
 
 def _weights(mechanism: Mechanism, name: str) -> dict[str, sympy.Expr]:
-    weights: Sequence[float] = mechanism.coordinates[name].weights.tolist()  # type: ignore[attr-defined]
+    weights: Sequence[float] = mechanism.coordinates[name].weights.tolist()  # type: ignore[union-attr]
     places = {joint.v: joint.name for joint in mechanism.joints.values()}
     return {places[v]: exact(weight) for v, weight in enumerate(weights) if weight}
 
