@@ -34,7 +34,6 @@ class Unit(Record, frozen=True):
     text: str = ""
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both measure the same, however they are written."""
         if not isinstance(other, Unit):
             return NotImplemented
         return self.factor == other.factor and self.dimension == other.dimension

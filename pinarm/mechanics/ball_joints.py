@@ -89,7 +89,6 @@ class BallCoordinate(PairCoordinate, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, model: pin.Model, ball: Ball, component: int) -> Self:
-        """Return the coordinate of a ball joint of a model."""
         parent = int(model.parents[ball.index])
         first = model.getFrameId(model.names[parent], pin.JOINT) if parent else UNIVERSE
         row = cls.kind(component, np.asarray(model.jointPlacements[ball.index].rotation))
@@ -104,7 +103,6 @@ class BallCoordinate(PairCoordinate, frozen=True, kw_only=True):
         return np.asarray(pin.log3(pin.Quaternion(self.ball.quaternion(q)).matrix()))
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return nothing: the moment acts between the links of the joint."""
         return {}
 
 

@@ -82,7 +82,6 @@ class LinearCoordinate(ValueRecord, frozen=True):
         return 0.0
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return nothing: the efforts act as joint efforts."""
         return {}
 
 
@@ -308,7 +307,6 @@ class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
     relative_to: str = ""
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate for a model."""
         with within("body"):
             frame = frame_of(model, self.body)
         if not self.relative_to:

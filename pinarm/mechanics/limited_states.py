@@ -86,7 +86,6 @@ class StateLimits(NamedTuple):
     def switches(
         self, mode: int, value: Callable[[Inputs], Array], rate: Callable[[Inputs], Array]
     ) -> list[Switch[Inputs]]:
-        """Return where a free state reaches its limits, or where a state that is held is let go."""
         if mode != FREE:
             return [Switch(rate, -1 if mode == HIGHEST else 1, FREE, jumps=True)]
         lower, upper = self

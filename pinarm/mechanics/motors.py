@@ -233,7 +233,6 @@ class InductiveWinding(Winding, frozen=True):
         return self._limits.mode(float(given.state[..., 0]), float(self.excess_if_held(given)), scale, given.mode)
 
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        """Return where the current reaches its limits, or where the voltage takes it back."""
         return self._limits.switches(mode, lambda given: given.state[..., 0], self.excess_if_held)
 
     @property
@@ -254,7 +253,6 @@ class TorqueCurve(Record, frozen=True):
 
     @classmethod
     def of(cls, points: Sequence[tuple[float, float]] | None) -> TorqueCurve | None:
-        """Return the curve through points, if there are any."""
         return None if points is None else cls(*np.array(points, float).T)
 
     def at(self, speed: Array) -> Array:
@@ -295,7 +293,6 @@ class TorqueSource(Actuator, frozen=True):
         return np.asarray(given.command - self.torque(given))
 
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        """Return where the command reaches the peak torque, and the speed the bends of its curve."""
         if (peak := self.peak) is None:
             return []
         bends = [Switch(lambda given, at=bend: np.abs(self.ratio * given.v) - at) for bend in peak.speeds[1:]]  # type: ignore[misc]

@@ -207,7 +207,6 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
         return np.array([-self.coordinate.drift(state)])
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return what moving the rotor does to links; see ``Constraint``. Nothing where it acts as joint efforts."""
         found = self.coordinate.wrenches(links, -lam[:, 0])
         axis = np.eye(6)[0 if self.coordinate.unit == METRE else 3]  # of the rotor's joint, at the world's origin
         return {**found, self.rotor.index: np.multiply.outer(lam[:, 0], axis)} if found else {}
@@ -250,7 +249,6 @@ class DriveTrain(NamedTuple):
 
     @classmethod
     def of(cls, name: str, drive: Drive, coordinate: Coordinate) -> DriveTrain:
-        """Return the train of a drive whose rotor is a joint of its own."""
         if drive.elasticity is None:
             return cls(name, False, False, False)
         lossy, output = drive.efficiency < 1.0, drive.elasticity.shaft == "output"

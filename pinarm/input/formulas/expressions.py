@@ -43,7 +43,6 @@ class Expression(Record, frozen=True):
     measured: tuple[MeasuredNumber, ...] = ()
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both are the same text."""
         return self.text == other.text if isinstance(other, Expression) else NotImplemented
 
     def __hash__(self) -> int:

@@ -31,17 +31,14 @@ class Expressions(ValueRecord, frozen=True):
     functions: Functions
 
     def evaluate(self, text: str) -> Any:
-        """Return the value of an expression."""
         return interpret(read_tree(text, GRAMMAR), self, text)
 
     def constant(self, value: Any) -> Any:
-        """Return a literal."""
         if isinstance(value, str) and (OPEN in value or "__column_" in value):
             raise NotByRows
         return value
 
     def name(self, name: str) -> Any:
-        """Return the value of a property."""
         value = self.names.get(name)
         return _bounded(look_up(name, self.names, _CONSTANTS) if value is None else value)
 
@@ -54,7 +51,6 @@ class Expressions(ValueRecord, frozen=True):
         return _applied(partial(_operated, symbol), left, right, symbol=symbol)
 
     def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
-        """Compare neighbours."""
         pairs = zip(symbols, operands, operands[1:], strict=False)
         return all(_applied(partial(_compared, symbol), left, right) for symbol, left, right in pairs)
 
@@ -68,11 +64,9 @@ class Expressions(ValueRecord, frozen=True):
         return result
 
     def choose(self, test: Any, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
-        """Return one of two."""
         return then() if test else otherwise()
 
     def call(self, function: str, arguments: Sequence[Any]) -> Any:
-        """Apply a function, or make or look into a list or map."""
         if function in self.functions:
             return self.functions[function](*arguments)
         if function in _COLLECTIONS:

@@ -71,7 +71,6 @@ class Document(ValueRecord, frozen=True):
 
     @classmethod
     def read(cls, path: Path, *, source: str | None = None) -> Document:
-        """Read a file."""
         name = source or str(path)
         try:
             if path.exists() and not path.is_file():  # a pipe would keep the reader waiting

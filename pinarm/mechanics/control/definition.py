@@ -143,7 +143,6 @@ class OneDriveDefinition(ControlDefinition, frozen=True, kw_only=True):
 
     @property
     def names(self) -> list[str]:
-        """Names of the drive and of the measured coordinate."""
         return [*self.drives, *([self.measures] if self.measures else [])]
 
     def check(self) -> None:
@@ -197,7 +196,6 @@ class References(Readable):
 
     @classmethod
     def read(cls, value: object) -> Self:
-        """Read any of the forms."""
         if isinstance(value, cls):
             return value
         if isinstance(value, list):

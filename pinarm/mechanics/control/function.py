@@ -152,11 +152,9 @@ class FunctionControl:
         return self.function if self.period is None else FreshFunction(self.function)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say what another process makes it of: what was given."""
         return FunctionControl, (self.drives, self.function, self.period, self.delay)
 
     def bind(self, plant: Plant) -> Controller:
-        """Return the controller of one mechanism."""
         with within("drive"):
             joints = tuple(plant.drive(name) for name in self.drives)
         endless, readers = np.full(len(joints), np.inf), dict[str, Reader]()

@@ -110,7 +110,6 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
 
     @property
     def names(self) -> list[str]:
-        """Names of the drives and of the states."""
         return [*self.drives, *self.states]
 
     def bind(self, plant: Plant) -> Controller:
@@ -223,7 +222,6 @@ class Relay(Controller):
         return np.asarray(error[..., 0] + self.lead * error[..., 1])
 
     def mode(self, given: Given, before: int | None) -> int:
-        """Return the state: the one of s beyond the hysteresis, and the one before within."""
         s = float(self.deviation(given))
         if before is None:
             return HIGH if s >= 0.0 else LOW

@@ -32,7 +32,6 @@ class MotorController(Controller):
 
     @classmethod
     def of(cls, source: Controller, actuators: Sequence[Actuator], place: int) -> MotorController:
-        """Return the controller of motors behind another controller."""
         endless, sampled = np.full(len(source.joints), np.inf), source.sampling is not None
         signals, laws = ((), ()) if sampled else (source.signals, source.references)
         motors = tuple(actuators)
@@ -121,7 +120,6 @@ class MotorController(Controller):
         return mode // int(MODES ** len(self.actuators))
 
     def switches(self, mode: int) -> list[Switch[Given]]:
-        """Return where the controller of the motors changes its way, and where an effort stops being smooth."""
         source, motors = self._mode_of_source(mode), [mode_of(mode, k) for k in range(len(self.actuators))]
         own = (
             []

@@ -117,7 +117,6 @@ class PidController(Controller):
         return len(self.joints) if self.ki.any() else 0
 
     def rates(self, given: Given) -> Array:
-        """Return e, less what a motor withholds; 0 where the integral's part is held at a limit; see ``Pid``."""
         if not self.integrals:
             return super().rates(given)
         free = self._free_rates(given)
@@ -146,7 +145,6 @@ class PidController(Controller):
         return StateLimits(float(self.lower[k]), float(self.upper[k])) if limited else StateLimits(-np.inf, np.inf)
 
     def mode(self, given: Given, before: int | None) -> int:
-        """Return which integrals are held at a limit: for each a digit, see ``mechanics.limited_states``."""
         if not self.integrals:
             return 0
         parts, rates = self.ki * given.integral, self.ki * self._free_rates(given)
@@ -157,7 +155,6 @@ class PidController(Controller):
         )
 
     def switches(self, mode: int) -> list[Switch[Given]]:
-        """Return where a command reaches a limit, and where an integral's part does, or is let go."""
         own, modes = super().switches(mode), [mode_of(mode, k) for k in range(len(self.joints))]
         for k, present in enumerate(modes):
             for switch in self._limits(k).switches(present, self._part(k), self._rate_of_part(k)):

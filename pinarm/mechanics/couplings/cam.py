@@ -83,7 +83,6 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
             Profile.of(self.profile, self.period).check_repeated()
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> CamCoupling:
-        """Return the coupling of one model."""
         first, second = (joint_of(joints, joint) for joint in self.joints)
         if first == second:
             raise InputError(f"the joint {first.name} cannot be coupled to itself", expected="two joints")
@@ -136,7 +135,6 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         return data.oMi[pair.carrier].actInv(data.oMf[index])
 
     def _normal(self, plane: CamContact, place: pin.SE3) -> complex:
-        """Return the normal of the face that the file gives."""
         assert self.normal is not None
         with within("normal"):
             normal = place.rotation @ unit_vector(self.normal)
@@ -242,7 +240,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return self.contact
 
     def touch(self, q: Array, v: Array | None = None) -> Touch:
-        """Return how they touch at configurations, shape (n, nq); see ``values``."""
         return self.known_contact.touch(self.values(q, v))
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
@@ -260,7 +257,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return {plane.pair.second.body: wrench, plane.pair.first.body: -wrench}
 
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
-        """Return the contact point, and the force on the follower there; see ``JointRelation``."""
         plane, touch = self.known_contact, self.touch(links.q)
         force = plane.vectors(plane.force(touch, lam[:, 0]) * touch.normal)
         turn, place = links.turns[:, plane.pair.carrier], links.places[:, plane.pair.carrier]
@@ -345,12 +341,10 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return away if period == np.inf else np.sin(np.pi * away / period)
 
     def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when the cam passes places at which f'' jumps, where it follows a law."""
         law = laws.get(self.cam_joint.v)
         return [] if law is None else [t for t in self.profile.passages(law, start, end) if self._jumps(law, t)]
 
     def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when the cam passes breakpoints and knots of its profile, where it follows a law."""
         law = laws.get(self.cam_joint.v)
         return [] if law is None else self.profile.marked(law, start, end)
 
@@ -362,7 +356,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return bool(abs(after - before) > JUMP * size)
 
     def passed(self, q: Array, v: Array) -> bool:
-        """Return whether the cam passes a whole piece of the profile, or the way from one knot to the next."""
         return self._pieces.passed(q[:, self.cam_joint.q])
 
     @property

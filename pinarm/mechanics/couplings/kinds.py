@@ -63,7 +63,6 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
     plane: str = ""
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model."""
         first, second = (joint_of(joints, joint) for joint in self.joints)
         if first.unit != RADIAN or second.unit != RADIAN:
             raise InputError("a belt couples two wheels", expected="two revolute joints")
@@ -167,7 +166,6 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
             )
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling for a model."""
         first, second = (joint_of(joints, joint) for joint in self.joints)
         if first.unit != second.unit:
             raise InputError(
@@ -239,7 +237,6 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
         check_teeth(self.pressure_angle, self.helix_angle, self.plane)
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model."""
         turns, slides = turning_and_sliding(joints, self.joints, "rack")
         weights = {slides: 1.0, turns: -float(self.radius)}
         found = coupled(model, joints, name, "rack", weights, float(self.offset))
@@ -289,7 +286,6 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
             raise InputError("a screw without a lead couples nothing", expected="a length other than 0")
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model."""
         turns, slides = turning_and_sliding(joints, self.joints, "screw")
         pitch = self.lead / (2.0 * np.pi)
         found = coupled(model, joints, name, "screw", {slides: 1.0, turns: -pitch}, float(self.offset))
@@ -346,7 +342,6 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
                     raise InputError(f"the weight of {name} cannot be {weight:g}", expected="a finite number but 0")
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model."""
         weights = {joint_of(joints, joint): float(weight) for joint, weight in self.weights.items()}
         first = next(iter(weights))
         if any(joint.unit != first.unit for joint in weights):

@@ -44,7 +44,6 @@ class AlongCoordinate(MeasuredCoordinate, ForceElement, frozen=True):
         tau += np.asarray(self.effort(t, w, rate))[..., None] * rows
 
     def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
-        """Return what the effort does to the links, unless it is one at joints of the tree."""
         return self.coordinate.wrenches(links, self.efforts(t, links.q, v))
 
     def measures(self) -> Mapping[str, ElementQuantity]:
@@ -265,7 +264,6 @@ class ElasticCable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
     damping: Damping = 0.0
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model."""
         path = PathLength.through(model, self.through)
         numbers = float(self.stiffness), float(self.damping), float(self.free_length)
         return TautSpring(model, path, *numbers, (1.0,))

@@ -389,7 +389,6 @@ class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
     damping: DampingRates = msgspec.field(default_factory=DampingRates)
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        """Return the element of one model."""
         first, second = frames_of(model, self.between)
         if model.frames[first].parentJoint == model.frames[second].parentJoint:
             with within("between"):

@@ -66,7 +66,6 @@ class FunctionForce:
     function: ControlFunction
 
     def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate], plant: Plant) -> FunctionEffort:
-        """Return the element of one mechanism."""
         with within("forces", self.name):
             along = coordinate_of(model, coordinates, self.along)
         return FunctionEffort(model, along, self.function, f"the force function '{self.name}'", plant, {})

@@ -137,7 +137,6 @@ class BallSpring(AbstractRecord, ForceElement, frozen=True):
 
     @property
     def conservative(self) -> bool:
-        """Whether it is: a spring alone."""
         return True
 
     def _rotation(self, q: Array) -> Array:
@@ -279,7 +278,6 @@ class MotorCurve(AbstractRecord, ForceElement, frozen=True):
         tau[..., self.v] += continued(self._curve, v[..., self.v])
 
     def passed(self, q: Array, v: Array) -> bool:
-        """Return whether the velocity passes the whole way between two points of the curve."""
         return self._pieces.passed(v[..., self.v])
 
     def _curve(self, rate: Array) -> tuple[Array, Array]:

@@ -135,7 +135,6 @@ class LoadCondition(Record, frozen=True):
         return np.array([np.abs(np.subtract(self.profile.stretch(x), x)).min() for x in w.tolist()])
 
     def passed(self, q: Array) -> bool:
-        """Return whether a step goes past a piece of f; see ``ForceElement.passed``."""
         return bool(self.along and self._pieces.passed(self.along.values(q)))
 
     @cached_property

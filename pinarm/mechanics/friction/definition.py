@@ -28,6 +28,8 @@ from pinarm.mechanics.loops.lower_pairs import Thread
 SLIPS = {"revolute": RADIAN, "pin": RADIAN, "prismatic": METRE}
 """Kinds of loop joints that have friction, and the unit of what they leave free."""
 
+THREAD = "friction of '{}' needs the mean radius of its thread"
+
 SIZES: dict[str, tuple[str, ...]] = {
     "a joint that turns": ("radius", "thrust_radius", "span", "preload"),
     "a joint that slides": ("radius", "span", "preload"),
@@ -126,7 +128,6 @@ class Friction(InputStruct, frozen=True):
     def bind(
         self, name: str, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[LoopJoint | JointRelation]
     ) -> tuple[FrictionContact, ...]:
-        """Return the friction of a joint of the tree, a loop joint or a coupling, by its name: its components."""
         known, balls = {constraint.name: constraint for constraint in constraints}, balls_of(model)
         if name in joints:
             joint = joints[name]
@@ -159,9 +160,8 @@ class Friction(InputStruct, frozen=True):
         self._check_sizes("a ball joint")
         if not (self.mu or self.static_mu):
             return Bearing.none()
-        if not self.radius:
-            raise InputError(f"mu of the ball joint '{name}' needs the radius of its ball", expected="radius: 12 mm")
-        return Bearing.ball(float(self.radius), float(self.preload))
+        radius = self._given_radius(f"mu of the ball joint '{name}' needs the radius of its ball")
+        return Bearing.ball(radius, float(self.preload))
 
     def _of_coupling(self, coupling: Coupling) -> FrictionContact:
         """Return the friction of a screw between two joints, of a worm and its wheel, of teeth, or of a belt."""
@@ -183,7 +183,7 @@ class Friction(InputStruct, frozen=True):
         self._check_sizes("a screw" if coupling.kind == "screw" else "a worm")
         weights, places = coupling.coordinate.weights, coupling.coordinate.places
         first, second = _coupled(weights, coupling.name)
-        ratio, radius, wheel = -float(weights[first]), self._thread_radius(coupling.name), 1.0
+        ratio, radius, wheel = -float(weights[first]), self._given_radius(THREAD.format(coupling.name)), 1.0
         if coupling.kind != "screw":
             if self.lead_angle is None:
                 raise InputError(
@@ -220,9 +220,9 @@ class Friction(InputStruct, frozen=True):
                     f"friction of {part} has no {unused[0]}", expected=", ".join(["mu", "static_mu", *SIZES[part]])
                 )
 
-    def _thread_radius(self, name: str) -> float:
+    def _given_radius(self, need: str) -> float:
         if not self.radius:
-            raise InputError(f"friction of '{name}' needs the mean radius of its thread", expected="radius: 12 mm")
+            raise InputError(need, expected="radius: 12 mm")
         return float(self.radius)
 
     def _of_loop(self, loop: LoopJoint) -> tuple[FrictionContact, ...]:
@@ -231,12 +231,11 @@ class Friction(InputStruct, frozen=True):
         if isinstance(loop.pair, LowerPair) and isinstance(loop.pair.rotation, Thread):
             return self._of_screw(loop, axis, loop.pair.rotation.pitch)
         if loop.kind == "cylindrical":
-            rows = {"tangential": (nothing, self._surface(loop) * axis), "axial": (axis, nothing)}
-            loaded = self.mu or self.static_mu
-            bearing = (
-                Bearing.guide(axis, 0.0, float(self.span or 0.0), float(self.preload)) if loaded else Bearing.none()
-            )
-            return self._components(loop, rows, METRE, bearing)
+            self._check_sizes("a cylindrical joint")
+            need = f"friction of the cylindrical joint '{loop.name}' needs the radius at which it slips"
+            rows = {"tangential": (nothing, self._given_radius(need) * axis), "axial": (axis, nothing)}
+            guide = Bearing.guide(axis, 0.0, float(self.span or 0.0), float(self.preload))
+            return self._components(loop, rows, METRE, guide if self.mu or self.static_mu else Bearing.none())
         if loop.kind == "spherical":
             rows = {part: (nothing, about) for part, about in zip("xyz", np.eye(3), strict=True)}
             return self._components(loop, rows, RADIAN, self._socket(loop.name))
@@ -253,19 +252,9 @@ class Friction(InputStruct, frozen=True):
         from pinarm.mechanics.friction.coupling_friction import ThreadGeometry
 
         self._check_sizes("a screw")
-        thread = ThreadGeometry(self._thread_radius(loop.name), pitch, float(self.flank))
+        thread = ThreadGeometry(self._given_radius(THREAD.format(loop.name)), pitch, float(self.flank))
         turning, sliding = thread.along
         return self._components(loop, {"": (sliding * axis, turning * axis)}, METRE, Bearing.thread(axis, thread.lever))
-
-    def _surface(self, loop: LoopJoint) -> float:
-        """Return the radius at which a cylindrical joint slips."""
-        self._check_sizes("a cylindrical joint")
-        if not self.radius:
-            raise InputError(
-                f"friction of the cylindrical joint '{loop.name}' needs the radius at which it slips",
-                expected="radius: 12 mm",
-            )
-        return float(self.radius)
 
     def _components(
         self, loop: LoopJoint, rows: Mapping[str, tuple[Array, Array]], measured: Unit, bearing: Bearing
@@ -303,9 +292,8 @@ class Friction(InputStruct, frozen=True):
             return Bearing.none()
         if not turns:
             return Bearing.guide(axis, radius, span, float(self.preload))
-        if not radius:
-            raise InputError("mu of a joint that turns needs the radius of its journal", expected="radius: 12 mm")
-        return Bearing.journal(axis, radius, thrust_radius, span, float(self.preload))
+        journal = self._given_radius("mu of a joint that turns needs the radius of its journal")
+        return Bearing.journal(axis, journal, thrust_radius, span, float(self.preload))
 
 
 def _effort(measured: Unit) -> Unit:

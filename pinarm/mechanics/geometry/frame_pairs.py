@@ -61,7 +61,6 @@ class Ends(Record, frozen=True):
 
     @classmethod
     def of(cls, model: Model, frames: Sequence[int], ways: Sequence[Sequence[int]]) -> Ends:
-        """Return the ends of pairs, given the indices of the frames."""
         own = [model.frames[frame] for frame in frames]
         return cls(
             np.array([frame.parentJoint for frame in own], dtype=np.intp),

@@ -38,7 +38,6 @@ class LinkPlacements(Record, frozen=True):
         return cls(model, states_first(turns, 3), states_first(tree.summed(arms)), q)
 
     def some(self, rows: Indices) -> LinkPlacements:
-        """Return the placements at some of the configurations."""
         return LinkPlacements(self.model, self.turns[rows], self.places[rows], self.q[rows])
 
     def frame(self, index: int) -> tuple[Array, Array]:

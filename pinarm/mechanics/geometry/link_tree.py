@@ -96,7 +96,6 @@ class LinkTree(Record, frozen=True):
 
     @classmethod
     def of(cls, model: Model) -> LinkTree:
-        """Return the tree of a model, or of variants of one, whose joints and inertias do not change any more."""
         return _tree(model)
 
     @cached_property

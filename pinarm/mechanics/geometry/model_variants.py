@@ -41,7 +41,6 @@ class VariantPlacement(Record, frozen=True):
 
     @classmethod
     def of(cls, place: pin.SE3) -> VariantPlacement:
-        """Return a placement that is the same in all variants."""
         return cls(np.array(place.rotation)[None], np.array(place.translation)[None])
 
     def __mul__(self, inner: VariantPlacement) -> VariantPlacement:
@@ -50,7 +49,6 @@ class VariantPlacement(Record, frozen=True):
         return VariantPlacement(self.rotation @ inner.rotation, place)
 
     def some(self, places: Indices) -> VariantPlacement:
-        """Return the placement in some of the variants."""
         rotation, translation = (x[places] if len(x) > 1 else x for x in (self.rotation, self.translation))
         return VariantPlacement(rotation, translation)
 
@@ -79,7 +77,6 @@ class VariantFrame(Record, frozen=True):
     placed: VariantPlacement | None
 
     def some(self, places: Indices) -> VariantFrame:
-        """Return the frame of some of the variants."""
         return self if self.placed is None else replace(self, placed=self.placed.some(places))
 
     @property
@@ -126,7 +123,6 @@ class ModelVariants(Record, frozen=True):
         return len(self.parameters)
 
     def some(self, places: Indices) -> ModelVariants:
-        """Return some of the variants, in their order."""
         return replace(
             self,
             frames=[frame.some(places) for frame in self.frames],

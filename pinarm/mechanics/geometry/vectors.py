@@ -118,13 +118,8 @@ def arctan2(y: Array, x: Array) -> Array:
 
 
 def combined(axes: Axes, weights: Weights) -> Array:
-    """Return ``sum_k weights_k axes_k``, a vector given by its components along axes; 0 costs nothing and 1 little."""
-    total: Array | None = None
-    for axis, weight in zip(axes, weights, strict=True):
-        if isinstance(weight, np.ndarray) or weight:
-            part = weight * axis if isinstance(weight, np.ndarray) or weight != 1.0 else axis
-            total = part if total is None else total + part
-    return np.zeros_like(axes[0]) if total is None else total
+    """Return ``sum_k weights_k axes_k``, a vector given by its components along axes."""
+    return np.asarray(weights[0] * axes[0] + weights[1] * axes[1] + weights[2] * axes[2])
 
 
 def rotation_vector(axes: Axes) -> Array:

@@ -56,7 +56,6 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
     begin: Abscissa = 0.0
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        """Check every law; see ``MotionLaw.check_units``."""
         super().check_units(of, along)
         for row, segment in enumerate(self.segments):
             with within("segments", row, "duration"):
@@ -65,7 +64,6 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
                 segment.motion.check_units(of, along)
 
     def check_follower(self, name: str, names: Collection[str]) -> None:
-        """Check every law; see ``MotionLaw.check_follower``."""
         for row, segment in enumerate(self.segments):
             with within("segments", row, "motion"):
                 segment.motion.check_follower(name, names)

@@ -139,7 +139,6 @@ class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename
             raise InputError("a trapezoid that goes somewhere needs an acceleration and a speed other than 0")
 
     def pieces(self) -> Sequence[Piece]:
-        """Return rest, speeding up, constant speed where there is any, slowing down, rest."""
         distance, limit = self.end - self.start, abs(self.acceleration)
         if distance == 0.0:
             return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]

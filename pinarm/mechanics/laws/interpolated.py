@@ -45,7 +45,6 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
         check_ascending([t for t, _ in self.points], 1)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        """Check the position and every speed; see ``MotionLaw.check_units``."""
         super().check_units(of, along)
         check_points(self.points, along, of / along)
 
@@ -75,7 +74,6 @@ class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
         check_ascending([t for t, _ in self.points], 1)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        """Check every point; see ``MotionLaw.check_units``."""
         check_points(self.points, along, of)
 
     def pieces(self) -> Sequence[Piece]:
@@ -104,11 +102,9 @@ class PiecewiseLinear(MotionLaw, frozen=True, tag_field="law", tag="piecewise_li
         check_ascending([t for t, _ in self.points], 1, jumps=True)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        """Check every point; see ``MotionLaw.check_units``."""
         check_points(self.points, along, of)
 
     def require_continuous(self, along: Unit = SECOND) -> None:
-        """Refuse it as a motion; see ``MotionLaw.require_continuous``."""
         refuse_corners(self.points[0][0], along)
 
     def pieces(self) -> Sequence[Piece]:
@@ -136,13 +132,11 @@ class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_
         check_ascending([t for t, _ in self.points], 2)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        """Check every point and the end speeds; see ``MotionLaw.check_units``."""
         check_points(self.points, along, of)
         with within("speeds"):
             check_each(self.speeds, of / along, of / along)
 
     def pieces(self) -> Sequence[Piece]:
-        """Return constant speed, one piece for all cubics (only their third derivative jumps), constant speed."""
         points = np.array(self.points, float)
         return spline_pieces(points[:, 0], points[:, 1], self.speeds)
 
@@ -171,7 +165,6 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
     interpolation: Literal["spline", "linear"] = "spline"
 
     def check(self) -> None:
-        """Read the table, so that its errors are reported with those of the file that names it."""
         folder = current_folder() or Path(self.file).absolute().parent
         with within("file"):
             path = contained_file((folder / self.file).absolute(), root_of(folder))
@@ -183,7 +176,6 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
         return cached_table(self.file, self.column, jumps=self.interpolation == "linear")
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""
         table = self._table
         values = f"'{table.heading}'" if self.column else "2"
         for column, written, wanted in zip(("1", values), table.units, (along, of), strict=True):
@@ -195,7 +187,6 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
             check_each(self.speeds, of / along, of / along)
 
     def check_follower(self, name: str, names: Collection[str]) -> None:
-        """Refuse values whose heading names another coordinate; see ``MotionLaw.check_follower``."""
         heading = self._table.heading
         meant = [other for other in names if other != name for form in HEADINGS if form.format(other) == heading]
         if self.column is None and meant:
@@ -207,7 +198,6 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
                 )
 
     def require_continuous(self, along: Unit = SECOND) -> None:
-        """Refuse straight lines as a motion; see ``MotionLaw.require_continuous``."""
         if self.interpolation == "linear":
             refuse_corners(self.ends[0], along)
 

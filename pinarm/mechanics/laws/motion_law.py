@@ -281,7 +281,6 @@ class Grid(ValueRecord, frozen=True):
         return Grid(np.concatenate(t), tuple(cuts), tuple(rows))
 
     def evaluate(self, law: MotionLaw) -> Values:
-        """Return s, s', s'' of a law at every row, each side of a jump by its own piece."""
         parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.intervals()]
         s, ds, dds = (np.concatenate([part[k] for part in parts]) for k in range(3))
         return s, ds, dds

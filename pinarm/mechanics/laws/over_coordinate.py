@@ -67,7 +67,6 @@ class Profile(ValueRecord, frozen=True):
         return cls(tuple(piece.between(0.0, period) for piece in inside), period, law)
 
     def __reduce__(self) -> tuple[Callable[..., Profile], tuple[MotionLaw, float | None]]:
-        """Return how it is made again: from the law."""
         return Profile.of, (self.law, None if self.period == math.inf else self.period)
 
     def __call__(
@@ -94,18 +93,14 @@ class Profile(ValueRecord, frozen=True):
         w = np.asarray(w, float)
         return w if self.period == math.inf else w - self.period * np.floor(w / self.period)
 
-    def breaks(self, low: float, high: float) -> Array:
-        """Return the breakpoints between two values of the coordinate, ascending."""
-        return self._repeated(self.starts, low, high, MANY)
-
-    def knots(self, low: float, high: float) -> Array:
-        """Return the knots of pieces between two values of the coordinate, ascending."""
-        return self._repeated([knot for piece in self.pieces for knot in piece.knots], low, high, MANY_KNOTS)
-
     @property
     def marks(self) -> Array:
         """Where pieces begin, and their knots, ascending; those of the first period where it repeats."""
-        return np.array(sorted([*self.starts, *(knot for piece in self.pieces for knot in piece.knots)]))
+        return np.array(sorted([*self.starts, *self._knots]))
+
+    @property
+    def _knots(self) -> list[float]:
+        return [knot for piece in self.pieces for knot in piece.knots]
 
     @property
     def starts(self) -> list[float]:
@@ -162,11 +157,26 @@ class Profile(ValueRecord, frozen=True):
     ) -> list[float]:
         instants: list[float] = []
         for function, low, high in _pieces_between(drive, start, end):
-            t, w = _one_way(function, low, high)
-            instants += _passages(function, t, w, self._repeated(places, float(w.min()), float(w.max()), most))
+            instants += self._passed_by(function, low, high, (places, most))[0]
             if len(instants) > most:
                 raise InputError("the profile's points are passed too often", expected="a shorter motion")
         return instants
+
+    def cuts_and_knots(self, drive: Callable[[Array], Values], low: float, high: float) -> list[list[float]]:
+        """Return the instants at which a smooth motion passes breakpoints, and those at which it passes knots."""
+        return self._passed_by(drive, low, high, (self.starts, MANY), (self._knots, MANY_KNOTS))
+
+    def _passed_by(
+        self,
+        drive: Callable[[Array], Values],
+        low: float,
+        high: float,
+        *groups: tuple[Sequence[float] | Array, int],
+    ) -> list[list[float]]:
+        """Return when a smooth motion passes groups of places, each with their largest number."""
+        t, w = _one_way(drive, low, high)
+        ends = float(w.min()), float(w.max())
+        return [_passages(drive, t, w, self._repeated(places, *ends, most)) for places, most in groups]
 
     def beside(self, middle: float, w: Array) -> Values:
         """Return f, f' and f'' at w by the piece at ``middle`` where w lies on it, otherwise by the piece at w."""
@@ -253,14 +263,12 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
             Profile.of(self.profile, self.period).check_repeated()
 
     def check_units(self, of: Unit, along: Unit) -> None:
-        """Check the profile's units."""
         with within("profile"):
             self.profile.check_units(of, along)
         with within("period"):
             check_unit(self.period or 0.0, along)
 
     def check_follower(self, name: str, names: Collection[str]) -> None:
-        """Check the profile; see ``MotionLaw.check_follower``."""
         with within("profile"):
             self.profile.check_follower(name, names)
 
@@ -278,7 +286,7 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
         parts: list[Piece] = []
         for piece in drive.smooth_pieces:
             low, high = max(piece.start, start), min(piece.end, end)
-            cuts, knots = passing_times(profile, piece.function, low, high) if low < high else ([], [])
+            cuts, knots = profile.cuts_and_knots(piece.function, low, high) if low < high else ([], [])
             if len(parts) + len(cuts) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
             for first, last in pairwise([piece.start, *cuts, piece.end]):
@@ -298,16 +306,6 @@ def _chained(profile: Profile, drive: Callable[[Array], Values], middle: float) 
         return f, df * dw, ddf * dw**2 + df * ddw
 
     return function
-
-
-def passing_times(
-    profile: Profile, drive: Callable[[Array], Values], low: float, high: float
-) -> tuple[list[float], list[float]]:
-    """Return the instants between low and high at which a smooth motion passes breakpoints and knots of a profile."""
-    t, w = _one_way(drive, low, high)
-    least, most = float(w.min()), float(w.max())
-    breaks, knots = profile.breaks(least, most), profile.knots(least, most)
-    return _passages(drive, t, w, breaks), _passages(drive, t, w, knots)
 
 
 def _pieces_between(

@@ -57,8 +57,6 @@ class TreeJoint(ValueRecord, frozen=True):
         rest: Coordinate at which that spring is free [rad or m]; 0 for joints with several coordinates.
         armature: Rotor inertia reflected to the joint [kg*m^2 or kg], the same in all directions.
         drawn: Coordinate of the reference pose of the model [rad or m].
-        tuned_stiffness: Further stiffness, per inertia that the joint has at the reference pose [1/s^2].
-        tuned_damping: Further damping, likewise [1/s].
         made_for: Joint of the file that needs it, where the file itself has no joint or link of its name.
     """
 
@@ -76,8 +74,6 @@ class TreeJoint(ValueRecord, frozen=True):
     rest: float = 0.0
     armature: float = 0.0
     drawn: float = 0.0
-    tuned_stiffness: float = 0.0
-    tuned_damping: float = 0.0
     made_for: str = ""
 
 
@@ -123,6 +119,8 @@ class Tree(ValueRecord, frozen=True):
 
 def with_held(tree: Tree) -> Tree:
     """Return the tree, the joints that it holds fixed at their coordinates."""
+    if not tree.held:
+        return tree
     joints = (_held(joint, tree.held[joint.name]) if joint.name in tree.held else joint for joint in tree.joints)
     return replace(tree, joints=(*joints,), held={})
 

@@ -76,11 +76,12 @@ BALLS = ("FreeFlyer", "Spherical")
 
 
 class JointStates(Record, frozen=True):
-    """Where the states of one joint stand.
+    """Where the states of one joint stand, and how they differ.
 
     Attributes:
-        name: Its name, for messages.
-        way: How they differ: an entry of ``TAKE`` and ``GIVE``, ``same`` where they do not.
+        way: ``continuous``, ``planar`` or ``floating``; ``same`` where they do not differ.
+        p_q: Indices in Pinocchio's q.
+        p_v: Indices in Pinocchio's v.
         axes: Axes of Pinocchio's position in those of pinarm's, shape (3, 3).
     """
 
@@ -92,70 +93,48 @@ class JointStates(Record, frozen=True):
     v: tuple[int, ...]
     axes: Array
 
+    def take(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return q and v here from those of Pinocchio, rows of states; angles are from -pi to pi."""
+        if self.way == "continuous":
+            return self._angle(q), v
+        if self.way == "planar":
+            angle = self._angle(q[:, 2:])
+            return np.hstack([q[:, :2], angle]), np.hstack([_in_plane(angle, v), v[:, 2:]])
+        if self.way == "floating":
+            turn = self._quaternion(q)
+            velocity = _turned(turn, v[:, :3]) @ self.axes.T
+            return np.hstack([q[:, :3] @ self.axes.T, turn]), np.hstack([velocity, v[:, 3:]])
+        return q, v
 
-Change = Callable[[JointStates, Array, Array], tuple[Array, Array]]
-"""From q and v of one joint, rows of states, to those of the other convention."""
+    def give(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return q and v of Pinocchio from those here; cosine and sine know no turns."""
+        if self.way == "continuous":
+            return np.hstack([np.cos(q), np.sin(q)]), v
+        if self.way == "planar":
+            angle = q[:, 2:]
+            return (
+                np.hstack([q[:, :2], np.cos(angle), np.sin(angle)]),
+                np.hstack([_in_plane(-angle, v), v[:, 2:]]),
+            )
+        if self.way == "floating":
+            turn = self._quaternion(q)
+            velocity = _turned(turn * [-1.0, -1.0, -1.0, 1.0], v[:, :3] @ self.axes)
+            return np.hstack([q[:, :3] @ self.axes, turn]), np.hstack([velocity, v[:, 3:]])
+        return q, v
 
+    def _angle(self, q: Array) -> Array:
+        _require_unit(np.hypot(q[:, 0], q[:, 1]), f"(cos, sin) of '{self.name}'")
+        return np.arctan2(q[:, 1:2], q[:, :1])
 
-def _angle_taken(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return the angle, from -pi to pi, and its rate."""
-    _require_unit(np.hypot(q[:, 0], q[:, 1]), f"(cos, sin) of '{joint.name}'")
-    return np.arctan2(q[:, 1:2], q[:, :1]), v
-
-
-def _angle_given(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return cosine and sine, which know no turns, and the rate of the angle."""
-    return np.hstack([np.cos(q), np.sin(q)]), v
-
-
-def _plane_taken(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
-    angle, rate = _angle_taken(joint, q[:, 2:], v[:, 2:])
-    return np.hstack([q[:, :2], angle]), np.hstack([_in_plane(angle, v), rate])
-
-
-def _plane_given(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
-    turn, rate = _angle_given(joint, q[:, 2:], v[:, 2:])
-    return np.hstack([q[:, :2], turn]), np.hstack([_in_plane(-q[:, 2:], v), rate])
+    def _quaternion(self, q: Array) -> Array:
+        _require_unit(np.linalg.norm(q[:, 3:], axis=1), f"the quaternion of '{self.name}'")
+        return q[:, 3:]
 
 
 def _in_plane(angle: Array, v: Array) -> Array:
     """Return vectors of the plane turned by an angle, shapes (n, 1) and (n, 2)."""
     c, s, x, y = np.cos(angle), np.sin(angle), v[:, :1], v[:, 1:2]
     return np.hstack([c * x - s * y, s * x + c * y])
-
-
-def _flight_taken(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
-    quaternion = _quaternion(joint, q)
-    velocity = _turned(quaternion, v[:, :3]) @ joint.axes.T
-    return np.hstack([q[:, :3] @ joint.axes.T, quaternion]), np.hstack([velocity, v[:, 3:]])
-
-
-def _flight_given(joint: JointStates, q: Array, v: Array) -> tuple[Array, Array]:
-    quaternion = _quaternion(joint, q)
-    velocity = _turned(quaternion * [-1.0, -1.0, -1.0, 1.0], v[:, :3] @ joint.axes)
-    return np.hstack([q[:, :3] @ joint.axes, quaternion]), np.hstack([velocity, v[:, 3:]])
-
-
-def _quaternion(joint: JointStates, q: Array) -> Array:
-    _require_unit(np.linalg.norm(q[:, 3:], axis=1), f"the quaternion of '{joint.name}'")
-    return q[:, 3:]
-
-
-TAKE: Mapping[str, Change] = {
-    "same": lambda _, q, v: (q, v),
-    "continuous": _angle_taken,
-    "planar": _plane_taken,
-    "floating": _flight_taken,
-}
-"""From Pinocchio's states to pinarm's."""
-
-GIVE: Mapping[str, Change] = {
-    "same": lambda _, q, v: (q, v),
-    "continuous": _angle_given,
-    "planar": _plane_given,
-    "floating": _flight_given,
-}
-"""From pinarm's states to Pinocchio's."""
 
 
 class PinocchioLayout(Record, frozen=True):
@@ -228,14 +207,14 @@ class PinocchioLayout(Record, frozen=True):
         """Return q, shape (n, nq), and v, shape (n, nv), from those of Pinocchio, shapes (n, p_nq) and (n, p_nv)."""
         q, v = np.zeros((len(p_q), self.nq)), np.zeros((len(p_q), self.nv))
         for part in self.parts:
-            q[:, part.q], v[:, part.v] = TAKE[part.way](part, p_q[:, part.p_q], p_v[:, part.p_v])
+            q[:, part.q], v[:, part.v] = part.take(p_q[:, part.p_q], p_v[:, part.p_v])
         return q, v
 
     def give(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q, shape (n, p_nq), and v, shape (n, p_nv), of Pinocchio."""
         p_q, p_v = np.zeros((len(q), self.p_nq)), np.zeros((len(q), self.p_nv))
         for part in self.parts:
-            p_q[:, part.p_q], p_v[:, part.p_v] = GIVE[part.way](part, q[:, part.q], v[:, part.v])
+            p_q[:, part.p_q], p_v[:, part.p_v] = part.give(q[:, part.q], v[:, part.v])
         return p_q, p_v
 
 

@@ -98,10 +98,7 @@ def build_model(
     Raises:
         ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
     """
-    xml, read = _read(xml, name)
-    tree = _tuned(read)
-    if tree.held:  # numbers that are tuned are those of the joint as it moves
-        tree = _within_reach(with_held(tree))
+    xml, tree = _read(xml, name)
     tree = _with_base(tree, base)
     if creep == np.inf:
         tree = replace(tree, joints=[replace(joint, friction=0.0) for joint in tree.joints])
@@ -126,7 +123,7 @@ def _read(xml: str, name: str) -> tuple[str, Tree]:
     if any(":" in element.tag or any(map(_is_undeclared, element.attrib)) for element in root.iter()):
         xml = ElementTree.tostring(_without_prefixes(tree_of(xml)), encoding="unicode")
     try:
-        return xml, _within_reach(_tree(root, name))
+        return xml, _within_reach(with_held(_within_reach(_tree(root, name))))
     except ArithmeticError as error:
         problem = f"a number that follows from the model is beyond all numbers ({error})"
         raise ModelError(problem, hint="sizes and masses below 1e50") from None
@@ -191,40 +188,6 @@ def _tree(root: ElementTree.Element, name: str) -> Tree:
             f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro), <mujoco> (MJCF) or <sdf>"
         )
     return urdf_tree(root)
-
-
-def _tuned(tree: Tree) -> Tree:
-    """Return the tree with numbers for the springs and dampers that are given per inertia of their joint.
-
-    The inertia of a joint is the harmonic mean of its ``1 / (M^-1)_ii`` at the reference pose, as in MuJoCo.
-    """
-    if not any(joint.tuned_stiffness or joint.tuned_damping for joint in tree.joints):
-        return tree
-    model, drawn = _assembled(tree), {joint.name: joint.drawn for joint in tree.joints}
-    q = pin.neutral(model)
-    for name, made in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-        if made.nq == 1:
-            q[made.idx_q] = drawn.get(name, 0.0)
-    upper = np.triu(pin.crba(model, model.createData(), q))
-    try:
-        mobility = np.diag(np.linalg.inv(upper + np.triu(upper, 1).T))
-    except np.linalg.LinAlgError:
-        raise ModelError(
-            "springdamper needs a mass that its joint moves",
-            expected="masses beyond every joint",
-            hint="stiffness and damping in its place",
-        ) from None
-    return replace(tree, joints=tuple(_with_numbers(model, joint, mobility) for joint in tree.joints))
-
-
-def _with_numbers(model: pin.Model, joint: TreeJoint, mobility: Array) -> TreeJoint:
-    """Return a joint with the stiffness and damping that it has with the diagonal of M^-1, shape (nv,)."""
-    if not joint.tuned_stiffness and not joint.tuned_damping:
-        return joint
-    parts = [model.joints[model.getJointId(part.name)] for part in _parts(joint)]
-    inertia = 1.0 / np.concatenate([mobility[part.idx_v : part.idx_v + part.nv] for part in parts]).mean()
-    stiffness, damping = inertia * joint.tuned_stiffness, inertia * joint.tuned_damping
-    return replace(joint, stiffness=joint.stiffness + stiffness, damping=joint.damping + damping)
 
 
 def _with_base(tree: Tree, base: Base | None) -> Tree:

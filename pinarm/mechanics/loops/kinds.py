@@ -101,7 +101,6 @@ class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
     length: Span | None = None
 
     def bind(self, model: pin.Model, name: str) -> CableLoop:
-        """Return the cable of one model."""
         path = PathLength.through(model, self.through)
         length = path.at_zero(model) if self.length is None else float(self.length)
         if not length:

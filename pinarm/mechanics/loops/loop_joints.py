@@ -32,7 +32,6 @@ class LoopJoint(TiedFrames, frozen=True, kw_only=True):
     rolling: tuple[int, ...] = ()
 
     def unit(self, row: int) -> Unit:
-        """Return the unit of the gap in a row: m or rad."""
         return METRE if self.pair.along[row] else RADIAN
 
     def helical(self, row: int) -> bool:
@@ -96,5 +95,4 @@ class CableLoop(HeldCoordinate, frozen=True, kw_only=True):
         return unit("N")
 
     def whereabouts(self, q: Array) -> str:
-        """Return nothing: the instant tells."""
         return ""

@@ -83,7 +83,6 @@ class Thread(Record, frozen=True):
         return np.asarray((self.tilt.axis @ p - self.offset) / self.pitch)
 
     def __call__(self, p: Array, axes: Axes) -> Array:
-        """Return the tilt, and about the axis the angle less the one that p asks, but for whole turns."""
         missing = angle_about(self.across, axes) - self.angle(p)
         return self.tilt(p, axes) + np.multiply.outer(self.tilt.axis, missing - whole_turns(missing))
 

@@ -144,8 +144,12 @@ def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: 
     stiffness, damping, friction, armature = (_coefficient(attributes, key, settings, where) for key in COEFFICIENTS)
     joint = TreeJoint(name, kind, "", "", pin.SE3.Identity(), stiffness=stiffness, damping=damping, friction=friction,
                       armature=armature)  # fmt: skip
-    if "springdamper" in attributes:
-        joint = _tuned(joint, attributes, settings, where)
+    if "springdamper" in attributes and numbers_in(attributes, "springdamper", where, 2).any():
+        raise ModelError(
+            f"{where}: springdamper='{attributes['springdamper'][:60]}' is not read",
+            expected="stiffness and damping of the joint",
+            hint="with its inertia m: stiffness m / (T D)^2 and damping 2 m / T of the time constant T and the ratio D",
+        )
     if kind == "floating":
         return joint
     anchor = pin.SE3(np.eye(3), part.frame.act(numbers_in(attributes, "pos", where, 3, (0.0, 0.0, 0.0))))
@@ -173,24 +177,6 @@ def _measured(settings: Settings, joint: TreeJoint, attributes: Attributes, wher
     back = pin.SE3(pin.exp3(-drawn * joint.axis), np.zeros(3)) if turns else pin.SE3(np.eye(3), -drawn * joint.axis)
     bounds = Bounds(float(lower), float(upper), effort=float(effort))
     return replace(joint, offset=back * joint.offset, bounds=bounds, rest=rest, drawn=drawn)
-
-
-def _tuned(joint: TreeJoint, attributes: Attributes, settings: Settings, where: str) -> TreeJoint:
-    """Return a joint whose spring and damper follow from time constant T and damping ratio D, as ``springdamper`` says.
-
-    With the inertia m of the joint at the reference pose they are ``m / (T D)^2`` and ``2 m / T``, in place of those
-    that are given.
-    """
-    constant, ratio = numbers_in(attributes, "springdamper", where, 2)
-    if not constant and not ratio:
-        return joint
-    if constant <= 0.0 or ratio <= 0.0:
-        raise ModelError(
-            f"{where}: springdamper='{attributes['springdamper']}'", expected="two positive numbers, or 0 0"
-        )
-    stiffness = 0.0 if COEFFICIENTS["stiffness"] & settings.off else 1.0 / (constant * ratio) ** 2
-    damping = 0.0 if COEFFICIENTS["damping"] & settings.off else 2.0 / constant
-    return replace(joint, stiffness=0.0, damping=0.0, tuned_stiffness=stiffness, tuned_damping=damping)
 
 
 def _range(attributes: Attributes, key: str, switch: str, settings: Settings, where: str) -> Array:

@@ -137,7 +137,6 @@ class Settings:
 
     @classmethod
     def of(cls, model: Element) -> Settings:
-        """Read the sections of a model."""
         compiler, option = (_merged(model.findall(tag)) for tag in ("compiler", "option"))
         flags = _merged(model.findall("option/flag"))
         if compiler.get("coordinate", "local") != "local":
