@@ -23,7 +23,7 @@ FLOOR_PLAN = {
     "arrays": "",
     "input": "numbers units roots xml_text formulas yaml csv_tables xacro robots",
     "mechanics": "geometry joints laws limited_states motors coordinates control rotors ball_joints loops "
-    "forces couplings loading friction points perturbation planar description",
+    "forces couplings loading friction points perturbation planar_drawing description",
     "engine": "series labelled_array kernel integration constraints dynamics mesh_inertias "
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_loading",
     "problems": "time_grid accuracy joint_values weights laws loads drives control declaration events "

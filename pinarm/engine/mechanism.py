@@ -24,7 +24,7 @@ from pinarm.input.formulas.expressions import Expression
 from pinarm.input.numbers import decimal
 from pinarm.input.roots import file_root, root_of
 from pinarm.input.units import Unit
-from pinarm.input.xacro.expansion import expand_columns
+from pinarm.input.xacro.expander import expand_columns
 from pinarm.mechanics.ball_joints import Ball, positions_of
 from pinarm.mechanics.coordinates import Coordinate, coordinate_of
 from pinarm.mechanics.couplings.coupling import JointRelation

@@ -18,7 +18,7 @@ from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.numbers import argument_word
 from pinarm.input.units import Unit
-from pinarm.input.xacro.expansion import UnknownArgument, check_declared
+from pinarm.input.xacro.expander import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document, Values, varied
 from pinarm.input.yaml.schema import (
     AnyQuantity,
@@ -376,7 +376,7 @@ def loop_coordinates_of(
     """Return the coordinates of loop joints."""
     if not loops:
         return {}
-    from pinarm.mechanics.loops.relative import loop_coordinates
+    from pinarm.mechanics.loops.lower_pairs import loop_coordinates
 
     coordinates = loop_coordinates(model, loops)
     for name in coordinates:

@@ -26,14 +26,14 @@ from pinarm.input.roots import (
     packages_around,
     root_of,
 )
-from pinarm.input.xacro.expansion import check_declared, expand
+from pinarm.input.xacro.expander import check_declared, expand
 from pinarm.input.xml_text import MAX_BYTES, Element, UnknownName, location_of, read, resolve_includes, tree_of
 from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.planar.drawing import PlanarDrawing
+    from pinarm.mechanics.planar_drawing import PlanarDrawing
 
 MESH_MASSES = "masses of meshes are those of MuJoCo's compiler"
 """What is said of a model whose meshes have masses."""
@@ -130,7 +130,7 @@ def _drawn(
     description: MechanismDescription, drawing: PlanarDrawing, data: Mapping[str, Any], folder: Path
 ) -> tuple[RobotModel, Mapping[str, str], Source]:
     """Return what a drawing expands to, with gravity in its plane; the source is that of the expansion."""
-    from pinarm.mechanics.planar.expansion import expanded  # not paid for by others
+    from pinarm.mechanics.planar_drawing import expanded  # not paid for by others
 
     model, defects = expanded(drawing), description.defects or "refused"
     down = Gravity(direction="-y")

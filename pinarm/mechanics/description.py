@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.forces.kinds import Force
     from pinarm.mechanics.friction.definition import Friction
     from pinarm.mechanics.loops.kinds import Loop
-    from pinarm.mechanics.planar.drawing import PlanarDrawing
+    from pinarm.mechanics.planar_drawing import PlanarDrawing
     from pinarm.mechanics.points import Payload, PointDefinition
     from pinarm.mechanics.rotors import Drive
 else:  # imported where a file has the key, see MechanismDescription.deferred
@@ -116,7 +116,7 @@ class MechanismDescription(InputStruct, frozen=True):
     """
 
     deferred: ClassVar[Deferred] = {
-        "planar": ("pinarm.mechanics.planar.drawing", "PlanarDrawing"),
+        "planar": ("pinarm.mechanics.planar_drawing", "PlanarDrawing"),
         "points": ("pinarm.mechanics.points", "PointDefinition"),
         "control": ("pinarm.mechanics.control.kinds", "Control"),
         "coordinates": ("pinarm.mechanics.coordinates", "CoordinateDefinition"),

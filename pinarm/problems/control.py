@@ -23,8 +23,8 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.control.controller import Controller, Plant, Reader, Signal
+from pinarm.mechanics.control.kinds import PidController
 from pinarm.mechanics.control.motor_control import MotorController
-from pinarm.mechanics.control.pid import PidController
 from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE

@@ -9,7 +9,7 @@ import pytest
 
 from pinarm.errors import PinarmError
 from pinarm.input.xacro import evaluation
-from pinarm.input.xacro.expansion import expand
+from pinarm.input.xacro.expander import expand
 from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT
 
 SECRET = "canary-in-a-coal-mine"

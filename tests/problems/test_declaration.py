@@ -6,8 +6,7 @@ import msgspec
 import pytest
 
 from pinarm.input.yaml.schema import Level, Rate, SecondRate, with_types
-from pinarm.mechanics.control.kinds import Control
-from pinarm.mechanics.control.pid import Pid
+from pinarm.mechanics.control.kinds import Control, Pid
 from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Constant, Motion
 from pinarm.problems import KINDS, problem_class

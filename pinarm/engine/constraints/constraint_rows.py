@@ -27,7 +27,7 @@ from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, Varia
 from pinarm.mechanics.geometry.pairs import TiedFrames
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
-from pinarm.mechanics.loops.relative import TurnedAbout
+from pinarm.mechanics.loops.lower_pairs import TurnedAbout
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:

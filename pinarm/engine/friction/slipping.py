@@ -27,8 +27,7 @@ from pinarm.arrays import Array
 from pinarm.errors import DynamicsError
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.friction.bearing import Bearing
-    from pinarm.mechanics.friction.contact import FrictionContact
+    from pinarm.mechanics.friction.contact import Bearing, FrictionContact
 
 SIDES = 1e-12
 """Part of its terms by which a multiplier may be on the other side of a kink: there both sides have one wrench."""

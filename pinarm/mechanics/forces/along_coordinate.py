@@ -16,8 +16,7 @@ from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, Damping, InputStruct, NotNegative, Span, Stiffness, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PathLength, coordinate_of
 from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement, LawElement, Pieces
-from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys
-from pinarm.mechanics.forces.measured_coordinate import MeasuredCoordinate
+from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys, MeasuredCoordinate
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, Joint, effort_unit
 from pinarm.mechanics.laws import Law

@@ -1,4 +1,4 @@
-"""Loads over a coordinate, in one direction of motion, and for a limited time: the keys that loads with a law share.
+"""Coordinates as loads measure them, and loads over a coordinate, in one direction of motion, for a limited time.
 
 Loads may jump where positions must not. A motion is integrated from jump to jump: in between the load is continued
 smoothly, and its jumps are located as events.
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -20,13 +20,79 @@ from pinarm.arrays import Array, Flags, continued
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, Time, check_unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, coordinate_of
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate, PathLength, coordinate_of
 from pinarm.mechanics.forces.force_element import Edge, Pieces
-from pinarm.mechanics.forces.measured_coordinate import MeasuredCoordinate
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, polynomial
 from pinarm.mechanics.laws.over_coordinate import Driven, Profile, reversals
-from pinarm.records import Record, replace
+from pinarm.records import AbstractRecord, Record, replace
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.geometry.frame_pairs import FramePairs
+    from pinarm.mechanics.geometry.pairs import TiedFrames
+
+
+class MeasuredCoordinate(AbstractRecord, frozen=True):
+    """A coordinate w with the row J, ``w' = J v``."""
+
+    unshown: ClassVar[tuple[str, ...]] = ("model",)
+
+    model: pin.Model
+    coordinate: Coordinate
+
+    def edge(self, value: Callable[[Array, Array], Array], counts: Callable[[Array], Flags] | None = None) -> Edge:
+        """Return an edge at zeros of a function of w and its rate, which count where another one of w says so."""
+        return Edge(lambda t, q, v: value(*self.moving(q, v)[:2]), counts and (lambda t, q, v: counts(self.values(q))))
+
+    def values(self, q: Array) -> Array:
+        """Return w, shape (...)."""
+        return self._evaluated(q)[0]
+
+    def moving(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return w and its rate, shape (...), and J, shape (..., nv)."""
+        w, rows = self._evaluated(q)
+        return w, (rows * v).sum(axis=-1), rows
+
+    def _evaluated(self, q: Array) -> tuple[Array, Array]:
+        """Return w, shape (...), and J, shape (..., nv)."""
+        if isinstance(self.coordinate, LinearCoordinate):
+            weights = self.coordinate.weights
+            values = np.asarray(q[..., self.coordinate.places] @ weights)
+            return values, np.broadcast_to(weights, (*values.shape, len(weights)))
+        states = q.reshape(-1, q.shape[-1])
+        if len(states) == 1 and np.isrealobj(q):
+            w, rows = self._of_state(Kinematics.at(self.model, states[0]))
+        else:
+            w, rows = self._of_frames(states)
+        return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
+
+    def _of_state(self, state: Kinematics) -> tuple[Array, Array]:
+        if not isinstance(self.coordinate, PairCoordinate):
+            return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
+        w, rows = self.coordinate.way.measured(state)
+        return w + self.coordinate.missing_turns(w, state.q), rows
+
+    def _of_frames(self, states: Array) -> tuple[Array, Array]:
+        """Return w, shape (n,), and J, shape (n, nv), by the motions of the frames that the coordinate measures."""
+        w, rows = np.zeros(len(states), states.dtype), np.zeros((self.model.nv, len(states)), states.dtype)
+        for way, frames in self._ways:
+            motion = frames.at_configurations(states)
+            w += way.pair.gap(*motion.flat)[0]
+            rows[frames.velocities[:, 0]] += motion.rows(way.pair)[0, :, 0]
+        if isinstance(self.coordinate, PairCoordinate):
+            w += self.coordinate.missing_turns(w, states)
+        return w, rows.T
+
+    @cached_property
+    def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:
+        """The pairs of frames that the coordinate measures."""
+        from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
+
+        along = self.coordinate
+        assert isinstance(along, PairCoordinate | PathLength)
+        return [(way, FramePairs.between(self.model, way.first, way.second)) for way in along.ways]
+
 
 SENSES = {"increasing": 1.0, "decreasing": -1.0}
 """Directions of motion, and the signs of their rates."""

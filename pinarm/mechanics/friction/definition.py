@@ -17,8 +17,7 @@ from pinarm.mechanics.ball_joints import balls_of
 from pinarm.mechanics.coordinates import LinearCoordinate, PairCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.couplings.transmissions import ToothContact
-from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.contact import CoupledSlip, FrictionContact, FrictionLaw
+from pinarm.mechanics.friction.contact import Bearing, CoupledSlip, FrictionContact, FrictionLaw
 from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.geometry.pairs import LowerPair, TiedFrames
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
@@ -171,7 +170,7 @@ class Friction(InputStruct, frozen=True):
             self._check_sizes("a belt")
             return belt_friction(coupling, self._law(METRE))
         if self.teeth is not None:
-            from pinarm.mechanics.friction.tooth import tooth_friction
+            from pinarm.mechanics.friction.coupling_friction import tooth_friction
 
             self._check_sizes("teeth")
             return tooth_friction(coupling, self.teeth, self._law(METRE), shared=self._shared)

@@ -260,7 +260,7 @@ class _Part(Record, frozen=True):
 
     def _counting(self, coordinate: Coordinate) -> Coordinate:
         """Return a coordinate of frames; of an angle at a loop joint, joints that are locked count as they stand."""
-        from pinarm.mechanics.loops.relative import TurnedAbout  # most have none
+        from pinarm.mechanics.loops.lower_pairs import TurnedAbout  # most have none
 
         turns = coordinate.turns if isinstance(coordinate, TurnedAbout) else None
         if not isinstance(coordinate, TurnedAbout) or turns is None:

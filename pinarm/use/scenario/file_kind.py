@@ -105,7 +105,7 @@ def map_in_mechanism_file(key: str) -> str | None:
     """Return the path to the map of a mechanism file that has a key; ``None`` where none has."""
     if key in MechanismDescription.__struct_fields__:
         return ""
-    from pinarm.mechanics.planar.drawing import PlanarDrawing
+    from pinarm.mechanics.planar_drawing import PlanarDrawing
 
     return "planar." if key in PlanarDrawing.__struct_fields__ else None
 

@@ -15,7 +15,7 @@ from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.joints import Joint, moved_links, screw_of
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
-from pinarm.mechanics.planar.expansion import FAR
+from pinarm.mechanics.planar_drawing import FAR
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.use.result.presentation import DEGREE, Presentation
 from pinarm.use.show.document import ReportTable, number, unit_text, with_unit

@@ -308,7 +308,7 @@ def names_of(mechanism: Mechanism, shown: Scene, how: Presentation) -> list[Name
 
 
 def _all_names(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> Iterator[Name]:
-    from pinarm.mechanics.planar.drawing import GROUND
+    from pinarm.mechanics.planar_drawing import GROUND
 
     model, reached = mechanism.model, reaches(mechanism.model, nodes)
     frames = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}

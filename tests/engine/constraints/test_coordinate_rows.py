@@ -10,8 +10,7 @@ from pinarm.mechanics.coordinates import Distance, PointCoordinate, Rotation, ro
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
-from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS, Helical
-from pinarm.mechanics.loops.relative import loop_coordinates
+from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS, Helical, loop_coordinates
 from pinarm.mechanics.rotors import GearedRotor
 
 ARM = (

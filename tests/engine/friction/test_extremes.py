@@ -9,8 +9,7 @@ from pinarm.engine.friction.complementarity import FrictionBalance, groups_of
 from pinarm.engine.friction.extremes import extreme_frictions
 from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slipping import CarriedLoads
-from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.contact import FrictionLaw
+from pinarm.mechanics.friction.contact import Bearing, FrictionLaw
 
 
 def held(slips, pull, limits, mu=None, weight=0.0, coupling=0.0):

@@ -11,7 +11,7 @@ from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slip import SlipGroup
 from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.bearing import Bearing
+from pinarm.mechanics.friction.contact import Bearing
 
 RATIO, CONSTANT, WEIGHT = 10.0, 60.0, 1000.0
 """Slip of the gear per slip of the guide, limit of the guide [N], and normal force of the gear without friction [N]."""

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.bearing import Bearing
+from pinarm.mechanics.friction.contact import Bearing
 
 
 def slipping(coupling, first=10.0, mu=0.3, sign=1.0, constant=0.0):

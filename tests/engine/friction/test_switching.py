@@ -10,8 +10,7 @@ from pinarm.engine.friction.complementarity import FrictionBalance, decided, gro
 from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.contact import FrictionLaw
+from pinarm.mechanics.friction.contact import Bearing, FrictionLaw
 
 
 def balance(rows, pull, limits, static=None):

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pinarm.errors import PinarmError
-from pinarm.input.xacro.expansion import expand, expand_columns
+from pinarm.input.xacro.expander import expand, expand_columns
 from tests.input.xacro.test_expansion import content, plainly
 
 ROOT = Path(__file__).parents[3]

@@ -12,7 +12,7 @@ import pytest
 
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.roots import contained_file, example_robot_data, file_root, packages_around
-from pinarm.input.xacro.expansion import Expansion, expand
+from pinarm.input.xacro.expander import Expansion, expand
 from pinarm.input.xml_text import tree_of
 
 HEAD = '<?xml version="1.0"?>\n<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'

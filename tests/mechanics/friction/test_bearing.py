@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.contact import FrictionLaw
+from pinarm.mechanics.friction.contact import Bearing, FrictionLaw
 
 Z = np.array([0.0, 0.0, 1.0])
 

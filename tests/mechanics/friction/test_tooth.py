@@ -5,7 +5,7 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.mechanics.couplings.transmissions import PitchSurfaces
-from pinarm.mechanics.friction.tooth import ToothMesh
+from pinarm.mechanics.friction.coupling_friction import ToothMesh
 
 ALPHA = np.radians(20.0)
 MODULE = 0.004

@@ -6,8 +6,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.mechanics.planar.drawing import PlanarDrawing
-from pinarm.mechanics.planar.expansion import joined
+from pinarm.mechanics.planar_drawing import PlanarDrawing, joined
 
 SOUND = """\
 pinarm: 1
