@@ -31,6 +31,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
+from pinarm.use.study.sweep import sweep
 from pinarm.use.workers import executors
 from pinarm.use.workers.executors import LocalProcesses
 
@@ -120,7 +121,8 @@ class ThisProcess(LocalProcesses):
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Solve sweeps and batches in this process, where a test asks for no second worker."""
     processes = LocalProcesses
-    monkeypatch.setattr(executors, "cores", lambda: 1)
+    for module in (executors, sweep):
+        monkeypatch.setattr(module, "cores", lambda: 1)
     monkeypatch.setattr(executors, "LocalProcesses", lambda number: (ThisProcess if number == 1 else processes)(number))
 
 

@@ -29,10 +29,10 @@ def test_a_name_says_of_itself_where_it_lives() -> None:
 PLAIN = {
     "str", "int", "float", "bool", "object", "None", "Any", "Path", "Mapping", "Sequence", "Callable", "Iterator",
     "Literal", "Array", "ArrayLike", "Values", "Given", "Subject", "Unit", "pin", "Model", "ControlFunction",
-    "Executor",
+    "Executor", "ResultFunction",
 }  # fmt: skip
 """What parameters of public functions are made of, beside public types: plain ones, values, scenarios, units of
-quantities, Pinocchio's models, functions ``u(t, state)``, executors of the standard library."""
+quantities, Pinocchio's models, functions ``u(t, state)`` and of results, executors of the standard library."""
 
 
 def public_calls() -> Iterator[tuple[str, Any]]:

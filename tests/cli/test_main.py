@@ -39,6 +39,7 @@ problem:
   time: {end: 0.3 s, samples: 31}
   loads: {push: {kind: joint_effort, joint: pivot, effort: EFFORT}}
 outputs: [pivot]
+accuracy: {tolerance: 1e-2}
 """
 BLOW_UP = "{law: constant_speed, from: 1 N*m, speed: 1e7 N*m/rad}, over: pivot"  # grows e-fold every 0.5 ms
 

@@ -74,6 +74,7 @@ def test_a_block_on_an_incline_stays_where_it_is_or_nowhere(mechanism, chain, sl
     assert found.notes[-1].endswith("has no end: friction holds every position as far as it was followed")
 
 
+@pytest.mark.slow
 def test_friction_may_hold_every_position_of_a_turn(mechanism, chain):
     pendulum = mechanism(chain(BOB), friction={"bob": {"constant": f"{1.01 * MASS * G * LENGTH!r} N*m"}})
     found = outcome(pendulum, [{"bob": 0.3}])

@@ -66,6 +66,7 @@ def test_a_limit_on_the_way_is_told_in_kinematics():
     assert result["panda_joint3"].values.min() == pytest.approx(0.1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_limit_on_the_way_is_refused_in_inverse_dynamics():
     with pytest.raises(InputError, match="it would take infinite efforts") as caught:
         pinarm.run(SCENARIO, {**SHORT, "problem.resolve.within": LIMIT})
@@ -74,7 +75,8 @@ def test_a_limit_on_the_way_is_refused_in_inverse_dynamics():
 
 
 def test_weights_move_the_motion_towards_the_heavier_joints():
-    plain, heavy = (run(**changes) for changes in ({}, {"resolve.weights": dict.fromkeys(JOINTS, 1) | {JOINTS[2]: 9}}))
+    heavier = {"resolve.weights": dict.fromkeys(JOINTS, 1) | {JOINTS[2]: 9}}
+    plain, heavy = (run(**{"time.end": "1 s"}, **changes) for changes in ({}, heavier))
     off = [np.abs(result["panda_joint3"].values - np.deg2rad(20)).max() for result in (plain, heavy)]
     assert off[1] < 0.2 * off[0]
 
