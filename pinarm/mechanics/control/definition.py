@@ -224,7 +224,8 @@ class References(Readable):
         """
         with within("follows"):
             laws = self._named(names, rest) if isinstance(self.given, dict) else self._listed(names)
-            for key, law, signal in zip(self._keys(names), laws, signals, strict=True):
+            for k, (name, law, signal) in enumerate(zip(names, laws, signals, strict=True)):
+                key = [name] if isinstance(self.given, dict) else [k] if isinstance(self.given, list) else []
                 with within(*key):
                     law.check_units(signal.unit)
         return tuple(laws)
@@ -252,12 +253,6 @@ class References(Readable):
         if missing := [name for name, law in laws.items() if law is None]:
             raise InputError(f"{', '.join(missing)} has no law to follow", expected="a law for each coordinate")
         return [law for law in laws.values() if law is not None]
-
-    def _keys(self, names: Sequence[str]) -> list[tuple[str | int, ...]]:
-        """Return where the law of each coordinate stands."""
-        if isinstance(self.given, dict):
-            return [(name,) for name in names]
-        return [(row,) for row in range(len(names))] if isinstance(self.given, list) else [()]
 
 
 def _law(value: Any, *at: str | int) -> Law:

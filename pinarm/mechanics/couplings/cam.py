@@ -25,7 +25,7 @@ from pinarm.mechanics.forces.force_element import Edge, Pieces
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Direction, Joint, frame_of, joint_of, unit_vector
-from pinarm.mechanics.laws.composed import Law
+from pinarm.mechanics.laws.kinds import Law
 from pinarm.mechanics.laws.motion_law import JUMP, MotionLaw, Values
 from pinarm.mechanics.laws.over_coordinate import Profile
 from pinarm.records import AbstractRecord, replace

@@ -19,7 +19,7 @@ from pinarm.arrays import Array, distinct
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, check_unit
-from pinarm.mechanics.laws.composed import CONTINUOUS, Law
+from pinarm.mechanics.laws.kinds import CONTINUOUS, Law
 from pinarm.mechanics.laws.motion_law import JUMP, MotionLaw, Piece, Values
 from pinarm.records import ValueRecord
 

@@ -13,7 +13,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
 from pinarm.engine.mechanism import mechanism_variants
 from pinarm.errors import AssemblyError
-from pinarm.mechanics.laws.elementary import ConstantSpeed
+from pinarm.mechanics.laws.kinds import ConstantSpeed
 from pinarm.mechanics.laws.motion_law import Grid
 
 PATH = Path(__file__).parents[3] / "models" / "crank_rocker" / "mechanism.yaml"

@@ -18,8 +18,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, several
 from pinarm.input.xml_text import MAX_LINKS, bound, check_names, counted
-from pinarm.mechanics.loading.mjcf.equalities import Equalities
-from pinarm.mechanics.loading.mjcf.joints import Notes, aligned, elements_of, joint_chain, with_actuators
+from pinarm.mechanics.loading.mjcf.joints import Equalities, Notes, aligned, elements_of, joint_chain, with_actuators
 from pinarm.mechanics.loading.mjcf.settings import (
     GENERATED,
     MJCF,
