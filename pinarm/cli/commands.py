@@ -156,8 +156,7 @@ def _run(options: Namespace) -> int:
     VALUES,
 )
 def _check(options: Namespace) -> int:
-    from pinarm.use.study.answers.check import check, misses, told_apart
-    from pinarm.use.study.answers.verdict_table import plain, verdicts
+    from pinarm.use.study.answers.check import check, misses, plain, told_apart, verdicts
     from pinarm.use.study.run import scenario_files
 
     solved: dict[Path, Findings] = {}
@@ -419,8 +418,7 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
     VALUES,
 )
 def _tradeoff(options: Namespace) -> int:
-    from pinarm.use.study.tradeoff import tradeoff
-    from pinarm.use.study.tradeoff_view import report
+    from pinarm.use.study.tradeoff import report, tradeoff
 
     with work(options, "trade-off") as (scenario, target, _):
         trade = tradeoff(scenario)

@@ -23,7 +23,7 @@ from pinarm.use.cases.case import Row
 from pinarm.use.show.meshes import read_mesh
 from pinarm.use.study.restore import restore
 from pinarm.use.study.sweep.axes import read_cases
-from pinarm.use.study.sweep.journal import Journal
+from pinarm.use.study.sweep.solving import Journal
 from pinarm.use.workers.executors import ExecutorWorkers
 
 LARGEST = 100_000

@@ -26,10 +26,9 @@ from pinarm.use.show.notebook import frame
 from pinarm.use.show.plot import graph, plot
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import FEW, accuracy_lines, counted, error_lines, ranges
-from pinarm.use.study.answers.check import finding_of
-from pinarm.use.study.answers.verdict_table import HEADING
-from pinarm.use.study.answers.verdict_table import remarks as verdict_remarks
-from pinarm.use.study.answers.verdict_table import rows as verdict_rows
+from pinarm.use.study.answers.check import HEADING, finding_of
+from pinarm.use.study.answers.check import remarks as verdict_remarks
+from pinarm.use.study.answers.check import rows as verdict_rows
 
 if TYPE_CHECKING:
     from pinarm.use.facade import Result

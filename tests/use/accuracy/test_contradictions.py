@@ -14,8 +14,7 @@ from pinarm.errors import IntegrationError
 from pinarm.problems import forward
 from pinarm.use.accuracy import error_estimate
 from pinarm.use.accuracy.integration_settings import with_setting
-from pinarm.use.study.tradeoff import reference_solution, tradeoff
-from pinarm.use.study.tradeoff_view import settings
+from pinarm.use.study.tradeoff import reference_solution, settings, tradeoff
 
 from .test_error_estimate import SLIDE, SPRING, on_slide
 

@@ -14,7 +14,7 @@ from pinarm.errors import InputError, UnitError
 from pinarm.use.report.report import report as document
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import ranges, report
-from pinarm.use.study.answers.verdict_table import rows as verdicts
+from pinarm.use.study.answers.check import rows as verdicts
 
 CHOSEN = """\
 units: {M: kN*mm, alpha: rad, joint.pivot.velocity: rpm, t: ms}

@@ -1,27 +1,275 @@
-"""Solution of the cases of a sweep: rows in the journal are taken from it, the other cases go to workers."""
+"""Solution of the cases of a sweep: rows in the journal are taken from it, the other cases go to workers.
+
+The journal is a file that is only added to, so that an interrupted sweep goes on. Its first line says what the file is.
+Each further line of JSON is a set of files with the digests of their contents, or a case: the digest of everything else
+that determines its numbers, the set of files that it refers to, and its row. A case is known where both are as they
+were. A line that was cut short, or is no such entry, is passed over, and its case solved again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+import fcntl
+import hashlib
+import io
+import json
+import os
+import pickle
+import secrets
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote, unquote_to_bytes
 
+import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.errors import InputError
+from pinarm.errors import InputError, PinarmError
+from pinarm.input.roots import Stamp, stamp_of
 from pinarm.input.units import DIMENSIONLESS
+from pinarm.input.yaml.schema import plain
+from pinarm.mechanics.control.function import FunctionControl
+from pinarm.problems.forward import Forward
 from pinarm.records import replace
-from pinarm.use.cases.case import WORTH, Row, Task
+from pinarm.use.cases.case import WORTH, Row, Task, Value
 from pinarm.use.cases.case_table import CaseTable
 from pinarm.use.cases.solving import CaseSolver
-from pinarm.use.output import check_replaceable, reason
+from pinarm.use.output import check_replaceable, locks, reason
 from pinarm.use.study.sweep.axes import Cases
-from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
 from pinarm.use.workers.runners import Runners
-from pinarm.use.workers.worker import LostJob
+from pinarm.use.workers.worker import LostJob, file_digest, versions
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.use.scenario.scenario import ScenarioSource
+
+JOURNAL = "journal.jsonl"
+"""Its name in the folder of a sweep."""
+
+HEAD = b'{"journal": "pinarm sweep", "format": 1}\n'
+"""Its first line."""
+
+PLAIN = json.JSONEncoder(sort_keys=True, default=str)
+"""Writes plain data in one way only."""
+
+
+def digest(data: object) -> str:
+    """Return a digest of plain data."""
+    return hashlib.sha256(PLAIN.encode(data).encode()).hexdigest()[:32]
+
+
+def task_digest(task: Task) -> str:
+    """Return a digest of all that determines the numbers of a sweep, but for its files and the values of its cases.
+
+    The code of this program is part of it, a mechanism that was given in Python, and where loops may be closed from the
+    anchors of the task, these too.
+    """
+    relevant = {key: value for key, value in task.source.document.data.items() if key not in ("expect", "title")}
+    anchors = [dict(anchor) for anchor in task.anchors] if _depends_on_anchors(task) else []
+    wanted, folder = [repr(entry) for entry in task.wanted], str(task.source.folder.resolve())
+    return digest([relevant, folder, identity(task.source), wanted, anchors, versions()])
+
+
+def _depends_on_anchors(task: Task) -> bool:
+    """Tell whether the last digits of a case may depend on the anchors: see ``Task``."""
+    try:
+        scenario = task.source.scenario()
+        return bool(scenario.mechanism.closure.size) and not isinstance(scenario.problem, Forward)
+    except PinarmError:  # cases change what is wrong with it
+        return True
+
+
+class Sources:
+    """The files that cases refer to, which have to stay the same for as long as a sweep runs."""
+
+    def __init__(self) -> None:
+        self.stamps: dict[str, Stamp | None] = {}
+        self.checked: tuple[str, ...] = ()
+
+    def check(self, files: tuple[str, ...]) -> None:
+        """Raise where a file has changed since a case first referred to it.
+
+        Cases of one answer of a worker share one tuple of files, which is looked at once.
+
+        Raises:
+            InputError: One has.
+        """
+        if files is self.checked:
+            return
+        self.checked = files
+        for file in files:
+            try:
+                stamp = stamp_of(os.stat(file))
+            except (OSError, ValueError):
+                stamp = None
+            if self.stamps.setdefault(file, stamp) != stamp:
+                hint = "the same command again: it solves anew what the old file was used for"
+                raise InputError(f"the file {file} has changed while the sweep ran", hint=hint)
+
+
+class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A line.
+
+    Attributes:
+        set: Digest of a set of files.
+        files: Its files, with the digests of their contents; nothing in the line of a case.
+        case: Digest of a case.
+        numbers: Its row; null in the file for numbers that are not finite.
+        error: Why it failed.
+    """
+
+    set: str
+    files: dict[str, str] | None = None
+    case: str = ""
+    numbers: tuple[float | None, ...] = ()
+    error: str = ""
+
+
+class Journal:
+    """An open journal.
+
+    Args:
+        path: The file, which need not exist.
+        task: The digest of the sweep's task.
+        width: Length of the row of a case.
+
+    Raises:
+        InputError: It cannot be written, is no journal, or another sweep is writing it.
+    """
+
+    def __init__(self, path: Path, task: str, width: int) -> None:
+        self.path, self.task, self.width = path, task, width
+        self.sets = dict[tuple[str, ...], str]()
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise InputError(f"the journal {path} is no regular file", hint="another folder: -o DIR")
+        try:
+            self.file = open(path, "a+b", buffering=0)  # noqa: SIM115  (closed by close)
+        except (OSError, ValueError) as error:
+            raise self._unwritable(error) from None
+        try:
+            if not locks(self.file.fileno(), fcntl.LOCK_EX):
+                raise InputError(f"another sweep is writing to {path.parent}", expected="a folder of its own")
+            self._begin()
+            self.lines = open(path, "rb")  # noqa: SIM115
+            self.positions = dict(self._read())
+        except BaseException:
+            self.file.close()
+            raise
+
+    def _begin(self) -> None:
+        """Write the first line, or raise where a file of somebody else has another; end a line that was cut short."""
+        self.file.seek(0)
+        first = self.file.read(len(HEAD)) or b""
+        if first != HEAD and HEAD.startswith(first):  # new, or cut short
+            self.file.truncate(0)
+            self._append(HEAD)
+        elif first != HEAD:
+            raise InputError(f"{self.path} is no journal of a sweep", hint="another folder: -o DIR, or move it away")
+        self.file.seek(-1, os.SEEK_END)
+        if self.file.read(1) != b"\n":
+            self._append(b"\n")
+
+    def _read(self) -> Iterator[tuple[str, int]]:
+        """Yield the cases that are known and whose files are as they were, and the positions of their lines."""
+        sets, position = dict[str, bool](), 0
+        for line in self.lines:
+            entry = _entry(line)
+            if entry and entry.files is not None:
+                names = [os.fsdecode(unquote_to_bytes(name)) for name in entry.files]
+                sets[entry.set] = _contents(names) == entry.files
+            elif entry and sets.get(entry.set) and len(entry.numbers) == (0 if entry.error else self.width):
+                yield entry.case, position
+            position += len(line)
+
+    def key(self, values: Mapping[str, Value]) -> str:
+        """Return the digest of a case."""
+        return digest([self.task, dict(values)])
+
+    def row(self, key: str) -> Row | None:
+        """Return the row of a case that is known."""
+        if key not in self.positions:
+            return None
+        self.lines.seek(self.positions[key])
+        entry = _entry(self.lines.readline())
+        if entry is None or entry.case != key:
+            return None
+        return Row(tuple(np.nan if number is None else number for number in entry.numbers), entry.error)
+
+    def add(self, cases: Iterable[tuple[str, Row]]) -> None:
+        """Write down cases that are finished, by their digests.
+
+        Raises:
+            InputError: There is no room for them.
+        """
+        lines = list[bytes]()
+        for key, row in cases:
+            if row.files not in self.sets:
+                contents = _contents(row.files)
+                self.sets[row.files] = digest(contents)
+                lines.append(msgspec.json.encode(JournalEntry(self.sets[row.files], contents)))
+            numbers = tuple(map(float, row.numbers))
+            entry = JournalEntry(self.sets[row.files], case=key, numbers=numbers, error=row.error)
+            lines.append(msgspec.json.encode(entry))
+        self._append(b"".join(line + b"\n" for line in lines))
+
+    def _append(self, line: bytes) -> None:
+        try:
+            while line:
+                line = line[self.file.write(line) :]
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def _unwritable(self, error: Exception) -> InputError:
+        hint = "the same command again, when there is room: it goes on from there"
+        return InputError(f"the journal {self.path} cannot be written ({getattr(error, 'strerror', error)})", hint=hint)
+
+    def close(self) -> None:
+        """Close the file, which others may write then."""
+        self.lines.close()
+        self.file.close()
+
+
+def _contents(files: Iterable[str]) -> dict[str, str]:
+    """Return the digests of the contents of files, by names that JSON can hold, which the system's need not be."""
+    return {quote(os.fsencode(name), safe="/: "): file_digest(name) for name in files}
+
+
+def _entry(line: bytes) -> JournalEntry | None:
+    """Return the entry in a line; nothing where it was cut short or is none."""
+    try:
+        return msgspec.json.decode(line, type=JournalEntry)
+    except (ValueError, RecursionError):
+        return None
+
+
+def identity(source: ScenarioSource) -> list[object]:
+    """Return plain data that differ where the mechanism that a scenario was given in Python does.
+
+    Functions in Python, whose code nothing tells, are never the same again.
+    """
+    acting = [*source.functions, *(source.given.control if source.given else ())]
+    functions = [secrets.token_hex() for control in acting if isinstance(control, FunctionControl)]
+    return [source.seed, functions or (_of_mechanism(source.given) if source.given else [])]
+
+
+def _of_mechanism(mechanism: Mechanism) -> list[str]:
+    """Return digests of the file of a mechanism and of what was made of it, numbers of tables included."""
+    described = msgspec.to_builtins(mechanism.description, enc_hook=plain)
+    _, (_, fields) = mechanism.__reduce__()
+    stream = io.BytesIO()
+    _Pickler(stream, protocol=5).dump([fields[name] for name in fields if name not in ("description", "locate")])
+    return [digest(described), hashlib.sha256(stream.getvalue()).hexdigest()]
+
+
+class _Pickler(pickle.Pickler):
+    """Writes sets in the same order in every process."""
+
+    def persistent_id(self, thing: Any) -> Any:
+        return sorted(map(repr, thing)) if isinstance(thing, set | frozenset) else None
+
 
 UNSOLVED = "not solved"
 

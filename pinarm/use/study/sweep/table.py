@@ -29,7 +29,7 @@ from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.terminal import aligned, counted
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 from pinarm.use.study.sweep.axes import Cases, axes_of
-from pinarm.use.study.sweep.journal import JOURNAL
+from pinarm.use.study.sweep.solving import JOURNAL
 
 if TYPE_CHECKING:
     from pandas import DataFrame

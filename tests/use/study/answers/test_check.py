@@ -13,8 +13,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.study.answers.check import Finding, misses
-from pinarm.use.study.answers.verdict_table import errata, remarks
+from pinarm.use.study.answers.check import Finding, errata, misses, remarks
 
 MODELS = Path(__file__).parents[4] / "models"
 

@@ -10,7 +10,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.cases.case import Row, Task
-from pinarm.use.study.sweep.journal import HEAD, Journal, JournalEntry, digest, task_digest
+from pinarm.use.study.sweep.solving import HEAD, Journal, JournalEntry, digest, task_digest
 
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
 
