@@ -97,10 +97,11 @@ class PinarmError(Exception):
     def _render_traceback_(self) -> list[str]:
         """Return the message and the user's line, which IPython shows in place of a traceback."""
         from itertools import takewhile
+        from pathlib import Path
         from traceback import extract_tb
 
         before = takewhile(lambda frame: not frame.filename.startswith(PACKAGE), extract_tb(self.__traceback__))
-        *_, last = [None, *before]
+        *_, last = [None, *(frame for frame in before if "numpy" not in Path(frame.filename).parts)]  # of s + t
         return [f"{type(self).__name__}: {self}", *([f"  in line {last.lineno}: {last.line}"] if last else [])]
 
 

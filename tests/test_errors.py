@@ -1,8 +1,11 @@
 """What errors say: place, excerpt with the mistake underlined, what was expected, what to try."""
 
+import numpy as np
 import pytest
 
-from pinarm.errors import SHOWN, InputError, Location, choices, printable, within
+import pinarm
+from pinarm.errors import SHOWN, InputError, Location, UnitError, choices, printable, within
+from pinarm.input.units import unit
 
 
 def test_the_mistake_is_underlined() -> None:
@@ -43,3 +46,10 @@ def test_a_misspelt_name_comes_with_the_nearest_and_a_list() -> None:
 
 def test_what_steers_a_terminal_is_replaced() -> None:
     assert printable("a\x1b[31m\nb\r") == "a\N{REPLACEMENT CHARACTER}[31m\nb\N{REPLACEMENT CHARACTER}"
+
+
+def test_a_notebook_shows_the_users_line_that_numpy_called_from():
+    length, force = (pinarm.Series(name, unit(text), np.ones(2)) for name, text in (("l", "m"), ("F", "N")))
+    with pytest.raises(UnitError) as caught:
+        length + force
+    assert caught.value._render_traceback_()[-1].endswith(": length + force")

@@ -37,6 +37,8 @@ _ACCENT = r"\\(dddot|ddot|dot|hat|bar|tilde)\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|[A-Z
 _LETTER = r"\\(var)?([A-Za-z]+)"
 _BEFORE = r"(?:(?:min|max|mean|median|rms|largest|start|end|±|[0-9.]+ %) )?"
 _NUMBER = rf"(?P<before>{_BEFORE})(?P<quantity>.*?)(?P<after>(?:\.least|\.greatest)?(?: @ .*)?)"
+FURTHER = re.compile(r"((?<![\w.@])(?<!@ )[^\W\d][\w.]*)")
+"""A name within a formula of numbers, ``M @ max - C @ min``; places such as ``max`` are none."""
 _GROUP = r"([_^])\{([^{}]*)\}"
 
 
@@ -89,7 +91,10 @@ class Presentation(ValueRecord, frozen=True):
     def label(self, name: str) -> str:
         """Return what stands for the name of a quantity where there is no TeX."""
         before, quantity, after = parts(name, self.labels)
-        return f"{before}{unicode_text(self.labels[quantity])}{after}" if quantity in self.labels else name
+        if quantity not in self.labels:
+            return name
+        after = FURTHER.sub(lambda match: unicode_text(self.labels.get(match[0], match[0])), after)
+        return f"{before}{unicode_text(self.labels[quantity])}{after}"
 
     def _chosen(self, series: Series) -> Unit | None:
         """Return the unit that a scenario asks for; a number such as ``C_B @ max`` has that of its quantity."""

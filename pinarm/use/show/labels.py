@@ -8,7 +8,7 @@ from typing import Literal
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit, printed
-from pinarm.use.result.presentation import DEGREE, SUBSCRIPTS, Presentation, parts, tex_label, unicode_letters
+from pinarm.use.result.presentation import DEGREE, FURTHER, SUBSCRIPTS, Presentation, parts, tex_label, unicode_letters
 
 PLAIN = Presentation()
 """Presentation of drawings that belong to no scenario."""
@@ -58,8 +58,8 @@ def name_label(name: str, how: Presentation = PLAIN, longest: int = LONG) -> str
     """Return the label of a name: the scenario's own, else its symbol, shortened to so many letters."""
     before, quantity, after = parts(name, how.labels)
     if quantity in how.labels:
-        label = how.labels[quantity]
-        return plain(before) + (tex_label(label) or plain(label)) + plain(after)
+        pieces = [how.labels.get(piece, piece) for piece in (quantity, *FURTHER.split(after))]
+        return plain(before) + "".join(tex_label(piece) or plain(piece) for piece in pieces)
     return symbol(name if len(name) <= longest else f"{name[: longest - 3]}...")
 
 

@@ -44,6 +44,8 @@ def test_an_axis_has_the_label_of_the_scenario_and_a_printed_unit() -> None:
     how = Presentation(labels={"C": "torque $C_A$", "F": "$F_1$"})
     assert axis_label("C", unit("N*m"), how) == "torque $C_A$ [N·m]"
     assert axis_label("F @ max", unit("N"), how) == "$F_1$ @ max [N]"
+    assert axis_label("F @ max - F @ min", unit("N"), how) == "$F_1$ @ max - $F_1$ @ min [N]"
+    assert how.label("F @ max / (C @ rms)") == "F₁ @ max / (torque C_A @ rms)"
     assert [how.label(name) for name in ("C", "F @ max")] == ["torque C_A", "F₁ @ max"]
 
 
