@@ -110,7 +110,7 @@ def residuals(name):
     [
         "crank_rocker_free",
         "slider_crank_gas",
-        "four_bar_shaking_balanced",
+        pytest.param("four_bar_shaking_balanced", marks=pytest.mark.slow),
         pytest.param("olive_vibrator_shaking", marks=pytest.mark.slow),
     ],
 )

@@ -187,7 +187,8 @@ class TestPlacesOfExtremes:
             assert abs(value - true) <= error + 1e-14 and error < most
 
 
-@pytest.mark.parametrize("samples", [pytest.param(5, marks=pytest.mark.slow), 6])
+@pytest.mark.slow
+@pytest.mark.parametrize("samples", [5, 6])
 def test_both_sides_of_a_reversal_count(samples: int) -> None:
     """``mu m g sign v - m a`` is largest just before the block turns back, whether that is a row, as of 5, or not."""
     planar = {
