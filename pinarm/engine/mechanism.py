@@ -145,7 +145,6 @@ class Mechanism(Record, frozen=True):
 
     @cached_property
     def closure(self) -> Closure:
-        """Return the rows of the constraints."""
         if not isinstance(self.model, ModelVariants):
             return Closure.of(self.model, self.constraints)
         from pinarm.engine.kinematics.variant_motion import VariantClosure  # of sweeps only
@@ -188,7 +187,6 @@ class Mechanism(Record, frozen=True):
         return math.hypot(*self.model.gravity.linear.tolist())
 
     def coordinate(self, name: str) -> Coordinate:
-        """Return a coordinate by name."""
         return coordinate_of(self.model, self.coordinates, name)
 
 

@@ -42,7 +42,6 @@ from pinarm.records import Record, replace
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.mechanics.friction.contact import FrictionContact
-    from pinarm.mechanics.loops.kinds import Loop
     from pinarm.mechanics.loops.loop_joints import CableLoop
     from pinarm.mechanics.points import Payload, PointDefinition
     from pinarm.mechanics.rotors import Drive, DriveTrain
@@ -160,37 +159,19 @@ def _build(
     units |= {name: value.unit for name, value in parameters.items() if value.unit}
     model, carried = loaded(marked(robot.model, description.points, here), description.payloads, payloads, here, caller)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
-    parts = named_parts(robot, description, model, key, here)
-    if angles := counted_angles(description, model, parts, acted, here):
-        from pinarm.mechanics.rotors import with_counters
-
-        model = with_counters(model, angles)
-        parts = named_parts(robot, description, model, key, here)
-    parts, counters = counting(model, parts, angles)
-    if (geared := rotors_along(model, description, parts.coordinates, here)) is not model:
-        model = geared
-        parts, counters = counting(model, named_parts(robot, description, model, key, here), angles)
-    joints, balls, loops, coordinates = parts.joints, parts.balls, parts.loops, parts.coordinates
-    mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
-    constraints: tuple[Constraint, ...] = (
-        *mimics,
-        *loops,
-        *couplings_of(robot, description, model, joints, key, here),
-        *counters,
-        *geared_rotors(joints, description, coordinates),
-    )
-    frictions = frictions_of(robot, description, model, joints, constraints, here)
+    reading = _Reading(robot, description, key, here)
+    model, parts, counters = reading.movable(model, acted)
+    constraints = reading.constraints(model, parts, counters)
+    frictions = reading.frictions(model, parts.joints, constraints)
     slipping = [friction.coupling for friction in frictions if friction.replaces]  # belts that friction alone ties
-    ties = tuple(tie for tie in constraints if tie not in slipping)
-    symbols = symbols_of(description, here)
-    mount_drives(model, joints, description, here)
-    forces = forces_of(robot, description, model, joints, coordinates, here)
-    forces |= elastic_gears(model, description, coordinates, here)
+    symbols = reading.symbols()
+    reading.mount_drives(model, parts.joints)
     return Mechanism(
-        description.title or model.name, model, robot.xml, joints, balls, coordinates, ties,
-        dict(description.drives), forces, symbols, resolved,
+        description.title or model.name, model, robot.xml, parts.joints, parts.balls, parts.coordinates,
+        tuple(tie for tie in constraints if tie not in slipping), dict(description.drives),
+        reading.forces(model, parts), symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried,
-        (*robot.notes, *proposals(model, only_joints(loops))), frictions, tuple(description.control),
+        (*robot.notes, *proposals(model, only_joints(parts.loops))), frictions, tuple(description.control),
         here if description.control or symbols else nowhere,
     )  # fmt: skip
 
@@ -198,29 +179,226 @@ def _build(
 def acted_along(forces: Iterable[Any], control: Iterable[Any]) -> list[str]:
     """Return the names of coordinates along which definitions of forces act, and of what controllers need."""
     along = [name for force in forces if (name := getattr(force, "coordinate", None)) is not None]
-    return [*along, *(name for one in control for name in one.names)]
+    return [*along, *(name for controller in control for name in controller.names)]
 
 
-def counted_angles(
-    description: MechanismDescription, model: pin.Model, parts: NamedParts, acted: Sequence[str], here: Place
-) -> list[str]:
-    """Return the angles whose turns are to be counted: those that are told up to whole turns, and matter beyond these.
+class NamedParts(Record, frozen=True):
+    """Joints with one coordinate, ball joints, joints that close loops and cables, and coordinates, by name."""
 
-    ``acted`` are coordinates along which something acts that the mechanism file does not say.
-    """
-    for k, name in enumerate(description.turns):
-        with here("turns", k):
-            if not coordinate_of(model, parts.coordinates, name).wraps:
-                raise InputError(
-                    f"'{name}' counts its turns, or has none",
-                    expected="L.angle of a loop joint, or J.yaw or J.roll of a ball joint",
-                )
-    names = [*description.turns, *acted_along(description.forces.values(), description.control), *acted]
-    known = parts.coordinates
-    return [name for name in dict.fromkeys(names) if name in known and known[name].wraps]
+    joints: dict[str, Joint]
+    balls: dict[str, Ball]
+    loops: list[LoopJoint | CableLoop]
+    coordinates: dict[str, Coordinate]
 
 
-def counting(model: pin.Model, parts: NamedParts, angles: Sequence[str]) -> tuple[NamedParts, list[Constraint]]:
+class _Reading(Record, frozen=True):
+    """A mechanism file beside its model, whose drawing or file ``key`` names; ``here`` gives errors their place."""
+
+    robot: RobotModel
+    description: MechanismDescription
+    key: str
+    here: Place
+
+    def movable(self, model: pin.Model, acted: Sequence[str]) -> tuple[pin.Model, NamedParts, list[Constraint]]:
+        """Return the model with joints that count turns, and with rotors; its parts, and what ties the counters.
+
+        ``acted`` are coordinates along which something acts that the mechanism file does not say.
+        """
+        parts = self.parts(model)
+        if angles := self.counted_angles(model, parts, acted):
+            from pinarm.mechanics.rotors import with_counters
+
+            model = with_counters(model, angles)
+            parts = self.parts(model)
+        parts, counters = _counting(model, parts, angles)
+        if (geared := self.with_rotors(model, parts.coordinates)) is not model:
+            model = geared
+            parts, counters = _counting(model, self.parts(model), angles)
+        return model, parts, counters
+
+    def parts(self, model: pin.Model) -> NamedParts:
+        joints, balls = joints_of(model), balls_of(model)
+        self.check_start(joints, balls)
+        turns = ball_coordinates(model, balls)
+        loops = self.loops(model)
+        if self.description.closures:
+            from pinarm.mechanics.loops.closing_frames import closures_of
+
+            with self.here("closures"):
+                loops += closures_of(model, self.description.closures, only_joints(loops))
+        turns |= self.loop_coordinates(model, only_joints(loops), {*joints, *turns})
+        with self.here("coordinates"):
+            coordinates = {**coordinates_of(model, joints, self.description.coordinates, turns), **turns}
+        return NamedParts(joints, balls, loops, coordinates)
+
+    def check_start(self, joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> None:
+        """Check names and units of the joint coordinates near which the loops close."""
+        known = positions_of(joints, balls)
+        for name, value in self.description.start.items():
+            with self.here("start", Key(name)):
+                measured = unit_of(name, known)
+            with self.here("start", name):
+                check_unit(value, measured)
+
+    def loops(self, model: pin.Model) -> list[LoopJoint | CableLoop]:
+        """Return the loop joints and cables of a drawing or a model's file, and those that the mechanism file says."""
+        drawn = self.robot.loops
+        with self.here(self.key):
+            loops: list[LoopJoint | CableLoop] = [loop.bind(model, name) for name, loop in drawn.items()]
+        for name, loop in self.description.loops.items():
+            with self.here("loops", name):
+                if name in drawn:
+                    raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
+                loops.append(loop.bind(model, name))
+        return loops
+
+    def loop_coordinates(
+        self, model: pin.Model, loops: Sequence[LoopJoint], known: Container[str]
+    ) -> dict[str, Coordinate]:
+        """Return the coordinates of loop joints."""
+        if not loops:
+            return {}
+        from pinarm.mechanics.loops.lower_pairs import loop_coordinates
+
+        coordinates = loop_coordinates(model, loops)
+        for name in coordinates:
+            if name in known:
+                with self.here("loops", name.rpartition(".")[0]):
+                    raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
+        return coordinates
+
+    def counted_angles(self, model: pin.Model, parts: NamedParts, acted: Sequence[str]) -> list[str]:
+        """Return the angles whose turns are counted: those known up to whole turns, and that matter beyond these."""
+        description, known = self.description, parts.coordinates
+        for k, name in enumerate(description.turns):
+            with self.here("turns", k):
+                if not coordinate_of(model, known, name).wraps:
+                    raise InputError(
+                        f"'{name}' counts its turns, or has none",
+                        expected="L.angle of a loop joint, or J.yaw or J.roll of a ball joint",
+                    )
+        names = [*description.turns, *acted_along(description.forces.values(), description.control), *acted]
+        return [name for name in dict.fromkeys(names) if name in known and known[name].wraps]
+
+    def with_rotors(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> pin.Model:
+        """Return the model with a joint for the rotor of every drive that turns one of its own; itself without any."""
+        turning = {name: drive for name, drive in self.description.drives.items() if drive.turns_rotor}
+        if not turning:
+            return model
+        from pinarm.mechanics.rotors import with_rotors
+
+        for name, drive in turning.items():
+            if drive.joint:
+                with self.here("drives", name), within("joint"):
+                    joint_of(joints_of(model), drive.joint)
+                continue
+            with self.here("drives", name), within("along"):
+                coordinate_of(model, coordinates, drive.along)
+                if drive.along in joints_of(model):
+                    raise InputError(f"'{drive.along}' is a joint", expected=f"joint: {drive.along}")
+        with self.here("drives"):
+            return with_rotors(model, turning, coordinates)
+
+    def trains(self, coordinates: Mapping[str, Coordinate]) -> Iterator[tuple[str, Drive, DriveTrain]]:
+        """Yield the drives whose rotor is a joint of its own, with the joints between rotor and load."""
+        for name, drive in self.description.drives.items():
+            if drive.turns_rotor:
+                from pinarm.mechanics.rotors import DriveTrain
+
+                yield name, drive, DriveTrain.of(name, drive, coordinates[drive.coordinate])
+
+    def constraints(
+        self, model: pin.Model, parts: NamedParts, counters: Sequence[Constraint]
+    ) -> tuple[Constraint, ...]:
+        """Return loops and couplings, and what ties joints without a body: counters and rotors of drives."""
+        joints, coordinates = parts.joints, parts.coordinates
+        mimics = [mimic_coupling(mimic, joints, model) for mimic in self.robot.mimics]
+        trains = self.trains(coordinates)
+        geared = [tie for _, drive, train in trains for tie in train.ties(drive, joints, coordinates)]
+        return (*mimics, *parts.loops, *self.couplings(model, joints), *counters, *geared)
+
+    def couplings(self, model: pin.Model, joints: Mapping[str, Joint]) -> list[JointRelation]:
+        """Return the couplings, those of the model and those of the mechanism file."""
+        robot = self.robot
+        with self.here(self.key):
+            couplings: list[JointRelation] = [
+                definition.bind(joints, model, name) for name, definition in robot.couplings.items()
+            ]
+        for name, definition in self.description.couplings.items():
+            with self.here("couplings", name):
+                if name in self.description.loops or name in robot.loops:
+                    said = f"the coupling '{name}' has the name of a loop joint"
+                    raise InputError(said, expected="a name of its own")
+                if name in robot.couplings:
+                    raise InputError(f"the model has a coupling '{name}' already", expected="a name of its own")
+                couplings.append(definition.bind(joints, model, name))
+        return couplings
+
+    def frictions(
+        self, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[Constraint]
+    ) -> tuple[FrictionContact, ...]:
+        """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
+        robot, description = self.robot, self.description
+        if description.friction == "none" or not (robot.friction or description.friction):
+            return ()
+        from pinarm.mechanics.friction.definition import Friction
+
+        others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | JointRelation)]
+        contacts: list[FrictionContact] = []
+        for name, definition in description.friction.items():
+            with self.here("friction", name):
+                contacts.extend(definition.bind(name, model, joints, others))
+        for name, friction in robot.friction.items():
+            if name not in description.friction:
+                contacts.extend(Friction(constant=friction).bind(name, model, joints, ()))
+        return tuple(contacts)
+
+    def symbols(self) -> dict[str, Expression]:
+        """Return the formulas of the published symbols."""
+        symbols = {}
+        for name, text in self.description.symbols.items():
+            with self.here("symbols", name):
+                symbols[name] = Expression.parse(text)
+        return symbols
+
+    def mount_drives(self, model: pin.Model, joints: Mapping[str, Joint]) -> None:
+        """Give the inertias of rotors to the joints of their drives."""
+        mounted: dict[str, str] = {}
+        armature: Any = model.armature
+        for name, drive in self.description.drives.items():
+            driven, key = drive.coordinate, "joint" if drive.joint else "along"
+            with self.here("drives", name), within(key):
+                joint = joint_of(joints, driven) if drive.joint else None
+                if driven in mounted:
+                    raise InputError(
+                        f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
+                        expected="one drive at each joint",
+                    )
+            mounted[driven] = name
+            if joint is not None and not drive.turns_rotor:
+                armature[joint.v] += drive.armature
+
+    def forces(self, model: pin.Model, parts: NamedParts) -> dict[str, ForceElement]:
+        """Return the force elements of the model and of the mechanism file, and elasticities of drives, by name."""
+        forces = dict(self.robot.forces)
+        if self.description.forces:
+            from pinarm.mechanics.forces.kinds import bound
+        for name, definition in self.description.forces.items():
+            with self.here("forces", name):
+                check_new(name, forces)
+                forces[name] = bound(definition, model, parts.joints, parts.coordinates)
+        for name, drive, train in self.trains(parts.coordinates):
+            if drive.elasticity is not None:
+                from pinarm.mechanics.forces.along_coordinate import elastic_gear
+
+                with self.here("drives", name):
+                    deflection = train.deflection(drive, parts.coordinates)
+                    elasticity = elastic_gear(model, deflection, drive.elasticity, drive.backlash)
+                    forces[f"elasticity of {name}"] = elasticity
+        return forces
+
+
+def _counting(model: pin.Model, parts: NamedParts, angles: Sequence[str]) -> tuple[NamedParts, list[Constraint]]:
     """Return parts of a model with counters whose coordinates are those of the counters, and what ties these."""
     if not angles:
         return parts, []
@@ -232,184 +410,6 @@ def counting(model: pin.Model, parts: NamedParts, angles: Sequence[str]) -> tupl
     ]
     counted: dict[str, Coordinate] = {angle: sum_of(model, parts.joints, [counter_name(angle)]) for angle in angles}
     return replace(parts, coordinates={**parts.coordinates, **counted}), ties
-
-
-def mount_drives(model: pin.Model, joints: Mapping[str, Joint], description: MechanismDescription, here: Place) -> None:
-    """Give the inertias of rotors to the joints of their drives."""
-    mounted: dict[str, str] = {}
-    armature: Any = model.armature
-    for name, drive in description.drives.items():
-        driven, key = drive.coordinate, "joint" if drive.joint else "along"
-        with here("drives", name), within(key):
-            joint = joint_of(joints, driven) if drive.joint else None
-            if driven in mounted:
-                raise InputError(
-                    f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
-                    expected="one drive at each joint",
-                )
-        mounted[driven] = name
-        if joint is not None and not drive.turns_rotor:
-            armature[joint.v] += drive.armature
-
-
-def rotors_along(
-    model: pin.Model, description: MechanismDescription, coordinates: Mapping[str, Coordinate], here: Place
-) -> pin.Model:
-    """Return the model with a joint for the rotor of every drive that turns one of its own; itself without any."""
-    turning = {name: drive for name, drive in description.drives.items() if drive.turns_rotor}
-    if not turning:
-        return model
-    from pinarm.mechanics.rotors import with_rotors
-
-    for name, drive in turning.items():
-        if drive.joint:
-            with here("drives", name), within("joint"):
-                joint_of(joints_of(model), drive.joint)
-            continue
-        with here("drives", name), within("along"):
-            coordinate_of(model, coordinates, drive.along)
-            if drive.along in joints_of(model):
-                raise InputError(f"'{drive.along}' is a joint", expected=f"joint: {drive.along}")
-    with here("drives"):
-        return with_rotors(model, turning, coordinates)
-
-
-def _trains(
-    description: MechanismDescription, coordinates: Mapping[str, Coordinate]
-) -> Iterator[tuple[str, Drive, DriveTrain]]:
-    """Yield the drives whose rotor is a joint of its own, with the joints between rotor and load."""
-    for name, drive in description.drives.items():
-        if drive.turns_rotor:
-            from pinarm.mechanics.rotors import DriveTrain
-
-            yield name, drive, DriveTrain.of(name, drive, coordinates[drive.coordinate])
-
-
-def geared_rotors(
-    joints: Mapping[str, Joint], description: MechanismDescription, coordinates: Mapping[str, Coordinate]
-) -> list[Constraint]:
-    """Return what ties the joints of drives to each other, and to what the drives act along."""
-    trains = _trains(description, coordinates)
-    return [tie for _, drive, train in trains for tie in train.ties(drive, joints, coordinates)]
-
-
-def elastic_gears(
-    model: pin.Model, description: MechanismDescription, coordinates: Mapping[str, Coordinate], here: Place
-) -> dict[str, ForceElement]:
-    """Return the elasticities between rotors and what their drives act along, by name."""
-    found = dict[str, ForceElement]()
-    for name, drive, train in _trains(description, coordinates):
-        if drive.elasticity is not None:
-            from pinarm.mechanics.forces.along_coordinate import elastic_gear
-
-            with here("drives", name):
-                deflection = train.deflection(drive, coordinates)
-                found[f"elasticity of {name}"] = elastic_gear(model, deflection, drive.elasticity, drive.backlash)
-    return found
-
-
-def frictions_of(
-    robot: RobotModel,
-    description: MechanismDescription,
-    model: pin.Model,
-    joints: Mapping[str, Joint],
-    constraints: Sequence[Constraint],
-    here: Place,
-) -> tuple[FrictionContact, ...]:
-    """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
-    if description.friction == "none" or not (robot.friction or description.friction):
-        return ()
-    from pinarm.mechanics.friction.definition import Friction
-
-    others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | JointRelation)]
-    contacts: list[FrictionContact] = []
-    for name, definition in description.friction.items():
-        with here("friction", name):
-            contacts.extend(definition.bind(name, model, joints, others))
-    for name, friction in robot.friction.items():
-        if name not in description.friction:
-            contacts.extend(Friction(constant=friction).bind(name, model, joints, ()))
-    return tuple(contacts)
-
-
-class NamedParts(Record, frozen=True):
-    """What has a name in a model and may move.
-
-    Attributes:
-        joints: Joints with one coordinate.
-        balls: Ball joints.
-        loops: Joints that close loops, and cables.
-        coordinates: Coordinates of all of these, and those defined beside them.
-    """
-
-    joints: dict[str, Joint]
-    balls: dict[str, Ball]
-    loops: list[LoopJoint | CableLoop]
-    coordinates: dict[str, Coordinate]
-
-
-def named_parts(
-    robot: RobotModel, description: MechanismDescription, model: pin.Model, key: str, here: Place
-) -> NamedParts:
-    """Return joints, loop joints and coordinates by name.
-
-    ``key`` of the mechanism file names the drawing or the model; ``here`` gives errors their place.
-    """
-    joints, balls = joints_of(model), balls_of(model)
-    check_start(description, joints, balls, here)
-    turns = ball_coordinates(model, balls)
-    loops = loop_joints_of(model, key, robot.loops, description.loops, here)
-    if description.closures:
-        from pinarm.mechanics.loops.closing_frames import closures_of
-
-        with here("closures"):
-            loops += closures_of(model, description.closures, only_joints(loops))
-    turns |= loop_coordinates_of(model, only_joints(loops), {*joints, *turns}, here)
-    with here("coordinates"):
-        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
-    return NamedParts(joints, balls, loops, coordinates)
-
-
-def loop_coordinates_of(
-    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Place
-) -> dict[str, Coordinate]:
-    """Return the coordinates of loop joints."""
-    if not loops:
-        return {}
-    from pinarm.mechanics.loops.lower_pairs import loop_coordinates
-
-    coordinates = loop_coordinates(model, loops)
-    for name in coordinates:
-        if name in known:
-            with here("loops", name.rpartition(".")[0]):
-                raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
-    return coordinates
-
-
-def check_start(
-    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Place
-) -> None:
-    """Check names and units of the joint coordinates near which the loops close."""
-    known = positions_of(joints, balls)
-    for name, value in description.start.items():
-        with here("start", Key(name)):
-            measured = unit_of(name, known)
-        with here("start", name):
-            check_unit(value, measured)
-
-
-def loop_joints_of(
-    model: pin.Model, key: str, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Place
-) -> list[LoopJoint | CableLoop]:
-    """Return the loop joints and cables of a drawing or a model's file, and those that the mechanism file says."""
-    with here(key):
-        loops: list[LoopJoint | CableLoop] = [loop.bind(model, name) for name, loop in drawn.items()]
-    for name, loop in said.items():
-        with here("loops", name):
-            if name in drawn:
-                raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
-            loops.append(loop.bind(model, name))
-    return loops
 
 
 def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:
@@ -515,53 +515,3 @@ def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Place)
         with here("points", name):
             model = with_points(model, [(name, point)])
     return model
-
-
-def couplings_of(
-    robot: RobotModel,
-    description: MechanismDescription,
-    model: pin.Model,
-    joints: Mapping[str, Joint],
-    key: str,
-    here: Place,
-) -> list[JointRelation]:
-    """Return the couplings, those of the model and those of the mechanism file; see ``named_parts``."""
-    with here(key):
-        drawn = [definition.bind(joints, model, name) for name, definition in robot.couplings.items()]
-    couplings: list[JointRelation] = [*drawn]
-    for name, definition in description.couplings.items():
-        with here("couplings", name):
-            if name in description.loops or name in robot.loops:
-                raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
-            if name in robot.couplings:
-                raise InputError(f"the model has a coupling '{name}' already", expected="a name of its own")
-            couplings.append(definition.bind(joints, model, name))
-    return couplings
-
-
-def forces_of(
-    robot: RobotModel,
-    description: MechanismDescription,
-    model: pin.Model,
-    joints: Mapping[str, Joint],
-    coordinates: Mapping[str, Coordinate],
-    here: Place,
-) -> dict[str, ForceElement]:
-    """Return the force elements by name, those of the model and those of the mechanism file."""
-    forces = dict(robot.forces)
-    if description.forces:
-        from pinarm.mechanics.forces.kinds import bound
-    for name, definition in description.forces.items():
-        with here("forces", name):
-            check_new(name, forces)
-            forces[name] = bound(definition, model, joints, coordinates)
-    return forces
-
-
-def symbols_of(description: MechanismDescription, here: Place) -> dict[str, Expression]:
-    """Return the formulas of the published symbols."""
-    symbols = {}
-    for name, text in description.symbols.items():
-        with here("symbols", name):
-            symbols[name] = Expression.parse(text)
-    return symbols

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.integrator import Watch
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.errors import InputError, Key, Place

@@ -123,7 +123,7 @@ def demanded_powers(
     tree, ways, own = LinkTree.of(links.model), columns.swapaxes(-2, -1), lengths(demands).sum(axis=0)
     demanded, bounds = links.outwards(demands.sum(axis=0)) - wrenches, sizes + own
     bounds[..., 1] += np.linalg.norm(tree.levers, axis=-1) * own[..., 0]
-    forces, most = (each[..., tree.moved, :] for each in _carried(links, tree, demanded, bounds))
+    forces, most = (sums[..., tree.moved, :] for sums in _carried(links, tree, demanded, bounds))
     turning = ways[..., 3:]
     speeds = joined(ways[..., :3] + crossed(turning, links.places[..., tree.moved, :]), turning)
     return np.vecdot(forces, speeds), np.vecdot(most, lengths(speeds)), np.vecdot(own, lengths(twists)).sum(axis=-1)
@@ -152,22 +152,23 @@ class EnergyAccount(Record, frozen=True):
     @classmethod
     def each(cls, motion: SegmentedMotion) -> list[EnergyAccount]:
         """Return those of the segments of a motion."""
-        accounts = []
-        for segment in motion.segments:
-            local = [segment.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
-            accounts.append(cls(segment.solution, local, segment.system.whole))
-        return accounts
+        return [
+            cls(part.solution, [part.dynamics.on(x.start, x.end) for x in part.solution.intervals], part.system.whole)
+            for part in motion.segments
+        ]
 
     def columns(self) -> tuple[Array, Array, Array]:
         """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
-        varying = self._varying
-        index, start, h = self._parts(sorted({*self.solution.interpolated_steps, *self._looked_into.tolist()}))
+        varying, count = [dynamics.exchanging for dynamics in self.dynamics], len(self.solution.steps)
+        looked_into = np.arange(count) if any(varying) else sampled(count, STEPS)
+        index, start, h = self._parts(sorted({*self.solution.interpolated_steps, *looked_into.tolist()}))
+        owners = self.solution.steps.interval[index]
         ends, last = np.append(start, self.solution.end), index[-1:]
         q, v = self.whole(ends, *self.solution.states_in(np.concatenate([index, last]), ends))
         kinetic, potential = self.dynamics[0].energy(q, v)
         lost = np.zeros(len(h))
         for number, (dynamics, changing) in enumerate(zip(self.dynamics, varying, strict=True)):
-            rows = np.flatnonzero(self._intervals[index] == number)
+            rows = np.flatnonzero(owners == number)
             if dynamics.steady.any() and q.shape == v.shape:
                 lost[rows] -= np.diff(q, axis=0)[rows] @ dynamics.steady
             for held in dynamics.held if q.shape == v.shape else ():
@@ -179,22 +180,7 @@ class EnergyAccount(Record, frozen=True):
 
     @cached_property
     def _sampled(self) -> bool:
-        """Whether controllers sample the motion."""
         return any(interval.sampling for interval in self.solution.intervals)
-
-    @cached_property
-    def _intervals(self) -> Indices:
-        return self.solution.steps.interval
-
-    @cached_property
-    def _varying(self) -> list[Dynamics | None]:
-        return [dynamics.exchanging for dynamics in self.dynamics]
-
-    @cached_property
-    def _looked_into(self) -> Indices:
-        """The steps that are looked into, besides those that have been: all of them, or an even choice, shape (n,)."""
-        n = len(self.solution.steps)
-        return np.arange(n) if any(self._varying) else sampled(n, STEPS)
 
     def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""

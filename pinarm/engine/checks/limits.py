@@ -25,11 +25,9 @@ class Excess(ValueRecord, frozen=True):
         joint: Name of the joint, the cam, the cable or the belt.
         of: ``position``, ``velocity`` or ``effort``; ``contact`` of a cam or a cable that would have to act against its
             sense, ``tension`` of a belt with a slack strand, ``outline`` of a cam that cannot be made.
-        unit: Unit of the limit.
         limit: The limit; that of velocities and efforts holds both ways.
         value: The value farthest beyond it, with its sign, for ``contact`` between the rows too.
         at: Parameter of the first row beyond it; where no row is, of the largest value.
-        rows: Number of rows beyond it.
         sentence: What happens, with ``{where}`` and ``{count}`` in place of the parameter and the number of rows.
     """
 
@@ -103,7 +101,6 @@ def _of_joint(run: Trajectory, joint: Joint) -> Iterator[Excess]:
 
 
 def _first(run: Trajectory, rows: Indices) -> tuple[float, int]:
-    """Return the parameter of the first of some rows, and how many there are."""
     return float(run.grid.t[rows[0]]), len(rows)
 
 

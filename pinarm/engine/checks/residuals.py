@@ -63,15 +63,10 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     checked = _CheckedRows(run.looked_at(rows))
     figures: dict[str, Any] = {}
     if run.mechanism.closure.size:
-        gaps = zip(("closure", "closure rate", "closure acceleration"), checked.gaps.max(axis=0), strict=True)
-        figures.update(gaps)
-        if run.unknown:  # rates that are NaN
-            figures = {name: gap for name, gap in figures.items() if not np.isnan(gap).any()}
-        from pinarm.engine.checks.residuals import nearest_singularity
-
-        nearest = nearest_singularity(run, motion, rows, run.mechanism.closure.values_of(checked.own))
-        figures["regularity"], figures["least regular at"] = nearest.regularity, nearest.at
-        figures["relative regularity"] = nearest.relative
+        names = "closure", "closure rate", "closure acceleration"
+        gaps = dict(zip(names, checked.gaps.max(axis=0), strict=True))
+        figures = {name: gap for name, gap in gaps.items() if not (run.unknown and np.isnan(gap).any())}
+        figures |= nearest_singularity(run, motion, rows, run.mechanism.closure.values_of(checked.own))
     if run.no_efforts or run.mechanism.model.nv > LARGEST:
         return figures
     alike = checked.of_one_freedom()
@@ -139,7 +134,6 @@ class _FreeRows(Record, frozen=True):
     """Rows with f free motions each.
 
     Attributes:
-        run: The rows.
         mass: M, shape (n, .., nv, nv).
         free: T, bases of the free motions, shape (n, .., nv, f); ``None`` for the identity.
         particular: The shortest accelerations that the constraints allow, shape (n, nv).
@@ -230,29 +224,15 @@ SAME = 1e-9
 counts, whatever the processor."""
 
 
-class NearestSingularity(Record, frozen=True):
-    """Where a run is nearest to a singular position; of variants in arrays of shape (k,).
-
-    Attributes:
-        regularity: The least regularity ``s_r / max s_1`` that was found.
-        at: The parameter there.
-        relative: ``s_r`` there, relative to its largest value in the run: 1 where the loops transmit alike everywhere,
-            however large or small the ratios of gears and arms are.
-    """
-
-    regularity: float | Array
-    at: float | Array
-    relative: float | Array
-
-
 def nearest_singularity(
     run: Trajectory, motion: SolvedMotion | None, rows: Indices, values: Array
-) -> NearestSingularity:
-    """Return where a run is nearest to a singular position.
+) -> dict[str, float | Array]:
+    """Return where a run is nearest to a singular position; see ``residual_figures``.
 
     The regularity is ``s_r / max s_1``, s being the singular values of G in descending order, r its rank, and
     ``max s_1`` the largest in the run: a single row has one singular value, which vanishes at a singular position like
-    any other.
+    any other. Relative to the largest s_r in the run it is 1 where the loops transmit alike everywhere, however large
+    or small the ratios of gears and arms are.
 
     Args:
         run: The table of states.
@@ -261,27 +241,29 @@ def nearest_singularity(
         values: Singular values of the constraints there, descending, shape (n, s), of variants (n, k, s): what is told
             of these has the shape (k,), and is NaN where it would have to be looked for between rows.
     """
-    rank = run.mechanism.closure.rank(values)
+    rank, t = run.mechanism.closure.rank(values), run.grid.t[rows]
     if not rank:  # a second bearing in line with the first holds nothing that could be lost
         one = np.ones(values.shape[1:-1])
-        return NearestSingularity(one, run.grid.t[rows[0]] * one, one)
-    t, largest = run.grid.t[rows], values[..., 0].max(axis=0)
+        return _told(one, t[0] * one, one)
+    largest = values[..., 0].max(axis=0)
     regular = values[..., rank - 1] / largest
     if values.ndim > 2:
-        return _of_variants(t, regular, NEAR if not run.separate else RANK)
+        return _told(*_of_variants(t, regular, NEAR if not run.separate else RANK), regular.max(axis=0))
     between = None if motion is None or run.separate else partial(_between, run, motion, rank, float(largest))
-    least, at = _least(t, regular, between)
-    return NearestSingularity(least, at, least / float(regular.max()))
+    return _told(*_least(t, regular, between), float(regular.max()))
 
 
-def _of_variants(t: Array, regular: Array, near: float) -> NearestSingularity:
-    """Return the same of variants, given the parameter, shape (n,) or (n, k), and their regularity, shape (n, k)."""
+def _told(least: float | Array, at: float | Array, usual: float | Array) -> dict[str, float | Array]:
+    return {"regularity": least, "least regular at": at, "relative regularity": least / usual}
+
+
+def _of_variants(t: Array, regular: Array, near: float) -> tuple[Array, Array]:
+    """Return the least regularity of variants, NaN where it is between rows, and the parameter there, shape (k,)."""
     least = _first_least(regular)
     t = np.broadcast_to(t.reshape(len(t), -1), regular.shape)
     lowest, at = (np.take_along_axis(x, least[None], axis=0)[0] for x in (regular, t))
     looked_for = (least > 0) & (least < len(t) - 1) & (lowest > RANK) & (lowest < near)
-    lowest = np.where(looked_for, np.nan, lowest)
-    return NearestSingularity(lowest, at, lowest / regular.max(axis=0))
+    return np.where(looked_for, np.nan, lowest), at
 
 
 def _first_least(regular: Array) -> Indices:

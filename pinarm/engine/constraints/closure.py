@@ -121,9 +121,11 @@ class Closure(Record, frozen=True):
                 found.setdefault(int(self.groups[tied[0]]), []).append((constraint, tied))
         parts = []
         for own in found.values():
-            looped = [tied for one, tied in own if isinstance(one, LoopJoint)] or [tied for _, tied in own]
+            looped = [tied for constraint, tied in own if isinstance(constraint, LoopJoint)] or [
+                tied for _, tied in own
+            ]
             joints = np.array(sorted({number for tied in looped for number in tied}), dtype=np.intp)
-            parts.append((joints, tuple(one for one, _ in own)))
+            parts.append((joints, tuple(constraint for constraint, _ in own)))
         return tuple(parts)
 
     @cached_property
@@ -200,12 +202,10 @@ class Closure(Record, frozen=True):
 
     @cached_property
     def _guided(self) -> dict[Hashable, Closure]:
-        """Closures with guides, by the names and the identity of these."""
         return {}
 
     @cached_property
     def size(self) -> int:
-        """Number m of rows."""
         return sum(constraint.size for constraint in self.constraints)
 
     @cached_property
@@ -243,16 +243,13 @@ class Closure(Record, frozen=True):
         return Kinematics.at(self.model, q, v)
 
     def gap(self, state: Kinematics) -> Array:
-        """Return what is not closed [m or rad], shape (m,)."""
         return np.concatenate([np.zeros(0), *(constraint.gap(state) for constraint in self.constraints)])
 
     def rows(self, state: Kinematics) -> Array:
-        """Return G, shape (m, nv)."""
         nothing = np.zeros((0, self.model.nv))
         return np.concatenate([nothing, *(constraint.rows(state) for constraint in self.constraints)])
 
     def drift(self, state: Kinematics) -> Array:
-        """Return G' v, shape (m,)."""
         return np.concatenate([np.zeros(0), *(constraint.drift(state) for constraint in self.constraints)])
 
     @cached_property

@@ -88,7 +88,6 @@ class OneSidedConstraint(Constraint, Protocol):
         """Return with what it acts [N, or N*m], negative against its sense; shape (n,).
 
         Args:
-            q: Configurations, shape (n, nq).
             lam: Its multipliers, shape (n,).
         """
 
@@ -132,9 +131,7 @@ class PairRows(Record, frozen=True):
     """Rows of pairs of frames that hold the same.
 
     Attributes:
-        pair: What they hold.
         sense: 1, or -1 of rows with the opposite sign.
-        frames: The frames.
         rows: The rows of each, shape (m, L).
         entries: Places of their coefficients among the entries of G, shape (m, s, L).
     """
@@ -151,7 +148,6 @@ class ConstraintRows(Record, frozen=True):
 
     Attributes:
         model: The model, or variants of one.
-        pairs: Pairs of frames.
         constants: What the gaps are measured from, such as the length of a cable [m or rad], shape (m,).
         relations: First row of each relation of joint coordinates, and the relation.
         turning: Row of each angle that is known but for whole turns, and the coordinate or rotor that counts them.
@@ -171,8 +167,8 @@ class ConstraintRows(Record, frozen=True):
         alike: dict[Hashable, tuple[Pair, float, list[tuple[int, int]], list[range]]] = {}
         relations, turning = list[tuple[int, JointRelation | LinearCoordinate]](), []
         constants = list[float]()
-        for given in ones:
-            coordinate = given.coordinate if isinstance(given, GuidedCoordinate) else given
+        for measured in ones:
+            coordinate = measured.coordinate if isinstance(measured, GuidedCoordinate) else measured
             rows = range(start := len(constants), start + getattr(coordinate, "size", 1))
             constants += [coordinate.length if isinstance(coordinate, CableLoop) else 0.0] * len(rows)
             if isinstance(coordinate, TurnedAbout) or (
@@ -201,11 +197,9 @@ class ConstraintRows(Record, frozen=True):
 
     @property
     def size(self) -> int:
-        """Number m of rows."""
         return len(self.constants)
 
     def at(self, q: Array) -> EvaluatedRows:
-        """Return the rows at configurations, shape (.., nq)."""
         return EvaluatedRows(self, q)
 
 
@@ -213,7 +207,6 @@ class Pattern(Record, frozen=True):
     """Where G may have entries other than 0, row by row.
 
     Attributes:
-        nv: Number of velocities.
         rows: Row of every entry, ascending, shape (z,).
         columns: Its velocity, ascending in each row, shape (z,).
         starts: First entry of every row, shape (m + 1,).
@@ -234,7 +227,8 @@ class Pattern(Record, frozen=True):
     ) -> Pattern:
         """Return the pattern of m rows."""
         numbers = [(rows[:, None] * nv + frames.velocities).ravel() for _, _, frames, rows in pairs] + [
-            start * nv + (one.moved if isinstance(one, LinearCoordinate) else one.joints) for start, one in relations
+            start * nv + (relation.moved if isinstance(relation, LinearCoordinate) else relation.joints)
+            for start, relation in relations
         ]
         every = np.array(sorted({place for part in numbers for place in part.tolist()}), dtype=np.intp)
         rows, columns = np.divmod(every, nv) if nv else (every, every)
@@ -302,13 +296,12 @@ class EvaluatedRows(Record, frozen=True):
         for row, relation in self.rows.relations:
             own = relation.at(flat) if isinstance(relation, LinearCoordinate) else relation.gaps_at(flat)
             found[row] += own.reshape(self.q.shape[:-1])
-        for row, one in self.rows.turning:
-            found[row] += one.missing_turns(found[row], self.q)
+        for row, coordinate in self.rows.turning:
+            found[row] += coordinate.missing_turns(found[row], self.q)
         return states_first(found - self.rows.constants.reshape(-1, *(1,) * len(self.states)), 1)
 
     @cached_property
     def entries(self) -> Array:
-        """The entries of G in the order of the pattern, shape (z, ..)."""
         pattern, found = self.rows.pattern, np.zeros((len(self.rows.pattern.rows), *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
             found[pairs.entries, part] += pairs.sense * motion.rows(pairs.pair)

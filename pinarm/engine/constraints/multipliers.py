@@ -29,7 +29,6 @@ class Multipliers(Record, frozen=True):
 
     @classmethod
     def known(cls, lam: Array, m: int) -> Multipliers:
-        """Return multipliers that have been computed, shape (n, m + g)."""
         return cls(lam[..., :m].__getitem__, lam[..., m:])
 
     @classmethod
@@ -43,7 +42,6 @@ class Multipliers(Record, frozen=True):
 
         Args:
             closure: The constraints, then the coordinates that drives act along.
-            q: Configurations, shape (n, nq).
             held: ``M a + nle - loads - tau``, shape (n, nv).
             along: Efforts of the drives along the coordinates, shape (n, g).
         """
@@ -109,11 +107,9 @@ class Multipliers(Record, frozen=True):
         return np.concatenate([self.own(np.arange(len(self))), self.along], axis=-1)
 
     def at(self, rows: Indices) -> Array:
-        """Return the multipliers at k of the rows, shape (k, m + g)."""
         if "_every" in vars(self):
             return np.asarray(self._every[rows])
         return np.concatenate([self.own(rows), self.along[rows]], axis=-1)
 
     def some(self, rows: Indices) -> Multipliers:
-        """Return the multipliers at some of the rows."""
         return Multipliers(lambda wanted: self.own(rows[wanted]), self.along[rows])

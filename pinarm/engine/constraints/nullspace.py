@@ -142,7 +142,6 @@ class SplitRows(Record, frozen=True):
 
     Attributes:
         groups: Groups of rows that share no joint.
-        alone: Joints that no row ties.
         shape: Of G, (.., m, nv).
     """
 
@@ -158,15 +157,8 @@ class SplitRows(Record, frozen=True):
         """
         if len(self.groups) == 1 and not len(self.alone):
             return self.groups[0].free
-        *states, _, nv = self.shape
-        free = np.zeros((*states, nv, nv - self.rank))
-        free[..., self.alone, np.arange(len(self.alone))] = 1.0
-        start = len(self.alone)
-        for group in self.groups:
-            end = start + group.free.shape[-1]
-            free[..., group.joints, start:end] = group.free
-            start = end
-        return free
+        parts = [(self.alone, np.eye(len(self.alone))), *((group.joints, group.free) for group in self.groups)]
+        return _side_by_side((*self.shape[:-2], self.shape[-1]), parts)
 
     @property
     def rank(self) -> int:
@@ -184,13 +176,7 @@ class SplitRows(Record, frozen=True):
     @cached_property
     def stresses(self) -> Array:
         """Basis of the multipliers with ``G^T lam = 0``, each of one group and of length 1, shape (.., m, m - r)."""
-        stresses = np.zeros((*self.shape[:-1], self.shape[-2] - self.rank))
-        start = 0
-        for group in self.groups:
-            end = start + group.stresses.shape[-1]
-            stresses[..., group.rows, start:end] = group.stresses
-            start = end
-        return stresses
+        return _side_by_side(self.shape[:-1], [(group.rows, group.stresses) for group in self.groups])
 
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
@@ -227,20 +213,26 @@ class SplitRows(Record, frozen=True):
         return whole
 
 
+def _side_by_side(shape: tuple[int, ...], parts: Sequence[tuple[Indices, Array]]) -> Array:
+    """Return matrices with some rows each, of ``shape`` (.., rows), side by side; 0 in the other rows."""
+    whole, end = np.zeros((*shape, sum(x.shape[-1] for _, x in parts))), 0
+    for rows, x in parts:
+        start, end = end, end + x.shape[-1]
+        whole[..., rows, start:end] = x
+    return whole
+
+
 def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
     """Return the decomposition of G at one configuration, shape (m, nv); ``reach`` as in ``RowDecompositions.of``."""
     groups, alone = _groups_of(rows[None], reach)
-    return SplitRows([_Singular.of(rows[None], group, reach).group(0) for group in groups], alone, rows.shape)
+    return SplitRows([_decomposed(rows[None], group, reach)[1](0) for group in groups], alone, rows.shape)
 
 
 def of_one_rank(rows: Array, reach: Array | float = 1.0) -> SplitRows:
     """Return the decomposition of G, shape (n, m, nv); NaN at configurations without the rank of the first."""
     groups, alone = _groups_of(rows, reach)
-    found = []
-    for decomposed in (_Singular.of(rows, group, reach) for group in groups):
-        decomposed.values[decomposed.ranks != decomposed.ranks[:1]] = np.nan
-        found.append(decomposed.group(np.arange(len(rows))))
-    return SplitRows(found, alone, rows.shape)
+    decomposed = [_decomposed(rows, group, reach, one_rank=True)[1] for group in groups]
+    return SplitRows([cut(np.arange(len(rows))) for cut in decomposed], alone, rows.shape)
 
 
 class RowDecompositions(Record, frozen=True):
@@ -258,13 +250,13 @@ class RowDecompositions(Record, frozen=True):
     def of(cls, rows: Array, reach: Array | float = 1.0) -> RowDecompositions:
         """Return the decompositions."""
         groups, alone = _groups_of(rows, reach)
-        decomposed = [_Singular.of(rows, group, reach) for group in groups]
-        ranks = np.array([one.ranks for one in decomposed]).reshape(len(groups), len(rows)).T
+        decomposed = [_decomposed(rows, group, reach) for group in groups]
+        ranks = np.array([own for own, _ in decomposed]).reshape(len(groups), len(rows)).T
         parts = []
         for kind in sorted(set(map(tuple, ranks.tolist()))):
             places = np.flatnonzero((ranks == kind).all(axis=1))
             shape = len(places), *rows.shape[1:]
-            parts.append((places, SplitRows([one.group(places) for one in decomposed], alone, shape)))
+            parts.append((places, SplitRows([cut(places) for _, cut in decomposed], alone, shape)))
         return cls(parts, rows.shape)
 
     def multipliers(self, force: Array) -> Array:
@@ -292,46 +284,37 @@ class RowDecompositions(Record, frozen=True):
         return values
 
 
-class _Singular(Record, frozen=True):
-    """Singular value decomposition of one group at n configurations; attributes as of ``RowGroup``, not yet cut."""
+def _decomposed(
+    rows: Array, group: tuple[Indices, Indices], reach: Array | float, *, one_rank: bool = False
+) -> tuple[Indices, Callable[[Indices | int], RowGroup]]:
+    """Return the ranks of one group at n configurations, and the group at one of them, or at several of one rank.
 
-    rows: Indices
-    joints: Indices
-    matrix: Array
-    scale: Array
-    scaled: Array
-    left: Array
-    values: Array
-    right: Array
-    ranks: Indices
+    With ``one_rank``, it is NaN at configurations without the rank of the first.
+    """
+    some, joints = group
+    matrix = np.ascontiguousarray(rows[:, some[:, None], joints])
+    reach = np.broadcast_to(reach, rows.shape[1])[some]
+    length = np.sqrt(np.vecdot(matrix, matrix))
+    counts = length > VANISHED * reach
+    scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
+    acting = counts.any(axis=0)  # other rows are 0 everywhere, as those that hold a plane linkage in its plane
+    scaled, left = np.zeros_like(matrix), np.zeros((*matrix.shape[:2], min(int(acting.sum()), len(joints))))
+    scaled[:, acting] = matrix[:, acting] * (counts * scale)[:, acting, None]
+    u, values, right = np.linalg.svd(scaled[:, acting], full_matrices=bool(acting.sum() < len(joints)))
+    left[:, acting] = u[..., : left.shape[2]]
+    ranks = (values > RANK * values[:, :1]).sum(axis=1)
+    if one_rank:
+        values[ranks != ranks[:1]] = np.nan
 
-    @classmethod
-    def of(cls, rows: Array, group: tuple[Indices, Indices], reach: Array | float) -> _Singular:
-        some, joints = group
-        matrix = np.ascontiguousarray(rows[:, some[:, None], joints])
-        reach = np.broadcast_to(reach, rows.shape[1])[some]
-        length = np.sqrt(np.vecdot(matrix, matrix))
-        counts = length > VANISHED * reach
-        scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
-        acting = counts.any(axis=0)  # other rows are 0 everywhere, as those that hold a plane linkage in its plane
-        scaled = matrix[:, acting] * (counts * scale)[:, acting, None]
-        u, values, right = np.linalg.svd(scaled, full_matrices=bool(acting.sum() < len(joints)))
-        left = np.zeros((*matrix.shape[:2], u.shape[2]))
-        left[:, acting] = u
-        whole = np.zeros((*matrix.shape[:2], len(joints)))
-        whole[:, acting] = scaled
-        ranks = (values > RANK * values[:, :1]).sum(axis=1)
-        return cls(some, joints, matrix, scale, whole, left, values, right, ranks)
-
-    def group(self, at: Indices | int) -> RowGroup:
-        """Return the group at one configuration, or at several with the rank of the first."""
-        r = int(self.ranks[at] if isinstance(at, int) else self.ranks[at][0])
-        left, values, right = self.left[at][..., :r], self.values[at][..., :r], self.right[at][..., :r, :]
-        free = self.right[at][..., r:, :].swapaxes(-1, -2)
+    def cut(at: Indices | int) -> RowGroup:
+        r = int(np.ravel(ranks[at])[0])
+        u, s, vt = left[at][..., :r], values[at][..., :r], right[at][..., :r, :]
+        free = right[at][..., r:, :].swapaxes(-1, -2)
         # one step of refinement, so that small parts, such as turns beside long slides, are as exact
-        parts = left.swapaxes(-1, -2) @ (self.scaled[at] @ free)
-        free = free - right.swapaxes(-1, -2) @ (parts / values[..., None])
-        return RowGroup(self.rows, self.joints, self.matrix[at], self.scale[at], left, values, right, free)
+        free = free - vt.swapaxes(-1, -2) @ ((u.swapaxes(-1, -2) @ (scaled[at] @ free)) / s[..., None])
+        return RowGroup(some, joints, matrix[at], scale[at], u, s, vt, free)
+
+    return ranks, cut
 
 
 def _groups_of(rows: Array, reach: Array | float) -> tuple[Groups, Indices]:

@@ -6,7 +6,7 @@ loop joint transmits functions of its own rows, a joint of the tree those of the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -21,9 +21,8 @@ from pinarm.errors import several
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import moved
-from pinarm.mechanics.joints import screw_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.lower_pairs import looser, normals
+from pinarm.mechanics.loops.lower_pairs import looser
 from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
@@ -109,7 +108,6 @@ class SelfStresses(Record, frozen=True):
 
     @property
     def _nothing(self) -> Array:
-        """What is added to wrenches where there are no self-stresses."""
         return np.zeros((0, len(self.q), 6))
 
     def _functions(self, parts: Mapping[str, Array]) -> Array:
@@ -162,7 +160,7 @@ class SelfStresses(Record, frozen=True):
             lam = np.zeros((*self.links.places.shape[:-2], constraint.size))
             lam[..., row] = size
             found.append(constraint.wrenches(self.links, lam))
-        return {link: np.stack([each[link] for each in found], axis=-2) / size for link in found[0]}
+        return {link: np.stack([wrenches[link] for wrenches in found], axis=-2) / size for link in found[0]}
 
     def _beyond_joints(self, parts: Mapping[str, Acting]) -> list[Mapping[str, Array]]:
         """Return what constraints do to the links beyond every joint, by their names."""
@@ -181,10 +179,6 @@ class SelfStresses(Record, frozen=True):
 SPINNING = 1e-9
 """Largest ratio of singular values of a joint's columns at which one of its motions moves nothing that is held."""
 
-PAIRS = 6
-"""Degree of hyperstatism up to which a hinge of the tree is loosened together with a loop joint: beyond it there are
-too many pairs to try, and one joint after the other says more."""
-
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
@@ -192,7 +186,6 @@ class Mobility(Record, frozen=True):
     """What the constraints of a mechanism do in one configuration.
 
     Attributes:
-        stresses: The self-stresses there.
         regularity: Smallest singular value of the rows that counts, relative to the largest; 0 at singular positions.
         spins: Links that turn about an axis of their own by themselves, such as rods between two ball joints, by the
             joints that they turn on. Each is one of the degrees of freedom.
@@ -204,7 +197,6 @@ class Mobility(Record, frozen=True):
 
     @property
     def joints(self) -> int:
-        """Degrees of freedom of the tree."""
         return int(self.stresses.closure.model.nv)
 
     @property
@@ -279,7 +271,7 @@ def _undetermined(stresses: SelfStresses) -> dict[str, list[str]]:
             added[joint.name] = links.frame(joint.first)[0][0], stresses.on_loop(joint)[:, 0]
     for index in range(1, model.njoints):
         added[str(model.names[index])] = links.turns[0, index], stresses.on_joint(index)[:, 0]
-    found = {name: _acting(*each) for name, each in added.items()}
+    found = {name: _acting(*part) for name, part in added.items()}
     return {name: parts for name, parts in found.items() if parts}
 
 
@@ -309,60 +301,21 @@ class Loosening(ValueRecord, frozen=True):
     degree: int
 
     def __str__(self) -> str:
-        """Return it in words."""
         return f"{' and '.join(f'{joint} as {kind}' for joint, kind in self.changes)}: degree {self.degree}"
 
 
 def loosenings(stresses: SelfStresses) -> tuple[Loosening, ...]:
     """Return what leaves the mobility as it is and fewer redundant rows, the best first."""
-    degree = stresses.degree
-    found = [
-        Loosening(((joint.name, kind),), degree - components.shape[-1])
-        for joint, kind, components in _looser(stresses)
-        if components.size and _independent(stresses, components)
-    ]
-    least = min((one.degree for one in found), default=degree)
-    if least and degree <= PAIRS:
-        found += [pair for pair in _pairs(stresses) if pair.degree < least]
-    return tuple(sorted(found, key=lambda one: (one.degree, one.changes)))
-
-
-def _looser(stresses: SelfStresses) -> Iterator[tuple[LoopJoint, str, Array]]:
-    """Yield every loop joint as it is and with each kind that holds less: the joint, the kind, what it gives up."""
-    for joint in stresses.closure.constraints:
-        if isinstance(joint, LoopJoint):
-            own = stresses.own(joint)
-            yield joint, joint.kind, own[..., :0]
-            for kind, given_up in looser(joint.pair):
-                yield joint, kind, own @ given_up
+    found = list[Loosening]()
+    for joint in (joint for joint in stresses.closure.constraints if isinstance(joint, LoopJoint)):
+        for kind, given_up in looser(joint.pair):
+            components = stresses.own(joint) @ given_up
+            if components.size and _independent(stresses, components):
+                found.append(Loosening(((joint.name, kind),), stresses.degree - components.shape[-1]))
+    return tuple(sorted(found, key=lambda loosening: (loosening.degree, loosening.changes)))
 
 
 def _independent(stresses: SelfStresses, components: Array) -> bool:
     """Tell whether self-stresses act independently on components, functions of all multipliers, shape (1, m, c)."""
     added = stresses.on(components)[:, 0]
     return bool(np.count_nonzero(np.linalg.svd(added, compute_uv=False) > ACTS) == components.shape[-1])
-
-
-def _pairs(stresses: SelfStresses) -> Iterator[Loosening]:
-    """Yield loop joints that hold less or as much, each with a hinge of the tree on its loop that holds less."""
-    model = stresses.closure.model
-    for joint, kind, components in _looser(stresses):
-        one, two = (set(model.supports[model.frames[frame].parentJoint]) for frame in (joint.first, joint.second))
-        for index in sorted(one ^ two):
-            if not model.joints[index].shortname().startswith("JointModelR"):
-                continue
-            for name, more in _of_hinge(stresses, index):
-                both = np.concatenate([components, more], axis=-1)
-                if _independent(stresses, both):
-                    changes = ((joint.name, kind),) if kind != joint.kind else ()
-                    left = stresses.degree - both.shape[-1]
-                    yield Loosening((*changes, (str(model.names[index]), name)), left)
-
-
-def _of_hinge(stresses: SelfStresses, index: int) -> Iterator[tuple[str, Array]]:
-    """Yield the kinds of joint that hold less than a hinge of the tree, and what it would give up; see ``_looser``."""
-    screw, turn = screw_of(stresses.closure.model.joints[index]), stresses.links.turns[0, index]
-    assert screw is not None
-    axis, wrenches = screw[1], stresses.transmitted(index)
-    yield "spherical", wrenches[..., 3:] @ (turn @ normals(axis).T)
-    yield "cylindrical", wrenches[..., :3] @ (turn @ axis)[:, None]

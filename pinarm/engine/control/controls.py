@@ -1,4 +1,4 @@
-"""Controllers of a forward run: their part in the integration, with the integrals of continuous ones as states.
+"""Controllers of a forward run: their efforts as loads, now and as they have been, and their integrals as states.
 
 Integrals follow the velocities, ``[v, x]``: the integrator sees ``q' = velocity(q, v)``, ``v' = a(t, q, v, x)`` and
 ``x' = rates(t, q, v, x)``, so that they have the same error control as the motion.
@@ -6,6 +6,7 @@ Integrals follow the velocities, ``[v, x]``: the integrator sees ``q' = velocity
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,13 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
-from pinarm.engine.control.efforts import PresentEfforts, RecordedEfforts, Span
-from pinarm.engine.control.memory import ControlMemory
+from pinarm.arrays import Array, Indices
+from pinarm.engine.control.memory import ControlHistory, ControlMemory, reference_after
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Acceleration, Interval, Manifold
+from pinarm.engine.integration.integrator import Acceleration, Interval, Manifold, Watch
 from pinarm.mechanics.control.controller import Controller, Given
+from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad, power
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.limited_states import Switch
 from pinarm.records import replace
@@ -28,6 +28,164 @@ if TYPE_CHECKING:
     from pinarm.engine.constraints.closure import Closure
     from pinarm.engine.motion.systems import CompletedStates, System
     from pinarm.mechanics.laws.motion_law import Grid
+
+Span = tuple[float, float]
+"""Interval of time in which no law jumps [s]."""
+
+
+def reference_of(laws: tuple[MotionLaw, ...], t: Array | float, span: Span | None) -> Array:
+    """Return values of laws at instants, shape (..., s, 3): within a span by its smooth pieces, else after jumps."""
+    instants = np.atleast_1d(np.asarray(t, float))
+    if span is None:
+        reference = reference_after(laws, instants)
+    else:
+        reference = np.empty((len(instants), len(laws), 3))
+        for k, law in enumerate(laws):
+            reference[:, k] = np.array(law.on(*span)(instants)).T
+    return reference if np.ndim(t) else reference[0]
+
+
+class _ControlLoad(ForceElement):
+    """Efforts of drives, whose power is that of the controllers."""
+
+    def potential_energy(self, q: Array) -> Array:
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return minus the power of the efforts: controllers supply it."""
+        return -power(self, t, q, v)
+
+
+@dataclass(frozen=True, eq=False)
+class PresentEfforts(_ControlLoad):
+    """The efforts during an integration, from the memory of the controllers.
+
+    ``span`` is the interval in which no reference jumps; ``None`` where it is not known.
+    """
+
+    memory: ControlMemory = field(repr=False)
+    span: Span | None = None
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the efforts in force, and those of continuous controllers in each state."""
+        tau += self.memory.load
+        for number, controller in enumerate(self.memory.continuous):
+            efforts = controller.limited(controller.command(self.given(number, t, q, v)))
+            for k, joint in enumerate(controller.joints):
+                tau[..., joint.v] += efforts[..., k]
+
+    def given(self, number: int, t: Array | float, q: Array, v: Array) -> Given:
+        """Return the input of a continuous controller in states, with the integrals last remembered."""
+        memory, controller = self.memory, self.memory.continuous[number]
+        integral = memory.integral[..., memory.integrals[number]]
+        if integral.ndim > q.ndim:  # one of the states that were completed together
+            integral = integral[np.abs(memory.instants - t).argmin()]
+        reference = reference_of(controller.references, t, self.span)
+        measured, mode = controller.measure(q, v), memory.modes[number]
+        return Given(t, q, v, measured, reference, integral, mode, memory.applied)
+
+    def integral_rates(self, t: float, q: Array, v: Array) -> Array:
+        """Return the rates of all integrals in one state, shape (m,)."""
+        every = enumerate(self.memory.continuous)
+        return np.concatenate([controller.rates(self.given(k, t, q, v)) for k, controller in every])
+
+    def laws(self) -> list[MotionLaw]:
+        return [law for controller in self.memory.continuous for law in controller.references]
+
+    def on(self, start: float, end: float) -> PresentEfforts:
+        return replace(self, span=(start, end))
+
+    @property
+    def held(self) -> HeldLoad | None:
+        return None if self.memory.continuous else self.memory
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedEfforts(_ControlLoad):
+    """The efforts of a run that is over.
+
+    Attributes:
+        integral: Integrals at instants [s], shape (n,), as an array of shape (n, m).
+        span: Interval whose side of a change counts; ``None`` for the side after it.
+    """
+
+    sampled: tuple[Controller, ...]
+    continuous: tuple[Controller, ...]
+    history: ControlHistory = field(repr=False)
+    integral: Callable[[Array], Array] = field(repr=False)
+    places: list[slice] = field(repr=False)
+    span: Span | None = None
+
+    @property
+    def controllers(self) -> tuple[Controller, ...]:
+        """All controllers, the sampled ones first."""
+        return (*self.sampled, *self.continuous)
+
+    def _pieces(self, t: Array) -> Indices:
+        """Return the changes in force at instants, shape (n,); those that differ by rounding are the same."""
+        t = t + self.history.slack
+        if self.span and self.span[0] < self.span[1]:
+            t = np.minimum(t, np.nextafter(self.span[1], -np.inf))
+        return np.maximum(np.searchsorted(self.history.times, t, side="right") - 1, 0)
+
+    def parts(self, t: Array, q: Array, v: Array) -> list[dict[str, Array]]:
+        """Return columns of every controller at n states, the sampled ones first, shape (n, k) each.
+
+        ``command``, before limits; ``effort`` at the joints; of motors see ``Actuator.parts``.
+        """
+        pieces, columns, place = self._pieces(t), list[dict[str, Array]](), 0
+        for controller in self.sampled:
+            mine = slice(place, place + len(controller.joints))
+            place = mine.stop
+            in_force = {} if controller.supply else {"effort": self.history.applied[pieces, mine]}
+            columns.append({"command": self.history.commands[pieces, mine], **in_force})
+        integral = self.integral(t) if self.places and self.places[-1].stop else np.zeros((len(t), 0))
+        for number, controller in enumerate(self.continuous):
+            reference, mode = reference_of(controller.references, t, self.span), self.history.modes[pieces, number]
+            own, applied = integral[:, self.places[number]], self.history.applied[pieces]
+            columns.append(controller.parts(Given(t, q, v, controller.measure(q, v), reference, own, mode, applied)))
+        return columns
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        rows = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
+        parts = self.parts(np.broadcast_to(np.asarray(t, float), len(rows[0])), *rows)
+        for controller, part in zip(self.controllers, parts, strict=True):
+            for k, joint in enumerate(controller.joints if "effort" in part else ()):
+                tau[..., joint.v] += part["effort"][:, k].reshape(q.shape[:-1])
+
+    def on(self, start: float, end: float) -> RecordedEfforts:
+        """Return the efforts as they are on an interval, whose end is before a change there."""
+        return replace(self, span=(start, end))
+
+    def laws(self) -> list[MotionLaw]:
+        return [law for controller in self.continuous for law in controller.references]
+
+    @property
+    def jumps(self) -> bool:
+        """Whether efforts may jump: at samples, where relays switch, and where references do."""
+        return True
+
+    @property
+    def held(self) -> HeldLoad | None:
+        return None if self.continuous else self
+
+    @property
+    def present(self) -> Array:
+        """The load at the end; see ``HeldLoad``."""
+        return np.asarray(self.history.loads[-1])
+
+    def piece(self, t: float) -> int:
+        """Return the number of the change at t, or the last one before; see ``HeldLoad``."""
+        return max(bisect_right(self._instants, t) - 1, 0)
+
+    @cached_property
+    def _instants(self) -> list[float]:
+        return [float(t) for t in self.history.times]
+
+    def load_of(self, pieces: Indices) -> Array:
+        """Return the loads after changes; see ``HeldLoad``."""
+        return np.asarray(self.history.loads[pieces])
+
 
 CONTROL = "control"
 """Name of the force element of controllers in dynamics of runs; no force has it: ``problems.control``."""
@@ -68,11 +226,6 @@ class Controls:
         """Whether a controller acts at every instant."""
         return bool(self.memory.continuous)
 
-    @property
-    def sampled_references(self) -> list[MotionLaw]:
-        """Laws that sampled controllers follow."""
-        return [law for controller in self.memory.sampled for law in controller.references]
-
     @cached_property
     def joints(self) -> tuple[int, ...]:
         """Indices in v of the joints that are driven, the sampled ones first, as ``RecordedEfforts`` has them."""
@@ -80,7 +233,6 @@ class Controls:
         return tuple(joint.v for controller in ordered for joint in controller.joints)
 
     def begin(self, start: float, end: float) -> None:
-        """Begin a run; nothing is remembered of another one."""
         for controller in (*self.memory.sampled, *self.memory.continuous):
             controller.begin()
         self.memory.begin(start, end)
@@ -114,7 +266,7 @@ class Controls:
 
             return acceleration
 
-        sampling = _SampledStates(memory, system) if memory.sampled else None
+        sampling = SampledStates(memory, system) if memory.sampled else None
         return replace(interval, acceleration_of_step=of_step, sampling=sampling)
 
     def watches(self, span: Span) -> list[tuple[int, Watch]]:
@@ -140,8 +292,8 @@ class Controls:
 
 
 @dataclass(frozen=True, eq=False)
-class _SampledStates:
-    """Gives sampled controllers the states of the mechanism at their samples; see ``SampleTimes``."""
+class SampledStates:
+    """Gives sampled controllers the states of the mechanism at their samples; no step goes past one of them."""
 
     memory: ControlMemory
     system: System
@@ -180,28 +332,6 @@ def _advice(controller: Controller) -> str:
     return f"smaller gains of the controller of {', '.join(controller.drives)}{shown and f' ({shown} in SI)'}{period}"
 
 
-@dataclass(frozen=True)
-class _WithIntegrals:
-    """A configuration space with ``count`` integrals behind the velocities."""
-
-    inner: Manifold
-    count: int
-
-    @property
-    def nq(self) -> int:
-        return self.inner.nq
-
-    @property
-    def nv(self) -> int:
-        return self.inner.nv + self.count
-
-    def velocity(self, q: Array, v: Array) -> Array:
-        return self.inner.velocity(q, v[..., : self.inner.nv])
-
-    def project(self, q: Array) -> Array:
-        return self.inner.project(q)
-
-
 @dataclass(frozen=True, eq=False)
 class ControlledSystem:
     """A system with the integrals of continuous controllers, which it keeps in the memory that loads read."""
@@ -211,12 +341,11 @@ class ControlledSystem:
 
     @property
     def manifold(self) -> Manifold:
-        """Space of the integrated configurations."""
-        return _WithIntegrals(self.inner.manifold, self.memory.integrals[-1].stop)
+        inner, count = self.inner.manifold, self.memory.integrals[-1].stop
+        return Manifold(inner.nq, inner.nv + count, lambda q, v: inner.velocity(q, v[..., : inner.nv]), inner.project)
 
     @property
     def closure(self) -> Closure:
-        """Constraints with multipliers."""
         return self.inner.closure
 
     def with_integrals(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -225,11 +354,9 @@ class ControlledSystem:
         return q, np.concatenate([v, integral], axis=-1)
 
     def integrals(self, v: Array) -> Array:
-        """Return the integrals in integrated states, shape (..., m)."""
         return v[..., self.inner.manifold.nv :]
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion on an interval without jumps."""
         bound, inner, nv = dynamics.on(start, end), self.inner.interval(dynamics, start, end), self.inner.manifold.nv
         efforts, settle = bound.forces[CONTROL], inner.settle
         assert isinstance(efforts, PresentEfforts)
@@ -264,5 +391,4 @@ class ControlledSystem:
         return self.inner.whole(t, q, v[..., : self.inner.manifold.nv])
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
-        """Return the motion of the mechanism at the rows of a grid."""
         return self.inner.complete(dynamics, grid, q, v[:, : self.inner.manifold.nv])

@@ -152,7 +152,6 @@ class Change(NamedTuple):
         load: Efforts of the sampled controllers in force, as generalised loads [N*m or N], shape (nv,).
         applied: Their commands in force, within the limits, shape (k,).
         commands: Their last commands, before the limits, shape (k,).
-        modes: States of the continuous controllers.
     """
 
     load: Array
@@ -200,7 +199,6 @@ class ControlMemory:
         self.changes: list[Change] = []
 
     def begin(self, start: float, end: float) -> None:
-        """Begin a run from start to end [s]."""
         self.schedule = Schedule.of(self.sampled, start, end)
         self.samplers = [
             Sampler(controller, controller.sampling, reference_after(controller.references, t, self.schedule.slack))
@@ -252,7 +250,6 @@ class ControlMemory:
         return NOTHING
 
     def piece(self, t: float) -> int:
-        """Return the number of the change at t, or the last one before [s]."""
         return max(bisect_right(self.times, t) - 1, 0)
 
     @property

@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from types import MappingProxyType
@@ -22,40 +21,11 @@ from pinarm.mechanics.geometry.kinematics import WIDE, cached_by_model, new_data
 from pinarm.mechanics.geometry.link_placements import speeding, summed_wrenches
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import Record, ValueRecord, replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration, Manifold
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
-
-MANY = 2**15
-"""Numbers in v of all states from which on a call takes so long, 5 ms, that threads gain more than they wait."""
-
-
-def cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-_forked = False
-"""Whether this process is a fork of one that had loaded Pinocchio: it lacks the threads that OpenMP still counts on."""
-
-
-def _note_fork() -> None:
-    global _forked
-    _forked = True
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_note_fork)
-
-
-def threads() -> int:
-    """Return how many threads a call may use: all cores, or what ``OMP_NUM_THREADS`` allows; one after a fork."""
-    if _forked:
-        return 1
-    allowed = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
-    return min(cores(), max(1, int(allowed))) if allowed.isdecimal() else cores()
 
 
 def rnea(model: Model, q: Array, v: Array, a: Array) -> Array:
@@ -64,13 +34,12 @@ def rnea(model: Model, q: Array, v: Array, a: Array) -> Array:
         data = new_data(model)
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
     if not isinstance(model, ModelVariants):
-        number = threads() if v.size > MANY else 1
-        return _rnea(number, _single(model) if number == 1 else _several(model), q, v, a)
-    return _of_variants(model, lambda pool, *states: _rnea(1, pool, *states), q, v, a)
+        return _rnea(_single(model), q, v, a)
+    return _of_variants(model, _rnea, q, v, a)
 
 
-def _rnea(number: int, pool: pin.ModelPool, q: Array, v: Array, a: Array) -> Array:
-    efforts: Array = pin.rneaInParallel(number, pool, q.T, v.T, a.T)
+def _rnea(pool: pin.ModelPool, q: Array, v: Array, a: Array) -> Array:
+    efforts: Array = pin.rneaInParallel(1, pool, q.T, v.T, a.T)
     return efforts.reshape(v.shape[::-1]).T
 
 
@@ -146,11 +115,6 @@ def _single(model: pin.Model) -> pin.ModelPool:
     return pin.ModelPool(model, 1)
 
 
-@cached_by_model
-def _several(model: pin.Model) -> pin.ModelPool:
-    return pin.ModelPool(model, cores())
-
-
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
 
 KEPT = 16
@@ -184,12 +148,7 @@ class Dynamics(Record, frozen=True):
 
     @cached_property
     def manifold(self) -> Manifold:
-        """Return the space of configurations."""
-        from pinarm.engine.dynamics.dynamics import ConfigurationSpace
-        from pinarm.engine.integration.integrator import Flat
-
-        nq, nv = self.model.nq, self.model.nv
-        return Flat(nq, nv) if nq == nv else ConfigurationSpace(self.model, nq, nv)
+        return configuration_space(self.model)
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, .., nq), as an array of shape (n, .., nv, nv)."""
@@ -198,8 +157,9 @@ class Dynamics(Record, frozen=True):
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
         tau = np.empty((*q.shape[:-1], self.model.nv))
-        tau[:], others = self._lasting
-        for force in others:
+        of_variants = isinstance(self.model, ModelVariants)  # each of which has steady loads of its own
+        tau[:] = 0.0 if of_variants else self.steady
+        for force in self._acting if of_variants else self.changing:
             force.add_load(t, q, v, tau)
         return tau
 
@@ -213,17 +173,12 @@ class Dynamics(Record, frozen=True):
         return sizes
 
     @cached_property
-    def _lasting(self) -> tuple[Array | float, tuple[ForceElement, ...]]:
-        """The sum of the steady loads, and the other elements; of variants, each of which has its own, all elements."""
-        return (0.0, self._acting) if isinstance(self.model, ModelVariants) else (self.steady, self.changing)
-
-    @cached_property
     def _acting(self) -> tuple[ForceElement, ...]:
         return tuple(self.forces.values())
 
     def on(self, start: float, end: float) -> Dynamics:
         """Return the dynamics as it is on an interval of time in which no load jumps; buffers are shared."""
-        return self._on(start, end) if self._changes else self
+        return self._on(start, end) if any(force.jumps for force in self.forces.values()) else self
 
     @cached_property
     def _leaping(self) -> dict[str, LawElement]:
@@ -267,10 +222,6 @@ class Dynamics(Record, frozen=True):
         """Whether loads may jump with the state of the mechanism, and do so with single joints only."""
         conditions = [force.condition for force in self._leaping.values() if force.condition]
         return bool(conditions) and all(condition.of_joints for condition in conditions)
-
-    @cached_property
-    def _changes(self) -> bool:
-        return any(force.jumps for force in self.forces.values())
 
     @cached_property
     def _on(self) -> Callable[[float, float], Dynamics]:
@@ -343,7 +294,6 @@ class Dynamics(Record, frozen=True):
 
     @cached_property
     def held(self) -> tuple[HeldLoad, ...]:
-        """Loads that are the same in all states between changes in time."""
         return tuple(held for force in self.forces.values() if (held := force.held) is not None)
 
     @cached_property
@@ -356,14 +306,9 @@ class Dynamics(Record, frozen=True):
         links, twists = speeding(self.model, q, v)
         kinetic, potential = (energies.sum(axis=-1) for energies in links.energies(twists))
         kinetic = kinetic + 0.5 * v**2 @ self.model.armature
-        for force in self._storing:
+        for force in (force for force in self.forces.values() if not force.steady):  # whose work counts as dissipated
             potential = potential + force.potential_energy(q)
         return kinetic, potential
-
-    @cached_property
-    def _storing(self) -> tuple[ForceElement, ...]:
-        """The force elements but for the steady ones, whose work counts as dissipated: they have no potential."""
-        return tuple(force for force in self.forces.values() if not force.steady)
 
     @cached_property
     def exchanging(self) -> Dynamics | None:
@@ -390,21 +335,21 @@ def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
     return [(rows, dynamics.on(start, end)) for start, end, rows in grid.intervals()]
 
 
-class ConfigurationSpace(ValueRecord, frozen=True):
-    """Configurations with quaternions or (cos, sin) pairs in them."""
+def configuration_space(model: pin.Model) -> Manifold:
+    """Return the space of configurations of a model, with quaternions or (cos, sin) pairs in them where it has such."""
+    from pinarm.engine.integration.integrator import Manifold
 
-    model: pin.Model
-    nq: int
-    nv: int
+    if model.nq == model.nv:
+        return Manifold(model.nq, model.nv)
 
-    def velocity(self, q: Array, v: Array) -> Array:
-        """Return q' = T(q) v, of one state or of several."""
+    def velocity(q: Array, v: Array) -> Array:
         if q.ndim == 1:
-            return pin.tangentMap(self.model, q).dot(v)  # type: ignore[no-any-return]  # half the time of @
-        return np.array([self.velocity(row, rate) for row, rate in zip(q, v, strict=True)]).reshape(q.shape)
+            return pin.tangentMap(model, q).dot(v)  # type: ignore[no-any-return]  # half the time of @
+        return np.array([velocity(row, rate) for row, rate in zip(q, v, strict=True)]).reshape(q.shape)
 
-    def project(self, q: Array) -> Array:
-        """Return q with its quaternions and pairs at unit length."""
+    def project(q: Array) -> Array:
         if q.ndim == 1:
-            return pin.normalize(self.model, q)  # type: ignore[no-any-return]
-        return np.array([pin.normalize(self.model, row) for row in q]).reshape(q.shape)
+            return pin.normalize(model, q)  # type: ignore[no-any-return]
+        return np.array([pin.normalize(model, row) for row in q]).reshape(q.shape)
+
+    return Manifold(model.nq, model.nv, velocity, project)

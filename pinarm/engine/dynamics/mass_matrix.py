@@ -113,7 +113,11 @@ def _require(model: pin.Model, free: Array, mass: Array, q: Array, t: float) -> 
 
 def _carried(model: pin.Model, indices: list[int]) -> str:
     """Return the links that move with the joints at some indices in v, in words."""
-    owners = [one.id for one in model.joints if one.nv and any(one.idx_v <= k < one.idx_v + one.nv for k in indices)]
+    owners = [
+        joint.id
+        for joint in model.joints
+        if joint.nv and any(joint.idx_v <= k < joint.idx_v + joint.nv for k in indices)
+    ]
     beyond = {int(joint) for owner in owners for joint in model.subtrees[owner]}
     links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY and frame.parentJoint in beyond]
     return listed("link", links) if links else "nothing"

@@ -36,7 +36,6 @@ class EffortBand(Record, frozen=True):
         quantity: ``joint.J.effort`` or ``coordinate.C.effort``.
         coordinate: Name of the coordinate that moves where the effort leaves the band.
         shares: Of the efforts of all d drives in the quantity, shape (d,).
-        unit: Of the effort.
     """
 
     quantity: str

@@ -11,7 +11,7 @@ known, a friction in that direction stands for it, which tells what depends on i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from math import prod
 from typing import NamedTuple
@@ -54,19 +54,17 @@ def extreme_frictions(
     direction: Array,
     stuck: Sequence[SlipGroup],
     friction: Array,
-    unknown: Collection[int] = (),
 ) -> Extremes:
     """Return the frictions at the corners; none where nothing is open.
 
-    Joints that slip, in a direction that is not 0, keep their friction. ``unknown`` are joints whose limits rigid
-    bodies do not determine.
+    Joints that slip, in a direction that is not 0, keep their friction.
     """
     corners, ways = _shared(balance, direction, stuck, friction)
     corners = corners if len(corners) else friction[None]
     grouped = {i for group in stuck for i in group.members}  # others at rest share the load of a law or a stop
     on_laws = [i for i in np.flatnonzero((direction == 0.0) & balance.response.driven).tolist() if i not in grouped]
     for i in on_laws:
-        known = len(on_laws) <= ALONE and i not in unknown
+        known = len(on_laws) <= ALONE
         limits = {sign: _limit(balance, direction, stuck, i, sign) if known else None for sign in (-1.0, 1.0)}
         ends = dict.fromkeys(float(friction[i]) if f is None else f for f in limits.values())
         columns = np.arange(len(friction)) == i
@@ -119,7 +117,7 @@ def _ends(
     balance: FrictionBalance, stuck: Sequence[SlipGroup], group: SlipGroup, exchange: Array, friction: Array
 ) -> tuple[Array, list[Array]]:
     """Return the ends of what two joints may share, and directions without an end."""
-    members, every = list(group.members), [i for each in stuck for i in each.members]
+    members, every = list(group.members), [i for group in stuck for i in group.members]
     held = (group.ratios * group.units) @ balance.limits(friction)[members] + abs(group.ratios @ friction[members])
     size = float(held) or 1.0
 

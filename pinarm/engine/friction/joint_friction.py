@@ -7,7 +7,7 @@ friction that holds a joint reaches its bound.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -45,7 +45,6 @@ from pinarm.mechanics.friction.contact import (
     slip_rows_at,
     unit_vectors,
 )
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import replace
 
@@ -99,8 +98,6 @@ class JointFriction(ForceElement):
     """The joints with friction of one motion, some of which slip; as a force element, the friction of these.
 
     Attributes:
-        contacts: The k joints.
-        closure: Constraints of the mechanism.
         rows: The constraints, then coordinates that follow laws.
         dynamics: The equation of motion without this friction.
         prescribed: Coordinates that follow laws, and those of joints that rest on stops.
@@ -185,16 +182,14 @@ class JointFriction(ForceElement):
                 self.known[state] = self.solution(float(t[row]), q[row], v[row])
         return [self.known[state] for state in asked]
 
-    def extremes(
-        self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution], unknown: Collection[int] = ()
-    ) -> list[Extremes]:
+    def extremes(self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution]) -> list[Extremes]:
         """Return the frictions at which shares of joints at rest are least or greatest, in n states."""
         extremes, before = list[Extremes](), b""
         for instant, position, rate, solution in zip(t.tolist(), q, v, solutions, strict=True):
             state = b"".join(x.tobytes() for x in (position, rate, *solution))
             if state != before:
                 balance, directions = self.balance(instant, position, rate), self.directions(self.slips(position, rate))
-                own = extreme_frictions(balance, directions, self.slip.stuck, solution.f, unknown)
+                own = extreme_frictions(balance, directions, self.slip.stuck, solution.f)
             extremes.append(own)
             before = state
         return extremes
@@ -219,7 +214,6 @@ class JointFriction(ForceElement):
             tau += np.vecmat(self.friction(t, q, v), self._rows_at(q))
 
     def potential_energy(self, q: Array) -> Array:
-        """Return 0."""
         return np.zeros(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
@@ -341,11 +335,8 @@ class JointFriction(ForceElement):
         """Return the coordinates that follow laws, and those of joints that friction holds at a configuration."""
         groups = self.slip.stuck
         coordinates, state = list(self._standing(groups, q)) if groups else [], self.closure.state(q)
-        return PrescribedCoordinates(
-            (*self.prescribed.names, *(f"{self.contacts[group.first].name}, stuck" for group in groups)),
-            (*self.prescribed.coordinates, *coordinates),
-            (*self.prescribed.laws, *(Constant(value=coordinate.value(state)) for coordinate in coordinates)),
-        )
+        names = [f"{self.contacts[group.first].name}, stuck" for group in groups]
+        return self.prescribed.holding(names, coordinates, [along.value(state) for along in coordinates])
 
     def _standing(self, groups: Sequence[SlipGroup], q: Array) -> Iterator[Coordinate]:
         """Yield coordinates that stand still if and only if groups do: of joints, or sums of joints."""

@@ -52,7 +52,6 @@ class SlipResponse(NamedTuple):
     driven: Flags
 
     def at(self, f: Array) -> Array:
-        """Return alpha under friction f, shape (k,)."""
         return np.asarray(self.acceleration + self.mobility @ f)
 
 
@@ -76,7 +75,6 @@ class SlipEquation:
     """The equation of motion on one interval without jumps, and the slips in it.
 
     Attributes:
-        contacts: The k joints with friction.
         closure: Constraints, then coordinates that follow laws.
         dynamics: The equation of motion without this friction.
         targets: ``t -> w, w', w''`` of the coordinates that follow laws.
@@ -93,12 +91,6 @@ class SlipEquation:
     def loaded(self) -> bool:
         """Whether any friction depends on the load of its joint."""
         return any(contact.law.loaded for contact in self.contacts)
-
-    @cached_property
-    def _weight(self) -> float:
-        """``m g^2`` of all links [N^2/kg]."""
-        model = self.closure.model
-        return float(sum(link.mass for link in model.inertias) * (model.gravity.linear @ model.gravity.linear))
 
     @cached_property
     def _last(self) -> list[_InState]:
@@ -152,7 +144,9 @@ class SlipEquation:
         along, masses = np.abs(here.slips), np.diag(here.mass)
         sizes = along @ terms / np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
         some, free = masses > 0.0, ~here.driven & (moved > 0.0)
-        energy = max(self._weight, float((terms[some] ** 2 / masses[some]).max(initial=0.0)))
+        model = self.closure.model
+        weight = float(sum(link.mass for link in model.inertias) * (model.gravity.linear @ model.gravity.linear))
+        energy = max(weight, float((terms[some] ** 2 / masses[some]).max(initial=0.0)))
         sizes[free] = np.maximum(sizes[free], np.sqrt(energy / moved[free]))
         return np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0))))
 
@@ -175,7 +169,6 @@ class BearingReactions:
 
     @property
     def _by_multipliers(self) -> bool:
-        """Whether all loads that count are multipliers."""
         return all(contact.by_multiplier or not contact.law.loaded for contact in self.contacts)
 
     def _carried(self, q: Array, lam: Array) -> Array:

@@ -79,11 +79,9 @@ class CarriedLoads:
 
     @property
     def constant(self) -> bool:
-        """Whether friction changes no load."""
         return not self.response.any() and not (self.rate.any() and self.fold.any())
 
     def at(self, f: Array) -> Array:
-        """Return the wrenches under friction f, shape (k, 6)."""
         wrench = self.wrench + np.vecmat(f, self.response)
         return np.asarray(wrench + np.vecmat(np.abs(self.distances(f)), self.fold))
 
@@ -136,11 +134,9 @@ class Slipping:
     """Joints that slip, and the equation (1) of their friction.
 
     Attributes:
-        contacts: The k joints.
         direction: s: 1, -1, components of a unit vector where the slip has several, or 0 without friction here, (k,).
         mu: Shape (k,).
         constant: c [N*m or N], shape (k,).
-        loads: Wrenches of their bearings.
     """
 
     contacts: Sequence[FrictionContact]

@@ -10,8 +10,8 @@ import numpy as np
 from msgspec import Struct
 
 from pinarm.arrays import Array
-from pinarm.engine.integration.events import Watch, locate_crossings, possible_crossings
-from pinarm.engine.integration.integrator import Interval, Manifold, Solution, StepsOver
+from pinarm.engine.integration.events import locate_crossings, possible_crossings
+from pinarm.engine.integration.integrator import Interval, Manifold, Solution, StepsOver, Watch
 from pinarm.engine.integration.runge_kutta import PASSED, SHORTEST
 from pinarm.errors import IntegrationError, Interrupted
 
@@ -44,8 +44,6 @@ def integrate(
     Args:
         intervals: Consecutive intervals with their accelerations.
         manifold: The configuration space.
-        q: Initial configuration, shape (nq,).
-        v: Initial velocity, shape (nv,).
         method: The method.
         max_steps: Largest number of steps, rejected ones included.
         watches: Values whose zero crossings are located; one that stops ends the integration at its crossing.

@@ -1,29 +1,29 @@
-"""Location of events: instants at which a watched value crosses zero, on the dense output."""
+"""Events: instants at which a watched value crosses zero on the dense output, and turns near zero.
+
+Each value is interpolated by a Chebyshev polynomial on a step, or on parts of it, all of whose roots are computed: a
+coordinate that is linear in q is such a polynomial, and none of its crossings is missed, however close they are. Where
+a value turns near zero, whether it crosses is a decision with a margin and an error: the error of one step, times the
+number of steps so far, times the sensitivity of the margin, since errors of steps add up. Where the motion is unstable,
+errors grow beyond that; a second solution shows it.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration.integrator import Crossing, Solution
-from pinarm.engine.integration.turns import (
-    BESIDE,
-    DIGITS,
-    NEGLIGIBLE,
-    REACHED,
-    Turn,
-    WithinStep,
-    may_turn,
-    nodes,
-    note_nearest,
-    series_of,
-    turns_in,
-)
-from pinarm.records import ValueRecord
+from pinarm.engine.integration.integrator import Crossing, Solution, Turn, Watch
+from pinarm.engine.integration.methods.explicit import FixedStep
+from pinarm.records import Record
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Step
 
 MOST_SECANTS = 400
 """Steps to a crossing: a fourth of them halve the bracket, which takes less than 100 halvings to rounding."""
@@ -47,43 +47,76 @@ LEAST_PART, MOST_STATES, AT_ONCE = 2.0**-24, 500_000, 256
 """Smallest part of a step for which a value that depends on loads has a series of its own; states in which it is looked
 at for them in one step; and parts that are halved in one call."""
 
+BESIDE = 1e-3
+"""Part of a step up to which roots outside of it are told from those within: one at an end may be on either side."""
 
-class Watch(ValueRecord, frozen=True):
-    """A function of the state whose zero crossings are located along a motion.
+NEGLIGIBLE = 1e-14
+"""Size of the last coefficients of a series that are rounding, over the largest; they would disturb its roots."""
 
-    Attributes:
-        value: ``(t, q, v) -> g`` of many states at once, shape (n,).
-        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
-        stops: Whether the integration ends at the first crossing.
-        loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as long as the
-            motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
-        counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is ``None``.
-        begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving it.
-        level: Size of the numbers whose difference the value is. Where it turns back at 0 but for the error of the
-            solution, or the integration ends at 0 but for the rounding of these numbers, it comes to 0 there, once.
-            ``None`` where it has to cross 0.
-        what: What happens where the value comes to 0, or ends there where ``loaded``; empty where nothing is decided.
-        unit: Unit of the margin.
-        margin: Distance to the threshold, of the sign of the value; ``None`` where it is the value.
-        sensitivity: ``(t, q, v) -> change of the margin`` in one state by a relative error 1 of the states, if known.
-    """
+REACHED, DIGITS = 1e-13, 1e-15
+"""Rounding of a value, relative to the largest in the step, with that of a few impacts before it; and that of a
+difference, relative to the numbers."""
 
-    value: Callable[[Array, Array, Array], Array]
-    direction: int
-    stops: bool
-    loaded: bool = False
-    counts: Callable[[Array, Array, Array], Flags] | None = None
-    begins: float = -math.inf
-    level: float | None = None
-    what: str = ""
-    unit: str = ""
-    margin: Callable[[Array, Array, Array], Array] | None = None
-    sensitivity: Callable[[Array, Array, Array], float] | None = None
+SAME_PLACE = 1e-4
+"""Imaginary part of roots of a series, or of its slope, that is rounding."""
+
+BENDS = 0.01
+"""Part of the range of a value in a step by which it may be nearer to 0 between ``FINE`` even places than at them; of a
+parabola it is a tenth of that."""
+
+FINE = 33
+"""Places at which a series is looked at for turns: four to eight between two nodes."""
+
+CLEAR = 10.0
+"""Margin of a turn over its error from which on it is skipped where an earlier one was nearer."""
+
+
+class WithinStep(Record, frozen=True):
+    """A step of a solution, by its index, with the state at its end, projected onto the constraints."""
+
+    solution: Solution
+    index: int
+    end: Array
 
     @property
-    def decides(self) -> bool:
-        """Whether something is decided where the value turns near 0."""
-        return bool(self.what) or self.level is not None
+    def step(self) -> Step:
+        return self.solution.steps[self.index]
+
+    @property
+    def slack(self) -> float:
+        """Difference of instants that is rounding of their roots [s]."""
+        return SAME_INSTANT * max(abs(self.step.t), abs(self.step.h))
+
+    def evaluate(self, function: Callable[[Array, Array, Array], Any], t: Sequence[float] | Array) -> Any:
+        """Return the values of a function of the states at instants t [s], shape (n,)."""
+        instants = np.asarray(t)
+        return function(instants, *self.solution.states_in(np.full(len(instants), self.index), instants))
+
+    def counts(self, watch: Watch, instant: float) -> bool:
+        return watch.counts is None or bool(self.evaluate(watch.counts, [instant])[0])
+
+    def at_nodes(self, parts: Array) -> tuple[Array, Array, Array]:
+        """Return instants and states at the nodes of parts of the step, given their ends from 0 to 1, shape (p, 2)."""
+        t, q, v = states_at_nodes(self.solution, np.full(len(parts), self.index), parts, self.end)
+        return t.ravel(), q.reshape(t.size, -1), v.reshape(t.size, -1)
+
+
+def states_at_nodes(solution: Solution, index: Indices, parts: Array, end: Array) -> tuple[Array, Array, Array]:
+    """Return instants, (m, k), and states, (m, k, ..), at the nodes of parts of steps, given their ends, (m, 2).
+
+    At starts of steps states are known, at ends they are projected onto the constraints: ``end`` at the end of the last
+    step, shape (nq + nv,).
+    """
+    steps, nq, x = solution.steps, solution.manifold.nq, nodes(solution.method.subdivisions)
+    t = steps.t[index, None] + steps.h[index, None] * (parts[:, :1] + np.diff(parts) * x)
+    begun, ended = parts[:, 0] == 0.0, parts[:, 1] == 1.0
+    t[ended, -1] = steps.until[index[ended]]
+    q, v = (z.reshape(*t.shape, -1) for z in solution.states_in(np.repeat(index, len(x)), t.ravel()))
+    following = index[ended] + 1
+    closed = np.where((following < len(steps))[:, None], steps.y[np.minimum(following, len(steps) - 1)], end)
+    for place, some, states in ((0, begun, steps.y[index[begun]]), (-1, ended, closed)):
+        q[some, place], v[some, place] = states[:, :nq], states[:, nq:]
+    return t, q, v
 
 
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
@@ -91,22 +124,15 @@ def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int,
 
     Bounds on its Chebyshev series decide. y is the state at the end of the last step, projected onto the constraints.
     """
-    steps, nq, x = solution.steps, solution.manifold.nq, nodes(solution.method.subdivisions)
-    indices = np.arange(first, len(steps))
+    indices = np.arange(first, len(solution.steps))
     if len(indices) < 2:  # what would be computed here is computed again to locate them
         return indices
-    instants = steps.t[first:, None] + steps.h[first:, None] * x
-    instants[:, -1] = steps.until[first:]
-    ends = np.concatenate([steps.y[first:], y[None]])
-    shape = (len(indices), len(x), -1)
-    q, v = (z.reshape(shape) for z in solution.states_in(np.repeat(indices, len(x)), instants.ravel()))
-    for end, states in ((0, ends[:-1]), (-1, ends[1:])):
-        q[:, end], v[:, end] = states[:, :nq], states[:, nq:]
-    flat = instants.ravel(), q.reshape(-1, nq), v.reshape(len(instants.ravel()), -1)
+    instants, q, v = states_at_nodes(solution, indices, np.tile([0.0, 1.0], (len(indices), 1)), y)
+    flat = instants.ravel(), q.reshape(instants.size, -1), v.reshape(instants.size, -1)
     kept = np.ones(len(indices), dtype=bool)
     for number, watch in enumerate(watches):
-        values = watch.value(*flat).reshape(shape[:2])
-        kept &= keeps_sign(values) & (resolved(values) if watch.loaded else True)
+        values = watch.value(*flat).reshape(instants.shape)
+        kept &= _is_one_sided(series_of(values)) & (resolved(values) if watch.loaded else True)
         kept &= ~may_turn(solution, watch, number, values, indices)
     return np.asarray(indices[~kept])
 
@@ -114,31 +140,28 @@ def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int,
 def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y: Array) -> bool:
     """Record the zero crossings in a step, and end it at one that stops the integration; return whether one does.
 
-    Each value is interpolated by a Chebyshev polynomial at ``2 method.subdivisions + 1`` points of the step, all of
-    whose roots are computed: a coordinate that is linear in q is such a polynomial, and none of its crossings is
-    missed, however close they are. Values that depend on loads are interpolated on parts of the step, down to which the
-    series converge: a step may be long where nothing moves yet. Each root is then refined on the value itself. A value
-    of exactly 0 counts as positive. y is the state at the end of the step, projected onto the constraints.
+    Values that depend on loads are interpolated on parts of the step, down to which the series converge: a step may be
+    long where nothing moves yet. Each root is then refined on the value itself. A value of exactly 0 counts as
+    positive. y is the state at the end of the step, projected onto the constraints.
     """
     within = WithinStep(solution, index, y)
     step, crossings, turns = within.step, list[tuple[float, int]](), list[Turn]()
-    latest, slack = math.inf, SAME_INSTANT * max(abs(step.t), abs(step.h))
-    states = within.at_nodes(np.array([[0.0, 1.0]]))
+    latest, states = math.inf, within.at_nodes(np.array([[0.0, 1.0]]))
     for number, watch in enumerate(watches):
         for part in _parts(within, watch, watch.value(*states)):
             start, length = step.t + step.h * part.low, step.h * (part.high - part.low)
-            if start > latest + slack:
+            if start > latest + within.slack:
                 break
             if not part.resolved:
                 solution.unresolved.append((start, start + length))
-            near = turns_in(within, watch, number, part.values, (part.low, part.high))
-            turns += (near := [turn for turn in near if _counts(within, watch, turn.t)])
+            near = [turn for turn in turns_in(within, watch, number, part) if within.counts(watch, turn.t)]
+            turns += near
             for instant in _instants(within, watch, part, near):
                 if watch.level is not None and _stays(solution, watch, (number, instant), crossings, turns):
                     continue
                 crossings.append((instant, number))
                 latest = min(latest, instant) if watch.stops else latest
-    located, stop = _until_stop(sorted(crossings), watches, slack)
+    located, stop = _until_stop(sorted(crossings), watches, within.slack)
     if stop is not None or step.until >= solution.intervals[-1].end:
         end, last = step.until if stop is None else stop, {number: instant for instant, number in located}
         crossings += [
@@ -146,8 +169,8 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
             for number, watch in enumerate(watches)
             if _reaches(within, watch, last.get(number, step.t), end)
         ]
-        located, stop = _until_stop(sorted(crossings), watches, slack)
-    note_nearest(solution, turns, math.inf if stop is None else stop, located[-1][1] if located else -1)
+        located, stop = _until_stop(sorted(crossings), watches, within.slack)
+    _note_nearest(solution, turns, math.inf if stop is None else stop, located[-1][1] if located else -1)
     for instant, number in located:
         (q,), (v,) = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q, v))
@@ -160,13 +183,15 @@ def _instants(within: WithinStep, watch: Watch, part: StepPart, turns: Sequence[
     """Yield when a watched value comes to 0 in a part of a step [s], but for where it only leaves its start."""
     step = within.step
     start, length = step.t + step.h * part.low, step.h * (part.high - part.low)
-    for low, high, above in _brackets(part.values, watch.direction, watch.level, turns):
+    for low, high, above in _brackets(part.values, watch, turns):
         bracket = start + length * low, start + length * high
         instant = _refined(within, watch, bracket, above=above) if low < high else bracket[0]
-        if instant is None or not _counts(within, watch, instant):
+        if instant is None or not within.counts(watch, instant):
             continue
-        if start == watch.begins and _leaves(within, watch, instant, part.values):
-            continue
+        if start == watch.begins:
+            since = within.evaluate(watch.value, start + np.array([0.0, 0.5, 1.0]) * (instant - start))
+            if np.abs(since).max() <= LEFT * np.abs(part.values).max() + ROUNDED:
+                continue
         yield instant
 
 
@@ -183,7 +208,11 @@ class StepPart(NamedTuple):
 
 
 def _parts(within: WithinStep, watch: Watch, values: Array) -> Iterator[StepPart]:
-    """Yield the parts of a step on which a value is interpolated, in order of time, given its values at the nodes."""
+    """Yield the parts of a step on which a value is interpolated, in order of time, given its values at the nodes.
+
+    Parts whose series do not show the signs are halved, the first ones first: what follows a crossing is not looked at.
+    The farther there is none, the more are halved in one call.
+    """
     known = not watch.loaded or bool(resolved(values[None])[0])
     waiting, left, at_once = [StepPart(0.0, 1.0, values, known)], MOST_STATES, 1
     while waiting:
@@ -192,42 +221,35 @@ def _parts(within: WithinStep, watch: Watch, values: Array) -> Iterator[StepPart
             at_once = min(2 * at_once, AT_ONCE)
             continue
         some = [waiting.pop() for _ in range(min(at_once, len(waiting)))]
-        ends = np.array([half for part in some if not part.resolved for half in _halves(part)])
-        found = watch.value(*within.at_nodes(ends)).reshape(len(ends), -1)
-        seen = resolved(found) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
-        halves = iter([*map(StepPart, *ends.T.tolist(), found, seen.tolist())])
-        divided = [each for part in some for each in ([part] if part.resolved else [next(halves), next(halves)])]
+        bounds = [np.linspace(part.low, part.high, 3) for part in some if not part.resolved]
+        ends = np.array([half for low, middle, high in bounds for half in ((low, middle), (middle, high))])
+        halved = watch.value(*within.at_nodes(ends)).reshape(len(ends), -1)
+        seen = resolved(halved) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
+        halves = iter([*map(StepPart, *ends.T.tolist(), halved, seen.tolist())])
+        divided = [half for part in some for half in ([part] if part.resolved else [next(halves), next(halves)])]
         waiting += divided[::-1]
-        left -= found.size
-
-
-def _halves(part: StepPart) -> tuple[tuple[float, float], tuple[float, float]]:
-    middle = 0.5 * (part.low + part.high)
-    return (part.low, middle), (middle, part.high)
+        left -= halved.size
 
 
 def _until_stop(
     crossings: Sequence[tuple[float, int]], watches: Sequence[Watch], slack: float
 ) -> tuple[list[tuple[float, int]], float | None]:
-    """Return the crossings up to the one that stops the integration, which comes last, and its instant."""
+    """Return the crossings up to the one that stops the integration, which comes last, and its instant.
+
+    Of those that stop within ``slack`` [s] it is that of the first watched value. Other crossings at that instant
+    count, even if rounding puts them after it.
+    """
     stops = [(instant, number) for instant, number in crossings if watches[number].stops]
     if not stops:
         return list(crossings), None
     first = stops[0][0]
-    instant, stopping = min((stop for stop in stops if stop[0] <= first + slack), key=lambda each: each[1])
+    instant, stopping = min((stop for stop in stops if stop[0] <= first + slack), key=lambda stop: stop[1])
     before = [(min(t, instant), number) for t, number in crossings if not watches[number].stops and t <= first + slack]
     return [*before, (instant, stopping)], instant
 
 
-def keeps_sign(values: Array) -> Flags:
-    """Return for which rows of values at the nodes the Chebyshev series has one sign: ``|c_0| > sum |c_k|``; (m,).
-
-    Of those that it may bring to 0 but for rounding that is not said.
-    """
-    return _is_one_sided(series_of(values))
-
-
 def _is_one_sided(series: Array) -> Flags:
+    """Return for which series one sign is certain: ``|c_0| > sum |c_k|``."""
     return np.asarray((1.0 - NEAR) * np.abs(series[..., 0]) > np.abs(series[..., 1:]).sum(axis=-1))
 
 
@@ -242,36 +264,36 @@ def resolved(values: Array) -> Flags:
     return np.asarray((series[:, 0] > FAR * rest) | one_sign | (error <= EXACT * size))
 
 
-def _brackets(
-    values: Array, direction: int, level: float | None = None, turns: Sequence[Turn] = ()
-) -> list[tuple[float, float, bool]]:
-    """Return intervals in [0, 1], each with one zero crossing, and whether the values are positive before it."""
-    series, touches = series_of(values), [turn for turn in turns if turn.is_open and level is not None]
+def _roots(series: Array, size: float) -> Array:
+    """Return the roots of a Chebyshev series without its coefficients that are rounding of a size."""
+    significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * size)
+    return chebyshev.chebroots(series[: significant[-1] + 1]) if len(significant) else np.zeros(0)
+
+
+def _brackets(values: Array, watch: Watch, turns: Sequence[Turn] = ()) -> list[tuple[float, float, bool]]:
+    """Return intervals in [0, 1], each with one zero crossing, and whether the values are positive before it.
+
+    Where they turn back at 0 both ends are the place of the turn; the crossings just before and behind it are none.
+    """
+    series, touches = series_of(values), [turn for turn in turns if turn.is_open and watch.level is not None]
     if not np.isfinite(series).all() or (_is_one_sided(series) and not touches):
         return []
     size = np.abs(series).max()
-    significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * size)
-    roots = np.polynomial.chebyshev.chebroots(series[: significant[-1] + 1]) if len(significant) else np.zeros(0)
-    real = np.sort(0.5 + 0.5 * roots.real[np.abs(roots.imag) < 1e-4])
+    roots = _roots(series, size)
+    real = np.sort(0.5 + 0.5 * roots.real[np.abs(roots.imag) < SAME_PLACE])
     here = np.clip(real[(real > -BESIDE) & (real < 1.0 + BESIDE)], 0.0, 1.0)
     bounds = np.concatenate([[0.0], 0.5 * (here[1:] + here[:-1]), [1.0]])
-    between = np.polynomial.chebyshev.chebval(2.0 * bounds - 1.0, series)
+    between = chebyshev.chebval(2.0 * bounds - 1.0, series)
     between[0], between[-1] = values[0], values[-1]
     above = between >= 0.0
-    rounded = np.abs(between) <= (NEGLIGIBLE * size if level is None else REACHED * size + DIGITS * level)
+    rounded = np.abs(between) <= (NEGLIGIBLE * size if watch.level is None else REACHED * size + DIGITS * watch.level)
     for turn in (turn for turn in touches if turn.passes):
-        rounded[1:-1] |= _is_between(here, turn.place)
+        rounded[1:-1] |= (here[:-1] <= turn.place) & (turn.place <= here[1:])
     for k in np.flatnonzero(rounded[1:-1]) + 1:  # two roots of a value that only touches 0 have rounding between them
         above[k] = above[k - 1]
-    found = [(bounds[k], bounds[k + 1], above[k]) for k in range(len(bounds) - 1) if above[k] != above[k + 1]]
-    found += [(turn.place, turn.place, turn.sign > 0.0) for turn in touches]
-    return [
-        (float(low), float(high), bool(one)) for low, high, one in sorted(found) if direction in (0, -1 if one else 1)
-    ]
-
-
-def _is_between(roots: Array, place: float) -> Flags:
-    return np.asarray((roots[:-1] <= place) & (place <= roots[1:]))
+    brackets = [(bounds[k], bounds[k + 1], above[k]) for k in range(len(bounds) - 1) if above[k] != above[k + 1]]
+    brackets += [(turn.place, turn.place, turn.sign > 0.0) for turn in touches]
+    return [(float(low), float(high), bool(up)) for low, high, up in sorted(brackets) if watch.passes(positive=up)]
 
 
 def _refined(within: WithinStep, watch: Watch, bracket: tuple[float, float], *, above: bool) -> float | None:
@@ -294,33 +316,22 @@ def _refined(within: WithinStep, watch: Watch, bracket: tuple[float, float], *, 
     return _sign_change(lambda t: value(t)[0], (low, high), (at_low, at_high))
 
 
-def _counts(within: WithinStep, watch: Watch, instant: float) -> bool:
-    return watch.counts is None or bool(within.evaluate(watch.counts, [instant])[0])
-
-
-def _leaves(within: WithinStep, watch: Watch, instant: float, values: Array) -> bool:
-    """Tell whether a value only leaves 0, where the motion begins, at an instant of its first step."""
-    before = within.evaluate(watch.value, watch.begins + np.array([0.0, 0.5, 1.0]) * (instant - watch.begins))
-    return bool(np.abs(before).max() <= LEFT * np.abs(values).max() + ROUNDED)
-
-
 def _stays(
     solution: Solution,
     watch: Watch,
-    found: tuple[int, float],
+    crossing: tuple[int, float],
     crossings: Sequence[tuple[float, int]],
     turns: Sequence[Turn],
 ) -> bool:
     """Tell whether a value has been 0, but for its error, since it last came to 0: then it does not come to 0 again.
 
-    ``found`` is the index of the watch and the instant at which its value is 0 [s]; crossings and turns are those in
-    the step until then.
+    The crossing is the index of the watch and an instant [s]; crossings and turns are those in the step until then.
     """
-    number, instant = found
+    number, instant = crossing
     known = [solution.nearest[number]] if number in solution.nearest else []
     error = max((turn.error for turn in [*known, *turns] if turn.watch == number and turn.is_open), default=0.0)
     earlier = [t for t, k in crossings if k == number and t <= instant]
-    earlier = earlier or [crossing.t for crossing in solution.crossings[::-1] if crossing.watch == number][:1]
+    earlier = earlier or [before.t for before in solution.crossings[::-1] if before.watch == number][:1]
     if not error or not earlier:
         return False
     t = np.linspace(earlier[-1], instant, 5)
@@ -328,14 +339,17 @@ def _stays(
 
 
 def _reaches(within: WithinStep, watch: Watch, start: float, end: float) -> bool:
-    """Tell whether a value comes to 0, but for rounding, where the integration ends [s]; see ``Watch.level``."""
+    """Tell whether a value comes to 0, but for rounding, where the integration ends [s]; see ``Watch.level``.
+
+    ``start`` is the start of the last step, or the last crossing in it [s].
+    """
     if watch.level is None or not start < end:
         return False
     middle, last = within.evaluate(watch.value, [0.5 * (start + end), end])
     soon = SAME_INSTANT * max(abs(end), abs(within.step.h)) / (end - start)
     rounding = (REACHED + soon) * abs(middle) + DIGITS * watch.level
-    there = abs(last) <= rounding < abs(middle) and watch.direction in (0, -1 if middle > 0.0 else 1)
-    return bool(there) and _counts(within, watch, end)
+    there = abs(last) <= rounding < abs(middle) and watch.passes(positive=middle > 0.0)
+    return bool(there) and within.counts(watch, end)
 
 
 def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:
@@ -351,9 +365,113 @@ def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], 
             break
         secant = high - at_high * (high - low) / (at_high - at_low)
         t = 0.5 * (low + high) if count % 4 == 3 else min(max(secant, low + least), high - least)
-        found = value(t)
-        if (found > 0.0) == (at_low > 0.0):
-            low, at_low, at_high, stayed = t, found, at_high / (2.0 if stayed > 0 else 1.0), 1
+        here = value(t)
+        if (here > 0.0) == (at_low > 0.0):
+            low, at_low, at_high, stayed = t, here, at_high / (2.0 if stayed > 0 else 1.0), 1
         else:
-            high, at_high, at_low, stayed = t, found, at_low / (2.0 if stayed < 0 else 1.0), -1
+            high, at_high, at_low, stayed = t, here, at_low / (2.0 if stayed < 0 else 1.0), -1
     return high
+
+
+def may_turn(solution: Solution, watch: Watch, number: int, values: Array, indices: Indices) -> Flags:
+    """Return in which steps a watched value may turn nearer to 0 than ever, or so near that it may be 0, shape (m,).
+
+    Values at the nodes have the shape (m, k), indices of the steps the shape (m,).
+    """
+    if not watch.decides:
+        return np.zeros(len(values), dtype=bool)
+    fine = values @ _to_fine(values.shape[-1] // 2).T
+    rates, spread = np.diff(fine, axis=1), np.ptp(fine, axis=1)
+    sizes, least = np.abs(rates), np.abs(fine).min(axis=1)
+    inside = (rates[:, :-1] * rates[:, 1:] <= 0.0).any(axis=1)
+    at_ends = (sizes[:, 0] < 0.5 * sizes[:, 1]) | (sizes[:, -1] < 0.5 * sizes[:, -2])
+    varies = spread > NEGLIGIBLE * np.abs(fine).max(axis=1) + DIGITS * (watch.level or 0.0)
+    turning = ((inside | at_ends) & varies) | ((indices == 0) & watch.loaded)
+    known = solution.nearest.get(number)
+    if known is None:
+        return np.asarray(turning)
+    states = solution.begun_with + known.step * (indices + 1.0)
+    errors = known.error / known.state * states if known.state else np.inf
+    near = least - BENDS * spread < np.maximum(abs(known.margin), CLEAR * errors)
+    return np.asarray(turning & near)
+
+
+def turns_in(within: WithinStep, watch: Watch, number: int, part: StepPart) -> list[Turn]:
+    """Return where a watched value turns in a part of a step, if it may be near 0 there, in order of time.
+
+    A value that depends on loads is decided at the start of a motion, too: it must not be negative there.
+    """
+    if (
+        not watch.decides
+        or not may_turn(within.solution, watch, number, part.values[None], np.array([within.index]))[0]
+    ):
+        return []
+    places, signs = _extremes(part.values)
+    if watch.level is None:  # crossings in one direction count
+        places, signs = (x[watch.direction * signs <= 0.0] for x in (places, signs))
+    if within.index == 0 and part.low == 0.0:
+        places, signs = (x[places > BESIDE] for x in (places, signs))
+        if watch.loaded:
+            places, signs = np.append(0.0, places), np.append(1.0, signs)
+    rounding = 0.0 if watch.level is None else REACHED * float(np.abs(part.values).max()) + DIGITS * watch.level
+    step, solution, found = within.step, within.solution, list[Turn]()
+    for place, sign in zip(places.tolist(), signs.tolist(), strict=True):
+        where = part.low + (part.high - part.low) * place
+        t, added = step.t + where * step.h, step_error(solution, within.index)
+        margin = float(within.evaluate(watch.margin or watch.value, [t])[0])
+        wrong = solution.begun_with + added * (within.index + where)
+        error = wrong * within.evaluate(watch.sensitivity, [t]) if wrong and watch.sensitivity else 0.0
+        found.append(Turn(number, t, place, sign, margin, error + rounding, wrong, added))
+    return found
+
+
+def _extremes(values: Array) -> tuple[Array, Array]:
+    """Return where the series of values at the nodes is extreme, in [0, 1], and 1 of minima, -1 of maxima."""
+    series = series_of(values)
+    slope = np.asarray(chebyshev.chebder(series), dtype=np.float64)
+    roots = _roots(slope, np.abs(series).max())
+    real = np.sort(roots.real[(np.abs(roots.imag) < SAME_PLACE) & (np.abs(roots.real) < 1.0 + 2.0 * BESIDE)])
+    real = real.clip(-1.0, 1.0)
+    return 0.5 + 0.5 * real, np.sign(chebyshev.chebval(real, chebyshev.chebder(slope)))
+
+
+def step_error(solution: Solution, index: int) -> float:
+    """Return the error of a step, relative to ``size + |y|``: the tolerance, or what two half steps change."""
+    method = solution.method
+    if not isinstance(method, FixedStep):
+        return method.tolerance
+    return method.error(solution, solution.steps[index], min(solution.size, 1.0))
+
+
+def _note_nearest(solution: Solution, turns: Sequence[Turn], stop: float, stopping: int) -> None:
+    """Keep the turn of every watch that is the least certain; none behind a stop, but the turn that the stop cuts off.
+
+    ``stop`` is the instant at which the integration stops [s], ``stopping`` the index of the watch that stops it.
+    """
+    for turn in turns:
+        known = solution.nearest.get(turn.watch)
+        cut_off = turn.watch == stopping and turn.passes
+        if (turn.t <= stop or cut_off) and (known is None or turn.doubt > known.doubt):
+            solution.nearest[turn.watch] = turn
+
+
+@cache
+def nodes(parts: int) -> Array:
+    """Return the Chebyshev points of [0, 1], ends included: ``(1 - cos(pi k / n)) / 2``, n = 2 parts; (n + 1,)."""
+    return 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * parts + 1) / (2 * parts))
+
+
+def series_of(values: Array) -> Array:
+    """Return the Chebyshev coefficients on [-1, 1] of values at the nodes, both of shape (.., n + 1)."""
+    return np.asarray(values @ _to_series(values.shape[-1] // 2).T)
+
+
+@cache
+def _to_series(parts: int) -> Array:
+    return np.asarray(np.linalg.inv(chebyshev.chebvander(2.0 * nodes(parts) - 1.0, 2 * parts)))
+
+
+@cache
+def _to_fine(parts: int) -> Array:
+    """Return the matrix from values at the nodes to those at ``FINE`` even places of the step."""
+    return np.asarray(chebyshev.chebvander(np.linspace(-1.0, 1.0, FINE), 2 * parts) @ _to_series(parts))

@@ -5,6 +5,7 @@ No module of this package knows mechanisms. A state is ``y = [q, v]``; arrays of
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
@@ -18,7 +19,6 @@ from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.methods import Method
-    from pinarm.engine.integration.turns import Turn
     from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
@@ -38,42 +38,29 @@ class SampleTimes(Protocol):
 
     def act(self, t: float, q: Array, v: Array) -> None:
         """Change the loads by the integrated state at t [s]; a second call at the same instant changes nothing."""
-        ...
 
     def next(self, t: float) -> float:
         """Return the first instant after t [s]; infinite where there is none."""
-        ...
 
 
-class Manifold(Protocol):
-    """The configuration space: q of nq numbers, v of nv numbers, and ``q' = velocity(q, v)``."""
+class Manifold(ValueRecord, frozen=True):
+    """The configuration space: q of nq numbers, v of nv numbers, and ``q' = velocity(q, v)``.
 
-    @property
-    def nq(self) -> int: ...
-
-    @property
-    def nv(self) -> int: ...
-
-    def velocity(self, q: Array, v: Array) -> Array:
-        """Return the time derivative of q, shape of q: (nq,) or (n, nq)."""
-        ...
-
-    def project(self, q: Array) -> Array:
-        """Return q projected onto the manifold (unit quaternions), shape of q: (nq,) or (n, nq)."""
-        ...
-
-
-class Flat(ValueRecord, frozen=True):
-    """A configuration space without rotations: ``q' = v``."""
+    Functions are of one state or of n. Without them there are no rotations, and ``q' = v``.
+    """
 
     nq: int
     nv: int
+    tangent: Callable[[Array, Array], Array] | None = None
+    projection: Callable[[Array], Array] | None = None
 
     def velocity(self, q: Array, v: Array) -> Array:
-        return v
+        """Return the time derivative of q."""
+        return self.tangent(q, v) if self.tangent else v
 
     def project(self, q: Array) -> Array:
-        return q
+        """Return q projected onto the manifold: quaternions and (cos, sin) pairs have unit length."""
+        return self.projection(q) if self.projection else q
 
 
 class Interval(ValueRecord, frozen=True):
@@ -274,16 +261,88 @@ class Crossing(ValueRecord, frozen=True):
     v: Array
 
 
+class Watch(ValueRecord, frozen=True):
+    """A function of the state whose zero crossings are located along a motion.
+
+    Attributes:
+        value: ``(t, q, v) -> g`` of many states at once, shape (n,).
+        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
+        stops: Whether the integration ends at the first crossing.
+        loaded: Whether it depends on loads, which steps may be much longer than, and is not negative as long as the
+            motion lasts: where loads jump at a sample and it is negative then, the integration ends there.
+        counts: ``(t, q, v) -> whether`` a crossing at these states counts, shape (n,); all do where it is ``None``.
+        begins: Instant at which the motion begins [s]: a value that is 0 there does not cross it in leaving it.
+        level: Size of the numbers whose difference the value is. Where it turns back at 0 but for the error of the
+            solution, or the integration ends at 0 but for the rounding of these numbers, it comes to 0 there, once.
+            ``None`` where it has to cross 0.
+        what: What happens where the value comes to 0, or ends there where ``loaded``; empty where nothing is decided.
+        margin: Distance to the threshold, of the sign of the value; ``None`` where it is the value.
+        sensitivity: ``(t, q, v) -> change of the margin`` in one state by a relative error 1 of the states, if known.
+    """
+
+    value: Callable[[Array, Array, Array], Array]
+    direction: int
+    stops: bool
+    loaded: bool = False
+    counts: Callable[[Array, Array, Array], Flags] | None = None
+    begins: float = -math.inf
+    level: float | None = None
+    what: str = ""
+    unit: str = ""
+    margin: Callable[[Array, Array, Array], Array] | None = None
+    sensitivity: Callable[[Array, Array, Array], float] | None = None
+
+    @property
+    def decides(self) -> bool:
+        """Whether something is decided where the value turns near 0."""
+        return bool(self.what) or self.level is not None
+
+    def passes(self, *, positive: bool) -> bool:
+        """Tell whether a crossing counts by its direction, from positive to negative values or the other way."""
+        return self.direction in (0, -1 if positive else 1)
+
+
+class Turn(NamedTuple):
+    """Where a watched value turns, or is decided at the start of a motion.
+
+    Attributes:
+        t: When [s].
+        place: Where in its part of the step, from 0 to 1.
+        sign: 1 where the value is least, -1 where it is greatest.
+        margin: Its margin there; see ``Watch.margin``.
+        state: Error of the states there, relative to ``size + |y|``.
+        step: Error that one step adds to it.
+    """
+
+    watch: int
+    t: float
+    place: float
+    sign: float
+    margin: float
+    error: float
+    state: float
+    step: float
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the value may be 0 there."""
+        return abs(self.margin) <= self.error
+
+    @property
+    def passes(self) -> bool:
+        """Whether the value is beyond 0 there, so that it crosses 0 before and behind."""
+        return self.margin * self.sign < 0.0
+
+    @property
+    def doubt(self) -> float:
+        return self.error / abs(self.margin) if self.margin else math.inf
+
+
 class Solution(Struct, eq=False, dict=True, weakref=True):
     """The result of an integration: its steps, and by dense output the state at any time between.
 
     Attributes:
-        method: The method.
-        manifold: The configuration space.
-        intervals: The integrated intervals.
-        steps: Accepted steps.
         crossings: Zero crossings of the watched values, in order of time.
-        count: Cost.
         final: State at the end, projected onto the constraints, shape (nq + nv,); ``None`` where an event or a failure
             ended the integration.
         unresolved: Parts of steps in which a watched value varies with loads faster than it is looked at [s].

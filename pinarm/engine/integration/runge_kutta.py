@@ -54,8 +54,6 @@ class Tableau(Record, frozen=True):
     behind the s stages, is the slope at its end, which is also the first slope of the next step.
 
     Attributes:
-        name: Name for summaries.
-        order: Order of the step.
         error_order: The error estimate behaves like ``h^(error_order + 1)``; 0 where there is none.
         stability: ``h |lambda|`` just below the end of the stability interval on the negative real axis.
         a: Shape (s, s), strictly lower triangular.
@@ -122,7 +120,6 @@ def stages(rows: Sequence[tuple[Array, float]], rates: Rates, t: Any, h: Any, y:
         rows: Weights ``a_ij`` over the earlier slopes, and time ``c_i``, of each stage.
         rates: f.
         t: Starts of the steps [s], shape (...).
-        h: Lengths [s], shape (...).
         y: States at the starts, shape (..., n).
         slopes: The known slopes; those of the stages are written behind them, shape (..., s, n).
     """

@@ -39,9 +39,7 @@ class Tied(Record, frozen=True):
     """A loop joint of a model.
 
     Attributes:
-        kind: Its kind.
         joints: The joints at whose links its frames 1 and 2 are; 0 for the world.
-        places: Their placements there.
         along: Directions e of its rows, shape (k, 3).
         about: Directions w, shape (k, 3).
         axis: About which frame 2 may turn, shape (3,); 0 where it may not.
@@ -83,7 +81,6 @@ class Way(Record, frozen=True):
         end: The last link that moves all that its rows hold; -1 for the world.
         passed: Links, children before their parents, and ``~k`` where loop joint k is eliminated.
         unknowns: The unknowns there: velocities, and multipliers behind all velocities.
-        own: Its own multipliers.
         before: How many of the unknowns are not eliminated at the link at which it ends.
     """
 
@@ -99,37 +96,37 @@ class Way(Record, frozen=True):
         return self.unknowns + self.own
 
 
-class Ways(Record, frozen=True):
-    """The ways of loop joints, those first that end at links farther from the world."""
+def ways_of(model: pin.Model, loops: Sequence[tuple[list[int], list[int], int]]) -> list[Way]:
+    """Return the ways of loop joints: ``ends`` and ``moving`` as in ``Tied``, and the number of rows.
 
-    model: pin.Model
-    found: list[Way]
-    meeting: dict[tuple[int, int], list[int]]
+    Those come first that end at links farther from the world.
+    """
+    ways, meeting = list[Way](), dict[tuple[int, int], list[int]]()  # (link, unknown) -> ways that end there with it
 
-    def add(self, ends: Iterable[int], moving: Iterable[int], rows: int) -> None:
-        """Add the way of a loop joint with some rows; ``ends`` and ``moving`` as in ``Tied``."""
-        model, end, passed, unknowns = self.model, end_of(self.model, ends), list[int](), list[int]()
+    def meet(link: int, passed: list[int], unknowns: list[int]) -> None:
+        """Pass the loop joints that end at a link and share an unknown, those that these bring along too."""
+        pending = {k for unknown in unknowns for k in meeting.get((link, unknown), [])}
+        while pending:
+            pending.discard(k := min(pending))
+            passed.append(~k)
+            unknowns += ways[k].own
+            pending.update(j for unknown in ways[k].own for j in meeting[link, unknown] if j > k)
+
+    for ends, moving, rows in loops:
+        end, passed, unknowns = end_of(model, ends), list[int](), list[int]()
         for link in sorted(_moved_by(model, moving) - _moved_by(model, [end + 1]), reverse=True):
-            self._meet(link, passed, unknowns)
+            meet(link, passed, unknowns)
             passed.append(link)
             joint = model.joints[link + 1]
             unknowns += range(joint.idx_v, joint.idx_v + joint.nv)
         before = len(unknowns)
-        self._meet(end, passed, unknowns)
-        first = self.found[-1].own[-1] + 1 if self.found else model.nv
+        meet(end, passed, unknowns)
+        first = ways[-1].own[-1] + 1 if ways else model.nv
         way = Way(end, passed, unknowns, list(range(first, first + rows)), before)
         for unknown in way.support:
-            self.meeting.setdefault((end, unknown), []).append(len(self.found))
-        self.found.append(way)
-
-    def _meet(self, link: int, passed: list[int], unknowns: list[int]) -> None:
-        """Pass the loop joints that end at a link and share an unknown, those that these bring along too."""
-        pending = {k for unknown in unknowns for k in self.meeting.get((link, unknown), [])}
-        while pending:
-            pending.discard(k := min(pending))
-            passed.append(~k)
-            unknowns += self.found[k].own
-            pending.update(j for unknown in self.found[k].own for j in self.meeting[link, unknown] if j > k)
+            meeting.setdefault((end, unknown), []).append(len(ways))
+        ways.append(way)
+    return ways
 
 
 def end_of(model: pin.Model, joints: Iterable[int]) -> int:
@@ -212,7 +209,7 @@ class CompiledLoops(Record, frozen=True):
     @cached_property
     def _order(self) -> list[int]:
         """The loop joints in the order of the links at which they end, from the tips."""
-        ends = [end_of(self.tree.model, one.ends(self.tree.model)) for one in self.tied]
+        ends = [end_of(self.tree.model, tied.ends(self.tree.model)) for tied in self.tied]
         return sorted(range(len(ends)), key=lambda k: -ends[k])
 
     @cached_property
@@ -221,31 +218,29 @@ class CompiledLoops(Record, frozen=True):
 
     @cached_property
     def _rows(self) -> list[int]:
-        return [len(one.along) for one in self._ordered]
+        return [len(tied.along) for tied in self._ordered]
 
     @cached_property
     def _places(self) -> Indices:
-        sizes = [len(one.along) for one in self.tied]
+        sizes = [len(tied.along) for tied in self.tied]
         rows = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
         return np.argsort(np.concatenate([rows[k] for k in self._order]))
 
     @cached_property
     def _ways(self) -> list[Way]:
         """What the rows of each loop joint pass."""
-        model, ways = self.tree.model, Ways(self.tree.model, [], {})
-        for one, count in zip(self._ordered, self._rows, strict=True):
-            ways.add(one.ends(model), one.moving(model), count)
-        return ways.found
+        model, pairs = self.tree.model, zip(self._ordered, self._rows, strict=True)
+        return ways_of(model, [(tied.ends(model), tied.moving(model), count) for tied, count in pairs])
 
     @cached_property
     def _weights(self) -> Array:
         """What the rows of each have of the unknowns that they pass, shape (sum of these, MOST_ROWS)."""
         nv, found = self.tree.model.nv, list[Array]()
-        for one, way in zip(self._ordered, self._ways, strict=True):
+        for tied, way in zip(self._ordered, self._ways, strict=True):
             weights = np.zeros((len(way.support), MOST_ROWS))
-            if one.weights is not None:
+            if tied.weights is not None:
                 places = [k for k, unknown in enumerate(way.unknowns) if unknown < nv]
-                weights[places, : len(one.weights)] = one.weights[:, [way.unknowns[k] for k in places]].T
+                weights[places, : len(tied.weights)] = tied.weights[:, [way.unknowns[k] for k in places]].T
             found.append(weights)
         return np.concatenate(found)
 
@@ -259,12 +254,12 @@ class CompiledLoops(Record, frozen=True):
             ("support", [len(way.support) for way in ways]),
         ):
             found[name] = np.cumsum([0, *counts])[:-1]
-        for k, (record, one, way) in enumerate(zip(found, self._ordered, ways, strict=True)):
-            record["axis"], record["size"], record["kind"] = one.axis, one.size, one.kind
-            record["rows"], record["end"] = len(one.along), way.end
+        for k, (record, tied, way) in enumerate(zip(found, self._ordered, ways, strict=True)):
+            record["axis"], record["size"], record["kind"] = tied.axis, tied.size, tied.kind
+            record["rows"], record["end"] = len(tied.along), way.end
             record["links"], record["degrees"] = len(way.passed), len(way.support)
-            record["along"][: len(one.along)], record["about"][: len(one.about)] = one.along, one.about
-            for i, (joint, place) in enumerate(zip(one.joints, one.places, strict=True)):
+            record["along"][: len(tied.along)], record["about"][: len(tied.about)] = tied.along, tied.about
+            for i, (joint, place) in enumerate(zip(tied.joints, tied.places, strict=True)):
                 record["link"][i], record["frame"]["rotation"][i], record["frame"]["translation"][i] = self.tree.placed(
                     joint, place
                 )

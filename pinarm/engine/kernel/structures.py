@@ -230,7 +230,7 @@ STRUCTURES = (
     TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
     HeldStructure, ControlStructure, CourseStructure, RadauStructure, NewtonStructure,
 )  # fmt: skip
-SIZES = (*(one.itemsize for one in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
+SIZES = (*(kind.itemsize for kind in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
 """Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""
 
 

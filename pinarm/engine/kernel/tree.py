@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array
 from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
 from pinarm.engine.kernel.structures import (
     DEGREE,
@@ -71,21 +71,6 @@ ALONG = {"X": np.eye(3)[:, [1, 2, 0]], "Y": np.eye(3)[:, [2, 0, 1]], "Z": np.eye
 """Last letter of the name of a joint, its axis -> a rotation whose last column is that axis."""
 
 
-def _place(links: NDArray[np.void], some: Indices, axes: Array, turns: Array, shifts: Array) -> None:
-    """Set the placements of some of the links, shape (.., njoints - 1), from those of their joints."""
-    turned, outwards = axes[1:][some], axes[links["parent"][..., some] + 1].swapaxes(-1, -2)
-    links["rotation"][..., some, :, :] = outwards @ turns @ turned
-    links["translation"][..., some, :] = np.matvec(outwards, shifts)
-
-
-def _weigh(links: NDArray[np.void], some: Indices, axes: Array, bodies: Array) -> None:
-    """Set the bodies of some of the links, shape (.., njoints - 1), from their dynamic parameters, shape (.., 10)."""
-    turned = axes[1:][some]
-    links["mass"][..., some], links["moment"][..., some, :] = bodies[..., 0], np.vecmat(bodies[..., 1:4], turned)
-    inertias = bodies[..., SYMMETRIC].reshape(*bodies.shape[:-1], 3, 3)
-    links["inertia"][..., some, :] = (turned.swapaxes(-1, -2) @ inertias @ turned)[..., *np.triu_indices(3)]
-
-
 def _frame(model: pin.Model, joint: pin.JointModel) -> tuple[int, tuple[tuple[int, float, float], ...], Array] | None:
     """Return the kind of a joint, the screws of its velocities, and the axes of its link's frame in Pinocchio's."""
     name = joint.shortname().removeprefix("JointModel")
@@ -126,7 +111,6 @@ class Followed(NamedTuple):
     """What follows a law.
 
     Attributes:
-        v: Index in v.
         q: Index in q of the coordinate, whose joint's armature outweighs the tree; ``EFFORT`` where an effort does.
         function: The smooth piece of the law on the present interval.
     """
@@ -147,13 +131,13 @@ def laws_of(followed: Sequence[Followed], steady: Array) -> NDArray[np.void] | N
         ``None`` where a law is another one on the interval, or where two have one velocity.
     """
     parts: list[NDArray[np.void]] = [np.zeros(0, LAW)]
-    for one in followed:
-        known = _parts(one.function)
+    for law in followed:
+        known = _parts(law.function)
         if known is None:
             return None
-        known["v"], known["q"], known["steady"] = one.v, one.q, steady[one.v]
+        known["v"], known["q"], known["steady"] = law.v, law.q, steady[law.v]
         parts.append(known)
-    return np.concatenate(parts) if len({one.v for one in followed}) == len(followed) else None
+    return np.concatenate(parts) if len({law.v for law in followed}) == len(followed) else None
 
 
 def _parts(function: Callable[[Array], Values] | None) -> NDArray[np.void] | None:
@@ -240,7 +224,6 @@ class HeldFlow(Flow, frozen=True):
     """The free motion of a tree under loads that are held between samples: they are written where the library reads.
 
     Attributes:
-        loads: The loads.
         steady: The sum of the steady loads [N*m or N], shape (nv,).
         tree: The tree that they act on.
     """
@@ -276,7 +259,6 @@ class CompiledTree(Record, frozen=True):
     """A tree as the library knows it.
 
     Attributes:
-        model: Pinocchio's model.
         links: Its links, shape (njoints - 1,), of ``structures.LINK``.
         screws: The screw of each velocity, shape (nv,), of ``structures.SCREW``.
         axes: Axes of the frames of the world and of the links in Pinocchio's, as columns, shape (njoints, 3, 3).
@@ -295,7 +277,7 @@ class CompiledTree(Record, frozen=True):
     def flow(self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()) -> Flow | None:
         """Return the free motion under loads; ``None`` where the library does not know one of them, or refuses."""
         held = [load for force in changing if (load := force.held) is not None]
-        compiled, tree = library(), self.loaded(steady, [one for one in changing if one.held is None], guided)
+        compiled, tree = library(), self.loaded(steady, [force for force in changing if force.held is None], guided)
         if compiled is None or tree is None or len(held) > 1 or (held and tree.structure.laws):
             return None
         size, rates = tree.structure.nq + tree.structure.nv, address(compiled.tree_rates)
@@ -315,11 +297,11 @@ class CompiledTree(Record, frozen=True):
         from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, SpringDamper
         from pinarm.mechanics.forces.points import TwoPointSpring
 
-        applied = [one for one in changing if isinstance(one, AppliedEffort) and one.condition is None]
-        efforts = [Followed(one.v, EFFORT, one.function) for one in applied]
-        springs = [one for one in changing if isinstance(one, SpringDamper)]
-        balls = [(one.q, one.v, one.stiffness) for one in changing if isinstance(one, BallSpring)]
-        lines = [self._between_points(one) for one in changing if isinstance(one, TwoPointSpring)]
+        applied = [force for force in changing if isinstance(force, AppliedEffort) and force.condition is None]
+        efforts = [Followed(effort.v, EFFORT, effort.function) for effort in applied]
+        springs = [force for force in changing if isinstance(force, SpringDamper)]
+        balls = [(force.q, force.v, force.stiffness) for force in changing if isinstance(force, BallSpring)]
+        lines = [self._between_points(force) for force in changing if isinstance(force, TwoPointSpring)]
         laws = laws_of([*guided, *efforts], steady)
         known = len(springs) + len(balls) + len(lines) + len(efforts)
         if laws is None or known < len(changing):
@@ -343,7 +325,7 @@ class CompiledTree(Record, frozen=True):
 
     def _between_points(self, spring: TwoPointSpring) -> tuple[object, ...]:
         frames = (self.model.frames[frame] for frame in spring.points)
-        (first, _, begin), (second, _, end) = (self.placed(one.parentJoint, one.placement) for one in frames)
+        (first, _, begin), (second, _, end) = (self.placed(frame.parentJoint, frame.placement) for frame in frames)
         numbers = spring.stiffness, spring.damping, spring.rest, spring.force
         return (first, second), (begin, end), *numbers
 
@@ -367,13 +349,19 @@ def links_of(model: pin.Model) -> CompiledTree | None:
     if len(frames) < len(joints):
         return None
     parents, links = np.array(model.parents.tolist())[1:], np.zeros(len(frames), LINK)
-    axes, every = np.array([np.eye(3), *(rotation for _, _, rotation in frames)]), np.arange(len(frames))
+    axes = np.array([np.eye(3), *(rotation for _, _, rotation in frames)])
     placements = np.array([place.homogeneous for place in model.jointPlacements.tolist()[1:]])
     bodies = np.array([body.toDynamicParameters() for body in model.inertias.tolist()[1:]])
     links["parent"], links["kind"] = parents - 1, [kind for kind, _, _ in frames]
     links["q"], links["v"] = model.idx_qs.tolist()[1:], model.idx_vs.tolist()[1:]
-    _place(links, every, axes, placements[:, :3, :3], placements[:, :3, 3])
-    _weigh(links, every, axes, bodies)
+    own, outwards = axes[1:], axes[parents].swapaxes(-1, -2)
+    links["rotation"], links["translation"] = (
+        outwards @ placements[:, :3, :3] @ own,
+        np.matvec(outwards, placements[:, :3, 3]),
+    )
+    links["mass"], links["moment"] = bodies[:, 0], np.vecmat(bodies[:, 1:4], own)
+    inertias = own.swapaxes(-1, -2) @ bodies[:, SYMMETRIC].reshape(-1, 3, 3) @ own
+    links["inertia"] = inertias[:, *np.triu_indices(3)]
     return CompiledTree(model, links, np.array([screw for _, screws, _ in frames for screw in screws], SCREW), axes)
 
 

@@ -65,7 +65,6 @@ def near_given(
     positions that are found may be on another branch than those given.
 
     Args:
-        mechanism: The mechanism.
         q: The configuration, shape (nq,).
         given: Names of coordinates of joints that are given in it for the first row; where there are none, those of the
             mechanism's own start count, which is at no row: values of laws play no part.
@@ -91,7 +90,6 @@ def first_position(
     """Return the configuration in which prescribed coordinates have their first values, closed to ``CLOSED``.
 
     Args:
-        closure: The constraints.
         prescribed: The coordinates; there may be fewer than degrees of freedom.
         w: Their first values, shape (k,).
         t: The first instant, for messages.
@@ -213,7 +211,7 @@ class _Part:
         """Return the way on which what is kept goes to the position found directly, or else the one where it rests."""
         if kept and direct is not None:
             state = self.closure.state(direct)
-            way = self._followed(begun, kept, np.array([*self.w, *(one.value(state) for one in kept)]))
+            way = self._followed(begun, kept, np.array([*self.w, *(coordinate.value(state) for coordinate in kept)]))
             if way.end is not None:
                 return way
         return self._followed(begun, kept, np.append(self.w, np.zeros(len(kept))))

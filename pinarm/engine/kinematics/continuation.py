@@ -55,8 +55,6 @@ class Rates(NamedTuple):
     """Velocities and accelerations, shape (.., nv), and how regular the chosen rows are.
 
     Attributes:
-        v: Velocities.
-        a: Accelerations.
         size: Largest entry of J^-1, shape (..).
         sense: Sign of the determinant of J, shape (..): another one is beyond a singular position.
     """
@@ -72,7 +70,6 @@ class Corrected(NamedTuple):
 
     Attributes:
         q: Configurations, shape (n, nv).
-        rates: Their velocities and accelerations.
         correction: Size of the first correction, shape (n,).
         near: Where the chosen rows are closed, surely on the branch of the prediction, shape (n,).
         closed: Where all rows are closed, shape (n,).
@@ -113,7 +110,6 @@ class BatchClosing(Record, frozen=True):
         return cls(rows, own, kept, size, float(np.linalg.slogdet(matrix[kept])[0]))
 
     def at(self, q: Array) -> EvaluatedRows:
-        """Return all rows, evaluated."""
         return self.rows.constraint_rows.at(q)
 
     def missing(self, measured: EvaluatedRows, w: Array) -> Array:
@@ -323,7 +319,7 @@ def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: A
         return
     from pinarm.engine.kinematics.assembly import beside
 
-    usual = min(closure.split_at(one).free.shape[1] for one in beside(mechanism, q))
+    usual = min(closure.split_at(other).free.shape[1] for other in beside(mechanism, q))
     if usual == len(prescribed.names):
         raise InputError(
             f"at {instant(t)} the motion begins exactly at a singular position, such as a change point: there the "
@@ -359,8 +355,6 @@ def _predicted(h: Array, q: Array, v: Array, t: Array, a: Array) -> tuple[Array,
 
     Args:
         h: Times from the last instant [s], shape (n, 1).
-        q: Configuration there, shape (nv,).
-        v: Velocity there, shape (nv,).
         t: The last instants, ascending, at most three, shape (p,).
         a: Accelerations there, shape (p, nv).
     """

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.kinematics.assembly import first_position
+from pinarm.engine.kinematics.assembly import check_excess, first_position
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.singular import check_rank
@@ -33,12 +33,7 @@ if TYPE_CHECKING:
 
 
 class JointMotion(AbstractRecord, frozen=True):
-    """How the joints of a mechanism follow prescribed coordinates.
-
-    Attributes:
-        mechanism: The mechanism.
-        prescribed: The coordinates with their laws.
-    """
+    """How the joints of a mechanism follow prescribed coordinates."""
 
     mechanism: Mechanism
     prescribed: PrescribedCoordinates
@@ -50,12 +45,10 @@ class JointMotion(AbstractRecord, frozen=True):
 
     @property
     def laws(self) -> tuple[MotionLaw, ...]:
-        """Their laws."""
         return self.prescribed.laws
 
     @property
     def jumps(self) -> tuple[str, ...]:
-        """Instants at which velocities jump though the laws do not, in words."""
         return ()
 
     @abstractmethod
@@ -67,7 +60,6 @@ class JointMotion(AbstractRecord, frozen=True):
         """Return the motion at the rows of a grid.
 
         Args:
-            grid: Instants.
             start: A configuration near the first one, shape (nq,): it chooses the branch.
         """
 
@@ -86,9 +78,6 @@ class JointTrajectory(Record, frozen=True):
     Attributes:
         motion: The motion, which has the same branch at other instants.
         grid: The rows, cut also where velocities jump though the laws do not.
-        q: Configurations, shape (n, nq).
-        v: Velocities, shape (n, nv).
-        a: Accelerations, shape (n, nv).
     """
 
     motion: JointMotion
@@ -106,8 +95,6 @@ class DeterminedMotion(JointMotion, frozen=True):
         closure, prescribed = self.mechanism.closure, self.prescribed
         if prescribed.linear_in(closure):
             return Assembly(start)
-        from pinarm.engine.kinematics.assembly import check_excess, first_position
-
         try:
             return first_position(closure, prescribed, prescribed.first(grid), float(grid.t[0]), start)
         except AssemblyError:
@@ -132,9 +119,7 @@ def follow(
     """Return the motion of the joints under prescribed coordinates.
 
     Args:
-        mechanism: The mechanism.
         prescribed: As many coordinates as it has degrees of freedom.
-        grid: Instants.
         start: A configuration near the first one, shape (nq,): it chooses the branch.
 
     Returns:
@@ -165,12 +150,12 @@ def _follow_linear(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid
     """Solve for all instants at once: the rows are constant and there is no drift."""
     couplings = [constraint for constraint in mechanism.constraints if isinstance(constraint, Coupling)]
     linear = [c for c in prescribed.coordinates if isinstance(c, LinearCoordinate)]
-    rows = np.array([one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]])
+    rows = np.array([coordinate.weights for coordinate in [*(coupling.coordinate for coupling in couplings), *linear]])
     if len(rows) != mechanism.model.nv:
         prescribed.check_mobility(mechanism, pin.neutral(mechanism.model))
     check_rank(rows, (*(coupling.name for coupling in couplings), *prescribed.names), grid.t[0])
     still, n = np.zeros(len(grid.t)), len(grid.t)
-    values: list[Values] = [(np.full(n, one.constant), still, still) for one in couplings]
+    values: list[Values] = [(np.full(n, coupling.constant), still, still) for coupling in couplings]
     values += [grid.evaluate(law) for law in prescribed.laws]
     solved = [np.linalg.solve(rows, np.array([value[k] for value in values])).T for k in range(3)]
     q = np.empty_like(solved[0])
@@ -189,7 +174,6 @@ class RolledWay(Record, frozen=True):
         start: First instant [s].
         end: Last instant [s].
         at: Instants, shape (n,) -> configurations, not yet closed, shape (nq, n).
-        steps: Number of steps.
     """
 
     start: float
@@ -209,7 +193,6 @@ class RolledMotion(JointMotion, frozen=True):
 
     @cached_property
     def closure(self) -> Closure:
-        """The constraints, then the prescribed coordinates."""
         return self.mechanism.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     def begin(self, grid: Grid, start: Array) -> Assembly:
@@ -277,7 +260,7 @@ class RolledMotion(JointMotion, frozen=True):
         rows = self.closure.rows(self.closure.state(q))
         split = self.closure.split(rows)
         if split.free.shape[1]:
-            check_rank(rows, [one.name for one, _ in self.closure.owners()], t)
+            check_rank(rows, [constraint.name for constraint, _ in self.closure.owners()], t)
         return split.particular(self._right(dw))
 
     def _rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:

@@ -110,10 +110,13 @@ class NewtonSolver:
         self.coordinates = prescribed.coordinates
         self.whole = closure.with_guides(prescribed.names, prescribed.coordinates)
         owners = self.whole.owners()
-        self.names, self.units = [one.name for one, _ in owners], [one.unit(row) for one, row in owners]
-        self.curved = np.array([not _is_straight(one) for one, _ in owners], dtype=bool)
+        self.names, self.units = (
+            [constraint.name for constraint, _ in owners],
+            [constraint.unit(row) for constraint, row in owners],
+        )
+        self.curved = np.array([not _is_straight(constraint) for constraint, _ in owners], dtype=bool)
         self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
-        threads = [hasattr(one, "helical") and one.helical(row) for one, row in owners]
+        threads = [hasattr(constraint, "helical") and constraint.helical(row) for constraint, row in owners]
         sums = [coordinate.weights for coordinate in self.coordinates if isinstance(coordinate, LinearCoordinate)]
         ties = joint_ties(closure.constraints)
         self.following = [tie for tie in ties if not any(weights[tie.rotor.v] for weights in sums)]
@@ -282,7 +285,6 @@ class NewtonSolver:
         return q if self.closed(state, self.gap(state, w), w) else None
 
     def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
-        """Return v and a, each of shape (nv,)."""
         rows, still = self.rows(self.closure.state(q)), np.zeros(self.closure.size)
         check_rank(rows, self.names, t, lambda: (end := end_of_travel(self, q)) and f"{end}; ")
         x = self.agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)

@@ -13,6 +13,7 @@ from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.mechanics.ball_joints import ROTATIONS
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.records import Record, ValueRecord
 
@@ -52,7 +53,6 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
     """Coordinates with the laws that they follow.
 
     Attributes:
-        names: Names of the coordinates.
         coordinates: The coordinates, in the same order.
         laws: Their laws, in the same order.
     """
@@ -65,7 +65,11 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
     def joint_laws(self) -> dict[int, MotionLaw]:
         """The laws of joints that follow one by their own coordinate, by index in v."""
         driven = zip(self.coordinates, self.laws, strict=True)
-        return {one.joint: law for one, law in driven if isinstance(one, LinearCoordinate) and one.joint is not None}
+        return {
+            coordinate.joint: law
+            for coordinate, law in driven
+            if isinstance(coordinate, LinearCoordinate) and coordinate.joint is not None
+        }
 
     @classmethod
     def bound(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
@@ -74,7 +78,6 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
 
     @classmethod
     def some(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
-        """Return prescribed coordinates that leave others free."""
         prescribed = cls.bound(mechanism, motion)
         if len(prescribed.names) >= mechanism.model.nv:
             raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
@@ -85,6 +88,12 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
     ) -> PrescribedCoordinates:
         """Return these coordinates, and others after them."""
         return PrescribedCoordinates((*self.names, *names), (*self.coordinates, *coordinates), (*self.laws, *laws))
+
+    def holding(
+        self, names: Iterable[str], coordinates: Iterable[Coordinate], values: Iterable[float]
+    ) -> PrescribedCoordinates:
+        """Return these coordinates, and others after them that have constant values."""
+        return self.with_others(names, coordinates, (Constant(value=value) for value in values))
 
     def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
         """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom."""

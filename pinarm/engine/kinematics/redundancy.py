@@ -22,7 +22,6 @@ from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.singular import SINGULAR, dependent, instant, tied
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.joints import METRE
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
 from pinarm.records import replace
 
@@ -76,8 +75,9 @@ class LimitedPath(NewtonSolver):
     def __init__(
         self, mechanism: Mechanism, path: PrescribedCoordinates, posture: Posture, mobility: int, held: AtLimits
     ) -> None:
-        levels = {posture.names[v]: Constant(value=posture.limit(v, side)) for v, side in held}
-        known = path.with_others(levels, [mechanism.coordinates[name] for name in levels], levels.values())
+        names = [posture.names[v] for v, _ in held]
+        limits = [posture.limit(*limit) for limit in held]
+        known = path.holding(names, [mechanism.coordinates[name] for name in names], limits)
         self.path = NewtonSolver(mechanism.closure, known)
         self.held, self.posture, self.prescribed = held, posture, known
         self.pull = FreePull(self.path, posture, mechanism.model.nv - mobility + len(known.names))
@@ -299,7 +299,6 @@ class NearestMotion(JointMotion, frozen=True):
     """A mechanism that follows a path of fewer coordinates than degrees of freedom, nearest to a posture.
 
     Attributes:
-        posture: The target and limits.
         mobility: Degrees of freedom of the assembled mechanism.
         bounds: Instants at which limits change, ascending [s].
         held: Joints at limits before the first of them, between them and after the last; none where not yet known.

@@ -107,19 +107,14 @@ def part_of_leap(rows: Array, there: Array) -> float:
     their own.
     """
     nv = rows.shape[1]
-    if _sign(rows, there) > 0.0:
+    if np.linalg.slogdet(rows.T @ there)[0] > 0.0:
         return 1.0
-    values = [np.linalg.svd(each, compute_uv=False) for each in (rows, there)]
+    values = [np.linalg.svd(matrix, compute_uv=False) for matrix in (rows, there)]
     before, after = (float(value[nv - 1] / value[0]) for value in values)
     if max(before, after) <= CROSSED:
         return 1.0
     wanted = max(NEARER * before, AIMED) if before > CROSSED else -before
     return (before - wanted) / (before + after)
-
-
-def _sign(rows: Array, there: Array) -> float:
-    """Return the sign of the determinant of ``rows^T there``, shapes (m, nv); 0 where that is singular."""
-    return float(np.linalg.slogdet(rows.T @ there)[0])
 
 
 def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
@@ -168,10 +163,10 @@ def end_of_travel(solver: NewtonSolver, q: Array) -> str:
         return ""
     named = zip(solver.names[own:], solver.coordinates, u[own:, -1], strict=True)
     stuck = [
-        f"{name} = {math.degrees(one.value(state)):.6g} deg"
-        if one.unit == RADIAN
-        else f"{name} = {one.value(state):.6g} {one.unit}"
-        for name, one, part in named
+        f"{name} = {math.degrees(coordinate.value(state)):.6g} deg"
+        if coordinate.unit == RADIAN
+        else f"{name} = {coordinate.value(state):.6g} {coordinate.unit}"
+        for name, coordinate, part in named
         if abs(part) > PART
     ]
     return f"{', '.join(stuck)} {'is' if len(stuck) == 1 else 'are'} the end of travel" if stuck else ""

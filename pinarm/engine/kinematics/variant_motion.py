@@ -64,7 +64,6 @@ class VariantClosure(Closure, frozen=True):
 
     @property
     def measure(self) -> Array:
-        """The units of the first variant's rows."""
         return self.first.measure
 
     @cached_property
@@ -98,7 +97,6 @@ class VariantClosure(Closure, frozen=True):
         return [np.broadcast_to(x, (len(x), count, x.shape[-1])) for x in arrays]
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Return the gaps, shape (n, k, m), and G, shape (n, k, m, nv)."""
         (q,) = self.spread(q)
         measured = self.constraint_rows.at(q)
         return measured.gaps, measured.matrices
@@ -152,7 +150,6 @@ class VariantMotion(Record, frozen=True):
 
     Attributes:
         solver: Newton's method on one of them: which rows are curved, and the units of all.
-        own: The constraints of the variants.
         closing: Newton's method on these and the prescribed coordinates.
     """
 

@@ -78,8 +78,6 @@ class Decision(ValueRecord, frozen=True):
         what: What happens or not, such as ``event 'back' takes place``: the same words in every solution of a run.
         t: Instant at which the motion is nearest to the threshold [s].
         margin: Distance to the threshold: positive where the solution is beyond it, negative where it falls short.
-        error: Estimated error of the margin.
-        unit: Unit of both.
         happens: Whether the run goes on as if it happens.
         event: Name of an event that is only recorded, so that no other output depends on it; else empty.
     """

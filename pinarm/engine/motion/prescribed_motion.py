@@ -15,7 +15,6 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.kinematics.singular import running
-from pinarm.engine.motion.known_motion import rest_notes, rests_between, slips_between, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.standstill import (
     STANDSTILL,
@@ -25,7 +24,11 @@ from pinarm.engine.motion.standstill import (
     law_size,
     lossy,
     pace_of,
+    rest_notes,
+    rests_between,
     row_paces,
+    slips_between,
+    with_efforts,
 )
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
@@ -58,12 +61,10 @@ class Prescription(Record, frozen=True):
     """Laws that a mechanism follows, and the drives that carry the load.
 
     Attributes:
-        mechanism: The mechanism.
         motion: How its joints follow prescribed coordinates and their laws over the parameter.
         drives: What carries the load; ``None`` where only the motion is wanted.
         dynamics: The equation of motion with all forces of the run.
         parameter: Name of what runs along the rows.
-        unit: Its unit.
         rates: Velocities and accelerations of the coordinates at every row, in place of those of the laws:
             the rows are then states of their own, not one motion.
     """
@@ -215,9 +216,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
     """A prescribed motion that has been solved at values t of its parameter, shape (n,), with configurations q there.
 
     Attributes:
-        prescription: What is prescribed.
         cuts: Bounds of the intervals between jumps.
-        t: The values.
         q: Shape (n, nq): they tell the branch in their neighbourhood.
         start: Configuration of the drawing, or of the start, from which the first of them was found, shape (nq,).
         pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no

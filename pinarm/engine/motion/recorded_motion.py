@@ -28,14 +28,17 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.known_motion import rest_notes, rests_between, slips_between, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.standstill import (
     STANDSTILL,
     Beside,
     directions,
     lossy,
+    rest_notes,
+    rests_between,
     row_paces,
+    slips_between,
+    with_efforts,
 )
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
@@ -75,9 +78,6 @@ class RecordedRows:
 
     Attributes:
         t: Instants [s], not descending, shape (n,).
-        q: Configurations, shape (n, nq).
-        v: Velocities, shape (n, nv).
-        a: Accelerations, shape (n, nv).
         tau: Efforts of the drives at the joints [N*m or N], shape (n, nv).
     """
 

@@ -97,9 +97,7 @@ class SingularPassage(Record, frozen=True):
     """Passage of singular positions of one prescribed motion.
 
     Attributes:
-        known: What is prescribed.
         t: Values of the parameter at which the motion has been solved, clear of singular positions, shape (n,).
-        q: Configurations there, shape (n, nq).
         usual: The largest regularity in the run.
         pace: See ``Prescription.solved``.
     """

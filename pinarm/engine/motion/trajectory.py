@@ -18,7 +18,6 @@ from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
-from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
@@ -54,13 +53,8 @@ class Trajectory(Record, frozen=True):
     Of variants of a mechanism arrays have an axis after the first, of length k, or 1 where all are alike.
 
     Attributes:
-        mechanism: What moves.
         parameter: Name of what runs along the rows: ``t``, the coordinate that is swept, or ``row`` for their number.
-        unit: Unit of the parameter.
         grid: Its values, with the intervals between jumps.
-        q: Configurations, shape (n, nq).
-        v: Velocities, shape (n, nv).
-        a: Accelerations, shape (n, nv).
         tau: Efforts of the drives at joints, what accelerates rotors and what end stops push included [N*m or N], shape
             (n, nv).
         lam: Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m].
@@ -131,10 +125,6 @@ class Trajectory(Record, frozen=True):
     def __len__(self) -> int:
         return len(self.grid.t)
 
-    def link_motion_at(self, rows: Indices) -> tuple[LinkPlacements, Array, Array, Array]:
-        """Return the same at some rows, shape (k,)."""
-        return self.looked_at(rows).link_motion
-
     def looked_at(self, rows: Indices) -> Trajectory:
         """Return some of the rows, ascending, each once; the last ones are kept, since checks look at the same rows."""
         if len(rows) == len(self):
@@ -165,12 +155,6 @@ class Trajectory(Record, frozen=True):
         """Values of the parameter, shape (n,), or (n, 1) where there are several variants, (n, k) where it varies."""
         return self.grid.t if self.grid.t.ndim > 1 else self.grid.t.reshape(self.row_axes)
 
-    @cached_property
-    def value_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that a quantity may have: (n,), or (n, 1) and (n, k) of k variants."""
-        model = self.mechanism.model
-        return (self.row_axes, (len(self), len(model))) if isinstance(model, ModelVariants) else (self.row_axes,)
-
     @property
     def numbered(self) -> bool:
         """Whether the rows are only numbered, ``row``: there is nothing between them."""
@@ -183,15 +167,13 @@ class Trajectory(Record, frozen=True):
 
     def some(self, rows: Indices) -> Trajectory:
         """Return some of the rows, in their order, shape (n,); one may be there several times."""
-        q, v, a, tau = (array[rows] for array in (self.q, self.v, self.a, self.tau))
+        names = ("q", "v", "a", "tau", "directions", "rate_errors", "opened", "endless")
+        arrays = {name: None if (x := getattr(self, name)) is None else x[rows] for name in names}
         columns = {name: replace(series, values=series.values[rows]) for name, series in self.columns.items()}
-        directions, errors = (None if x is None else x[rows] for x in (self.directions, self.rate_errors))
-        opened, endless = (None if flags is None else flags[rows] for flags in (self.opened, self.endless))
+        others = tuple(other.some(rows) for other in self.others)
         return replace(
-            self, grid=self.grid.some(rows), q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns,
-            directions=directions, rate_errors=errors, opened=opened, endless=endless,
-            others=tuple(other.some(rows) for other in self.others),
-        )  # fmt: skip
+            self, grid=self.grid.some(rows), lam=self.lam.some(rows), columns=columns, others=others, **arrays
+        )
 
     @cached_property
     def friction(self) -> Array:
@@ -230,17 +212,8 @@ class Trajectory(Record, frozen=True):
         """
         if self.driven is None or self.driven[joint]:
             return {}
-        return {one.name: one.rows_at(self.q)[:, joint] for one in self._couplings.get(joint, ())}
-
-    @cached_property
-    def _couplings(self) -> dict[int, list[JointRelation]]:
-        """Couplings by the joints that they move, by their index in v."""
-        couplings: dict[int, list[JointRelation]] = {}
-        for constraint in self.mechanism.constraints:
-            if isinstance(constraint, JointRelation):
-                for joint in constraint.joints:
-                    couplings.setdefault(joint, []).append(constraint)
-        return couplings
+        tied = (tie for tie in self.mechanism.constraints if isinstance(tie, JointRelation) and joint in tie.joints)
+        return {tie.name: tie.rows_at(self.q)[:, joint] for tie in tied}
 
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
@@ -250,13 +223,15 @@ class Trajectory(Record, frozen=True):
         effort less the losses of the gear; behind an elastic gear ``k w + c w'``, what the gear gives, and what drives
         the joint itself beside it. Of a joint that nothing of this moves, what its end stops push.
         """
-        if (gear := self._elastic_gear_at(joint)) is not None:
-            shaft = gear.efforts(self.grid.t, self.q, self.v)
-            return self.supplied[..., joint] - shaft + self._lost_behind_shaft(joint)
-        if self.driven is not None and self.driven[joint]:
+        drive, driven = self._rotor_of(joint), self.driven
+        if drive is not None and (elasticity := self.mechanism.drives[drive].elasticity) is not None:
+            gear = cast("AlongCoordinate", self.mechanism.forces[f"elasticity of {drive}"])
+            lost = self._lost_in_gear(drive) if elasticity.shaft == "input" else 0.0
+            return self.supplied[..., joint] - gear.efforts(self.grid.t, self.q, self.v) + lost
+        if driven is not None and driven[joint]:
             return self.supplied[..., joint]
-        if (drive := self._motor_at(joint)) is not None:
-            return self.supplied[..., self.mechanism.driven_joint(drive).v] + self._lost_in_gear(drive)
+        if drive is not None and driven is not None and driven[rotor := self.mechanism.driven_joint(drive).v]:
+            return self.supplied[..., rotor] + self._lost_in_gear(drive)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices
@@ -277,30 +252,10 @@ class Trajectory(Record, frozen=True):
         own = drive.armature if drive is not None and drive.elasticity is None else 0.0
         return own + float(self.mechanism.model.armature[joint])
 
-    def _elastic_gear_at(self, joint: int) -> AlongCoordinate | None:
-        """Return the spring and damper of the elastic gear at a joint, by its index in v; ``None`` without one."""
-        drive = self._rotor_of(joint)
-        if drive is None or self.mechanism.drives[drive].elasticity is None:
-            return None
-        return cast("AlongCoordinate", self.mechanism.forces[f"elasticity of {drive}"])
-
-    def _lost_behind_shaft(self, joint: int) -> Array | float:
-        """Return the friction of teeth between an elastic shaft and a joint, by its index in v, shape (n,)."""
-        name = self._rotor_of(joint)
-        elasticity = self.mechanism.drives[name].elasticity if name else None
-        return self._lost_in_gear(name) if elasticity and elasticity.shaft == "input" else 0.0
-
-    def _lost_in_gear(self, drive: str | None) -> Array | float:
+    def _lost_in_gear(self, drive: str) -> Array | float:
         """Return the friction in the gear of a drive [N*m or N], shape (n,); 0 where it has none in this run."""
         friction = self.columns.get(f"drive.{drive}.friction")
         return 0.0 if friction is None else friction.values
-
-    def _motor_at(self, joint: int) -> str | None:
-        """Return the drive whose motor moves a joint in this run, by a rotor that is a joint of its own."""
-        name, driven = self._rotor_of(joint), self.driven
-        if name is None or driven is None:
-            return None
-        return name if driven[self.mechanism.driven_joint(name).v] and not driven[joint] else None
 
     def _rotor_of(self, joint: int) -> str | None:
         """Return the drive of a joint whose rotor is a joint of its own, by the index in v of the driven joint."""
@@ -317,7 +272,7 @@ class Trajectory(Record, frozen=True):
         known = self.mechanism.coordinates
         linear = {drive: known[drive] for drive in self.drives if drive in known}
         weights = {
-            coordinate: found.weights for coordinate, found in linear.items() if isinstance(found, LinearCoordinate)
+            coordinate: along.weights for coordinate, along in linear.items() if isinstance(along, LinearCoordinate)
         }
         if name not in weights:
             return None

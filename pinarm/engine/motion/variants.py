@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -19,20 +19,13 @@ from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, DriveAtEveryJoint
 from pinarm.engine.statics.effort_distribution import UNIQUE, WEAK, SelectedDrives
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import Record, replace
+from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-
-
-def grid_of_variants(grids: Sequence[Grid]) -> Grid:
-    """Return the rows of variants as those of one grid: of all, shape (n,), or of each, shape (n, k)."""
-    first = grids[0]
-    alike = all(grid is first for grid in grids)
-    return first if alike else replace(first, t=np.stack([grid.t for grid in grids], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +131,8 @@ class PrescribedVariants:
         dynamics = Dynamics.of_variants(closure.model, prescription.dynamics.forces)
         drives = None if prescription.drives is None else _drives(prescription.drives, closure)
         q, v, a, sound = states
-        grid = grid_of_variants(self.grids)
+        grid, times = self.grids[0], [grid.t for grid in self.grids]
+        grid = grid if all(t is grid.t for t in times) else replace(grid, t=np.stack(times, axis=1))
         lam = Multipliers.known(np.zeros((*q.shape[:2], closure.size)), closure.size)
         rows = replace(self.run, grid=grid, mechanism=self.mechanism, q=q, v=v, a=a, tau=np.zeros_like(v), lam=lam,
                        closure=closure, dynamics=dynamics)  # fmt: skip
@@ -148,7 +142,7 @@ class PrescribedVariants:
 
 def follows_alike(table: PrescribedTable, first: PrescribedTable) -> bool:
     """Tell whether a variant follows laws of the same coordinates at as many rows, between as many jumps."""
-    names = [_names(one.prescription) for one in (table, first)]
+    names = [_names(variant.prescription) for variant in (table, first)]
     return names[0] is not None and names[0] == names[1] and table.grid.rows == first.grid.rows
 
 
@@ -165,25 +159,15 @@ def _determined(table: PrescribedTable) -> DeterminedMotion:
 
 def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
     """Return the same drives on variants."""
-    if isinstance(drives, DriveAtEveryJoint):
+    if isinstance(drives, DriveAtEveryJoint) and not drives.followers:
         return DriveAtEveryJoint(closure)
     if not isinstance(drives, SelectedDrives) or drives.tasks or drives.distribution is not UNIQUE:
         raise VariantsDiffer("drives that share the load, act along task coordinates, or move joints that mimic others")
-    return DrivesOfVariants(drives.joints, closure)
+    return DrivesOfVariants(drives.joints, {}, closure, closure)
 
 
-class DrivesOfVariants(Record, frozen=True):
-    """Drives at joints of variants, as many as there are degrees of freedom; see ``SelectedDrives``."""
-
-    joints: Mapping[str, LinearCoordinate]
-    closure: VariantClosure
-
-    def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        return self.joints
-
-    @property
-    def driven(self) -> Flags:
-        return driven_along(self.joints.values(), self.closure.model.nv)
+class DrivesOfVariants(SelectedDrives, frozen=True):
+    """Drives at joints of variants, as many as there are degrees of freedom."""
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the efforts and the multipliers, both from G taken apart once; NaN where they are not determined."""

@@ -83,7 +83,6 @@ class NamedQuantity(NamedTuple):
         return [f"{self.name}.{component}" for component in self.components] or [self.name]
 
     def __str__(self) -> str:
-        """Return it as a line."""
         return f"{self.spelled} [{self.unit or '?'}]  {self.words}"
 
     @property
@@ -106,11 +105,9 @@ class QuantityCatalogue:
     entries: tuple[NamedQuantity, ...]
 
     def __iter__(self) -> Iterator[NamedQuantity]:
-        """Iterate over the quantities."""
         return iter(self.entries)
 
     def __len__(self) -> int:
-        """Return how many there are, components not counted."""
         return len(self.entries)
 
     def __str__(self) -> str:
@@ -127,7 +124,6 @@ class QuantityCatalogue:
         return f'<b>{escape(self.title)}</b><div style="max-height:30em;overflow:auto"><table>{body}</table></div>'
 
     def __repr__(self) -> str:
-        """Return what it is of, and how many quantities it has."""
         return f"<QuantityCatalogue of {len(self)} quantities: {self.title}>"
 
 
@@ -136,7 +132,7 @@ def catalogue(quantities: Quantities, title: str, like: str = "") -> QuantityCat
     wanted = like.casefold()
     asked = (meaning for meaning in _meanings(quantities) if wanted in f"{meaning[0]} {meaning[1]}".casefold())
     with one_blas_thread(quantities.trajectory.mechanism.model.nv):
-        return QuantityCatalogue(title, tuple(_entry(quantities, *each) for each in asked))
+        return QuantityCatalogue(title, tuple(_entry(quantities, *meaning) for meaning in asked))
 
 
 def catalogue_of(mechanism: Mechanism, like: str = "") -> QuantityCatalogue:

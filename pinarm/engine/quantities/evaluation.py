@@ -26,7 +26,6 @@ class Evaluation(Record, frozen=True):
     """Coordinates, frames, energies, momenta and reactions of a trajectory.
 
     Attributes:
-        run: The trajectory.
         undetermined: ``refuse`` components of reactions that rigid bodies do not determine, or give those of the least
             multipliers.
         judged: Whether it is judged which components are determined. Some states of a run are not: in a single state a

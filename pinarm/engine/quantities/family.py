@@ -14,7 +14,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, several
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import unit
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import METRE
 from pinarm.records import AbstractRecord, ValueRecord
@@ -43,7 +43,6 @@ class Asked(ValueRecord, frozen=True):
     """A name that has been asked, such as ``joint.knee.moment.about.foot.x``.
 
     Attributes:
-        name: The whole name.
         words: Its words after the family's, those of a joint's or link's own name together: ``knee``, ``moment``,
             ``about``, ``foot``, ``x``.
     """
@@ -94,7 +93,6 @@ class Family(AbstractRecord, frozen=True):
         meanings: Part -> what it is, in words.
         undetermined: Whether rigid bodies may leave some of them undetermined.
         of_variants: Whether they can be told of variants of a mechanism, whose arrays have an axis after the first.
-        evaluation: What they are computed from.
     """
 
     element: ClassVar[str]
@@ -105,7 +103,6 @@ class Family(AbstractRecord, frozen=True):
 
     @property
     def run(self) -> Trajectory:
-        """The trajectory."""
         return self.evaluation.run
 
     @abstractmethod
@@ -133,7 +130,8 @@ class Family(AbstractRecord, frozen=True):
             raise asked.unknown
         order = RATES.index(rate)
         values = self.evaluation.rate(coordinate_name, coordinate, order)
-        return Series(asked.name, _rate_unit(coordinate.unit, order), values)
+        units = [METRE, METRE / SECOND, METRE / SECOND**2] if coordinate.unit == METRE else ANGULAR
+        return Series(asked.name, units[order], values)
 
     def about(self, asked: Asked, otherwise: Array) -> Array:
         """Return the points that a moment is asked about [m], world axes, shape (n, 3)."""
@@ -176,13 +174,6 @@ def _about_a_point(asked: Asked) -> InputError:
     )
 
 
-def _rate_unit(base: Unit, order: int) -> Unit:
-    """Return the unit of a derivative of a coordinate; that of an angle is rad/s, not 1/s."""
-    if base == METRE:
-        return METRE / SECOND**order if order else METRE
-    return ANGULAR[order]
-
-
 def _split(vectors: Array, axes: Array, part: str) -> Array:
     """Return a component of ``ALONG_AXIS`` of vectors by unit vectors, both of shape (n, 3); shape (n,)."""
     axial = np.asarray((vectors * axes).sum(axis=-1))
@@ -204,13 +195,12 @@ class WrenchFamily(Family, frozen=True):
         """Return a component of a wrench.
 
         Args:
-            asked: The name.
             origins: Where the wrench is taken [m], shape (n, 3).
             wrench: [f; m] there, world axes, shape (n, 6).
             stresses: What each self-stress of length 1 adds to it, shape (n, 6).
             about: The points of moments where the name gives none [m], shape (n, 3).
         """
-        values, *added = (self.wrench_component(asked, origins, each, about) for each in (wrench, *stresses))
+        values, *added = (self.wrench_component(asked, origins, vectors, about) for vectors in (wrench, *stresses))
         terms = np.linalg.norm(wrench[..., :3], axis=-1)
         if asked.part == "force":
             return Series(asked.name, NEWTON, values, self.doubt(asked, added), terms=terms)

@@ -45,7 +45,9 @@ def jacobian(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
     turn = frame_named(mechanism, axes) if axes else UNIVERSE
     matrices = np.empty((len(rows), 6, mechanism.model.nv))
     for matrix, row in zip(matrices, rows, strict=True):
-        matrix[:] = _of_frame(Kinematics.at(mechanism.model, row), frame, turn)
+        state = Kinematics.at(mechanism.model, row)
+        own = pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(2, 3, -1)
+        matrix[:] = (state.data.oMf[turn].rotation.T @ own).reshape(6, -1)
     return leading.unfold(matrices[:, part])
 
 
@@ -89,7 +91,9 @@ def _is_coordinate(mechanism: Mechanism, name: str) -> bool:
     """Tell whether a name is that of a coordinate or of a ball joint."""
     word, _, rest = name.partition(".")
     coordinates = {*mechanism.coordinates, *mechanism.balls}
-    if name in coordinates and any(_is_link(frame) and frame.name == name for frame in mechanism.model.frames):
+    if name in coordinates and any(
+        frame.type == pin.FrameType.BODY and frame.name == name for frame in mechanism.model.frames
+    ):
         raise InputError(
             f"'{name}' is a link and a coordinate", expected=f"point.{name}, body.{name} or coordinate.{name}"
         )
@@ -103,16 +107,6 @@ def _of_coordinate(mechanism: Mechanism, name: str, rows: Array) -> Array:
         joint = model.joints[mechanism.balls[name].index]
         return np.tile(np.eye(model.nv)[joint.idx_v : joint.idx_v + 3], (len(rows), 1, 1))
     return np.asarray(rows_of(model, [mechanism.coordinates[name]], rows)[:, 0])
-
-
-def _of_frame(state: Kinematics, frame: int, turn: int) -> Array:
-    """Return the Jacobian of a frame, [linear; angular], in the axes of the frame ``turn``, shape (6, nv)."""
-    jacobian = pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(2, 3, -1)
-    return np.asarray(state.data.oMf[turn].rotation.T @ jacobian).reshape(6, -1)
-
-
-def _is_link(frame: pin.Frame) -> bool:
-    return bool(frame.type == pin.FrameType.BODY)
 
 
 def frame_named(mechanism: Mechanism, name: str) -> int:

@@ -28,7 +28,7 @@ from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.geometry.kinematics import one_run
-from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.mechanics.geometry.model_variants import ModelVariants, VariantsDiffer
 from pinarm.records import replace
 
 MAX_DEPTH = 50
@@ -122,9 +122,18 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
                     doubt = found.doubt or self._judged.friction_doubts.get(name) or self._left_open(name, found)
                     if doubt != found.doubt:
                         found = replace(found, doubt=doubt)
-                self._require_axes(found)
+                if (
+                    found.values.shape not in self._shapes
+                ):  # it would be spread along another axis than that of variants
+                    raise VariantsDiffer(name)
                 self._known[name] = found
         return self._known[name]
+
+    @cached_property
+    def _shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes that a quantity may have: (n,), or (n, 1) and (n, k) of k variants."""
+        run, model = self.trajectory, self.trajectory.mechanism.model
+        return (run.row_axes, (len(run), len(model))) if isinstance(model, ModelVariants) else (run.row_axes,)
 
     @cached_property
     def others(self) -> list[Quantities]:
@@ -202,11 +211,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
             f"{run.parameter} = {run.grid.t[row]:.6g} {run.unit} anything from {low:.6g} to {high:.6g} "
             f"{series.unit or ''}; '{name}.least' and '{name}.greatest' tell it for all rows"
         )
-
-    def _require_axes(self, series: Series) -> None:
-        """Raise where a quantity of variants has not the axis of these, and would be spread along another."""
-        if series.values.shape not in self.trajectory.value_shapes:
-            raise VariantsDiffer(series.name)
 
     def _require_known(self, series: Series) -> Series:
         """Return a quantity, unless it depends on velocities or accelerations that are not known, which are NaN."""
@@ -411,7 +415,8 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         self._require_units(expression)
         for inner in expression.names:
             self._require_one_meaning(inner)
-        return {inner: self[inner] for inner in expression.names if not _is_constant(inner, self)}
+        constants = {*CONSTANTS} - {*self.symbols, *self.trajectory.mechanism.symbols}  # which symbols override
+        return {inner: self[inner] for inner in expression.names if inner not in constants}
 
     def _require_units(self, expression: Expression) -> None:
         """Raise where what reads as a number with a unit may be a product of names whose ``*`` was forgotten."""
@@ -431,10 +436,3 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         near = [other for other in available if other.startswith(f"{kind}.")] or available
         expected, hint = choices(name, near, most=16)
         return UnknownQuantity(name, expected, hint)
-
-
-def _is_constant(name: str, quantities: Quantities) -> bool:
-    """Tell whether a name is one of the language's own constants, which symbols override."""
-    return name in CONSTANTS and not any(
-        name in symbols for symbols in (quantities.symbols, quantities.trajectory.mechanism.symbols)
-    )

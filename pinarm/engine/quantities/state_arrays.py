@@ -113,7 +113,6 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
     """Return configurations from joint coordinates by name.
 
     Args:
-        mechanism: The mechanism.
         positions: Joint -> values [rad or m], arrays of one shape (...) or single numbers; what is not named is 0. Ball
             joints by their components, as in ``mechanics.balls.configuration``.
 

@@ -15,8 +15,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.mass_matrix import require_masses
-from pinarm.engine.motion.known_motion import with_efforts
-from pinarm.engine.motion.standstill import Beside, directions, lossy, row_paces
+from pinarm.engine.motion.standstill import Beside, directions, lossy, row_paces, with_efforts
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.state_arrays import LeadingAxes, instant, states_of
@@ -221,15 +220,15 @@ def _check_sides(dynamics: Dynamics, leading: LeadingAxes, run: Trajectory, dema
     lam, sided = np.asarray(run.lam)[:, : closure.size], one_sided(run.mechanism.constraints)
     at_rest = dynamics.inverse(float(run.grid.t[0]), run.q, run.v, np.zeros_like(run.v))
     loads = np.maximum(np.abs(demand), np.abs(at_rest)).max(axis=1)
-    sides = {closure.slices[one.name].start: one.side for one in sided}
-    for one, k in zip(sided, sides, strict=True):
-        for i in np.flatnonzero(one.side * lam[:, k] < 0.0).tolist():
+    sides = {closure.slices[constraint.name].start: constraint.side for constraint in sided}
+    for constraint, k in zip(sided, sides, strict=True):
+        for i in np.flatnonzero(constraint.side * lam[:, k] < 0.0).tolist():
             rows = np.asarray(closure.rows(closure.state(run.q[i])))
             if np.abs(lam[i, k] * rows[k]).max() <= OPENED * loads[i] or _is_shared(rows, lam[i], sides):
                 continue
-            size = abs(float(one.push(run.q[i : i + 1], lam[i : i + 1, k])[0]))
-            act = f"{'push' if one.kind == 'cable' else 'pull'} with {size:.6g} {one.push_unit()}"
-            said = f"{leading.place(i)}: {one.kind} '{one.name}' would have to {act}: {one.opens}"
+            size = abs(float(constraint.push(run.q[i : i + 1], lam[i : i + 1, k])[0]))
+            act = f"{'push' if constraint.kind == 'cable' else 'pull'} with {size:.6g} {constraint.push_unit()}"
+            said = f"{leading.place(i)}: {constraint.kind} '{constraint.name}' would have to {act}: {constraint.opens}"
             raise InputError(
                 said,
                 expected="states and efforts under which it holds",

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.errors import InputError, as_names
@@ -24,74 +24,34 @@ from pinarm.records import Record
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.statics.effort_distribution import SelectedDrives
 
 
-class Actuation(Protocol):
-    """The drives of a mechanism and the constraints that they work against."""
-
-    @property
-    def closure(self) -> Closure:
-        """Constraints with multipliers: those of the mechanism, then drives along task coordinates."""
-        ...
-
-    @property
-    def driven(self) -> Flags:
-        """Joints that drives act on, alone or with others, shape (nv,)."""
-        ...
-
-    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
-        """Return tau at the joints, shape (n, nv), and the multipliers.
-
-        Args:
-            t: Instants, for messages, shape (n,).
-            q: Configurations, shape (n, nq).
-            demand: ``M a + nle - loads``, shape (n, nv).
-        """
-        ...
-
-    def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        """Return the coordinates that the drives act along, by name."""
-        ...
+Actuation: TypeAlias = "DriveAtEveryJoint | SelectedDrives"
+"""The drives of a mechanism and the constraints that they work against: those of the mechanism, then drives along task
+coordinates. ``efforts(t, q, demand)`` returns tau at the joints and the multipliers for ``M a + nle - loads``, shape
+(n, nv); ``driven`` tells which joints drives act on, shape (nv,); ``coordinates(mechanism)`` what they act along."""
 
 
 class DriveAtEveryJoint(Record, frozen=True):
-    """A drive at every joint of an open chain, without constraints: each joint's demand is its effort."""
-
-    closure: Closure
-
-    @property
-    def driven(self) -> Flags:
-        """Every joint, shape (nv,)."""
-        return np.ones(self.closure.model.nv, dtype=bool)
-
-    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
-        """Return the demand itself."""
-        return demand, Multipliers.known(np.zeros((*demand.shape[:-1], 0)), 0)
-
-    def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        """Return those of all joints."""
-        return {name: mechanism.coordinates[name] for name in mechanism.joints}
-
-
-class DriveAtEveryLeader(Record, frozen=True):
     """A drive at every joint that mimics no other: it carries what those that mimic it demand, too.
 
     With f the followers, l the leaders, and W = (W_f W_l) the rows of the couplings,
     ``tau_l = demand_l - (W_f^-1 W_l)^T demand_f`` and ``lam = W_f^-T demand_f``.
 
     Attributes:
-        closure: The couplings.
+        closure: The couplings; none of an open chain.
         followers: Indices in v of the joints that mimic others, one of each row, shape (m,).
     """
 
     closure: Closure
-    followers: Indices
+    followers: tuple[int, ...] = ()
 
     @property
     def driven(self) -> Flags:
         """Every joint that mimics no other, shape (nv,)."""
         driven = np.ones(self.closure.model.nv, dtype=bool)
-        driven[self.followers] = False
+        driven[list(self.followers)] = False
         return driven
 
     @cached_property
@@ -101,10 +61,12 @@ class DriveAtEveryLeader(Record, frozen=True):
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the efforts of the leaders, 0 for the followers, and the multipliers."""
-        rows = self._weights
-        lam = np.asarray(np.linalg.solve(rows[:, self.followers].T, demand[:, self.followers].T).T, dtype=np.float64)
+        if not self.followers:
+            return demand, Multipliers.known(np.zeros((*demand.shape[:-1], 0)), 0)
+        rows, followers = self._weights, list(self.followers)
+        lam = np.asarray(np.linalg.solve(rows[:, followers].T, demand[:, followers].T).T, dtype=np.float64)
         tau = demand - lam @ rows
-        tau[:, self.followers] = 0.0
+        tau[:, followers] = 0.0
         return tau, Multipliers.known(lam, self.closure.size)
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
@@ -117,7 +79,6 @@ def actuation(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[
     """Return the drives of a run.
 
     Args:
-        mechanism: The mechanism.
         drives: Names of the coordinates that drives act along. Where none is named every joint of an open chain has
             a drive, but for those that mimic others, and a mechanism with loops one along every prescribed coordinate.
         prescribed: Names of the coordinates that follow laws.
@@ -142,14 +103,11 @@ def along(mechanism: Mechanism, names: Collection[str]) -> Actuation:
 
 def everywhere(mechanism: Mechanism) -> Actuation | None:
     """Return drives at every joint that mimics no other; ``None`` where loops or gears leave fewer joints to drive."""
-    constraints, closure = mechanism.constraints, mechanism.closure
-    if not constraints:
-        return DriveAtEveryJoint(closure)
-    followers = followers_of(constraints)
-    return None if followers is None else DriveAtEveryLeader(closure, followers)
+    followers = followers_of(mechanism.constraints)
+    return None if followers is None else DriveAtEveryJoint(mechanism.closure, followers)
 
 
-def followers_of(constraints: Sequence[Constraint]) -> Indices | None:
+def followers_of(constraints: Sequence[Constraint]) -> tuple[int, ...] | None:
     """Return the joints that mimic others, one of each constraint; ``None`` where there are other constraints."""
     followers = {joint for constraint in constraints if (joint := getattr(constraint, "follower", None)) is not None}
-    return np.array(sorted(followers), dtype=np.intp) if len(followers) == len(constraints) else None
+    return tuple(sorted(followers)) if len(followers) == len(constraints) else None

@@ -155,35 +155,12 @@ class SharedEfforts(Record, frozen=True):
             for (name, coordinate), low, high in zip(drives.items(), *self.limits, strict=True)
             if np.isfinite([low, high]).any()
         ]
-        factor = self._least_factor(ways, load)
         return DrivesError(
             f"at {instant(t)} the drives {', '.join(drives)} cannot carry the load within their limits "
-            f"({', '.join(limits)})" + (f": it takes ranges at least {factor:.6g} times as wide" if factor else ""),
+            f"({', '.join(limits)})",
             expected="limits that the load keeps to at every instant, or more drives",
             hint="share: least_squares tells what the load takes without limits",
         )
-
-    def _least_factor(self, ways: Array, load: Array) -> float | None:
-        """Return by how much ranges must widen about their middles to carry a load, by linear programming.
-
-        Limits on one side stay. ``None`` where no widening is enough.
-        """
-        from scipy.optimize import linprog
-
-        ranges = np.asarray(np.isfinite(self.limits).all(axis=0))
-        middle = np.where(ranges, self._finite.mean(axis=0), 0.0)
-        half = np.where(ranges, 0.5 * np.ptp(self._finite, axis=0), np.abs(self._finite).max(axis=0))
-        unit = np.where(half > 0.0, half, 1.0)
-        scale, own = max(float(np.abs(load).max()), 1e-300), np.eye(len(unit))[ranges]
-        above, below = (np.column_stack([side * own, -np.ones(len(own))]) for side in (1.0, -1.0))
-        equations = np.column_stack([ways * unit / scale, np.zeros(len(load))])
-        fixed = [
-            (None, None) if widens else pair
-            for widens, *pair in zip(ranges.tolist(), *(self.limits / unit), strict=True)
-        ]
-        program = linprog(np.append(np.zeros(len(unit)), 1.0), np.vstack([above, below]), np.zeros(2 * len(own)),
-                          equations, (load - ways @ middle) / scale, [*fixed, (0.0, None)])  # fmt: skip
-        return float(program.fun) if program.success else None
 
 
 EffortDistribution = UniqueEfforts | SharedEfforts
@@ -263,7 +240,6 @@ class SelectedDrives(Record, frozen=True):
     Attributes:
         joints: Coordinates of joints, and sums of them, that drives act along, by name.
         tasks: Other coordinates that drives act along, by name.
-        own: Constraints of the mechanism.
         closure: The same, and the drives along task coordinates.
         distribution: How their efforts follow from the load.
     """

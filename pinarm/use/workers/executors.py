@@ -17,7 +17,6 @@ from functools import partial
 from importlib import import_module
 from typing import Any, TypeAlias
 
-from pinarm.engine.dynamics.dynamics import cores
 from pinarm.errors import InputError, NumericsError
 
 ABSENCE = 300.0
@@ -45,6 +44,11 @@ WATCH = 0.5
 
 class WorkerDeath(Exception):
     """A worker ended that was not asked to; the message says how."""
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def chosen_workers(number: int | None, executor: Executor | None) -> Workers:

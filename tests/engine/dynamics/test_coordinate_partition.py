@@ -156,9 +156,9 @@ def test_accelerations_are_those_of_multipliers(panda, rows):
         w, dw = rows @ q, rows @ v
         assert reduction.configuration(q[reduction.free_q], w) == pytest.approx(q, abs=1e-12)
         assert reduction.velocity(v[reduction.free_v], dw) == pytest.approx(v, abs=1e-12)
-        target = (w, dw, ddw)
-        rate = reduction.acceleration(dynamics, lambda t, target=target: target)
-        found = rate(0.0, q, v)
+        target = w[None], dw[None], ddw[None]
+        rates = reduction.accelerations(dynamics, lambda t, target=target: target)
+        found = rates(np.zeros(1), q[None], v[None])[0]
         expected = multipliers(panda.model, data, rows, q, v, ddw, dynamics.loads(0.0, q, v))
         # fingers of 15 g on an arm of 16 kg
         assert found == pytest.approx(expected, rel=1e-10, abs=1e-10 * np.abs(expected).max())

@@ -91,10 +91,11 @@ def test_linear_rows_give_what_their_elimination_gives():
     rows[0, :2] = 2.0, -1.0
     partition = CoordinatePartition.of(arm.model, rows, ["gear"])
     u, free = generator.normal(size=(2, nv - 1))
-    zeros = np.zeros(1)
-    q, v = partition.configuration(free, zeros), partition.velocity(u, zeros)
-    rates = partition.acceleration(arm.dynamics, lambda t: (zeros, zeros, zeros))(0.0, q, v)
+    zeros = np.zeros((1, 1))
+    q, v = partition.configuration(free, zeros[0]), partition.velocity(u, zeros[0])
+    many = partition.accelerations(arm.dynamics, lambda t: (zeros, zeros, zeros))
+    rates = many(np.zeros(1), q[None], v[None])[0]
     force = -arm.dynamics.inverse(0.0, q, v, np.zeros((1, nv)))[0]
-    a = solve(split_rows(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros)
+    a = solve(split_rows(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros[0])
     assert a == pytest.approx(rates, abs=1e-9 * np.abs(rates).max())
     assert a[1] == pytest.approx(2.0 * a[0], abs=1e-9 * np.abs(a).max())

@@ -1,8 +1,4 @@
-"""Recursions at many states: one thread and several, and variants against each of their models alone."""
-
-import os
-import subprocess
-import sys
+"""Recursions at many states of variants against each of their models alone."""
 
 import numpy as np
 import pinocchio as pin
@@ -14,46 +10,6 @@ from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-11
 """Of trees of up to seven joints with masses of any size: inertias go through dynamic parameters and back."""
-
-
-def test_threads_change_no_digit(monkeypatch):
-    model = pin.buildSampleModelManipulator()
-    states = np.random.default_rng(0).normal(size=(3, 500, model.nv))
-    monkeypatch.setattr(parallel, "threads", lambda: 2)
-    monkeypatch.setattr(parallel, "cores", lambda: 2)
-    alone = parallel.rnea(model, *states)
-    monkeypatch.setattr(parallel, "MANY", 1)
-    assert np.array_equal(parallel.rnea(model, *states), alone)
-
-
-@pytest.mark.parametrize(("text", "number"), [("2,1", 2), ("9", 3), ("many", 3)])
-def test_the_environment_may_allow_fewer_threads(monkeypatch, text, number):
-    monkeypatch.setattr(parallel, "cores", lambda: 3)
-    monkeypatch.setenv("OMP_NUM_THREADS", text)
-    assert parallel.threads() == number
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
-def test_a_forked_process_takes_one_thread():
-    """OpenMP counts on threads that a fork does not have, and would wait for them for ever."""
-    script = (
-        "import multiprocessing, numpy, pinocchio\n"
-        "from pinarm.engine.dynamics import dynamics as parallel\n"
-        "parallel.cores, parallel.MANY = (lambda: 2), 1\n"
-        "model = pinocchio.buildSampleModelManipulator()\n"
-        "states = numpy.random.default_rng(0).normal(size=(3, 500, model.nv))\n"
-        "first, known = parallel.rnea(model, *states), parallel.threads()\n"
-        "def child(out):\n"
-        "    out.put((parallel.threads(), numpy.array_equal(parallel.rnea(model, *states), first)))\n"
-        "context = multiprocessing.get_context('fork')\n"
-        "out = context.Queue()\n"
-        "process = context.Process(target=child, args=(out,), daemon=True)\n"
-        "process.start()\n"
-        "print(known, *out.get(timeout=20))\n"
-    )
-    environment = {**os.environ, "OMP_NUM_THREADS": "2"}
-    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=60)
-    assert done.stdout.split() == ["2", "1", "True"], done.stderr
 
 
 @pytest.mark.parametrize("seed", range(2))

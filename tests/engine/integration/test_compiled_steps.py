@@ -10,7 +10,7 @@ import pytest
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import SingleSteps, integrate
-from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.integrator import Watch
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.runge_kutta import DOPRI5
 from pinarm.engine.kernel.library import absence

@@ -5,8 +5,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.integrator import Interval, Manifold, Watch
 from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
 from pinarm.engine.integration.methods.stiff import radau_of
 from pinarm.errors import IntegrationError, Interrupted
@@ -36,7 +35,7 @@ class TestKnots:
     @pytest.mark.parametrize("method", [Adaptive(1e-9), radau_of(1e-6), FixedStep(0.7)], ids=lambda one: one.name)
     def test_steps_end_there(self, method):
         interval = Interval(0.0, 6.0, self.pulse, knots=self.PULSE)
-        solution = integrate([interval], Flat(1, 1), np.zeros(1), np.zeros(1), method)
+        solution = integrate([interval], Manifold(1, 1), np.zeros(1), np.zeros(1), method)
         assert {*self.PULSE, 6.0} <= {*solution.steps.until.tolist()}
         assert set(solution.steps.interval.tolist()) == {0}
         q, v = solution.states(np.array([1.0, 2.0005, 6.0]))
@@ -116,7 +115,7 @@ def kicked(t):
 
 
 class TestStretches:
-    flat = Flat(1, 1)
+    flat = Manifold(1, 1)
     rest = (np.zeros(1), np.zeros(1))
     bounds = (0.0, 1 / 3, 2.0, 5.0)
     levels = (0.0, 1.0, 0.0)
@@ -135,7 +134,7 @@ class TestStretches:
 
 
 class TestFailures:
-    flat = Flat(1, 1)
+    flat = Manifold(1, 1)
 
     def fails(self, acceleration, q=0.0, v=1.0, end=2.0):
         with pytest.raises(IntegrationError) as caught:
@@ -169,7 +168,7 @@ class TestFailures:
 class TestInterruption:
     """Ctrl-C arrives in the middle of an acceleration, which is where nearly all of the time is spent."""
 
-    flat = Flat(1, 1)
+    flat = Manifold(1, 1)
     start = (np.ones(1), np.zeros(1))
 
     def stopped(self, when, intervals=1):
@@ -226,7 +225,7 @@ def test_what_leaves_a_stop_does_not_meet_it_at_once(method, speed):
 
     gap = Watch(lambda t, q, v: 1.0 - q[:, 0] + 2e-13, -1, stops=True)
     interval = Interval(0.0, 1.5, swing)
-    solution = integrate([interval], Flat(1, 1), np.ones(1), np.array([-speed]), method, watches=[gap])
+    solution = integrate([interval], Manifold(1, 1), np.ones(1), np.array([-speed]), method, watches=[gap])
     assert not solution.crossings
     t = np.linspace(0.0, 1.5, 31)
     assert solution.states(t)[0][:, 0] == pytest.approx(np.cos(2.0 * t) - speed / 2.0 * np.sin(2.0 * t),
@@ -243,7 +242,7 @@ def test_a_bounce_that_is_over_soon_is_seen_at_its_instant():
     ground = Watch(lambda t, q, v: q[:, 0], -1, stops=True)
     method = radau_of(1e-3)
     solution = integrate(
-        [Interval(0.0, 4.0, spring)], Flat(1, 1), np.zeros(1), np.array([speed]), method, watches=[ground]
+        [Interval(0.0, 4.0, spring)], Manifold(1, 1), np.zeros(1), np.array([speed]), method, watches=[ground]
     )
     assert solution.end == pytest.approx(2.0 * speed / pull, rel=1e-4)
     assert solution.states(np.array([solution.end]))[1][0, 0] == pytest.approx(-speed, rel=1e-4)

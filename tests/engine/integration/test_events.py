@@ -8,12 +8,12 @@ from scipy.optimize import brentq
 
 import pinarm
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.events import MOST_STATES, Watch
-from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.events import MOST_STATES
+from pinarm.engine.integration.integrator import Interval, Manifold, Watch
 from pinarm.engine.integration.methods import METHODS
 from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
 
-LINE = Flat(1, 1)
+LINE = Manifold(1, 1)
 TIGHT = Adaptive(1e-11)
 LOOSE = {"tolerance": 1e-9, "step": 4e-3}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.dynamics.dynamics import ConfigurationSpace, Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics, configuration_space
 from pinarm.engine.kernel.tree import AGREEMENT, CompiledTree, disagreement
 from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, DryFriction, SpringDamper
 from pinarm.mechanics.laws import Constant
@@ -126,7 +126,7 @@ class TestStates:
     def test_are_brought_back_to_the_manifold(self):
         """The slope of a quaternion that is too long is that of the unit one, as in the Python route."""
         model = tree(["FreeFlyer", "Planar", "RUBX", "Spherical"], 6)
-        flow, space = CompiledTree.of(model).flow(np.zeros(model.nv), ()), ConfigurationSpace(model, model.nq, model.nv)
+        flow, space = CompiledTree.of(model).flow(np.zeros(model.nv), ()), configuration_space(model)
         for q, v in states(model, 3):
             longer = q.copy()
             longer[3:7] *= 1.1

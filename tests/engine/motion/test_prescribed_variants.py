@@ -61,6 +61,7 @@ def test_efforts_that_are_not_determined_are_no_numbers() -> None:
     held = mechanism.coordinates["O"]
     assert isinstance(held, LinearCoordinate) and isinstance(variants.closure, VariantClosure)
     demand = np.array([[[1.0, 0.0], [1.0, 1.0], [2.0, 0.0]]])
-    tau, _ = DrivesOfVariants({"O": held}, variants.closure).efforts(np.zeros(1), np.zeros((1, 1, 2)), demand)
+    drives = DrivesOfVariants({"O": held}, {}, variants.closure, variants.closure)
+    tau, _ = drives.efforts(np.zeros(1), np.zeros((1, 1, 2)), demand)
     np.testing.assert_allclose(tau[0, [0, 2]], demand[0, [0, 2]], rtol=1e-13)
     assert np.isnan(tau[0, 1]).any()

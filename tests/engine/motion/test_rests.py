@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.motion.known_motion import rests_between
+from pinarm.engine.motion.standstill import rests_between
 
 LOOKS = np.linspace(0.0, 1.0, 21)
 

@@ -59,7 +59,6 @@ class RadauTableau:
     Attributes:
         c: Nodes, shape (s,).
         a: Weights of the stages, shape (s, s); the last row are those of the step.
-        inverse: Inverse of a.
         eigenvalues: Of the inverse, shape (m,) with ``m = (s + 1) / 2``.
         forth: Rows of the inverse of the eigenvector matrix, shape (m, s).
         back: Eigenvectors, those of complex pairs doubled, shape (s, m).

@@ -17,8 +17,8 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
-from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT, Watch
-from pinarm.engine.integration.integrator import Solution
+from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT
+from pinarm.engine.integration.integrator import Solution, Watch
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.motion.segmented.end_stops import OPENED, TIED, Bound, Held, pressed
@@ -45,9 +45,6 @@ CUT = 1e-14
 
 MOST = 20_000
 """Steps that a second integration may take: where rounding is as large as the motion, no step is short enough."""
-
-MOST_ROUNDING = 1e-15
-"""Largest error of a step in SI that is explained by rounding; what looks like more is a load with corners."""
 
 DEAD = 10.0
 """Free part of the row of a stop in loops, over the root of the tolerance, up to which it is at a dead point: from
@@ -160,8 +157,9 @@ class _Integration(Record, frozen=True):
         touched, spans = self._at_rest(t, q, v), self._spans(mode, t)
         tied = hybrid.tied(mode.held, touched, q)
         stops = hybrid.rested(mode.held | tied)
-        shares = stops if stops and stops.are_open(q) else None
-        system = hybrid.loaded(hybrid.stretch(mode, t, q, v), mode.held, shares, t, q)
+        shares = stops if stops and stops.several and stops.stresses(q[None]).size else None
+        hybrid.require_loads(mode.held, shares, t, q)
+        system = hybrid.stretch(mode, t, q, v)
         ends, acting = watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
         ends = [(key, self._from_there(key, watch, t, q, v) if isinstance(key, str) else watch) for key, watch in ends]
         if controls:

@@ -19,8 +19,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix, require_masses
 from pinarm.engine.friction.slip import Slip
-from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Interval
+from pinarm.engine.integration.integrator import Interval, Watch
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.singular import running
 from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held, Separation
@@ -29,7 +28,6 @@ from pinarm.engine.motion.systems import Initial, System
 from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
 from pinarm.records import Record, ValueRecord, replace
 
@@ -58,17 +56,12 @@ class HybridSystem(Record, frozen=True):
     """A mechanism with forces, laws, end stops and events, to be integrated from an initial state.
 
     Attributes:
-        closure: Constraints of the mechanism.
         dynamics: Its equation of motion with all the forces of the run, efforts of controllers included.
-        prescribed: Coordinates with laws.
-        initial: The initial state.
         time: First and last instant [s].
         bounds: End stops, and the one-sided constraints of the mechanism.
         watches: Events by name; their values are of states of the mechanism.
-        method: The integrator.
         max_steps: Number of steps after which to give up.
         size: Scale of errors of steps besides the states; see ``Interval.size``.
-        frictions: Joints with friction that sticks.
         controls: Controllers; ``None`` for none.
         max_events: Number of impacts, switches and other changes of contact after which to give up.
     """
@@ -100,7 +93,6 @@ class HybridSystem(Record, frozen=True):
         return replace(self, size=size, bounds=bounds, max_steps=max_steps)
 
     def entered(self, q: Array, v: Array) -> HybridSystem:
-        """Return the same with the loads that jump as they are from a state on."""
         dynamics = self.dynamics.entered(q, v)
         return self if dynamics is self.dynamics else replace(self, dynamics=dynamics)
 
@@ -144,12 +136,9 @@ class HybridSystem(Record, frozen=True):
 
     def with_stops(self, held: Held) -> PrescribedCoordinates:
         """Return the coordinates that follow laws, and those of joints that rest on stops."""
-        bounds, laws = self._stops(held), self.prescribed
-        return PrescribedCoordinates(
-            (*laws.names, *(bound.name for bound in bounds)),
-            (*laws.coordinates, *(bound.coordinate for bound in bounds)),
-            (*laws.laws, *(Constant(value=bound.limit) for bound in bounds)),
-        )
+        stops = self._stops(held)
+        names, coordinates, limits = [x.name for x in stops], [x.coordinate for x in stops], [x.limit for x in stops]
+        return self.prescribed.holding(names, coordinates, limits)
 
     def _stops(self, held: Held) -> list[Bound]:
         return [bound for k in sorted(held) if isinstance(bound := self.bounds[k], Bound)]
@@ -189,7 +178,8 @@ class HybridSystem(Record, frozen=True):
 
     def grid(self, t: Array, seams: Iterable[float] = ()) -> Grid:
         """Return the grid of given instants, cut where a law, a reference of a controller or the motion jumps."""
-        followed = self.controls.sampled_references if self.controls else []
+        sampled = self.controls.memory.sampled if self.controls else ()
+        followed = [law for controller in sampled for law in controller.references]
         return Grid.cover(t, [*self._laws, *followed], seams)
 
     @cached_property
@@ -219,7 +209,6 @@ class HybridSystem(Record, frozen=True):
         return Contacts(self.closure_of(frozenset()), self.prescribed, self.bounds)
 
     def begin(self, initial: Initial) -> tuple[Array, Array]:
-        """Return an initial state of the mechanism, assembled."""
         held = self._closed_at_start(initial)
         assembly = self.assembly if initial is self.initial else self._assembled(initial)
         initial = replace(initial, q=assembly.q, drawn=None)
@@ -352,22 +341,22 @@ class HybridSystem(Record, frozen=True):
         """Return the stops that joints rest on; ``None`` without any."""
         return None if held <= self.separations else self.shares(held)
 
-    def loaded(self, system: System, held: Held, shares: StopShares | None, t: float, q: Array) -> System:
-        """Return a system while several stops share the load of joints with friction."""
+    def require_loads(self, held: Held, shares: StopShares | None, t: float, q: Array) -> None:
+        """Raise where the friction of a joint depends on how several stops share a load."""
         contacts = self.rubbing(held)
         if not (shares and any(contact.law.loaded for contact in contacts)):
-            return system
+            return
         from pinarm.engine.friction.response import BearingReactions
 
         rows = shares.rows
         reactions = BearingReactions(contacts, rows, self.dynamics.on(*self.span(t)))
-        names = [contact.name for contact in reactions.undetermined(split_rows(rows.rows(rows.state(q))), q)]
-        unknown = frozenset(k for k, contact in enumerate(contacts) if contact.name in names)
-        try:
-            return system.knowing(unknown)  # type: ignore[attr-defined, no-any-return]
-        except DynamicsError as error:
-            error.message = f"at t = {t:.9g} s: {error.message}"
-            raise
+        for contact in reactions.undetermined(split_rows(rows.rows(rows.state(q))), q):
+            if not contact.shared:
+                raise DynamicsError(
+                    f"at t = {t:.9g} s the friction of {contact.name} depends on a reaction that rigid bodies do not "
+                    "determine: several stops hold one motion, and how they share it loads this joint",
+                    expected="one stop for each motion, or friction without a load: constant",
+                )
 
     def pushes(self, held: Held, system: System, t: Array, q: Array, v: Array) -> dict[int, Array]:
         """Return the pushes of what is held, at states of one interval [N*m or N], shape (n,) each."""

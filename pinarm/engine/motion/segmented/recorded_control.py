@@ -8,8 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.control.controls import CONTROL, ControlledSystem, Controls, with_control
-from pinarm.engine.control.efforts import RecordedEfforts, reference_of
+from pinarm.engine.control.controls import (
+    CONTROL,
+    ControlledSystem,
+    Controls,
+    RecordedEfforts,
+    reference_of,
+    with_control,
+)
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.systems import System
@@ -105,7 +111,8 @@ def control_rows(motion: SegmentedMotion, grid: Grid, q: Array, v: Array) -> tup
             if controller.references:
                 reference[rows] = reference_of(controller.references, grid.t[rows], local.span)
     joined = [
-        {name: np.concatenate([part[name] for part in each]) for name in each[0]} for each in zip(*parts, strict=True)
+        {name: np.concatenate([part[name] for part in group]) for name in group[0]}
+        for group in zip(*parts, strict=True)
     ]
     return efforts, _columns(record.controllers, joined, references, q, v)
 

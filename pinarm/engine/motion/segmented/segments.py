@@ -10,8 +10,8 @@ from msgspec import Struct, field
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.integration.events import step_error
 from pinarm.engine.integration.methods.explicit import LIMITED, STIFF
-from pinarm.engine.integration.turns import step_error
 from pinarm.engine.motion.outcome import Decision
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
@@ -53,8 +53,6 @@ class MotionSegment(Record, frozen=True):
     """A part of a motion during which the same constraints hold.
 
     Attributes:
-        system: Its equations.
-        solution: The integrated states.
         dynamics: The equation of motion, with the friction of joints that slip.
         holding: Which rows of the mechanism's constraints hold, shape (m,).
         rubbing: Which of the mechanism's frictions there are, shape (k,).

@@ -43,11 +43,8 @@ class StopShares(Record, frozen=True):
     """Stops that are rested on, and constraints and laws that share loads with them.
 
     Attributes:
-        closure: The constraints that hold.
         prescribed: Coordinates that follow laws, then those of the stops; others than joints and sums of them first.
         others: How many of these are neither joints nor sums of them.
-        stops: The stops.
-        separations: One-sided constraints that hold.
     """
 
     closure: Closure
@@ -61,7 +58,7 @@ class StopShares(Record, frozen=True):
         return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     @property
-    def _several(self) -> bool:
+    def several(self) -> bool:
         return bool(self.stops) and len(self.stops) + len(self.separations) > 1
 
     @cached_property
@@ -101,7 +98,7 @@ class StopShares(Record, frozen=True):
         Of stops on one motion all have one sign, and vanish at one instant.
         """
         pushes = self.pushes(states)
-        if not self._several or not (ways := self._ways(self.stresses(states.q))).size:
+        if not self.several or not (ways := self._ways(self.stresses(states.q))).size:
             return pushes
         along = np.linalg.pinv(ways, rcond=SLIGHT) @ pushes[..., None]
         return np.asarray(pushes - (ways @ along)[..., 0])
@@ -115,10 +112,6 @@ class StopShares(Record, frozen=True):
         _, sizes, ways = np.linalg.svd(every[:, self._places[:count]], full_matrices=False)
         kept = int((sizes > ACTS).sum(axis=1).max())
         return np.asarray(every @ (ways[:, :kept] * (sizes[:, :kept, None] > ACTS)).swapaxes(1, 2))
-
-    def are_open(self, q: Array) -> bool:
-        """Return whether a configuration leaves open what the stops push."""
-        return self._several and bool(self.stresses(q[None]).size)
 
     def shared(self, states: CompletedStates) -> CompletedStates:
         """Return states with the mean of what the stops may push, and the ends of it as other states."""

@@ -10,8 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import StepsOver
+from pinarm.engine.integration.integrator import StepsOver, Watch
 from pinarm.engine.motion.outcome import Decision
 from pinarm.engine.motion.segmented.end_stops import Bound, Held
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
@@ -22,7 +21,7 @@ from pinarm.mechanics.joints import RADIAN
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.turns import Turn
+    from pinarm.engine.integration.integrator import Turn
 
 Cause = tuple[str, int]
 """What ends a segment, and its number: ``hit`` and ``released`` stops, ``slip`` of a joint that comes to rest, or the

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from msgspec import field
@@ -14,7 +14,6 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, ValueRecord, replace
 
@@ -38,7 +37,6 @@ class Initial(Record, frozen=True):
         positions: Indices in v of the joints whose coordinates are given.
         velocities: Indices in v of the joints whose velocities are given.
         rates: Other coordinates whose rates are given, and these [rad/s or m/s].
-        followers: Rotors of elastic gears.
         drawn: Configuration from which the mechanism is assembled, shape (nq,); q itself where it is left out.
     """
 
@@ -52,13 +50,10 @@ class Initial(Record, frozen=True):
 
     def known(self, prescribed: PrescribedCoordinates, closure: Closure) -> tuple[PrescribedCoordinates, list[float]]:
         """Return coordinates that follow laws and those that are given, and the values of the latter."""
-        given, here = [coordinate_at(closure.model, index) for index in self.positions], closure.state(self.q)
-        values = [one.value(here) for one in given]
-        return PrescribedCoordinates(
-            (*prescribed.names, *(coordinate_name(closure.model, index) for index in self.positions)),
-            (*prescribed.coordinates, *given),
-            (*prescribed.laws, *(Constant(value=value) for value in values)),
-        ), values
+        names = [coordinate_name(closure.model, index) for index in self.positions]
+        coordinates, here = [coordinate_at(closure.model, index) for index in self.positions], closure.state(self.q)
+        values = [coordinate.value(here) for coordinate in coordinates]
+        return prescribed.holding(names, coordinates, values), values
 
     def given_rates(self) -> Array:
         """Return the given velocities, not a number where none is given, shape (nv,)."""
@@ -80,9 +75,6 @@ class CompletedStates(Record, frozen=True):
     """The motion of a mechanism at the n rows of a grid.
 
     Attributes:
-        q: Configurations, shape (n, nq).
-        v: Velocities, shape (n, nv).
-        a: Accelerations, shape (n, nv).
         tau: Efforts of the drives at joints, and pushes of end stops [N*m or N], shape (n, nv).
         lam: Multipliers of the constraints [N or N*m].
         friction: Friction that sticks, along the slips of k joints [N*m or N], shape (n, k).
@@ -109,25 +101,22 @@ class CompletedStates(Record, frozen=True):
         """Return the rows of several, one after another."""
         if len(motions) == 1:
             return motions[0]
-        arrays = zip(*((motion.q, motion.v, motion.a, motion.tau, motion.friction) for motion in motions), strict=True)
-        q, v, a, tau, friction = map(np.concatenate, arrays)
-        count = max(len(motion.others) for motion in motions)
+        arrays = ([getattr(motion, name) for motion in motions] for name in ("q", "v", "a", "tau"))
+        q, v, a, tau = map(np.concatenate, arrays)
+        friction, lam = np.concatenate([x.friction for x in motions]), Multipliers.joined([x.lam for x in motions])
         others = [
-            cls.joined(
-                [motion.others[k] if k < len(motion.others) else replace(motion, others=()) for motion in motions]
-            )
-            for k in range(count)
+            cls.joined([x.others[k] if k < len(x.others) else replace(x, others=()) for x in motions])
+            for k in range(max(len(motion.others) for motion in motions))
         ]
-        lam = Multipliers.joined([motion.lam for motion in motions])
-        opened = np.concatenate([np.full(len(motion.q), motion.opened is not None) for motion in motions])
-        endless = np.concatenate(
-            [np.zeros(len(motion.q), bool) if motion.endless is None else motion.endless for motion in motions]
-        )
-        pushed = np.concatenate(
-            [np.zeros_like(motion.tau) if motion.pushed is None else motion.pushed for motion in motions]
-        )
-        return cls(q, v, a, tau, lam, friction, opened if opened.any() else None, tuple(others),
-                   endless if endless.any() else None, pushed if pushed.any() else None)  # fmt: skip
+
+        def known(name: str, nothing: Callable[[CompletedStates], Array]) -> Any:
+            parts = [getattr(motion, name) for motion in motions]
+            some = any(part is not None for part in parts)
+            pairs = zip(motions, parts, strict=True)
+            return np.concatenate([nothing(x) if part is None else part for x, part in pairs]) if some else None
+
+        opened, endless = (known(name, lambda x: np.zeros(len(x.q), dtype=bool)) for name in ("opened", "endless"))
+        return cls(q, v, a, tau, lam, friction, opened, tuple(others), endless, known("pushed", lambda x: 0.0 * x.tau))
 
 
 class System(Protocol):

@@ -280,7 +280,7 @@ def _loops(measure: Regularity) -> CompiledLoops | None:
         for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True)
         if (one := _tied(closure.model, constraint, measure.kept, part)) is None or len(one.along)
     ]
-    known = [one for one in tied if one is not None]
+    known = [loop for loop in tied if loop is not None]
     if not known or len(known) < len(tied) or not measure.exact:
         return None
     tree = CompiledTree.of(heavy(closure.model, measure.driven))
@@ -393,8 +393,8 @@ def coupled_flow(closure: Closure, steady: Array, changing: Sequence[ForceElemen
     """
     compiled, measure = library(), Regularity.of(closure, ())
     loops, (q, _) = _loops(measure), places(closure)
-    held = [load for one in changing if (load := one.held) is not None]
-    loaded = loops.tree.loaded(steady, [one for one in changing if one.held is None]) if loops else None
+    held = [load for force in changing if (load := force.held) is not None]
+    loaded = loops.tree.loaded(steady, [force for force in changing if force.held is None]) if loops else None
     if compiled is None or loops is None or loaded is None or len(held) > 1 or (held and loaded.structure.laws):
         return None
     tied, delassus = loops.loaded(loaded, closure.scale**2, np.ones(len(measure.kept))), _delassus(measure, q)

@@ -20,9 +20,9 @@ from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.friction.complementarity import FrictionSolution
 from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
 from pinarm.engine.friction.joint_friction import JointFriction
-from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.integrator import Watch
 from pinarm.engine.motion.systems import CompletedStates, System
-from pinarm.errors import DynamicsError, IntegrationError
+from pinarm.errors import IntegrationError
 from pinarm.mechanics.coordinates import LinearCoordinate, driven_along
 from pinarm.mechanics.friction.contact import same_joint, sizes, slip_rows
 from pinarm.mechanics.laws import Constant
@@ -68,16 +68,13 @@ class FrictionalSystem:
     Attributes:
         friction: The joints with friction, and what they do.
         inner: What is integrated, the stuck joints following constant laws.
-        stops: Stops that are rested on.
         cuts: Bounds of the intervals on which no law jumps [s].
-        unknown: Joints at rest whose loads depend on what several stops share.
     """
 
     friction: JointFriction
     inner: System
     stops: Sequence[Bound]
     cuts: Sequence[float] = field(repr=False)
-    unknown: frozenset[int] = frozenset()
 
     @property
     def manifold(self) -> Manifold:
@@ -158,7 +155,8 @@ class FrictionalSystem:
         for rows, local, solutions in solved:
             for solution, t in zip(solutions, grid.t[rows].tolist(), strict=True):
                 self._require_within_bounds(solution, t)
-            extremes += self._extremes(grid.t[rows], inner.q[rows], inner.v[rows], local, solutions)
+            if self._open:
+                extremes += local.extremes(grid.t[rows], inner.q[rows], inner.v[rows], solutions)
         demand = _demand(dynamics, grid, inner)
         states, others = self._under(inner, grid.t, demand, self._friction(solved)), []
         for friction, endless in filled(states.friction, extremes):
@@ -181,7 +179,7 @@ class FrictionalSystem:
         sliding = replace(self.friction.on(*self.cuts[:2]), known={})  # as all rows are asked for several times
         slowed = Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: sliding})
         inner, solved = self.inner.complete(slowed, grid, q, v), list[SolvedRows]()
-        for rows, local in ((rows, one.forces[FRICTION]) for rows, one in parts(slowed, grid)):
+        for rows, local in ((rows, local.forces[FRICTION]) for rows, local in parts(slowed, grid)):
             assert isinstance(local, JointFriction)
             solved.append(SolvedRows(rows, local, local.solutions(grid.t[rows], inner.q[rows], inner.v[rows])))
         return inner, solved
@@ -219,23 +217,6 @@ class FrictionalSystem:
         """Which joints follow laws or rest on stops, alone or with others, shape (nv,)."""
         return driven_along(self.friction.prescribed.coordinates, self.friction.closure.model.nv)
 
-    def _extremes(
-        self, t: Array, q: Array, v: Array, sliding: JointFriction, solutions: Sequence[FrictionSolution]
-    ) -> list[Extremes]:
-        return sliding.extremes(t, q, v, solutions, self.unknown) if self._open else []
-
-    def knowing(self, unknown: frozenset[int]) -> FrictionalSystem:
-        """Return the system in which the loads of some joints depend on what several stops share."""
-        contacts, grouped = self.friction.contacts, {i for group in self.friction.slip.stuck for i in group.members}
-        for i in sorted(unknown):
-            if (self._moving[i] or i in grouped) and not contacts[i].shared:
-                raise DynamicsError(
-                    f"the friction of {contacts[i].name} depends on a reaction that rigid bodies do not determine: "
-                    "several stops hold one motion, and how they share it loads this joint",
-                    expected="one stop for each motion, or friction without a load: constant",
-                )
-        return replace(self, unknown=unknown)
-
     def _require_within_bounds(self, solution: FrictionSolution, t: float) -> None:
         """Raise where a step has gone past the switch of a joint."""
         for group, over in zip(self.friction.slip.stuck, self._beyond(solution), strict=True):
@@ -269,8 +250,8 @@ def _demand(dynamics: Dynamics, grid: Grid, states: CompletedStates) -> Array:
     """Return ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv)."""
     return np.concatenate(
         [
-            one.inverse(grid.t[rows], states.q[rows], states.v[rows], states.a[rows])
-            for rows, one in parts(dynamics, grid)
+            local.inverse(grid.t[rows], states.q[rows], states.v[rows], states.a[rows])
+            for rows, local in parts(dynamics, grid)
         ]
     )
 

@@ -70,7 +70,6 @@ class Regularity(Record, frozen=True):
     s_1 / usual``. Rows that repeat others everywhere are left out, and columns of joints that follow laws.
 
     Attributes:
-        closure: The rows.
         driven: Indices in v of joints that follow laws.
         kept: The rows that repeat no others, shape (k,).
         exact: Whether the others repeat them but for rounding.

@@ -54,9 +54,6 @@ class LoopSystem(Record, frozen=True):
     """The whole state of a mechanism under its constraints.
 
     Attributes:
-        prescribed: Coordinates that follow laws.
-        manifold: Space of its configurations.
-        own: Constraints of the mechanism.
         rows: The same, then one row for each prescribed coordinate.
         closure: The same without joint coordinates that follow laws, whose multipliers are efforts at joints.
         near: A configuration near closed ones, shape (nq,).

@@ -22,7 +22,6 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems import KEPT, CompletedStates, Initial
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
 
@@ -41,8 +40,6 @@ class TreeSystem(Record, frozen=True):
     """A tree of which linear sums of coordinates may be coupled, or follow laws.
 
     Attributes:
-        manifold: Space of its configurations.
-        closure: The couplings.
         sums: What couplings keep constant, then the coordinates that follow laws.
         reduction: What these leave free; ``None`` where all is.
     """
@@ -58,11 +55,9 @@ class TreeSystem(Record, frozen=True):
     ) -> TreeSystem:
         """Return the system of a tree with its couplings and laws; joints with initial values stay free if they can."""
         couplings: list[Coupling] = [*closure.constraints]  # type: ignore[list-item]
-        sums = PrescribedCoordinates(
-            (*(coupling.name for coupling in couplings), *prescribed.names),
-            (*(coupling.coordinate for coupling in couplings), *prescribed.coordinates),
-            (*(Constant(value=coupling.constant) for coupling in couplings), *prescribed.laws),
-        )
+        tied = [coupling.name for coupling in couplings], [coupling.coordinate for coupling in couplings]
+        held = PrescribedCoordinates((), (), ()).holding(*tied, [coupling.constant for coupling in couplings])
+        sums = held.with_others(prescribed.names, prescribed.coordinates, prescribed.laws)
         if not sums.names:
             return cls(manifold, closure, sums)
         from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
@@ -74,7 +69,6 @@ class TreeSystem(Record, frozen=True):
         return cls(manifold, closure, sums, CoordinatePartition.of(closure.model, rows, sums.names, given))
 
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
-        """Return the state that begins with what is given of it."""
         if self.reduction is None:
             return initial.q, initial.v
         w, dw, _ = self.sums.on(start, end)(start)
@@ -104,7 +98,8 @@ class TreeSystem(Record, frozen=True):
         here = dynamics.on(start, end)
         if self.reduction is None:
             return here.acceleration()
-        return self.reduction.acceleration(here, self.sums.on(start, end))
+        accelerations = self.reduction.accelerations(here, self.sums.along(start, end))
+        return lambda t, q, v: accelerations(np.array([t]), q[None], v[None])[0]
 
     def _compiled(
         self, dynamics: Dynamics, acceleration: Acceleration, start: float, end: float

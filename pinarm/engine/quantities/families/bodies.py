@@ -8,13 +8,11 @@ from typing import ClassVar
 import numpy as np
 
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.family import AXES, JOULE, RATES, SECOND, Asked, Family, Offered
+from pinarm.engine.quantities.family import AXES, JOULE, SECOND, Asked, Family, Offered
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.joints import METRE, links_of
-
-TURNS = ("angular_velocity", "angular_acceleration")
 
 ENERGIES = ("kinetic", "potential", "total")
 
@@ -32,41 +30,30 @@ class PointQuantities(Family, frozen=True):
         "velocity": "its velocity",
         "acceleration": "its acceleration",
     }
+    first: ClassVar[int] = 0
+    units: ClassVar[tuple[Unit, ...]] = (METRE, METRE / SECOND, METRE / SECOND**2)
 
     def entries(self) -> Iterator[Offered]:
-        """Yield position, velocity and acceleration of every link's origin."""
-        return (Offered(name, rate, AXES) for name in links_of(self.run.mechanism.model) for rate in RATES)
+        return (Offered(name, part, AXES) for name in links_of(self.run.mechanism.model) for part in self.meanings)
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
-        if len(asked.words) < 3 or asked.part not in RATES:
+        if len(asked.words) < 3 or asked.part not in self.meanings:
             raise asked.unknown
-        order = RATES.index(asked.part)
-        vectors = self.evaluation.frame(asked.of)[..., order, :]
-        return Series(asked.name, METRE / SECOND**order if order else METRE, self.component(asked, vectors))
+        order = [*self.meanings].index(asked.part)
+        vectors = self.evaluation.frame(asked.of)[..., self.first + order, :]
+        return Series(asked.name, self.units[order], self.component(asked, vectors))
 
 
-class BodyQuantities(Family, frozen=True):
+class BodyQuantities(PointQuantities, frozen=True):
     """``body.B...``: of the rotation of link B."""
 
     element: ClassVar[str] = "B"
-    of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
         "angular_velocity": "angular velocity of the link",
         "angular_acceleration": "its angular acceleration",
     }
-
-    def entries(self) -> Iterator[Offered]:
-        """Yield angular velocity and acceleration of every link."""
-        return (Offered(name, rate, AXES) for name in links_of(self.run.mechanism.model) for rate in TURNS)
-
-    def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
-        if len(asked.words) < 3 or asked.part not in TURNS:
-            raise asked.unknown
-        order = TURNS.index(asked.part)
-        vectors = self.evaluation.frame(asked.of)[..., 3 + order, :]
-        return Series(asked.name, unit("rad/s^2" if order else "rad/s"), self.component(asked, vectors))
+    first: ClassVar[int] = 3
+    units: ClassVar[tuple[Unit, ...]] = (unit("rad/s"), unit("rad/s^2"))
 
 
 class MomentumQuantities(Family, frozen=True):
@@ -78,20 +65,17 @@ class MomentumQuantities(Family, frozen=True):
         "angular": "angular momentum of the same, about the world's origin; rotors have no part in it",
     }
 
-    parts: ClassVar[tuple[str, str]] = ("linear", "angular")
     order: ClassVar[int] = 0
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the quantities of the mechanism, then of subtrees."""
-        return (Offered(name, part, AXES) for name in (ALL, *_moved_joints(self.run)) for part in self.parts)
+        return (Offered(name, part, AXES) for name in (ALL, *_moved_joints(self.run)) for part in self.meanings)
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
-        if len(asked.words) < 3 or asked.part not in self.parts:
+        if len(asked.words) < 3 or asked.part not in self.meanings:
             raise asked.unknown
         total = self.evaluation.momenta[self.order][:, _beyond(asked, self.run)].sum(axis=1)
         vectors, measured = total[:, :3], unit("kg*m/s") / SECOND if self.order else unit("kg*m/s")
-        if asked.part == self.parts[1]:
+        if asked.part == [*self.meanings][1]:
             about = self.about(asked, np.zeros((len(total), 3)))
             vectors, measured = total[:, 3:] - np.cross(about, total[:, :3]), METRE * measured
         return Series(asked.name, Unit(1.0, measured.dimension), self.component(asked, vectors))
@@ -104,7 +88,6 @@ class DynamicQuantities(MomentumQuantities, frozen=True):
         "force": "rate of the momentum of a joint's body and of all beyond it",
         "moment": "rate of the angular momentum of the same, about the world's origin; rotors have no part in it",
     }
-    parts: ClassVar[tuple[str, str]] = ("force", "moment")
     order: ClassVar[int] = 1
 
 
@@ -119,12 +102,10 @@ class EnergyQuantities(Family, frozen=True):
     }
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the energies of the mechanism, then of bodies."""
         yield from (Offered("", part) for part in ENERGIES)
         yield from (Offered(name, part) for name in _moved_joints(self.run) for part in ENERGIES[:2])
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
         if len(asked.words) == 1 and asked.of in ENERGIES:
             return Series(asked.name, JOULE, self.evaluation.energies[ENERGIES.index(asked.of)])
         if len(asked.words) != 2 or asked.part not in ENERGIES[:2]:
@@ -134,7 +115,6 @@ class EnergyQuantities(Family, frozen=True):
 
 
 def _moved_joints(run: Trajectory) -> list[str]:
-    """Return the names of the joints of the tree."""
     return [*run.mechanism.joints, *run.mechanism.balls]
 
 

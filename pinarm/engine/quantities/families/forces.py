@@ -47,13 +47,11 @@ class ForceQuantities(Family, frozen=True):
     }
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the measures of the force elements."""
         for name, force in self.run.dynamics.forces.items():
             for part, measure in _measures_of(force, self.run.mechanism.joints).items():
                 yield Offered(name, part, AXES if measure.vector else ())
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
         run, force = self.run, self.run.dynamics.forces.get(asked.of)
         measure = _measures_of(force, run.mechanism.joints).get(asked.part) if force else None
         if measure is None or (len(asked.words) > 2) != measure.vector or "about" in asked.words[2:]:
@@ -78,14 +76,12 @@ class PowerQuantities(Family, frozen=True):
     }
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the powers."""
         yield Offered("", "gravity")
         if self.run.mechanism.frictions:
             yield Offered("", "friction")
         yield from (Offered(name, "") for name in self.run.dynamics.forces)
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
         run, wanted = self.run, ".".join(asked.words)
         if wanted == "gravity":
             return Series(asked.name, WATT, self.evaluation.gravity_power)

@@ -23,15 +23,14 @@ from pinarm.engine.quantities.family import (
     WrenchFamily,
     acts,
 )
-from pinarm.engine.quantities.fixed_joints import fixed_joints, fixed_wrench
-from pinarm.engine.quantities.reactions import tree_axis
+from pinarm.engine.quantities.reactions import fixed_joints, fixed_wrench, tree_axis
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import ANGLES, Ball, BallCoordinate, roll_pitch_yaw
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
-from pinarm.mechanics.joints import METRE, Joint, effort_unit
+from pinarm.mechanics.joints import METRE, effort_unit
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -86,7 +85,6 @@ class JointQuantities(WrenchFamily, frozen=True):
     }
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the quantities of joints with one coordinate, then of ball joints."""
         mechanism = self.run.mechanism
         for name, joint in mechanism.joints.items():
             yield from (Offered(name, part) for part in (*RATES, *EFFORTS, "power"))
@@ -103,7 +101,6 @@ class JointQuantities(WrenchFamily, frozen=True):
         yield Offered(name, f"moment.{AT_PARENT}", AXES)
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
         mechanism = self.run.mechanism
         if (ball := mechanism.balls.get(asked.of)) is not None:
             return self._of_ball(asked, ball) if asked.part in BALL_PARTS else self._transmitted(asked, ball.index)
@@ -122,7 +119,8 @@ class JointQuantities(WrenchFamily, frozen=True):
             values, measure = effort * self.run.v[..., joint.v], WATT
         else:
             raise asked.unknown
-        return Series(asked.name, measure, values, self._effort_doubt(asked, joint))
+        stresses = self.evaluation.reactions.stressed_multipliers(self.run.couplings_at(joint.v))
+        return Series(asked.name, measure, values, self.doubt(asked, stresses))
 
     def _of_fixed(self, asked: Asked) -> Series:
         """Return a component of the wrench of a fixed joint."""
@@ -132,10 +130,6 @@ class JointQuantities(WrenchFamily, frozen=True):
         self.require_efforts(asked)
         origins = self.evaluation.reactions.links.frame(frame)[1]
         return self.wrench(asked, origins, fixed_wrench(self.evaluation.reactions, asked.of), [], origins)
-
-    def _effort_doubt(self, asked: Asked, joint: Joint) -> str:
-        """Return what is in doubt about the effort of a joint that couplings move; nothing where it has a drive."""
-        return self.doubt(asked, self.evaluation.reactions.stressed_multipliers(self.run.couplings_at(joint.v)))
 
     def _transmitted(self, asked: Asked, index: int) -> Series:
         """Return a component of the wrench that a joint transmits, by Pinocchio's index of the joint."""
@@ -217,7 +211,6 @@ class CoordinateQuantities(JointQuantities, frozen=True):
                 yield Offered(name, "effort")
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
         along = ".".join(asked.words[:-1])
         if asked.words[-1] == "effort" and along in self.run.mechanism.coordinates:
             return self._effort(asked, along)
@@ -251,12 +244,10 @@ class DriveQuantities(Family, frozen=True):
     }
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the quantities of the motors."""
         for name, drive in self.run.mechanism.drives.items():
             yield from (Offered(name, part) for part in self.meanings if part != "deflection" or drive.elasticity)
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
         run, drive = self.run, self.run.mechanism.drives.get(asked.of)
         if drive is None or len(asked.words) != 2 or asked.part not in self.meanings:
             raise asked.unknown

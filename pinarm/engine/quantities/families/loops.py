@@ -52,7 +52,6 @@ class LoopQuantities(WrenchFamily, frozen=True):
     }
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the quantities of the loop joints."""
         known = self.run.mechanism.coordinates
         for name, loop in self.evaluation.reactions.loops.items():
             along = ALONG_AXIS if loop_axis(loop) is not None else ()
@@ -63,9 +62,9 @@ class LoopQuantities(WrenchFamily, frozen=True):
         yield from (Offered(name, part) for name in self.evaluation.reactions.cables for part in ("tension", "length"))
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
         reactions = self.evaluation.reactions
-        if asked.part == "tension" and self._pulls(asked.of):
+        loop = reactions.loops.get(asked.of)
+        if asked.part == "tension" and (asked.of in reactions.cables or (loop is not None and loop.kind == ROD)):
             self.require_efforts(asked)
             lam, stresses = reactions.multiplier(asked.of)
             return Series(asked.name, NEWTON, -lam, self.doubt(asked, stresses))
@@ -80,11 +79,6 @@ class LoopQuantities(WrenchFamily, frozen=True):
         self.require_efforts(asked)
         origins, wrench = reactions.loop_origins(asked.of), reactions.loop(asked.of)
         return self.wrench(asked, origins, wrench, reactions.stressed_loop(asked.of), origins)
-
-    def _pulls(self, name: str) -> bool:
-        """Return whether something is a rod or a cable."""
-        reactions = self.evaluation.reactions
-        return name in reactions.cables or (name in reactions.loops and reactions.loops[name].kind == ROD)
 
     def axes(self, asked: Asked) -> Array:
         """Return the axis of a loop joint, world axes, shape (n, 3)."""
@@ -116,7 +110,6 @@ class CouplingQuantities(WrenchFamily, frozen=True):
     }
 
     def entries(self) -> Iterator[Offered]:
-        """Yield the quantities of couplings; their forces where these are known."""
         for name, coupling in self.evaluation.reactions.couplings.items():
             yield Offered(name, "effort")
             if coupling.known:
@@ -141,7 +134,6 @@ class CouplingQuantities(WrenchFamily, frozen=True):
         return None
 
     def series(self, asked: Asked) -> Series:
-        """Return a quantity; see ``Family.series``."""
         if (tension := self._tension(asked)) is not None:
             return tension
         reactions, part = self.evaluation.reactions, asked.part

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from pinarm.engine.dynamics.dynamics import cores
 from pinarm.engine.series import Series
 from pinarm.errors import Interrupted, NumericsError, PinarmError, require_map
 from pinarm.input.roots import noting_files
@@ -22,6 +21,7 @@ from pinarm.use.study.sweep.axes import Cases, axes_of
 from pinarm.use.study.sweep.branches import ALL, MEASURE, RAW, ModeValues
 from pinarm.use.study.sweep.solving import Solving
 from pinarm.use.study.sweep.table import Sweep
+from pinarm.use.workers.executors import cores
 from pinarm.use.workers.runners import Runners, check_number
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Flat, Solution
+from pinarm.engine.integration.integrator import Manifold, Solution
 
-PLANE = Flat(2, 2)
+PLANE = Manifold(2, 2)
 ECCENTRICITY = 0.1
 MOMENTS = np.array([0.5, 1.0, 1.7])
 SPIN = np.array([0.6, -1.1, 0.4])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.integration.methods.stiff import radau_of
 
-LINE = Flat(1, 1)
+LINE = Manifold(1, 1)
 
 
 def drawn(stiffness, damping):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.integrator import Interval, Manifold, Watch
 from pinarm.engine.integration.methods import METHODS
 
 SETTINGS = {"tolerance": (1e-4, 1e-9), "step": (0.1, 0.02)}
@@ -15,7 +14,7 @@ ALL = [(name, value) for name in ("dop853", "dopri5", "rk4", "stiff") for value 
 def cosine(watch, method, end=20.0):
     """The unit oscillator from (1, 0): q = cos t."""
     interval = Interval(0.0, end, lambda t, q, v: -q)
-    return integrate([interval], Flat(1, 1), np.ones(1), np.zeros(1), method, watches=[watch])
+    return integrate([interval], Manifold(1, 1), np.ones(1), np.zeros(1), method, watches=[watch])
 
 
 def level(value, **changes):
