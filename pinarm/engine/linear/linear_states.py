@@ -26,6 +26,7 @@ from pinarm.engine.quantities.state_arrays import LeadingAxes, states_of
 from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.ball_joints import coordinate_name
+from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.joints import METRE
 from pinarm.records import Record, replace
 
@@ -300,7 +301,7 @@ def _one_state(mechanism: Mechanism, q: Array, **given: Array | None) -> list[Ar
 def _require_smooth(
     mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, slopes: EquationDerivatives
 ) -> None:
-    """Raise where a load has a kink.
+    """Raise where a load or the profile of a cam has a kink.
 
     Raises:
         InputError: Says which.
@@ -311,3 +312,9 @@ def _require_smooth(
             f"the load '{name}' has a kink here: it is not linear on either side of it",
             expected="a state beside the kink, such as with a cable taut",
         )
+    for relation in mechanism.constraints:
+        if isinstance(relation, JointRelation) and relation.has_kink(q[None]):
+            raise InputError(
+                f"the profile of '{relation.name}' has a kink here: its second derivative jumps",
+                expected="a state beside it, or a profile that is smooth there, such as cycloidal or polynomial",
+            )

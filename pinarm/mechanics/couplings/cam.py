@@ -350,9 +350,14 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     def _jumps(self, law: MotionLaw, t: float) -> bool:
         """Return whether f'' jumps where the cam is at an instant."""
-        place = law.on(t, t)(np.array([t]))[0]
+        return self._jumps_at(law.on(t, t)(np.array([t]))[0])
+
+    def has_kink(self, q: Array) -> bool:
+        return self._jumps_at(q[:, self.cam_joint.q])
+
+    def _jumps_at(self, place: Array) -> bool:
         before, after = (self.profile(place, side)[2] for side in (-1.0, 1.0))
-        size = max(piece.size()[2] for piece in self.profile.pieces)
+        size = max(abs(before), *(piece.size()[2] for piece in self.profile.pieces))
         return bool(abs(after - before) > JUMP * size)
 
     def passed(self, q: Array, v: Array) -> bool:

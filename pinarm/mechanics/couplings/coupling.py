@@ -65,6 +65,10 @@ class JointRelation(ABC):
         """Return what tells a configuration, shape (nq,), apart for it, in words; may be empty."""
         return ""
 
+    def has_kink(self, q: Array) -> bool:
+        """Return whether the row has another slope to either side of a configuration, shape (1, nq)."""
+        return False
+
     def edges(self) -> Sequence[Edge]:
         return ()
 

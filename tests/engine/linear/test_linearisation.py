@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from urdf_links import link, robot
 
 import pinarm
-from pinarm.errors import DynamicsError
+from pinarm.errors import DynamicsError, InputError
 from pinarm.use.mechanism import Mechanism
 
 GRAVITY = 9.81
@@ -222,6 +222,25 @@ def test_a_cam_with_its_follower_on_a_spring(mechanism):
     pressed = made.linearise(made.configurations({"turn": 0.5 * math.pi, "lift": amplitude}))  # V' = 0 as f' is
     curvature = -stiffness * (amplitude - rest) * amplitude
     assert pressed.A[1, 0] == pytest.approx(-curvature / inertia, rel=1e-12)
+
+
+def test_a_jump_of_a_cams_curvature_is_refused(mechanism):
+    """A harmonic rise to a dwell at 60 deg: the force of the follower's spring times f'' is another one beyond."""
+    rise = {"law": "harmonic", "mean": "10 mm", "amplitude": "10 mm", "pulsation": "3 rad/rad", "phase": "-90 deg"}
+    dwell = {"duration": "60 deg", "motion": {"law": "constant", "value": "20 mm"}}
+    profile = {"law": "succession", "segments": [{"duration": "60 deg", "motion": rise}, dwell]}
+    made = mechanism(
+        robot(link("turn", "base", "0 0 1", mass=1.0, inertia=(1.0, 1.0, 1.0)),
+              link("lift", "base", "0 1 0", mass=1.0, kind="prismatic")),
+        gravity="none",
+        couplings={"cam": {"kind": "cam", "joints": ["turn", "lift"], "profile": profile}},
+    )  # fmt: skip
+    seam = math.pi / 3.0
+    with pytest.raises(InputError, match="the profile of 'cam' has a kink here"):
+        made.linearise(made.configurations({"turn": seam, "lift": 0.02}))
+    for beside in (-1e-3, 1e-3):
+        lift = 0.02 if beside > 0.0 else 0.01 * (1.0 + math.cos(3.0 * beside))
+        assert made.linearise(made.configurations({"turn": seam + beside, "lift": lift})).states == ["turn", "turn'"]
 
 
 def test_singular_positions_are_refused():
