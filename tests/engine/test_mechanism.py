@@ -78,15 +78,3 @@ def test_an_unknown_robot_is_refused():
     with pytest.raises(ModelError, match="no robot 'pandaa'") as caught:
         Mechanism.load("pandaa")
     assert caught.value.hint == "panda"
-
-
-def test_a_force_does_not_take_the_place_of_the_models_own(mechanism, chain):
-    spring = {"kind": "joint_spring", "joint": "first", "stiffness": "1 N*m/rad"}
-    with pytest.raises(InputError, match="the mechanism has a force 'joint damping' already"):
-        mechanism(chain({"name": "first", "damping": 2.0}), forces={"joint damping": spring})
-
-
-def test_a_coordinate_does_not_hide_behind_one_of_a_ball_joint(mechanism, chain):
-    turn = {"kind": "rotation", "body": "first_link", "about": "z"}
-    with pytest.raises(InputError, match=r"'root\.rotation\.x' has the name of a joint"):
-        mechanism(chain({"name": "first"}), base="floating", coordinates={"root.rotation.x": turn})

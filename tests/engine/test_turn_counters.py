@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 import pinarm
 from pinarm.arrays import Array
-from pinarm.errors import InputError
 
 TURNING = """<robot name="body"><link name="w"/><link name="b"><inertial><origin xyz="0.1 0.05 0.02"/><mass value="1"/>
 <inertia ixx="0.01" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -48,17 +47,6 @@ def test_a_spring_along_the_angle_of_a_loop_winds_up(
     result.save(tmp_path / "saved")
     restored = pinarm.restore(tmp_path / "saved")
     np.testing.assert_array_equal(restored["loop.L.angle"].values, result["loop.L.angle"].values)
-
-
-@pytest.mark.parametrize("measures", [{}, {"measures": "L.angle"}])
-def test_a_controller_turns_a_loop_several_times(tmp_path: Path, measures: dict[str, str]) -> None:
-    """From rest after a ramp, ``J e'' + kd e' + kp e = 0`` with ``e(0) = 0``, ``e'(0) = W``, at critical damping."""
-    kp = 4.0 * INERTIA
-    pid = {"kind": "pid", "drive": "D", **measures, "follows": {"law": "constant_speed", "speed": f"{SPEED} rad/s"},
-           "kp": f"{kp} N*m/rad", "kd": f"{4.0 * INERTIA} N*m*s/rad"}  # fmt: skip
-    result = _run(tmp_path, {"control": [pid]}, ["loop.L.angle"], drives={"D": {"along": "L.angle"}}, turns=["L.angle"])
-    t = np.linspace(0.0, 2.0, 41)
-    np.testing.assert_allclose(result["loop.L.angle"].values, SPEED * t * (1.0 - np.exp(-2.0 * t)), rtol=0, atol=1e-8)
 
 
 LINKAGE = """<robot name="rssr"><link name="w"/><link name="crank">{mass}</link><link name="cross"/>
@@ -162,20 +150,6 @@ def test_a_spring_along_an_angle_of_a_spinning_brick(
     wanted = _angles_of_brick(k, np.array(spin), np.linspace(0.0, 3.0, 61))[k]
     assert np.abs(wanted).max() > np.pi or angle == "pitch"
     np.testing.assert_allclose(result[name].values, wanted, rtol=0, atol=1e-7)
-
-
-def test_only_angles_that_go_round_are_counted(tmp_path: Path) -> None:
-    """Nothing is added where nothing acts; what has turns, or is no angle, is refused."""
-    (tmp_path / "body.urdf").write_text(TURNING)
-    (tmp_path / "mechanism.yaml").write_text(
-        "pinarm: 1\nrobot: body.urdf\nloops: {L: {kind: revolute, between: [w, b]}}\n"
-    )
-    file = tmp_path / "mechanism.yaml"
-    assert pinarm.Mechanism.load(file).model.nv == 6
-    assert list(pinarm.Mechanism.load(file, values={"turns": ["L.angle"]}).joints)[-1] == "L.angle.counter"
-    for name in ("root.x", "L.position"):
-        with pytest.raises(InputError, match=name):
-            pinarm.Mechanism.load(file, values={"turns": [name]})
 
 
 SLEEVE = {"L": {"kind": "cylindrical", "between": ["w", "b"], "axis": "z"}}

@@ -75,21 +75,6 @@ class TestEccentricDisc:
         assert fx == pytest.approx(0.0, abs=1e-12)
         assert fy == pytest.approx(force + 1.0 * G, rel=1e-12)
 
-    def test_a_scotch_yoke_makes_the_same_motion_with_the_same_loads(self, cam, machine):
-        """The pin of the yoke goes around with the centre of the disc; the yoke slides on it across the follower."""
-        points = {**FOLLOWER["points"], "P": ["0 m", f"{-E} m"], "A": ["-0.1 m", f"{-E} m"], "B": ["0.1 m", f"{-E} m"]}
-        links = {"shaft": {"points": ["O", "P"], "mass": "1 kg", "centre": "O", "inertia": f"{J} kg*m^2"},
-                 "follower": {"points": ["T", "U", "A", "B"], "mass": f"{M} kg", "centre": "T"}}  # fmt: skip
-        yoke = machine({"points": points, "ground": ["O"], "links": links,
-                        "sliders": {"lift": {"link": "follower", "along": ["T", "U"]}},
-                        "slots": {"slot": {"link": "shaft", "point": "P", "on": "follower", "along": ["A", "B"]}}}
-                       )  # fmt: skip
-        law = {"O": Harmonic(amplitude=2.0, pulsation=9.0, mean=0.7)}
-        one, other = driven(cam(face="T"), law, samples=33), driven(yoke, law, samples=33)
-        names = "lift", "joint.lift.acceleration", "joint.O.effort", "joint.O.force.x", "joint.O.force.y"
-        for ours, theirs in zip(asked(one, *names), asked(other, *names), strict=True):
-            assert ours == pytest.approx(theirs, abs=1e-10)
-
     def test_without_contact_the_reactions_are_refused(self, cam):
         run = driven(cam(), {"O": ConstantSpeed(speed=3.0)})
         torque, _ = asked(run, "joint.O.effort", "coupling.cam.effort")
@@ -237,29 +222,6 @@ class TestOneSided:
         assert any("cam 'cam': 1 impact" in note for note in outcome.notes)
         assert not excesses(outcome.rows)
 
-    def test_a_cam_with_friction_rubs_while_it_touches_and_not_in_flight(self, cam):
-        """The disc is driven, so that the follower flies as without friction; the torque has that of the contact."""
-        speed, mu, constant = 40.0, 0.1, 0.5
-        machine = cam(face="T", closed_by="force", friction={"cam": {"mu": mu, "constant": f"{constant} N"}})
-        outcome = freely(machine, end=0.17, samples=31, motion={"O": ConstantSpeed(speed=speed)})
-        leaves = np.arccos(-G / (E * speed**2)) / speed
-        assert outcome.events[0].t == pytest.approx(leaves, abs=1e-9)
-        t, theta = outcome.rows.grid.t, speed * outcome.rows.grid.t
-        touching, lands = t < leaves, outcome.events[1].t
-        force = np.where(touching, M * (G + E * np.cos(theta) * speed**2), 0.0)
-        rubbing = np.where(touching, mu * force + constant, 0.0)
-        torque, normal, friction = asked(outcome.rows, "joint.O.effort", "coupling.cam.normal", "coupling.cam.friction")
-        before = (t < lands - 1e-6) & (np.abs(t - leaves) > 1e-6)
-        known = force * E * np.sin(theta) + rubbing * (RB + E * (1.0 - np.cos(theta)))
-        for found, expected in ((normal, force), (np.abs(friction), rubbing), (torque, known)):
-            assert found[before] == pytest.approx(expected[before], abs=1e-9)
-
-    def test_a_follower_that_is_given_above_the_cam_falls_on_it(self, cam):
-        outcome = freely(cam(face="T", closed_by="force"), end=0.1, samples=3, position={"O": 0.0, "lift": 0.01},
-                         motion={})  # fmt: skip
-        assert outcome.events[0].name == "cam"
-        assert outcome.events[0].t == pytest.approx(np.sqrt(2.0 * 0.01 / G), rel=1e-9)
-
 
 class TestUndercutting:
     def test_a_profile_that_no_cam_has_is_told(self, cam):
@@ -337,10 +299,3 @@ class TestBadInput:
     def test_what_is_wrong_is_said(self, cam, more, message):
         with pytest.raises((InputError, UnitError), match=message):
             cam(**more)
-
-    def test_a_slope_that_jumps_is_refused(self, cam):
-        profile = {"law": "succession", "segments": [
-            {"duration": "180 deg", "motion": {"law": "constant", "value": "0 m"}},
-            {"duration": "180 deg", "motion": {"law": "constant_speed", "speed": "1 mm/rad"}}]}  # fmt: skip
-        with pytest.raises(InputError, match="jump"):
-            cam(profile)

@@ -1,12 +1,11 @@
 """Loops in compiled code against the same in Python, which shares none of it."""
 
 import ctypes
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from catalogue import bennett, five_bar, four_bar, rssr, scissor, screw_jack, slider_crank
+from catalogue import bennett, five_bar, four_bar, rssr, screw_jack, slider_crank
 from linkage import GROUND, Linkage, random_body, random_joint
 from motions import freely
 from test_accelerations import random_linkage
@@ -20,14 +19,11 @@ from pinarm.engine.kernel.library import absence, library, pointer
 from pinarm.engine.kernel.structures import SkylineStructure
 from pinarm.engine.kernel.tree import links_of
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.segmented.hybrid_system import system_of
-from pinarm.engine.motion.systems import Initial, compiled_loops
+from pinarm.engine.motion.systems import compiled_loops
 from pinarm.engine.motion.systems.loop_motion import Regularity
 from pinarm.engine.motion.systems.loop_system import LoopSystem
 
 pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
-
-ROOT = Path(__file__).parents[2]
 FREE = PrescribedCoordinates((), (), ())
 KINDS = ("spherical", "rod", "point_on_line", "point_on_plane", "universal", "cylindrical", "revolute", "planar",
          "prismatic", "fixed")  # fmt: skip
@@ -110,20 +106,6 @@ def test_accelerations_of_loops_within_loops_are_those_of_the_singular_values(se
     compare(interval.compiled, closure, closed_states(general))
 
 
-@pytest.mark.parametrize("linkage", [scissor(3), four_bar()])
-def test_states_that_are_no_numbers_leave_nothing_behind(linkage, tmp_path):
-    """As a step that is rejected may try."""
-    loops = [name for name in linkage.joints if name.startswith("loop")] or [next(reversed(linkage.joints))]
-    mechanism = linkage.build(tmp_path, loops)
-    dynamics, nv = Dynamics.of(mechanism.model), mechanism.model.nv
-    system = system_of(mechanism.closure, dynamics, FREE, Initial(np.zeros(nv), np.zeros(nv)))
-    flow, y = system.interval(dynamics, 0.0, 1.0).compiled, np.concatenate([np.zeros(nv), np.ones(nv)])
-    first = flow.slope(0.0, y)
-    assert np.isfinite(first).all()
-    assert np.isnan(flow.slope(0.0, np.full(2 * nv, np.nan))).any()
-    assert np.array_equal(flow.slope(0.0, y), first)
-
-
 MOTIONS = [
     (four_bar(), "O"), (five_bar(), "M"), (rssr(), "A"), (rssr(), "B"), (bennett(), "axis_3"), (slider_crank(), "C"),
     (screw_jack(), "S"),
@@ -171,59 +153,6 @@ class TestSingularPositions:
         q = found.trajectory.q
         assert np.abs(q[:, 0]).max() > 3.0 * np.pi  # it has turned past them
         assert np.abs(q[:, 0] - q[:, 2]).max() < 1e-2 or np.abs(q[:, 0] + q[:, 1]).max() < 1e-2
-
-
-class TestClosing:
-    """States as the motion in Python closes them, and as it goes on from them, of four equal rods."""
-
-    @pytest.fixture
-    def motion(self):
-        """The motion of a four-bar of equal rods in Python, and in compiled code."""
-        mechanism = pinarm.Mechanism.load("models/four_bar/mechanism.yaml")
-        dynamics, nv = Dynamics.of(mechanism.model), mechanism.model.nv
-        system = system_of(mechanism.closure, dynamics, FREE, Initial(np.zeros(nv), np.zeros(nv)))
-        flow = system.interval(dynamics, 0.0, 10.0).compiled
-        return flow.motion, flow
-
-    def state(self, angle, open_by, speed=2.0):
-        """Uprights at an angle from their flat position, the rods a little open."""
-        crank = np.array([1.0, -1.0, 1.0])
-        return angle * crank + open_by * np.array([1.0, 2.0, -3.0]), speed * crank + open_by * np.array([2.0, 1.0, 5.0])
-
-    @pytest.mark.parametrize("angle", [0.7, 0.5 * np.pi, 0.5 * np.pi + 1e-3, 3.0])
-    def test_closes_the_same_states_and_goes_on_from_them_alike(self, motion, angle, open_by=1e-3):
-        python, flow = motion
-        python.settle(0.5, *self.state(angle - 0.2, 0.0))
-        flow.ready()
-        q, v = self.state(angle, open_by)
-        y, slope = np.concatenate([q, v]), np.zeros(6)
-        assert settle(flow, 1.0, y, slope) == 1
-        closed, rate = python.settle(1.0, q.copy(), v.copy())
-        structure = flow.system.structure
-        assert y == pytest.approx(np.concatenate([closed, rate]), abs=1e-9)  # the proximal term, over the regularity
-        assert bool(flow.system.structure.near) == python.near
-        assert structure.regular == pytest.approx(python.regular, rel=compiled_loops.ALIKE, abs=1e-6)
-        assert structure.floor == pytest.approx(python.least, abs=1e-12)
-        assert slope[3:] == pytest.approx(python.acceleration(0.9, closed, rate), rel=1e-4, abs=1e-6)
-
-
-def settle(flow, t, y, slope):
-    """Let the library settle a state."""
-    function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
-    return function(flow.structure.settle)(flow.structure.system, t, pointer(y), pointer(slope))
-
-
-def test_loads_that_only_python_knows_get_compiled_accelerations(without):
-    """A load over a coordinate of a crank-rocker."""
-    points = [["-40 rad", "0 N*m"], ["0 rad", "1 N*m"], ["40 rad", "0 N*m"]]
-    push = {"kind": "joint_effort", "joint": "theta4", "over": "theta4", "effort": {"law": "spline", "points": points}}
-    settings = {"changes": {"forces": {"push": push}}, "problem.time.end": "0.5 s"}
-    run = lambda: pinarm.run("scenarios/crank_rocker_free.yaml", settings)  # noqa: E731
-    found, expected = run(), without(run)
-    (segment,) = found.outcome.motion.motion.segments
-    assert isinstance(segment.solution.intervals[0].acceleration.__self__, compiled_loops.LoadedMotion)
-    assert found.figures["steps"] == pytest.approx(expected.figures["steps"], abs=1)
-    assert np.abs(found.trajectory.q - expected.trajectory.q).max() < 1e-8
 
 
 class TestWrongKernel:

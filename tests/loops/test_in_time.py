@@ -101,8 +101,3 @@ class TestVelocitiesAgainstTheLoop:
         assert (
             "upright_0 has 2 rad/s at the start where 1 was given, upright_1 has 2 rad/s at the start where 3" in note
         )
-
-    def test_those_that_it_allows_stay_without_a_word(self):
-        run = self.run(upright_0=1.5, upright_1=1.5)
-        assert run.rows.v[0] == pytest.approx([1.5, -1.5, 1.5], abs=1e-12)
-        assert run.notes == ()

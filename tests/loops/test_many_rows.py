@@ -23,13 +23,6 @@ def leaning(mechanism, angle, level=1.0):
     return rows
 
 
-class TestFreeMotions:
-    def test_two_where_the_rods_lie_in_one_line(self, four_bar):
-        q = leaning(four_bar, np.pi / 2 * np.array([0.3, 1.0, 0.6]))
-        found = [(int(k), len(motions)) for places, motions in four_bar.closure.free_motions(q) for k in places]
-        assert dict(found) == {0: 1, 1: 2, 2: 1}
-
-
 class TestStates:
     N = BLOCK + 5
 

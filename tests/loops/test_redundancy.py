@@ -13,7 +13,7 @@ from newton_euler import newton_euler, self_stresses
 
 from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import DrivesError, InputError
+from pinarm.errors import DrivesError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
@@ -151,8 +151,3 @@ class TestStructure:
             for component, values in found.items():
                 wanted = right.wrench[joint][COMPONENTS.index(component)]
                 assert values[0] == pytest.approx(wanted, rel=1e-12, abs=1e-12)
-
-    def test_a_motion_of_it_is_refused(self, tmp_path):
-        _, mechanism = self.built(tmp_path)
-        with pytest.raises(InputError, match="has only 0 degrees of freedom"):
-            driven(mechanism, {"O": Harmonic(amplitude=0.4, pulsation=2.0)})

@@ -1,13 +1,10 @@
 """Forward motions of loops whose rows repeat others: one method and another, one bearing and two."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import pinarm
 
-SHIPPED = Path(__file__).parents[2] / "scenarios"
 INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.05" ixy="0" ixz="0" iyz="0"/>'
 SHAFT = f"""<robot name="s"><link name="base"/>
 <link name="shaft"><inertial><origin xyz="0.1 0 0.1"/><mass value="5"/>{INERTIA}</inertial></link>
@@ -30,13 +27,3 @@ def test_a_loop_that_only_repeats_leaves_the_pendulum_that_the_shaft_is(tmp_path
         angles.append(run["x"].values)
     assert angles[1] == pytest.approx(angles[0], abs=1e-8)
     assert np.ptp(angles[0]) > 0.5
-
-
-def test_steps_of_one_length_end_where_the_run_does():
-    """A stage of the last step lies at the end of the run, beside the closed state there."""
-    scenario = pinarm.load(SHIPPED / "crank_rocker_free.yaml")
-    time = {"problem.time": {"end": "0.1 s", "samples": 5}}
-    plain = scenario.varied(time).run()
-    fixed = scenario.varied({**time, "accuracy": {"method": "rk4", "step": "0.5 ms"}}).run()
-    for output in ("omega2", "theta4"):
-        assert fixed[output].values == pytest.approx(plain[output].values, rel=1e-7, abs=1e-7)

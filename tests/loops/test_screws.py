@@ -3,18 +3,13 @@
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from catalogue import RODS, disc, screw_jack
-from linkage import GROUND, Joint, Linkage, random_body
-from motions import anywhere, driven, free, freely
+from motions import anywhere, driven, freely
 
-from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint_forces import JointEffort
-from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic
-from pinarm.mechanics.loops.lower_pairs import Helical
+from pinarm.mechanics.laws import Constant, Cycloidal
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
 from pinarm.records import replace
@@ -68,15 +63,6 @@ class TestJack:
         assert coupled[0, -1] == pytest.approx(turns * TURN)
         assert looped == pytest.approx(coupled, rel=1e-10, abs=1e-10)
 
-    @pytest.mark.parametrize("effort", [-3.0])
-    def test_it_moves_as_with_the_coupling_for_many_turns(self, mechanism, effort):
-        load = {"motor": JointEffort(joint="turn", effort=Constant(value=effort))}
-        runs = [free(build(mechanism), 0.4, 9, loads=load) for build in (as_coupling, as_loop)]
-        coupled, looped = (of(run, *STATE) for run in runs)
-        assert abs(coupled[0, -1]) > 7.0 * TURN
-        assert looped == pytest.approx(coupled, rel=1e-10, abs=1e-10)
-        assert of(runs[1], "loop.thread.angle") == pytest.approx(-looped[:1], rel=1e-10, abs=1e-10)
-
     @pytest.mark.parametrize("turns", [0.2, -7.3])
     def test_torque_holds_the_weight_on_any_turn_of_the_thread(self, mechanism, turns):
         hold, start = {"turn": turns * TURN}, {"height": turns * LEAD}
@@ -91,21 +77,6 @@ class TestJack:
             problem = Statics(hold={"turn": 7.3 * TURN}, start={"height": start * LEAD})
             run = problem.solve(as_loop(mechanism), Accuracy(), anywhere).rows
             assert of(run, "joint.height.position") == pytest.approx(height * LEAD, rel=1e-9)
-
-    def test_guides_that_the_tree_repeats_are_undetermined(self, mechanism):
-        loop = as_loop(mechanism)
-        found = mobility_of(loop, pin.neutral(loop.model))
-        assert (found.mobility, found.rows, found.degree) == (1, 5, 4)
-        assert found.undetermined["thread"] == ["force x", "force y", "moment x", "moment y"]
-        loosened = {joint for one in found.loosenings for joint, _ in one.changes}
-        assert loosened == {"turn"}  # a nut that holds less slides, and so it does on any other guide
-        with pytest.raises(InputError, match="hyperstatic of degree 4"):
-            of(driven(loop, {"turn": Constant(value=0.0)}), "loop.thread.force.x")
-
-    def test_an_offset_is_kept(self, mechanism):
-        run = Statics(hold={"turn": 1.0}).solve(as_loop(mechanism, offset="2 mm"), Accuracy(), anywhere).rows
-        assert of(run, "joint.height.position") == pytest.approx(0.002 + PITCH, rel=1e-12)
-        assert of(run, "loop.thread.angle") == pytest.approx(-1.0, rel=1e-12)
 
 
 class TestScrewInASpatialLoop:
@@ -150,10 +121,6 @@ class TestDifferentialScrew:
     def press(self):
         return Mechanism.load(MODELS / "differential_screw" / "mechanism.yaml")
 
-    def test_nothing_is_held_twice(self, press):
-        found = mobility_of(press, pin.neutral(press.model))
-        assert (found.mobility, found.rows, found.degree, found.undetermined) == (1, 11, 0, {})
-
     @pytest.mark.parametrize("turns", [7.3, -7.3])
     def test_the_mechanical_advantage_is_that_of_the_difference_of_the_leads(self, press, turns):
         push = 500.0
@@ -176,33 +143,3 @@ class TestDifferentialScrew:
         assert of(run, "spin")[0] == pytest.approx(rate * run.grid.t**2 / 2, rel=1e-9)
         assert of(run, "spin")[0, -1] > 100 * TURN
         assert outcome.figures["energy"] < 1e-9
-
-
-class TestDefinition:
-    def test_a_lead_of_0_is_refused(self):
-        with pytest.raises(InputError, match="lead 0 does not advance") as caught:
-            Helical(between=("a", "b"), lead=0.0)
-        assert caught.value.hint == "kind: revolute"
-
-    @pytest.mark.parametrize("turn", [-3.0, 0.0, 2.0])
-    def test_the_open_way_is_taken_to_the_nearest_turn(self, turn):
-        pair = Helical(between=("a", "b"), lead=LEAD, offset=0.001).pair()
-        axes = pin.exp3(np.array([0.0, 0.0, turn])).T
-        for whole in (-1000, -1, 0, 5):
-            for way in (-0.45, 0.0, 0.3):
-                place = np.array([0.0, 0.0, 0.001 + (turn / TURN + whole + way) * LEAD])
-                assert pair.gap(place, axes)[-1] == pytest.approx(way * LEAD, abs=1e-13)
-
-
-def test_a_contradicting_pair_of_threads_is_told(tmp_path):
-    """Two nuts of other leads on one spindle, which the ground holds both."""
-    generator = np.random.default_rng(0)
-    place, turn = np.zeros(3), np.eye(3)
-    linkage = Linkage({"A": random_body(generator)}, {
-        "one": Joint("screw", GROUND, "A", place, turn, lead=0.01),
-        "two": Joint("screw", GROUND, "A", place, turn, lead=0.03),
-    })  # fmt: skip
-    found = mobility_of(stuck := linkage.build(tmp_path), pin.neutral(stuck.model))
-    assert (found.mobility, found.rows) == (0, 6)
-    with pytest.raises((InputError, AssemblyError)):
-        driven(stuck, {"one_b": Harmonic(amplitude=1.0, pulsation=1.0)})

@@ -12,7 +12,6 @@ from pinarm.mechanics.ball_joints import (
     configuration,
     roll_pitch_yaw,
 )
-from pinarm.mechanics.forces.joint_forces import BallSpring
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loading.pinocchio_model import build_model
@@ -29,12 +28,6 @@ def model(chain):
     """A floating body in a frame that turns and is tilted."""
     xml = chain(*ARM)
     return build_model(xml.replace('<origin xyz="1 0 0"/>', '<origin xyz="1 0 0" rpy="0.4 -0.5 0.6"/>')).model
-
-
-def state(model, seed=0):
-    rng = np.random.default_rng(seed)
-    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
-    return q, rng.normal(size=model.nv)
 
 
 BODY = '<inertial pos="0.3 0.1 -0.2" mass="2" fullinertia="0.3 0.4 0.5 0.01 0.02 0.03"/></body></worldbody></mujoco>'
@@ -106,34 +99,3 @@ def test_a_floating_joint_slides_along_its_parents_axes_and_turns_where_it_is_dr
     assert seen.translation == pytest.approx([1.3, -0.2, 0.0], abs=1e-14)
     turned = drawn.rotation @ pin.rpy.rpyToMatrix(np.array([0.0, 0.0, 0.7]))
     assert seen.rotation == pytest.approx(turned, abs=1e-14)
-
-
-def test_spring_of_a_ball_joint_gives_what_its_energy_loses(model):
-    ball = balls_of(model)["body"]
-    spring = BallSpring(ball.q, ball.v, 7.0)
-    q, v = state(model, 4)
-    tau = np.zeros(model.nv)
-    spring.add_load(0.0, q, v, tau)
-    step = 1e-5
-    ahead, behind = (spring.potential_energy(pin.integrate(model, q, s * v)) for s in (step, -step))
-    assert tau @ v == pytest.approx(-(ahead - behind) / (2 * step), rel=1e-8)
-    vector = Rotation.from_quat(ball.quaternion(q)).as_rotvec()
-    assert spring.potential_energy(q) == pytest.approx(3.5 * vector @ vector, rel=1e-14)
-    assert spring.potential_energy(np.stack([q, q])).shape == (2,)
-    turned = q.copy()
-    turned[ball.q : ball.q + 4] *= -1.0  # the same orientation
-    assert spring.potential_energy(turned) == pytest.approx(spring.potential_energy(q), rel=1e-14)
-    assert spring.potential_energy(pin.neutral(model)) == 0.0
-
-
-def test_arrays_of_states_are_given_by_name(mechanism, chain):
-    body = mechanism(chain(*ARM), gravity="none")
-    yaw = np.linspace(-1.0, 2.0, 4)
-    q = body.configurations({"swing": 0.3, "body.y": [1.0, 2.0, 3.0, 4.0], "body.yaw": yaw})
-    assert q[:, :4] == pytest.approx(np.array([[0.3, 0.0, y, 0.0] for y in (1.0, 2.0, 3.0, 4.0)]))
-    assert roll_pitch_yaw(q[:, 4:]) == pytest.approx(np.array([[0.0, 0.0, x] for x in yaw]), abs=1e-14)
-    v = body.rates({"body.angular_velocity.y": yaw, "swing": 1.0})
-    assert v[:, [0, 5]] == pytest.approx(np.array([[1.0, x] for x in yaw]))
-    assert body.at(q, v)["joint.body.angular_velocity.y"].values == pytest.approx(yaw)
-    with pytest.raises(InputError, match=r"no joint 'body\.spin'"):
-        body.rates({"body.spin": 1.0})

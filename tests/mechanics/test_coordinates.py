@@ -1,14 +1,12 @@
 import math
 from contextlib import nullcontext
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.input.units import unit
-from pinarm.mechanics.coordinates import AngleSum, Distance, PointCoordinate, Rotation, coordinates_of
+from pinarm.mechanics.coordinates import AngleSum, Distance, PointCoordinate, Rotation
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import joints_of
@@ -56,38 +54,6 @@ TIP_AT_REST = np.array([0.6, 0.3, 0.8])
 """Sum of the placements of the joints."""
 
 
-@pytest.mark.parametrize("name", DEFINITIONS)
-def test_row_is_the_gradient_of_the_value_on_the_manifold(model, differentiate, name):
-    coordinate = DEFINITIONS[name].bind(model, joints_of(model))
-    rng = np.random.default_rng(4)
-    for _ in range(3):
-        q = rng.uniform(-0.9, 0.9, model.nq)
-        for direction in np.eye(model.nv):
-            _, row, _ = evaluate(coordinate, model, q, direction, np.zeros(model.nv))
-
-            def along(h, q=q, direction=direction):
-                moved = pin.integrate(model, q, h * direction)
-                return evaluate(coordinate, model, moved, np.zeros(model.nv), np.zeros(model.nv))[0]
-
-            assert row == pytest.approx(differentiate(along, 0.0), abs=1e-10)  # differences of order 8 at h = 0.02
-
-
-@pytest.mark.parametrize("name", DEFINITIONS)
-def test_second_rate_is_the_second_difference_of_the_value(model, name):
-    """Without the row: four step sizes, extrapolated to order 8."""
-    coordinate = DEFINITIONS[name].bind(model, joints_of(model))
-
-    def value(t):
-        return evaluate(coordinate, model, *motion(t, model.nv))[0]
-
-    for t in (0.3, 1.1):
-        rows = [(value(t + h) - 2 * value(t) + value(t - h)) / h**2 for h in (0.08, 0.04, 0.02, 0.01)]
-        for order in (4.0, 16.0, 64.0):
-            rows = [(order * fine - coarse) / (order - 1.0) for coarse, fine in pairwise(rows)]
-        # rounding of the value over h^2 = 1e-4
-        assert evaluate(coordinate, model, *motion(t, model.nv))[2] == pytest.approx(rows[0], abs=1e-9)
-
-
 @pytest.mark.parametrize("along", [(2.0, -1.0, 0.5), (0.0, 1e-100, 0.0), (1e100, 0.0, 0.0)])
 def test_a_slanted_direction_counts_by_its_direction_only(model, along):
     coordinate = PointCoordinate(point="tip_link", along=along).bind(model, joints_of(model))
@@ -101,17 +67,6 @@ def test_a_slanted_direction_counts_by_its_direction_only(model, along):
 def test_a_direction_without_a_length_is_refused(model, along):
     with pytest.raises(InputError, match="is no direction"):
         PointCoordinate(point="tip_link", along=along).bind(model, joints_of(model))
-
-
-def test_distance_by_hand(model):
-    coordinate = Distance(between=("tip_link", "base")).bind(model, joints_of(model))
-    v, a = np.array([0.0, 2.0, 0.0, 0.0]), np.array([0.0, -3.0, 0.0, 0.0])
-    # the tip slides along x: l^2 = x^2 + c^2, l' = x x' / l, l'' = (x'^2 + x x'' - l'^2) / l
-    length = np.linalg.norm(TIP_AT_REST)
-    rate = 0.6 * 2.0 / length
-    expected = (length, rate, (4.0 + 0.6 * -3.0 - rate**2) / length)
-    assert coordinate.unit == unit("m")
-    assert evaluate(coordinate, model, np.zeros(4), v, a) == pytest.approx(expected, rel=1e-14)
 
 
 BALL_STATES = [0.0, 1e-5, 0.009, 0.011, 3.1]
@@ -165,15 +120,6 @@ class TestRotation:
         assert found[1] == pytest.approx(dw, abs=1e-13 * near**2)
         assert found[2] == pytest.approx(ddw, abs=1e-12 * near**3)
 
-    @pytest.mark.parametrize("angle", [1e-5, 9e-3, 0.011, 1.0])
-    def test_the_row_has_no_more_than_rounding_at_small_angles(self, ball, angle):
-        """The inverse of the series of the right Jacobian of exp, ``sum (-W)^k / (k + 1)!``."""
-        skew = pin.skew(angle * self.axis)
-        terms = [np.linalg.matrix_power(-skew, k) / math.factorial(k + 1) for k in range(20)]
-        q = pin.Quaternion(pin.exp3(angle * self.axis)).coeffs()
-        rows = [Rotation(body="body", about=x).bind(ball, {}).row(Kinematics.at(ball, q)) for x in "xyz"]
-        assert np.array(rows) == pytest.approx(np.linalg.inv(sum(terms)), abs=1e-15)
-
 
 @pytest.mark.parametrize(
     ("definition", "message"),
@@ -204,11 +150,6 @@ def test_a_sum_about_axes_that_are_not_parallel_is_refused(chain, first, between
     model = build_model(chain(*({"name": name, "axis": axis} for name, axis in axes.items()))).model
     with pytest.raises(InputError, match=message) if message else nullcontext():
         AngleSum(of=["first", "last"]).bind(model, joints_of(model))
-
-
-def test_a_coordinate_cannot_take_the_name_of_a_joint(model):
-    with pytest.raises(InputError, match="has the name of a joint"):
-        coordinates_of(model, joints_of(model), {"turn": DEFINITIONS["sum"]})
 
 
 @pytest.mark.parametrize("name", [name for name in DEFINITIONS if name not in ("sum", "length")])

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.rotors import Drive
 from pinarm.problems.accuracy import Accuracy
@@ -40,15 +39,6 @@ def test_torque_depends_on_the_direction_of_power(effort, direction, expected):
 def test_impossible_drives_are_refused(defect):
     with pytest.raises(ValueError, match=next(iter(defect))):
         Drive(joint="arm", **defect)
-
-
-def test_a_motor_that_is_off_has_no_torque(mechanism, chain):
-    drive = {"joint": "arm", "ratio": RATIO, "efficiency": EFFICIENCY, "rotor_inertia": f"{ROTOR} kg*m^2"}
-    falling = mechanism(chain(PENDULUM), drives={"motor": drive}).at([[0.3]], [[2.0]], tau=[[0.0]])
-    assert falling["joint.arm.acceleration"].values[0] == pytest.approx(
-        9.81 * 2.0 * 0.5 * np.cos(0.3) / (ABOUT_PIVOT + RATIO**2 * ROTOR)
-    )
-    assert falling["drive.motor.torque"].values == falling["drive.motor.power"].values == 0.0
 
 
 def driven(mechanism, chain, **drive):
@@ -126,11 +116,6 @@ def test_an_armature_of_the_model_is_a_load_of_the_gear(geared, swing):
     expected = gear * through / RATIO + ROTOR * RATIO * run.a[:, 0]
     moving = np.abs(run.v[:, 0]) > 1e-6
     assert Quantities(run)["drive.motor.torque"].values[moving] == pytest.approx(expected[moving], abs=1e-13)
-
-
-def test_a_drive_names_an_existing_joint(mechanism, chain):
-    with pytest.raises(InputError, match="no joint 'amr'"):
-        driven(mechanism, chain, joint="amr")
 
 
 def test_motors_at_a_joint_and_along_a_sum_through_it_give_the_power_of_the_lift(mechanism, chain):

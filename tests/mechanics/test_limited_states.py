@@ -56,37 +56,6 @@ def test_a_current_stays_at_its_limit_whatever_its_last_digit(tmp_path, limit):
     assert np.diff(v[held]) / np.diff(t[held]) == pytest.approx(0.6 * limit / 0.024, rel=1e-7)  # N k I / J
 
 
-def test_two_motors_reach_their_limits_at_one_instant(tmp_path):
-    motor = {
-        "kind": "dc",
-        "resistance": "1 ohm",
-        "inductance": "2 mH",
-        "constant": "0.03 N*m/A",
-        "current_limit": "5 A",
-    }
-    drives = {f"servo_{x}": {"joint": x, "ratio": 20, "motor": motor} for x in "xy"}
-    control = [{"kind": "state_feedback", "drive": drive, "states": ["x"], "gains": [["0 V/rad", "0 V*s/rad"]],
-                "bias": ["24 V"]} for drive in drives]  # fmt: skip
-    result = solved(tmp_path, drives, control, [f"control.{drive}.current" for drive in drives])
-    first, second = (result[f"control.{drive}.current"].values for drive in drives)
-    assert (first == pytest.approx(second, abs=1e-12)) and first.max() == pytest.approx(5.0, rel=1e-12)
-    assert first[-1] < 4.0  # both are let go when the voltage of the turning motors is left only
-
-
-@pytest.mark.parametrize("most", np.linspace(0.1, 0.4, 7)[::3])
-def test_an_integral_waits_at_its_limit_and_returns(tmp_path, most):
-    """A stalled wheel, e = 1 rad, then -1 rad: the part ``ki x`` rises to the limit, stays, and falls at once."""
-    steps = {"law": "steps", "points": [["0 s", "1 rad"], ["0.2 s", "-1 rad"]]}
-    control = [{"kind": "pid", "drive": "x", "follows": steps, "kp": "0 N*m/rad", "ki": "3 N*m/rad/s",
-               "limits": [f"{-most} N*m", f"{most} N*m"]}]  # fmt: skip
-    stalled = {"end_stops": {"x": {"upper": "1e-9 rad", "lower": "-1e-9 rad", "restitution": 0}}}
-    result = solved(tmp_path, {"x": {"joint": "x"}}, control, ["control.x.effort"], **stalled,
-                    initial={"position": {"x": "0 rad"}})  # fmt: skip
-    t = result["t"].values
-    exact = np.where(t < 0.2, np.minimum(3.0 * t, most), most - 3.0 * (t - 0.2))
-    assert result["control.x.effort"].values == pytest.approx(np.maximum(exact, -most), abs=1e-7)
-
-
 def sampled_motor(limit, samples, period):
     """Return position and current at the samples of a PD controller: free, linear stretches and held ones in turn.
 

@@ -58,16 +58,6 @@ def test_a_voltage_step_has_two_eigenvalues(servo, period):
     assert result.figures["energy"] < 1e-7
 
 
-@pytest.mark.parametrize("tolerance", [1e-8])
-def test_rows_after_a_transient_are_as_good_as_steps(servo, tolerance):
-    """Once a current has followed the voltage, with the second eigenvalue, steps go beyond what that allows."""
-    result = pinarm.load({"pinarm": 1, "mechanism": servo(inductance="2 mH"), "outputs": ["x"], "problem": {
-        "kind": "forward", "time": {"end": "0.6 s", "samples": 121}, "control": [OPEN_LOOP],
-    }, "accuracy": {"tolerance": tolerance}}).run()  # fmt: skip
-    error = np.abs(result["control.servo.current"].values - step(2e-3, result["t"].values)[:, 2]).max()
-    assert error < 24.0 * 100.0 * tolerance  # of 24 A; errors of steps add up
-
-
 def test_without_inductance_the_speed_rises_with_the_mechanical_time_constant(servo):
     result = run(servo(), OPEN_LOOP, "1 s")
     tau = R * INERTIA / (K * N) ** 2
@@ -92,18 +82,6 @@ def test_a_position_loop_of_a_motor_is_the_matrix_exponential(servo, period):
         end = expm((a - b @ gain) * 0.2)
     assert result["x"].values[-1] == pytest.approx(1.0 + (end @ [-1.0, 0.0, 0.0])[0], abs=1e-8)
     assert result["control.servo.command"].values[0] == 20.0
-
-
-def test_rows_at_samples_have_the_effort_of_their_side(servo):
-    """Without inductance the effort jumps where the voltage does, and the acceleration with it."""
-    control = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "20 V/rad",
-               "kd": "0.5 V*s/rad", "period": "5 ms"}  # fmt: skip
-    result = run(servo(), control, "0.2 s", end_stops={"x": {"upper": "0.5 rad"}})
-    assert result.figures["equilibrium"] < 1e-12
-    t, effort = result["t"].values, result["joint.x.effort"].values
-    assert (np.diff(t) == 0.0).any()  # a new segment begins with every sample on the stop
-    free = result["x"].values < 0.499
-    assert np.abs(INERTIA * result["joint.x.acceleration"].values - effort)[free].max() < 1e-9
 
 
 def test_mistakes_are_told(servo):
@@ -156,31 +134,6 @@ def reached(torque, flat):
     return speed, INERTIA * speed / (N * N * torque)
 
 
-@pytest.mark.parametrize("period", [{}, pytest.param({"period": "10 ms"}, marks=pytest.mark.slow)])
-def test_a_constant_torque_meets_the_curve_at_an_instant_that_is_told(servo, tmp_path, period):
-    """A parabola up to the line, then an exponential: field weakening from 100 rad/s on."""
-    curve = [LINE[0], ["100 rad/s", f"{T0} N*m"], LINE[1]]
-    torque, end = 0.3, 3.0
-    result = run(ideal(tmp_path, peak=curve), constant(torque, **period), f"{end} s", ("x", "control.servo.margin"))
-    speed, instant = reached(torque, 100.0)
-    t, rate = result["t"].values, N * N * T0 / (INERTIA * (W0 - 100.0))
-    motor = np.where(t < instant, N * N * torque * t / INERTIA, W0 - (W0 - speed) * np.exp(-rate * (t - instant)))
-    assert np.abs(result["drive.servo.speed"].values - motor).max() < 1e-5  # 25 times 1e-9 of W0, a step
-    assert f"gives its peak torque from t = {instant:.6g} s to 3 s" in " ".join(result.notes())
-    before = t < instant
-    assert np.abs(result["control.servo.margin"].values[before & (motor < 100.0)] - (T0 - torque)).max() < 1e-12
-
-
-def test_the_limit_holds_while_it_brakes(servo, tmp_path):
-    """From -300 rad/s a torque of T0 is cut to T0/4 at first: ``w' = N^2 T0 (1 + w / w0) / J`` until w = 0."""
-    result = run(ideal(tmp_path, peak=LINE), constant(2 * T0), "0.2 s", initial={"velocity": {"x": "-30 rad/s"}})
-    t = result["t"].values
-    braking = t < TAU * np.log(4.0)
-    exact = (-W0 + 100.0 * np.exp(t / TAU)) / N
-    assert braking.all()
-    assert np.abs(result["joint.x.velocity"].values - exact).max() < 1e-7
-
-
 def test_a_torque_above_the_continuous_one_is_told(servo, tmp_path):
     mechanism = ideal(tmp_path, continuous=[["0 rpm", "0.2 N*m"], ["6000 rpm", "0.1 N*m"]])
     result = run(mechanism, constant(0.3), "0.1 s", ("control.servo.continuous_margin",))
@@ -190,18 +143,6 @@ def test_a_torque_above_the_continuous_one_is_told(servo, tmp_path):
     assert result["control.servo.continuous_margin"].values[0] == pytest.approx(-0.1, abs=1e-12)
     quiet = run(mechanism, constant(0.1), "0.1 s", ("x",))
     assert not any("continuous" in note for note in quiet.notes())
-
-
-def test_computed_torque_of_a_dc_motor_without_inductance_is_that_of_the_joint(servo):
-    """The errors obey ``e'' + 40 e' + 400 e = 0``, and the voltage is that of torque and speed."""
-    control = {"kind": "computed_torque", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"},
-               "kp": "400 1/s^2", "kd": "40 1/s"}  # fmt: skip
-    result = run(servo(), control, outputs=("x", "control.servo.voltage"))
-    t = result["t"].values
-    error, speed = (1.0 + 20.0 * t) * np.exp(-20.0 * t), 400.0 * t * np.exp(-20.0 * t)
-    torque = INERTIA * (400.0 * error - 40.0 * speed)
-    assert np.abs(result["x"].values - (1.0 - error)).max() < 1e-7
-    assert np.abs(result["control.servo.voltage"].values - (R * torque / (N * K) + K * N * speed)).max() < 1e-5
 
 
 @pytest.mark.parametrize("motor, said", [
@@ -283,22 +224,6 @@ def test_an_integral_follows_a_motor_at_its_peak_torque(servo, tmp_path, keys, t
     exact = np.where(t < instant, 0.4 + 2.0 * t, 0.5 + 2.0 * time * (1.0 - np.exp(-(t - instant) / time)))
     assert np.abs(result["control.servo.command"].values - exact).max() < 1e-7  # the stop is 1 nrad away
     assert np.abs(result["control.servo.torque"].values - np.minimum(exact, 0.5)).max() < 1e-7
-
-
-def test_a_sampled_integral_follows_it_too(servo, tmp_path):
-    """``x_k = x_(k-1) + T (e - (u_(k-1) - u_given) / (ki T_t))``, by hand."""
-    motor = ideal(tmp_path, peak=[["0 rad/s", "0.5 N*m"], ["400 rad/s", "0 N*m"]])
-    result = against_the_stop(motor, "0.1 s", period="10 ms")
-    part, u, commands = 0.0, 0.0, []
-    for _ in range(11):
-        part += 0.01 * (2.0 - (u - min(u, 0.5)) / 0.2)
-        u = 0.4 + part
-        commands.append(u)
-    t = result["t"].values
-    expected = np.array(commands)[np.minimum((t / 0.01 + 1e-6).astype(int), 9)]
-    between = np.abs(t / 0.01 - np.round(t / 0.01)) > 1e-3  # rows at samples have one of both sides
-    assert np.abs(result["control.servo.command"].values - expected)[between].max() < 1e-7
-    assert commands[9] > 0.5 > commands[3]
 
 
 def test_mistakes_of_limits_are_told(servo, tmp_path):

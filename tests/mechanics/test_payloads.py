@@ -5,7 +5,6 @@ import pinocchio as pin
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.input.yaml.document import Document
 from pinarm.mechanics.loading.pinocchio_model import build_model
 from pinarm.mechanics.points import Payload, with_payloads
 
@@ -53,26 +52,11 @@ def test_efforts_are_those_of_a_model_with_the_mass_in_its_text(build, moments):
     assert np.abs(written - empty).max() > 1.0
 
 
-def test_the_total_mass_and_its_centre(build):
-    """The composite of two masses by hand: their sum, and the mean of their places weighted by them."""
-    model = build()
-    carried = with_payloads(model, [Payload(point="tool", mass=1.7)])
-    before, after = model.inertias[2], carried.inertias[2]
-    tool = np.array([0.21, -0.13, 0.34])
-    assert after.mass == pytest.approx(before.mass + 1.7, rel=1e-15)
-    assert after.lever == pytest.approx((before.mass * before.lever + 1.7 * tool) / after.mass, rel=1e-14)
-
-
 def test_an_unknown_link_is_refused_with_the_choices(build):
     with pytest.raises(InputError, match="no link 'tol'") as caught:
         with_payloads(build(), [Payload(point="tol", mass=1.0)])
     assert "tool" in caught.value.hint
     assert "b_link" in caught.value.expected
-
-
-def test_a_link_that_does_not_move_is_refused(build):
-    with pytest.raises(InputError, match="'base' does not move"):
-        with_payloads(build(), [Payload(point="base", mass=1.0)])
 
 
 @pytest.mark.parametrize(("given", "message"), [
@@ -83,12 +67,3 @@ def test_a_link_that_does_not_move_is_refused(build):
 def test_what_no_body_has_is_refused(given, message):
     with pytest.raises((InputError, TypeError), match=message):
         Payload(point="tool", **given)
-
-
-def test_units_are_those_of_the_file(build):
-    payload = Document(
-        "s.yaml", None, {"point": "tool", "mass": "250 g", "inertia": ["1 kg*m^2", 0, "1 kg*m^2"]}, {}, {}
-    ).validate(Payload)
-    assert payload.mass == pytest.approx(0.25, rel=1e-15)
-    with pytest.raises(InputError, match="'m' is not a unit"):
-        Document("s.yaml", None, {"point": "tool", "mass": "2 m"}, {}, {}).validate(Payload)

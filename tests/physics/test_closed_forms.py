@@ -10,8 +10,8 @@ from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.quantities.names import Quantities
-from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring
-from pinarm.mechanics.laws import ConstantSpeed, Trapezoid
+from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.mechanics.laws import ConstantSpeed
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
@@ -118,29 +118,6 @@ class TestSpringAndDamper:
         expected = np.exp(-decay * t) * (0.3 * np.cos(w * t) + (-1.0 + decay * 0.3) / w * np.sin(w * t))
         assert free.q[:, 0] == pytest.approx(0.1 + expected, abs=1e-10)  # a hundred times the tolerance
         assert found.figures["energy"] < 1e-10
-
-
-def test_slider_under_a_force_that_steps_follows_its_parabolas(mechanism, chain):
-    slider = mechanism(chain(SLIDER))
-    law = Trapezoid(start=0.0, end=4.0, acceleration=16.0, begin=0.25)  # N: two parabolas of 0.5 s each
-    loads = {"push": JointEffort(joint="slide", effort=law)}
-    pushed = run(slider, 2.0, samples=9, loads=loads)
-    x1, x2 = (np.clip(pushed.grid.t - start, 0.0, None) for start in (0.25, 0.75))
-    x3 = np.clip(pushed.grid.t - 1.25, 0.0, None)
-    expected = 8 * (x1**4 - 2 * x2**4 + x3**4) / 12 / 2.0
-    assert pushed.q[:, 0] == pytest.approx(expected, abs=1e-13)
-
-
-def test_projectile(mechanism, chain):
-    light = {"kind": "prismatic", "mass": 0.0, "inertia": (0.0, 0.0, 0.0)}
-    shell = mechanism(
-        chain({"name": "x", "axis": "1 0 0", **light}, {"name": "z", "kind": "prismatic", "axis": "0 0 1"})
-    )
-    flight = run(shell, 2.0, initial={"velocity": {"x": 3.0, "z": 10.0}})
-    t = flight.grid.t
-    assert flight.q[:, 0] == pytest.approx(3.0 * t, abs=1e-13)
-    assert flight.q[:, 1] == pytest.approx(10.0 * t - G * t**2 / 2, abs=1e-12)
-    assert Quantities(flight)["point.z_link.acceleration.z"].values == pytest.approx(-G, abs=1e-12)
 
 
 ACROSS, ALONG = 0.8, 0.5

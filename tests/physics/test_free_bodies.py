@@ -10,10 +10,9 @@ from scipy.special import ellipj, ellipk
 
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
-from pinarm.mechanics.laws import Constant, ConstantAcceleration, Harmonic
+from pinarm.mechanics.laws import Constant, ConstantAcceleration
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
-from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
 
@@ -111,19 +110,6 @@ def test_heavy_top_nutates_as_the_elliptic_function_says(tmp_path):
     assert abs(far - u) > 0.05  # it does nutate
 
 
-def test_conical_pendulum_keeps_its_angle(tmp_path):
-    """A rod at theta drifts at W with ``(J - C) W^2 cos(theta) = m g l``, J about its end and C about itself."""
-    (tmp_path / "rod.xml").write_text(TOP.replace("0 0 0.3", "0 0 -0.3"))
-    rod, theta = Mechanism.load(tmp_path / "rod.xml"), 0.7
-    rate = np.sqrt(1.2 * G * 0.3 / ((0.02 + 1.2 * 0.09 - 0.009) * np.cos(theta)))
-    turn = {"tip.angular_velocity.y": rate * np.sin(theta), "tip.angular_velocity.z": rate * np.cos(theta)}
-    cone = run(rod, 5.0, initial={"position": {"tip.rotation.x": theta}, "velocity": turn})
-    axis = Rotation.from_quat(cone.q).apply([0.0, 0.0, 1.0])
-    assert axis[:, 2] == pytest.approx(np.cos(theta), abs=1e-9)
-    azimuth = np.unwrap(np.arctan2(axis[:, 1], axis[:, 0]))
-    assert azimuth - azimuth[0] == pytest.approx(rate * cone.grid.t, abs=1e-8)
-
-
 @pytest.mark.parametrize("axis", ["0 -3 4", "0 0 -1"])
 def test_planar_joint_slides_straight_in_its_plane_and_counts_its_turns(mechanism, chain, axis):
     puck = mechanism(chain({"name": "puck", "kind": "planar", "axis": axis, "at": "1 2 3"}), gravity="none")
@@ -161,22 +147,6 @@ def test_floating_robot_that_moves_its_limbs_keeps_its_momenta():
         assert np.ptp(momentum, axis=1) == pytest.approx(0.0, abs=1e-9)
         assert np.abs(momentum).max() > 0.01
     assert np.ptp(free.v[:, 3]) > 0.1  # the base itself does not keep still
-
-
-@pytest.mark.parametrize("axis", "xz")
-def test_moment_that_turns_a_floating_body_to_and_fro_is_inertia_times_acceleration(mechanism, chain, axis):
-    body = mechanism(chain(BODY))
-    names = (*(f"body.{one}" for one in "xyz"), *(f"body.rotation.{one}" for one in "xyz"))
-    motion = {name: Constant(value=0.3 if name == "body.x" else 0.0) for name in names}
-    motion[f"body.rotation.{axis}"] = Harmonic(mean=0.2, amplitude=0.9, pulsation=3.0)
-    moved = Inverse(time=TimeGrid(end=2.0, samples=41), motion=motion).solve(body, Accuracy(), here).rows
-    found, k = Quantities(moved), "xyz".index(axis)
-    expected = BODY["inertia"][k] * found[f"coordinate.body.rotation.{axis}.acceleration"].values
-    law = -0.9 * 9.0 * np.sin(3.0 * moved.grid.t)
-    assert found[f"coordinate.body.rotation.{axis}.acceleration"].values == pytest.approx(law, abs=1e-10)
-    assert found[f"joint.body.effort.{axis}"].values == pytest.approx(expected, abs=1e-10)
-    assert found[f"joint.body.moment.{axis}"].values == pytest.approx(expected, abs=1e-10)
-    assert found["joint.body.z.effort"].values == pytest.approx(2.0 * G, abs=1e-12)
 
 
 def test_arm_on_a_base_that_is_lifted_feels_its_acceleration_as_weight(mechanism, chain):

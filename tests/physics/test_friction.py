@@ -172,7 +172,6 @@ friction: {{x: {{mu: 0.2, static_mu: {static}}}}}
 ENDS = ("joint.x.effort.lower @ min", "joint.x.effort.upper @ max")
 RISE = "{law: cycloidal, from: 0 m, to: 0.1 m, duration: 10 s}"
 SWING = "{law: harmonic, amplitude: 0.05 m, pulsation: 5 rad/s, phase: 20 deg}"
-AMPLITUDE = 2.0 * 0.05 * 5.0**2
 
 
 def slid(tmp_path, static, law, samples):
@@ -192,13 +191,6 @@ def test_a_motion_that_passes_rest_takes_the_effort_that_breaks_away(tmp_path, l
     assert ends == pytest.approx([-0.5 * 2.0 * 9.81, 0.5 * 2.0 * 9.81], rel=1e-12)
     again = restore(result.save(tmp_path / "saved", plots=False))
     assert [again.number(name)[0] for name in ENDS] == pytest.approx(ends, rel=1e-12)
-
-
-def test_without_more_friction_at_rest_breaking_away_takes_no_more_than_the_motion(tmp_path):
-    kinetic = 0.2 * 2.0 * 9.81
-    result, ends = slid(tmp_path, 0.2, SWING, 11)
-    assert ends == pytest.approx([-kinetic - AMPLITUDE, kinetic + AMPLITUDE], rel=1e-9)
-    assert not any("self-locking" in note for note in result.notes())
 
 
 SLIDER_CRANK = """
@@ -258,19 +250,6 @@ def test_the_band_of_a_motion_counts_the_rotor_as_the_effort_does(write):
         assert part[moves] == pytest.approx(frictionless[moves] + 3.0, rel=1e-12)
     rests = result.trajectory.grid.t < 0.5 - 1e-9
     assert upper[rests] - lower[rests] == pytest.approx(6.0, rel=1e-12)
-
-
-def test_states_of_their_own_have_the_same_friction(write):
-    path = write(ARM.format(friction=3.0), "", "{kind: statics, hold: {pivot: 0 rad}}", "pivot")
-    mechanism = pinarm.load(path).mechanism
-    q, v = np.array([[0.1], [0.1], [0.2]]), np.array([[0.0], [-1.0], [0.0]])
-    weight = 2.0 * 9.81 * np.sin(q)
-    assert mechanism.inverse(q, v, np.zeros((3, 1))) == pytest.approx(weight + 3.0 * np.sign(v), rel=1e-14)
-    slips = np.where(v < 0.0, 3.0, np.where(np.abs(weight) > 3.0, 3.0, weight))
-    assert mechanism.forward(q, v) == pytest.approx((slips - weight) / 2.5, abs=1e-14)
-    at = mechanism.at(q, v, tau=np.zeros((3, 1)))
-    assert at["joint.pivot.friction"].values == pytest.approx(slips[:, 0], rel=1e-13)
-    assert at["joint.pivot.effort"].values == pytest.approx(0.0, abs=1e-14)
 
 
 SCREW = f"""
@@ -343,31 +322,6 @@ def test_no_effort_at_the_nut_turns_a_screw_that_locks_itself(write, joint, thre
         assert np.ptp(pinarm.run(moved)["lift"].values) < 1e-20  # m: the rounding of what friction holds
 
 
-def test_a_torque_on_a_screw_that_locks_itself_is_held_by_its_bearing_or_turns_it(write):
-    """Under 2 N*m the nut turns between two efforts, and is held beyond both: no band; 3 N*m in the bearing hold it."""
-    twist = "twist: {kind: joint_effort, joint: turn, effort: {law: constant, value: 2 N*m}}}\n"
-    twisted = LOAD.replace("}}}\n", "}}, ") + twist + COUPLED
-    rubs = "friction: {thread: {mu: 0.09, radius: 15 mm}%s}\n"
-    with pytest.raises(PinarmError, match="more than one motion is possible, or none") as caught:
-        pinarm.run(write(SCREW, twisted + rubs % "", HELD_AT_NUT, NUT))
-    assert "a drive, or friction, at the joint of the worm or the screw" in caught.value.hint
-    held = pinarm.run(write(SCREW, twisted + rubs % ", turn: {constant: 3 N*m}", HELD_AT_NUT, NUT))
-    assert [float(held[name].values[0]) for name in NUT.split(", ")[1:]] == [-np.inf, np.inf]
-
-
-def test_a_screw_with_three_starts_on_a_collar(write):
-    """Bhandari, Design of Machine Elements, example 6.1: 50 mm, three starts of 8 mm, 15 kN, mu = 0.15 for thread and
-    collar, of 65 to 100 mm: 204.64 N*m raise the load, 87.40 N*m lower it.
-    """
-    mechanism = f"""{LOAD.replace("-6.4 kN", "-15 kN")}{COUPLED.replace("8 mm", "24 mm")}friction:
-  thread: {{mu: 0.15, radius: 23 mm}}
-  turn: {{mu: 0.15, radius: 23 mm, thrust_radius: 41.25 mm}}
-"""
-    held = pinarm.run(write(SCREW, mechanism, "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}", TORQUE))
-    lower, upper = (float(held[f"joint.turn.effort.{side}"].values[0]) for side in ("lower", "upper"))
-    assert (round(upper, 2), round(-lower, 2)) == (204.64, 87.40)
-
-
 @pytest.mark.parametrize(("angle", "locks"), [(4.0, True), (20.0, False)])
 def test_the_efficiency_of_a_worm_comes_out(write, angle, locks):
     """Shigley, section 13-17: ``(cos phi - mu tan L) / (cos phi + mu cot L)``, phi normal to the thread."""
@@ -436,42 +390,6 @@ friction: {{shaft: {{mu: 0.2, radius: 100 mm}}}}
             assert (p - 500.0) * 0.2 == pytest.approx(sign * 0.2 * 0.1 * np.hypot(p, 500.0), rel=1e-11)
 
 
-WEDGE = f"""
-<link name="a">{BODY.format(mass=1)}</link><link name="b">{BODY.format(mass=1)}</link><link name="rail"/>
-<joint name="push" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="1 0 0"/>{SIZES}</joint>
-<joint name="face" type="prismatic"><parent link="a"/><child link="b"/><origin rpy="0 0 {{face!r}}"/>
-<axis xyz="0 1 0"/>{SIZES}</joint><link name="slide"/>
-<joint name="s" type="fixed"><parent link="b"/><child link="slide"/><origin rpy="0 0 {{turned!r}}"/></joint>
-<joint name="r" type="fixed"><parent link="base"/><child link="rail"/><origin rpy="0 0 {np.pi / 3!r}"/></joint>"""
-WEDGED = """gravity: none
-loops: {guide: {kind: prismatic, between: [rail, slide], axis: x}}
-forces: {load: {kind: wrench, point: slide, axes: rail, force: [-100 N, 0 N, 0 N]}}
-friction:
-  face: {mu: 0.15, undetermined: minimum_norm}
-  push: {mu: 0.1, undetermined: minimum_norm}
-  guide: {mu: 0.1, undetermined: minimum_norm}
-"""
-
-
-@pytest.mark.parametrize(("turned", "best"), [(0.0, True), (0.02, False)])
-def test_the_best_inclined_face_between_two_guided_blocks(write, turned, best):
-    """Bevan, The Theory of Machines, chapter 6, example 1 (page 185): guides at 60 deg, mu = 0.15 between the blocks
-    and 0.10 in the guides: at most 74.90 % of the work arrives, with the face's normal at 37.12 deg to the first guide.
-    """
-    lost = np.arctan(0.15) + np.arctan(0.10)
-    normal = 0.5 * (np.pi / 3.0 + lost)
-    assert round(np.degrees(normal), 2) == 37.12
-    angle = float(normal + turned)
-    urdf = WEDGE.format(face=angle, turned=np.pi / 3.0 - angle)
-    problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {push: {law: constant_speed, speed: 1 mm/s}}}"
-    moved = pinarm.run(write(urdf, WEDGED, problem, "-power.load/joint.push.power"))
-    other = np.pi / 3.0 - angle
-    efficiency = np.cos(other + lost) * np.cos(angle) / (np.cos(angle - lost) * np.cos(other))
-    assert moved["-power.load/joint.push.power"].values == pytest.approx(efficiency, rel=1e-12)
-    assert (round(100.0 * efficiency, 4) == 74.9013) == best
-    assert efficiency < 0.7491
-
-
 SHAFTS = """
 <link name="first"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
 </link><link name="second"><inertial><mass value="4"/><inertia ixx="1" iyy="1" izz="0.02" ixy="0" ixz="0" iyz="0"/>
@@ -483,38 +401,6 @@ BELTED = """gravity: none
 couplings: {C: {kind: belt, joints: [in, out], radii: [50 mm, 100 mm], pretension: 3 N}}
 friction: {C: {mu: 0.3}}
 """
-PULL = 2.0 * 3.0 * np.tanh(0.5 * 0.3 * (np.pi - 2.0 * np.arcsin(0.05 / 0.15)))
-"""The most that the belt pulls, ``2 F0 tanh(mu theta / 2)`` (Euler, Eytelwein) [N]."""
-
-
-def test_a_belt_whose_driven_wheel_follows_a_law_slips_until_the_other_one_is_as_fast(write):
-    """``w = PULL r t / J`` until ``r w = 0.05 * 3 rad/s``; the belt carries nothing from then on."""
-    problem = "{kind: forward, time: {end: 0.3 s, samples: 31}, motion: {in: {law: constant_speed, speed: 3 rad/s}}}"
-    result = pinarm.run(write(SHAFTS, BELTED, problem, "in, out, joint.out.velocity, coupling.C.friction"))
-    slips = result.outcome.motion.motion.segments[0]
-    ends = 1.5 / (PULL * 0.1 / 0.02)
-    assert slips.solution.end == pytest.approx(ends, rel=1e-9)
-    t = result["t"].values
-    assert result["out"].values == pytest.approx(
-        np.where(t < ends, 0.75 * t**2 / ends, 1.5 * (t - 0.5 * ends)), rel=1e-9
-    )
-    assert np.abs(result["coupling.C.friction"].values[t < ends]) == pytest.approx(PULL, rel=1e-12)
-    assert result["coupling.C.friction"].values[-1] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_belt_slips_where_its_law_asks_for_more_than_it_pulls(write):
-    """A polynomial of degree 5 over 1 s, of 6 rad: its acceleration passes twice what the belt can give the wheel."""
-    problem = ("{kind: forward, time: {end: 1 s, samples: 11}, "
-               "motion: {in: {law: polynomial, from: 0 rad, to: 6 rad, duration: 1 s, degree: 5}}}")  # fmt: skip
-    result = pinarm.run(write(SHAFTS, BELTED, problem, "in, out, joint.out.velocity"))
-    found = [one.solution.end for one in result.outcome.motion.motion.segments]
-    position = np.polynomial.Polynomial([0, 0, 0, 60, -90, 36])
-    most = PULL * 0.1 / 0.02  # of the acceleration of the driven wheel, which turns half as fast
-    begins = min(root.real for root in (position.deriv(2) / 2 - most).roots() if root.real > 0 and not root.imag)
-    gain = position.deriv() / 2 - np.polynomial.Polynomial([position.deriv()(begins) / 2 - most * begins, most])
-    ends = min(root.real for root in gain.roots() if root.real > begins + 1e-3 and abs(root.imag) < 1e-9)
-    assert found[:2] == pytest.approx([begins, ends], rel=1e-7)  # the tolerance of the integration is 1e-8
-    assert result.figures["friction"] < 1e-12
 
 
 def test_a_law_that_moves_against_two_frictions_at_rest_is_refused(write):
@@ -650,32 +536,6 @@ friction: {{P: {{constant: 300 N*m}}}}
         assert np.ptp(moved["joint.P.position"].values) < 1e-12  # by rounding of the closure
 
 
-SHAFT = f"""<link name="shaft">{BODY.format(mass=5)}</link><joint name="spin" type="continuous"><parent link="base"/>
-<child link="shaft"/><axis xyz="0 0 1"/></joint>"""
-BEARINGS = """gravity: {direction: [0, -1, 0]}
-points: {right: {link: shaft, at: [0 m, 0 m, 0.4 m]}, seat: {link: base, at: [0 m, 0 m, 0.4 m]}}
-loops: {second: {kind: revolute, between: [seat, right], axis: z}}
-friction:
-  spin: {mu: 0.1, radius: 10 mm, undetermined: minimum_norm}
-  second: {constant: 0.01 N*m}
-"""
-
-
-@pytest.mark.parametrize("problem", [
-    "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {spin: {law: constant_speed, speed: 3 rad/s}}, "
-    "drives: [spin]}",
-    "{kind: forward, time: {end: 0.1 s, samples: 2}, initial: {velocity: {spin: 3 rad/s}}}",
-])  # fmt: skip
-def test_friction_under_a_load_that_a_rule_shares_is_marked(write, problem):
-    """A shaft in two bearings in line, whose second joint only repeats the first: its own friction is its constant."""
-    rests = "least multipliers; rigid bodies do not determine the load of joint.spin"
-    result = pinarm.run(write(SHAFT, BEARINGS, problem, "joint.spin.friction, loop.second.friction, power.friction"))
-    assert [series.doubt for series in result.columns()[1:]] == [rests, "", rests]
-    assert (
-        f"{rests}: what follows from its friction, such as efforts and motions, rests on this choice" in result.notes()
-    )
-
-
 def test_the_crank_of_a_loaded_slider_crank(write):
     """Without masses the rod is in line with its pins but for friction: ``T`` follows from the friction circles.
 
@@ -699,24 +559,6 @@ def test_the_crank_of_a_loaded_slider_crank(write):
     assert found == pytest.approx(sorted(expected), rel=1e-9)
 
 
-def test_the_eccentric_rod_of_the_textbook(write):
-    """Bevan, The Theory of Machines, chapter 6, example 7 (page 198): journals of 7, 15 and 4.4 in, mu = 0.05.
-
-    6 tons at the end of an 80 in rod turn an eccentric of 8 in throw, at 60 deg, with 3.64 ton ft without friction and
-    3.06 ton ft with it: 84.17 %. Here in inches and tons, taken for m and N.
-    """
-    urdf = CRANK.replace('xyz="0.1 0 0"', 'xyz="8 0 0"').replace('xyz="0.3 0 0"', 'xyz="80 0 0"')
-    loads = "forces: {rod: {kind: joint_effort, joint: way, effort: {law: constant, value: 6 N}}}\n"
-    sizes = {"turn": 7.0, "swing": 15.0, "pin": 4.4}
-    rubs = ", ".join(f"{joint}: {{mu: 0.05, radius: {radius} m, undetermined: minimum_norm}}"
-                     for joint, radius in sizes.items())  # fmt: skip
-    held = pinarm.run(write(urdf, f"{CLOSED}{loads}friction: {{{rubs}}}\n", "{kind: statics, hold: {turn: 60 deg}}",
-                            "joint.turn.effort, joint.turn.effort.lower, joint.turn.effort.upper"))  # fmt: skip
-    smooth, *ends = (abs(float(held[f"joint.turn.effort{side}"].values[0])) / 12.0 for side in ("", ".lower", ".upper"))
-    rubbing = min(ends)
-    assert (round(smooth, 2), round(rubbing, 2), round(100.0 * rubbing / smooth, 2)) == (3.64, 3.06, 84.17)
-
-
 def test_friction_of_a_thread_loads_its_bearings(write):
     """The nut's guide carries nothing along its axis but the load, the spindle's thrust bearing all of it."""
     problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
@@ -733,20 +575,6 @@ def test_friction_of_a_thread_loads_its_bearings(write):
     assert result.figures["bodies"] < 1e-13
 
 
-def test_friction_of_a_joint_whose_load_a_coupling_leaves_open_is_refused(write):
-    wheels = SCREW.replace("prismatic", "revolute").replace(
-        '<child link="nut"/>', '<child link="nut"/><origin xyz="1 0 0"/>'
-    )
-    mechanism = """gravity: none
-couplings: {teeth: {kind: gear, joints: [turn, lift], ratio: -1.5}}
-friction: {turn: {mu: 0.1, radius: 10 mm}}
-"""
-    with pytest.raises(PinarmError, match="depends on a reaction that is not known: couplings leave it open: 'teeth'"):
-        pinarm.run(
-            write(wheels, mechanism, "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}", "joint.turn.effort")
-        )
-
-
 @pytest.mark.parametrize(("friction", "left_out"), [("", 1), ("friction: {slip: {mu: 0.3}}\n", 0)])
 def test_nothing_is_left_out_where_friction_may_stick(write, friction, left_out):
     """A block that rests on its belt is locked to it, but for the band of efforts that holds it there."""
@@ -756,30 +584,3 @@ def test_nothing_is_left_out_where_friction_may_stick(write, friction, left_out)
     assert len(result.removals) == left_out
     if friction:
         assert result["joint.slip.effort.upper"].values == pytest.approx(0.3 * 2.0 * 9.81, rel=1e-12)
-
-
-def test_a_slider_crank_breaks_loose_at_the_peaks_of_a_beat():
-    """Its crank is held by 1 N*m until the torque passes it, in a loop of which nothing moves before.
-
-    All rows but the first and the last are at switches: the crank is at rest in all of them, but for rounding.
-    """
-    planar = {
-        "points": {"O": [0, 0], "A": ["60 mm", "80 mm"], "P": ["400 mm", 0], "Q": ["500 mm", 0]}, "ground": ["O"],
-        "links": {"crank": {"points": ["O", "A"], "mass": "1 kg"}, "rod": {"points": ["A", "P"], "mass": "1 kg"},
-                  "piston": {"points": ["P", "Q"], "mass": "2 kg"}},
-        "sliders": {"x": {"link": "piston", "along": ["P", "Q"]}},
-    }  # fmt: skip
-    parts = ((0.517, 82.1, 0.0), (0.517, 83.6, np.pi))
-    loads = {
-        f"l{k}": {"kind": "joint_effort", "joint": "O", "effort": {
-            "law": "harmonic", "amplitude": f"{a} N*m", "pulsation": f"{w} rad/s", "phase": f"{p!r} rad"}}
-        for k, (a, w, p) in enumerate(parts)
-    }  # fmt: skip
-    mechanism = {"pinarm": 1, "gravity": "none", "planar": planar, "friction": {"O": {"constant": "1 N*m"}}}
-    problem = {"kind": "forward", "time": {"end": "2 s", "samples": 3}, "loads": loads}
-    result = pinarm.run({"pinarm": 1, "mechanism": mechanism, "problem": problem, "outputs": ["O"]})
-    t = np.linspace(1.7, 1.9, 2_000_001)
-    torque = np.abs(sum(a * np.sin(w * t + p) for a, w, p in parts))
-    breaks = t[np.flatnonzero(torque > 1.0)[0]]
-    assert result.outcome.motion.motion.segments[0].solution.end == pytest.approx(breaks, abs=2e-7)
-    assert result.figures["friction"] < 1e-12

@@ -6,7 +6,6 @@ from catalogue import four_bar, slider_crank
 from scipy.integrate import solve_ivp
 
 import pinarm
-from pinarm.errors import InputError
 
 N, ROTOR, LOAD, K, C, ETA = 10.0, 2e-4, 0.05, 8.0, 0.05, 0.7
 OWN = N * N * ROTOR
@@ -143,17 +142,6 @@ def test_an_output_shaft_is_a_wheel_and_a_joint_spring_of_the_model(servo, tmp_p
     assert np.abs(own["x"].values - wheel["x"].values - wheel["twist"].values).max() < 1e-8
 
 
-def test_the_teeth_stop_a_load_and_hold_it(servo):
-    """A motor that gives nothing holds nothing; one that gives ``T`` holds loads from ``eta N T`` to ``N T / eta``."""
-    deflection = N * 0.3 / K
-    start = {"position": {"servo.rotor": f"{deflection} rad"}}
-    for load, moves in ((0.99 / ETA, 0), (1.01 * ETA, 0), (1.01 / ETA, -1), (0.99 * ETA, 1)):
-        push = {"push": {"kind": "joint_effort", "joint": "x", "effort": {
-            "law": "constant", "value": f"{-load * N * 0.3} N*m"}}}  # fmt: skip
-        result = run(servo(), 0.3, "10 ms", start=start, loads=push)
-        assert np.sign(np.round(result["x"].values[-1], 12)) == moves
-
-
 ALONG = {"crank": (four_bar(), "O", "A", "angle", {"stiffness": "80 N*m/rad", "damping": "0.5 N*m*s/rad"}),
          "slide": (slider_crank(), "C", "A", "position", {"stiffness": "8000 N/m", "damping": "50 N*s/m"})}  # fmt: skip
 
@@ -177,13 +165,3 @@ def test_a_joint_that_closes_a_loop_is_driven_as_one_of_the_tree(case, keys, tmp
         tree, loop = (one[name].values - one[name].values[0] for one in results)
         assert np.abs(tree).max() > 1e-3
         assert np.abs(loop - tree).max() < 1e-7
-
-
-def test_its_losses_are_those_of_a_motion(servo):
-    """In a state that drives the rotor, the losses of the teeth are not counted: the torque is refused."""
-    given = {"kind": "state", "hold": {"x": "0 rad", "servo.rotor": "0.1 rad"},
-             "velocity": {"x": "1 rad/s", "servo.rotor": "1 rad/s"},
-             "acceleration": {"x": "0 rad/s^2", "servo.rotor": "0 rad/s^2"}}  # fmt: skip
-    scenario = {"pinarm": 1, "mechanism": servo(), "outputs": ["drive.servo.torque"], "problem": given}
-    with pytest.raises(InputError, match="losses of an elastic gear follow from the motion"):
-        pinarm.run(scenario)

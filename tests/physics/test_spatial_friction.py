@@ -60,17 +60,6 @@ def test_a_collar_at_rest_is_held_by_a_band(write):
     assert sides == pytest.approx(0.25 * WEIGHT * np.array([-1.0, 1.0, RADIUS]), rel=1e-12)
 
 
-def test_motion_from_rest_begins_along_the_acceleration(write):
-    """An inverse problem from rest: the slip begins along (r alpha, z'')."""
-    problem = """{kind: inverse, time: {end: 1 s, samples: 3}, drives: [way, spin], motion: {
-  way: {law: cycloidal, from: 0 m, to: 0.2 m, duration: 1 s},
-  spin: {law: cycloidal, from: 0 rad, to: 4 rad, duration: 1 s}}}"""
-    found = pinarm.run(write(floating(), CYLINDER, problem, PARTS))
-    slip = np.array([RADIUS * 4.0, 0.2])
-    for part, value in zip(("tangential", "axial"), -MU * WEIGHT * slip / np.linalg.norm(slip), strict=True):
-        assert found[f"loop.sleeve.friction.{part}"].values == pytest.approx(value, rel=1e-10)  # at both ends too
-
-
 @pytest.mark.slow
 def test_a_collar_thrown_along_its_shaft_slides_in_a_curve(write):
     """Against the plane equations of its motion, ``J w' = - r mu m g r w / |u|``, ``m z'' = P - mu m g z' / |u|``."""
@@ -136,16 +125,6 @@ def test_a_collar_with_one_motion_sticks_and_slips(write):
             assert parts == pytest.approx(
                 np.tile(-push * RISE / LENGTH**2 * np.array([RADIUS, RISE]), (3, 1)), rel=1e-10
             )
-
-
-def test_a_collar_with_one_motion_comes_to_rest(write):
-    """After ``w0^2 / (2 b)`` with ``b = mu m g |c| / (J + m h^2)``; it then stays there."""
-    problem = "{kind: forward, time: {end: 3 s, samples: 4}, initial: {velocity: {spin: 8 rad/s}}}"
-    found = pinarm.run(write(floating(), NUT, problem, "spin"))
-    brake = MU * WEIGHT * LENGTH / (INERTIA + MASS * RISE**2)
-    assert 8.0 / brake < 1.0
-    assert found["spin"].values[1:] == pytest.approx(0.5 * 8.0**2 / brake, rel=1e-8)
-    assert np.ptp(found["spin"].values[1:]) == 0.0
 
 
 BALL = f"""gravity: {{direction: -z}}

@@ -69,26 +69,6 @@ def test_a_block_on_a_belt_that_speeds_up_comes_to_rest_at_a_stop_on_it(write):
         assert result[f"joint.slip.effort.{end}"].values[-1] == pytest.approx(4.0 * MASS + friction, rel=1e-9)
 
 
-@pytest.mark.parametrize(("speed", "work"), [(3.0, 36.0), (-3.0, -36.0), (0.0, None)])
-def test_impacts_on_a_moving_belt_take_what_they_take_on_one_at_rest(write, speed, work):
-    """2 kg meet the stop with 4 m/s and leave with 2 m/s: 12 J. The impulse of 12 N*s, at the belt's 3 m/s, is 36 J."""
-    problem = (f"{{kind: forward, time: {{end: 0.2 s, samples: 2}}, initial: {{velocity: {{slip: -4 m/s}}}}, motion: "
-               f"{{belt: {{law: constant_speed, speed: {speed} m/s}}}}, "
-               "end_stops: {slip: {lower: -0.5 m, restitution: 0.5}}}")  # fmt: skip
-    [note] = (note for note in pinarm.run(write(BLOCK, "gravity: none\n", problem, "slip")).notes() if "impact" in note)
-    assert "takes 12 J;" in note
-    assert (f"the drives of coordinates that follow laws do {work:g} J of work" in note) if work else "work" not in note
-
-
-@pytest.mark.parametrize(("friction", "said"), [("mu: 0.1", True), ("constant: 1 N", False)])
-def test_impacts_say_that_they_have_no_impulses_of_friction(write, friction, said):
-    problem = ("{kind: forward, time: {end: 0.2 s, samples: 2}, initial: {velocity: {slip: -4 m/s}}, "
-               f"{STILL}, end_stops: {{slip: {{lower: -0.5 m, restitution: 0.5}}}}}}")  # fmt: skip
-    result = pinarm.run(write(BLOCK, f"friction: {{slip: {{{friction}}}}}\n", problem, "slip"))
-    wanted = "impacts are without the impulses of friction that their reactions would cause in joint.slip"
-    assert (wanted in result.notes()) == said
-
-
 CONTROL = "control: [{kind: pid, drive: slip, follows: {law: constant, value: 1 m}, kp: 200 N/m, kd: 4 N*s/m}]"
 STOP = "end_stops: {slip: {upper: 0.5 m, restitution: 0.5}}"
 
@@ -117,19 +97,6 @@ def test_a_controlled_mass_at_a_stop(write, friction=3.0):
     times = np.cumsum([first.t[-1], back.t[-1] + forth.t[-1]])
     assert [event.t for event in result.events] == pytest.approx(times, rel=1e-7)
     assert [event.before[-1] for event in result.events] == pytest.approx([first.y[1, -1], forth.y[1, -1]], rel=1e-7)
-
-
-def test_a_controlled_mass_with_friction_comes_to_rest_at_the_stop(write):
-    """Rebounds below rounding end at the stop: 200 N/m at 0.5 m press with 100 N, of which friction may hold 3 N."""
-    problem = f"{{kind: forward, time: {{end: 0.4 s, samples: 3}}, {STILL}, {STOP}, {CONTROL}}}"
-    rubbing = "gravity: none\nfriction: {slip: {constant: 3 N}}\n"
-    result = pinarm.run(write(BLOCK, rubbing, problem, "slip, joint.slip.friction, control.slip.effort"))
-    assert len(result.events) < 40
-    assert result["slip"].values[-1] == pytest.approx(0.5, abs=1e-12)
-    assert result["joint.slip.velocity"].values[-1] == 0.0
-    assert result["control.slip.effort"].values[-1] == pytest.approx(100.0, rel=1e-9)
-    bounds = [result[f"joint.slip.friction.{end}"].values[-1] for end in ("least", "greatest")]
-    assert bounds == pytest.approx([-3.0, 3.0], rel=1e-9)
 
 
 DOOR = f"""
@@ -227,22 +194,6 @@ def test_a_stop_at_a_dead_point_is_passed_or_refused():
                 assert error.partial is not None
 
 
-def test_a_slow_rebound_is_none_of_rest_because_something_else_accelerates(write):
-    """A cart without load, and a reed beside it that swings with 1,000 m/s^2."""
-    bodies = f"""
-<link name="cart">{BODY.format(2)}</link><link name="reed">{BODY.format(1)}</link>
-<joint name="x" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>{SIZES}</joint>
-<joint name="y" type="prismatic"><parent link="base"/><child link="reed"/><axis xyz="0 1 0"/>{SIZES}</joint>"""
-    spring = "gravity: none\nforces: {s: {kind: joint_spring, joint: y, stiffness: 986960.4401089358 N/m}}\n"
-    problem = ("{kind: forward, time: {end: 2 s, samples: 3}, "
-               "initial: {velocity: {x: -4e-6 m/s}, position: {y: 1 mm}}, "
-               "end_stops: {x: {lower: -4e-6 m, restitution: 1}}}")  # fmt: skip
-    result = pinarm.run(write(bodies, spring, problem, "x, joint.x.velocity"))
-    assert len(result.events) == 1
-    assert result["joint.x.velocity"].values[-1] == pytest.approx(4e-6, rel=1e-9)
-    assert result["x"].values[-1] == pytest.approx(0.0, abs=1e-13)
-
-
 def test_a_stop_of_a_nut_is_met_though_its_spindle_turns_fast(write):
     """Lead 4 mm: 1571 rad/m, which is no dead point. With damping on the nut ``v = v0 exp(-t / T)``."""
     bodies = f"""
@@ -292,46 +243,6 @@ def test_a_short_blow_in_a_long_table_is_not_stepped_over(write, accuracy, rests
     assert [event.t for event in result.events] == pytest.approx([back], abs=1e-7)
 
 
-SLIDE = ('<link name="b{}">' + BODY.format("{}") + '</link><joint name="q{}" type="prismatic"><parent link="{}"/>'
-         f'<child link="b{{}}"/><axis xyz="1 0 0"/>{SIZES}</joint>')  # fmt: skip
-"""A block that slides on another one."""
-
-
-def stacked(*masses):
-    """Return blocks that lie on one another, the lowest on the ground, and slide along x."""
-    below = ["base", *(f"b{k}" for k in range(len(masses) - 1))]
-    return "".join(SLIDE.format(k, mass, k, on, k) for k, (mass, on) in enumerate(zip(masses, below, strict=True)))
-
-
-def test_a_block_leaves_its_stop_to_the_side_to_which_its_friction_gives_way(write):
-    """A cart of 2 kg brakes by 12 N of friction on the ground, and ever harder as the push of 11 N goes down by 20 N/s.
-
-    1 N holds 1 kg on it, at the stop behind it, until both brake by 1 m/s^2 at 0.1 s; from then on it slides forward:
-    ``x'' = -1 + (12 - 1 - P) / 2``. Without any friction the push would press it against the stop.
-    """
-    push = "{kind: joint_effort, joint: q0, effort: {law: constant_speed, from: 11 N, speed: -20 N/s}}"
-    problem = ("{kind: forward, time: {end: 0.4 s, samples: 5}, initial: {velocity: {q0: 5 m/s}}, "
-               f"end_stops: {{q1: {{lower: 0 m}}}}, loads: {{push: {push}}}}}")  # fmt: skip
-    friction = "friction: {q0: {constant: 12 N}, q1: {constant: 1 N}}\n"
-    result = pinarm.run(write(stacked(2.0, 1.0), friction, problem, "q1"))
-    assert result["q1"].values[-1] == pytest.approx(10.0 * 0.3**3 / 6.0, rel=1e-8)
-
-
-def test_a_block_breaks_loose_below_another_one_that_friction_holds_at_its_stop(write):
-    """4 N hold the lower block, of 2 kg, on the ground: a pull of 10 t N moves both of them from 0.4 s on.
-
-    30 N hold the upper one, of 1 kg, at the stop into which it would go without friction.
-    """
-    pull = "{kind: joint_effort, joint: q0, effort: {law: constant_speed, speed: -10 N/s}}"
-    problem = (
-        f"{{kind: forward, time: {{end: 1 s, samples: 3}}, end_stops: {{q1: {{upper: 0 m}}}}, loads: {{pull: {pull}}}}}"
-    )
-    friction = "friction: {q0: {constant: 4 N}, q1: {constant: 30 N}}\n"
-    result = pinarm.run(write(stacked(2.0, 1.0), friction, problem, "q0, q1"))
-    assert result["q0"].values[-1] == pytest.approx(-10.0 / 3.0 * 0.6**3 / 6.0, rel=1e-8)
-    assert np.abs(result["q1"].values).max() < 1e-12
-
-
 def test_a_cable_is_taut_and_slack_at_its_instants_beside_a_joint_that_is_left_out(write):
     """A weight of 2 kg falls by 0.3 m, and bounces on 50 kN/m: half an oscillation about ``m g / k``, from ``v`` on."""
     bodies = f"""
@@ -371,19 +282,3 @@ def test_an_elastic_gear_pulls_at_a_joint_on_its_stop_as_its_spring_does(write, 
     assert result["joint.turn.effort"].values == pytest.approx(exact, abs=1e-7)
     settled = exact > 0.2  # on the stop, and friction no longer holds the joint alone
     assert result["joint.turn.stop"].values[settled] == pytest.approx(-exact[settled], abs=1e-7)
-
-
-def test_a_drive_along_a_sum_of_joints_does_not_give_what_a_stop_pushes(write):
-    """A drive moves the upper block, 2 kg, with 3 m/s^2, which takes the lower one, 1 kg, along by a stop between them.
-
-    It gives 3 kg 3 m/s^2; 5 N press the upper block forward on the lower one, which the stop pushes by 8 N.
-    """
-    push = "{kind: joint_effort, joint: q1, effort: {law: constant, value: 5 N}}"
-    problem = ("{kind: forward, time: {end: 0.1 s, samples: 3}, end_stops: {q1: {upper: 0 m}}, "
-               "motion: {place: {law: constant_acceleration, from: 0 m, acceleration: 3 m/s^2}}, "
-               "initial: {position: {q1: 0 m}}, "
-               f"loads: {{push: {push}}}}}")  # fmt: skip
-    place = "coordinates: {place: {kind: sum, of: [q0, q1]}}\n"
-    result = pinarm.run(write(stacked(1.0, 2.0), place, problem, "q0"))
-    assert result["coordinate.place.effort"].values == pytest.approx(9.0, rel=1e-12)
-    assert result["joint.q1.stop"].values == pytest.approx(-8.0, rel=1e-12)

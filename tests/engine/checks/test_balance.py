@@ -99,10 +99,6 @@ class TestPowerBalance:
         figures = power_balance(replace(run, **{field: getattr(run, field) * (1 + 1e-6)}))
         assert figures["equilibrium"] > 1e-8
 
-    def test_a_changed_effort_shows_in_the_power_too(self, inverse):
-        figures = power_balance(replace(inverse, tau=inverse.tau * (1 + 1e-6)))
-        assert figures["power"] > 1e-8
-
     def test_a_forgotten_load_shows(self, inverse):
         bare = replace(inverse, dynamics=Dynamics.of(inverse.mechanism.model))
         assert power_balance(bare)["equilibrium"] > 0.1
@@ -115,11 +111,6 @@ class TestPowerBalance:
         assert residual_figures(run)["return trip"] < 1e-13
         pushed = replace(run, tau=run.tau + 1e-6 * 0.12)
         assert residual_figures(pushed)["return trip"] > 1e-8
-
-    def test_nothing_moves_and_nothing_pulls(self, mechanism, chain):
-        still = mechanism(chain({"name": "first"}), gravity="none")
-        run = solve(Inverse(time=TimeGrid(end=1.0), motion={"first": Constant(value=0.0)}), still)
-        assert power_balance(run) == {"equilibrium": 0.0, "power": 0.0}
 
 
 class TestEnergyBalance:
@@ -143,19 +134,6 @@ class TestEnergyBalance:
         skewed = Interval(0.0, 2.0, lambda t, q, v: honest(t, q, v) * (1 + 1e-6))
         solution = integrate([skewed], arm.dynamics.manifold, np.array([0.4, 0.0]), np.zeros(2), Adaptive(1e-12))
         assert energy_balance(EnergyAccount(solution, [arm.dynamics]))["energy"] > 1e-8
-
-    def test_of_a_body_that_is_held_at_rest_no_energy_is_known(self, mechanism):
-        """Within steps it moves by the rounding at which its loop closes, 1e-14 m: no energy is known of that."""
-        held = mechanism(
-            '<robot name="r"><link name="base"/><link name="a"><inertial><origin xyz="0.3 0.1 0.2"/><mass value="2"/>'
-            '<inertia ixx="0.1" iyy="0.2" izz="0.15" ixy="0.01" ixz="0" iyz="0"/></inertial></link><joint name="root" '
-            'type="floating"><parent link="base"/><child link="a"/></joint><link name="t"/><joint name="tj" '
-            'type="fixed"><parent link="a"/><child link="t"/><origin xyz="0.1 0.2 0.3"/></joint><link name="g"/><joint '
-            'name="gj" type="fixed"><parent link="base"/><child link="g"/><origin xyz="0.1 0.2 0.3"/></joint></robot>',
-            loops={"hold": {"kind": "fixed", "between": ["g", "t"]}},
-        )
-        run = outcome(Forward(time=TimeGrid(end=1.0, samples=5)), held)
-        assert "energy" not in run.figures
 
 
 @pytest.mark.parametrize("count", [1, 4])

@@ -33,8 +33,3 @@ def test_neither_the_basis_nor_units_have_a_part_in_the_condition(freedom: int, 
 def test_a_motion_without_mass_has_none(mass: np.ndarray) -> None:
     mass[2, :, 1] = mass[2, 1] = 0.0
     assert np.isinf(condition_along(mass, np.broadcast_to(np.eye(NV)[:, :3], (N, NV, 3))))
-
-
-def test_joints_that_move_no_mass_together_have_none() -> None:
-    """Two slides along one line and a mass behind them: each moves it, but not both against one another."""
-    assert np.isinf(condition_along(np.ones((3, 2, 2))))

@@ -9,7 +9,6 @@ from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
-from pinarm.problems.kinematics import KinematicMotion
 from pinarm.problems.time_grid import TimeGrid
 
 LIMIT = '<limit lower="-1000" upper="1000" effort="1000" velocity="1000"/>'
@@ -44,15 +43,6 @@ def test_what_goes_beyond_a_limit_is_told_with_its_first_row(swung):
         assert abs(excess.value) == pytest.approx(abs(value), rel=1e-12)
         assert excess.at == t[beyond][0]
     assert [str(excess.unit) for excess in excesses(run)] == ["rad", "rad", "rad/s", "N*m"]
-
-
-def test_words_say_which_bound_by_how_much_and_since_when(swung):
-    run = swung('lower="-0.5" upper="0.6" effort="9" velocity="9"')
-    below, above = (excess.words(run) for excess in excesses(run))
-    assert below == (
-        "joint arm: position -0.899974 rad is below its limit -0.5 rad, first at t = 1.87 s (98 of 301 rows)"
-    )
-    assert above.startswith("joint arm: position 0.899962 rad exceeds its limit 0.6 rad, first at t = 0.37 s (")
 
 
 BELTED = """pinarm: 1
@@ -91,11 +81,6 @@ def test_a_belt_that_carries_more_than_its_pretension_is_told(tmp_path):
 
 def test_a_motion_that_ends_at_its_limits_is_within_them(swung):
     assert excesses(swung('lower="-0.9" upper="0.9" velocity="1.8" effort="1.8"')) == []
-
-
-def test_efforts_that_were_not_asked_for_do_not_count(swung):
-    found = [excess.of for excess in excesses(swung('velocity="1" effort="1e-3"', KinematicMotion))]
-    assert found == ["velocity"]
 
 
 def test_a_prescribed_joint_of_a_free_motion_has_one(mechanism, chain):

@@ -2,19 +2,12 @@
 
 import os
 from collections.abc import Iterator
-from pathlib import Path
 from threading import Event, Thread
 
-import numpy as np
 import pytest
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
-import pinarm
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import SMALL, one_blas_thread
-from pinarm.problems.simplify.simplification import Simplification
-
-ROOT = Path(__file__).parents[3]
 
 
 def threads() -> set[int]:
@@ -57,17 +50,4 @@ def test_blocks_of_threads_that_overlap_leave_nothing_behind() -> None:
         assert entered.wait(60)
     leave.set()
     other.join()
-    assert threads() == {2}
-
-
-def test_a_run_of_many_loops_has_one_from_its_solution_to_its_multipliers(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen, solve, qr = list[set[int]](), Simplification.solve, np.linalg.qr
-    monkeypatch.setattr(Simplification, "solve", lambda *given: seen.append(threads()) or solve(*given))
-    scenario = pinarm.load(ROOT / "scenarios" / "forty_four_bars_equal_rods.yaml", {"problem.time.end": "0.05 s"})
-    run = scenario.run().trajectory
-    monkeypatch.setattr(np.linalg, "qr", lambda *given, **more: seen.append(threads()) or qr(*given, **more))
-    least = Multipliers.least(run.closure, run.q, np.zeros_like(run.v), np.zeros((len(run), 0)))
-    assert not np.asarray(least).any()
-    assert len(seen) >= 2
-    assert set.union(*seen) == {1}
     assert threads() == {2}

@@ -20,22 +20,6 @@ def closure():
     return Mechanism.load(MODELS / "andrews" / "mechanism.yaml").closure
 
 
-@pytest.mark.parametrize("n", [1, 65])
-def test_rows_and_their_derivatives_are_those_of_each_state(closure, n):
-    q, v, w = np.random.default_rng(n).uniform(-1.0, 1.0, (3, n, closure.model.nv))
-    for rates in (v, w):  # of the same configurations
-        gaps, rows = closure.at(q)
-        drifts, splits = closure.drifts(q, rates), closure.splits(q, rows)
-        assert splits.shape == rows.shape
-        for k in range(n):
-            state = closure.state(q[k], rates[k])
-            assert gaps[k] == pytest.approx(closure.gap(state), abs=1e-14)
-            assert rows[k] == pytest.approx(closure.rows(state), abs=1e-14)
-            assert drifts[k] == pytest.approx(closure.drift(state), abs=1e-13)
-    ((_, split),) = splits.parts  # random configurations are regular
-    assert rows @ split.free == pytest.approx(np.zeros((n, rows.shape[1], split.free.shape[2])), abs=1e-14)
-
-
 def test_what_moves_both_links_alike_is_not_in_their_rows(tmp_path):
     """The tree is 16 joints deep, and a loop knows the last three: paths between frames leave the others out."""
     scissor = pinarm.Scenario.load(written(tmp_path, "scissor", 8)).mechanism.closure

@@ -8,20 +8,11 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.methods.explicit import Adaptive
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.segmented.hybrid_system import system_of
-from pinarm.engine.motion.systems import Initial
 from pinarm.errors import InputError
-from pinarm.mechanics.coordinates import coordinates_of
 from pinarm.mechanics.forces.joint_forces import JointSpring
-from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, Trapezoid
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
@@ -87,11 +78,6 @@ class TestArmWithPrescribedAbsoluteAngle:
         assert run.a[:, 0] == pytest.approx(self.bend(run.grid.t, run.q[:, 0]), abs=1e-12)
         assert np.ptp(run.q[:, 0]) > 1.0
 
-    def test_prescribed_angle_is_its_law(self, run):
-        for values, wanted in zip((run.q, run.v, run.a), self.phi(run.grid.t), strict=True):
-            # two angles of a few radians are added
-            assert values.sum(axis=1) == pytest.approx(wanted, abs=2e-14 * max(1.0, np.abs(values).max()))
-
     def test_effort_is_that_of_the_lagrangian(self, run):
         """The drive turns BA against the frame: in terms of the joints it is the same effort in both."""
         (theta, rate, second), (phi, _, ddphi) = (x[:, 0] for x in (run.q, run.v, run.a)), self.phi(run.grid.t)
@@ -100,15 +86,6 @@ class TestArmWithPrescribedAbsoluteAngle:
         expected = SECOND * ddphi + swing + FIRST * G * np.cos(phi)
         assert run.tau[:, 1] == pytest.approx(expected, abs=1e-12)
         assert run.tau[:, 0] == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize("free", ["O", "B"])
-def test_a_free_joint_has_no_effort(arm, free):
-    driven = "B" if free == "O" else "O"
-    run = solve(arm, {driven: Trapezoid(start=0.2, end=0.9, acceleration=8.0, begin=0.1)}, position={free: 0.4})
-    index = arm.joints[free].v
-    assert np.abs(run.tau[:, 1 - index]).max() > 1.0
-    assert run.tau[:, index] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_each_side_of_a_jump_has_its_own_effort(arm):
@@ -164,52 +141,7 @@ def test_accelerations_are_those_of_multipliers(panda, rows):
         assert found == pytest.approx(expected, rel=1e-10, abs=1e-10 * np.abs(expected).max())
 
 
-@pytest.fixture(scope="module")
-def carousel():
-    """A turning arm with a body on a ball joint at its end, and a wheel in that body."""
-    model = pin.Model()
-    turn = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turn")
-    ball = model.addJoint(turn, pin.JointModelSpherical(), pin.SE3(np.eye(3), np.array([0.6, 0.0, 0.1])), "ball")
-    wheel = model.addJoint(ball, pin.JointModelRX(), pin.SE3(np.eye(3), np.array([0.0, 0.2, -0.3])), "wheel")
-    for joint, mass, lever in ((turn, 2.0, 0.3), (ball, 1.5, -0.2), (wheel, 0.4, 0.05)):
-        inertia = pin.Inertia(mass, np.array([0.1, 0.0, lever]), np.diag([0.03, 0.05, 0.04]))
-        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
-    return model
-
-
 class TestQuaternions:
-    @pytest.mark.parametrize("names", [("turn",), ("turn", "wheel")])
-    def test_motion_is_that_of_multipliers(self, carousel, names):
-        dynamics, joints = Dynamics.of(carousel, {}), joints_of(carousel)
-        laws = {"turn": Harmonic(mean=0.3, amplitude=0.9, pulsation=3.0),
-                "wheel": Harmonic(amplitude=2.0, pulsation=4.0, phase=0.5)}  # fmt: skip
-        coordinates = coordinates_of(carousel, joints, {})
-        prescribed = PrescribedCoordinates(names, tuple(coordinates[n] for n in names), tuple(laws[n] for n in names))
-        q, v = pin.neutral(carousel), np.array([0.0, 0.4, -1.2, 0.7, 2.0])
-        q[1:5] = np.array([0.1, 0.5, -0.3, 0.8]) / np.linalg.norm([0.1, 0.5, -0.3, 0.8])
-        for name in names:
-            w, dw, _ = laws[name].on(0.0, 1.0)(np.zeros(1))
-            q[joints[name].q], v[joints[name].v] = w[0], dw[0]
-        t, initial = np.linspace(0.0, 1.0, 11), Initial(q, v)
-        system = system_of(Closure.of(carousel), dynamics, prescribed, initial)
-        solution = integrate([system.interval(dynamics, 0.0, 1.0)], system.manifold,
-                             *system.begin(initial, 0.0, 1.0), Adaptive(1e-13))  # fmt: skip
-        found = system.complete(dynamics, Grid(t, (0.0, 1.0), (0, 11)), *solution.states(t))
-        rows, data = np.array([coordinates[n].weights for n in names]), carousel.createData()
-
-        def rate(x, y):
-            ddw = np.array([laws[n].on(0.0, 1.0)(np.array([x]))[2][0] for n in names])
-            a = multipliers(carousel, data, rows, y[:6], y[6:], ddw, np.zeros(5))
-            return np.concatenate([pin.tangentMap(carousel, y[:6]) @ y[6:], a])
-
-        exact = solve_ivp(rate, (0, 1), np.concatenate([q, v]), "DOP853", t_eval=t, rtol=1e-12, atol=1e-13).y.T
-        assert found.q == pytest.approx(exact[:, :6], abs=1e-9)
-        assert found.v == pytest.approx(exact[:, 6:], abs=1e-8)
-        assert np.linalg.norm(found.q[:, 1:5], axis=1) == pytest.approx(1.0, abs=1e-14)
-        others = np.setdiff1d(np.arange(5), [joints[name].v for name in names])
-        assert found.tau[:, others] == pytest.approx(0.0, abs=1e-12)
-        assert np.abs(found.tau).max() > 0.01
-
     def test_a_wheel_turns_a_free_body_the_other_way(self, mechanism, chain):
         """Angular momentum stays 0: (0.5 + 0.3) w + 0.3 psi' = 0, about the axis through both mass centres."""
         body = mechanism(

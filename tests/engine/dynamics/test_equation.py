@@ -13,8 +13,7 @@ import pytest
 import pinarm
 from pinarm import Mechanism
 from pinarm.engine.constraints.nullspace import split_rows
-from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
-from pinarm.engine.dynamics.equation import accelerations, solve
+from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.kinematics.assembly import closed_near
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
@@ -70,32 +69,3 @@ class TestLoops:
         rows = closure.rows(closure.state(q))
         held = dynamics.inverse(0.0, q, v, a)[0] - tau
         assert rows.T @ split_rows(rows).multipliers(held) == pytest.approx(held, abs=1e-9 * np.abs(held).max())
-
-
-class TestWithoutRows:
-    def test_the_solve_is_that_of_the_tree(self):
-        arm = Mechanism.load("panda")
-        generator = np.random.default_rng(1)
-        q = pin.integrate(arm.model, pin.neutral(arm.model), generator.normal(size=arm.model.nv))
-        v, tau = generator.normal(size=(2, 1, arm.model.nv))
-        none = Mechanism.load("panda").closure.of(arm.model, ())
-        a = accelerations(arm.dynamics, none, 0.0, q[None], v, tau)
-        assert a == pytest.approx(arm.dynamics.forward(0.0, q[None], v, tau), rel=1e-10, abs=1e-9)
-
-
-def test_linear_rows_give_what_their_elimination_gives():
-    """A three-rod pendulum whose second joint follows the first as a gear would: ``q2 = 2 q1``."""
-    arm = Mechanism.load("panda")
-    generator, nv = np.random.default_rng(3), arm.model.nv
-    rows = np.zeros((1, nv))
-    rows[0, :2] = 2.0, -1.0
-    partition = CoordinatePartition.of(arm.model, rows, ["gear"])
-    u, free = generator.normal(size=(2, nv - 1))
-    zeros = np.zeros((1, 1))
-    q, v = partition.configuration(free, zeros[0]), partition.velocity(u, zeros[0])
-    many = partition.accelerations(arm.dynamics, lambda t: (zeros, zeros, zeros))
-    rates = many(np.zeros(1), q[None], v[None])[0]
-    force = -arm.dynamics.inverse(0.0, q, v, np.zeros((1, nv)))[0]
-    a = solve(split_rows(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros[0])
-    assert a == pytest.approx(rates, abs=1e-9 * np.abs(rates).max())
-    assert a[1] == pytest.approx(2.0 * a[0], abs=1e-9 * np.abs(a).max())

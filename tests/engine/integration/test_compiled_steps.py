@@ -9,7 +9,7 @@ import pytest
 
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.driver import SingleSteps, integrate
+from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Watch
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.runge_kutta import DOPRI5
@@ -93,12 +93,6 @@ class TestSteps:
         assert_same(found, expected)
         assert {0.3, 0.35, 1.0} <= set(found.steps.until.tolist())
 
-    def test_are_taken_by_the_library(self, monkeypatch):
-        """The Python stepper would give the same: see that it takes none."""
-        monkeypatch.setattr(SingleSteps, "take", lambda *_: pytest.fail("a step in Python"))
-        dynamics = regular(["RX"])
-        integrate(intervals(dynamics, 0.0, 1.0)[0], dynamics.manifold, np.ones(1), np.zeros(1), Adaptive(1e-9))
-
 
 def linear(rate, offset=0.0):
     """Return the watch of a coordinate, or of the time."""
@@ -125,18 +119,6 @@ class TestEvents:
         assert expected[-1] < 20.0 < expected[-1] + math.pi / self.W
         assert times == pytest.approx(expected, abs=1e-9)  # of some hundred steps of 1e-11
 
-    @pytest.mark.parametrize("number", [0, 40])
-    def test_that_stop_end_the_motion_and_the_count(self, number):
-        """Steps that the library took beyond are no part of the solution."""
-        at = (number + 0.5) * math.pi / self.W
-        over = Watch(lambda t, q, v: t - at + 1e-3 - 1e-3 + 0.0 * q[:, 0], 1, stops=True)
-        found, expected = (self.motion([linear(1.0), over], compiled=each) for each in (True, False))
-        assert found.end == pytest.approx(at, abs=1e-12)
-        assert found.end == found.steps[-1].until == found.crossings[-1].t
-        assert found.count == expected.count
-        assert len(found.steps) == len(expected.steps)
-        assert max(found.interpolated_steps) < len(found.steps)
-
 
 class TestFailures:
     def test_a_motion_of_too_many_steps_is_given_up(self):
@@ -146,9 +128,3 @@ class TestFailures:
                 integrate(given, dynamics.manifold, np.ones(2), np.zeros(2), Adaptive(1e-9), max_steps=150)
             partial = caught.value.partial
             assert len(partial.steps) + partial.count.rejected == 150
-
-    def test_a_start_without_numbers_is_refused(self):
-        dynamics = regular(["RX"])
-        for given in intervals(dynamics, 0.0, 1.0):
-            with pytest.raises(IntegrationError, match="not finite at the start"):
-                integrate(given, dynamics.manifold, np.ones(1), np.full(1, math.nan), Adaptive(1e-9))

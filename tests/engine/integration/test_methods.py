@@ -8,16 +8,8 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integration.methods import METHODS, REMOVED
-from pinarm.use.scenario.json_schema import schema
 
 ROOT = Path(pinarm.__file__).parents[1]
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_the_setting_of_the_entry_is_what_the_method_takes(name):
-    entry = METHODS[name]
-    assert getattr(entry.make(1e-3), entry.setting) == 1e-3
 
 
 SWING = ROOT / "scenarios" / "crank_rocker_free.yaml"
@@ -40,12 +32,6 @@ class TestRemovedMethods:
         old, new = swing.run(), pinarm.run(SWING, {"accuracy": {"method": "dop853", "tolerance": 1e-8}})
         assert np.array_equal(old.trajectory.q, new.trajectory.q)
         assert set(old.notes()) - set(new.notes()) == {REMOVED_NOTE.format(removed, 1e-8)}
-
-
-def test_the_schema_lists_and_describes_every_method():
-    method = schema()["$defs"]["Accuracy"]["properties"]["method"]
-    assert set(method["enum"]) == set(METHODS) | set(REMOVED)
-    assert all(f"{name}: {entry.summary}" in method["description"] for name, entry in METHODS.items())
 
 
 def test_a_run_imports_no_method_but_its_own():

@@ -43,11 +43,3 @@ def test_whether_a_value_is_passed_is_right_or_open(name, setting, apart):
         assert not found.nearest[0].is_open
     if found.nearest[0].is_open:
         assert abs(found.nearest[0].margin) <= found.nearest[0].error
-
-
-def test_the_turn_behind_a_stop_tells_how_far_it_is_passed():
-    """The integration ends where it passes -1 + 1e-3; the margin is by how much the motion would go beyond it."""
-    found = cosine(level(-1.0 + 1e-3, level=None, direction=-1, stops=True), METHODS["dop853"].make(1e-11))
-    assert found.end == pytest.approx(np.arccos(-1.0 + 1e-3), abs=1e-9)
-    assert found.nearest[0].margin == pytest.approx(-1e-3, rel=1e-6)
-    assert not found.nearest[0].is_open

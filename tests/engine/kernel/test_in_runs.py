@@ -8,7 +8,6 @@ from pinarm.engine.integration.runge_kutta import DOP853
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.library import LEFT_OUT
 from pinarm.engine.kernel.tree import links_of
-from pinarm.engine.motion.systems.tree_system import TreeSystem
 
 pytestmark = pytest.mark.usefixtures("compiled")
 
@@ -56,15 +55,6 @@ class TestWrongKernel:
         (note,) = [one for one in found.notes() if "kernel" in one]
         assert note.startswith("the compiled kernel is not used: its accelerations differ from Pinocchio's by ")
         assert np.array_equal(found.trajectory.q, without(lambda: pinarm.run(SWING)).trajectory.q)
-
-    def test_would_be_seen_by_the_energy(self, calls, monkeypatch):
-        """The stamp is Pinocchio's: it sees the motion of another mechanism, even where the comparison is left out."""
-        monkeypatch.setattr(TreeSystem, "_compiled", lambda self, dynamics, *_: (
-            self._tree.flow(dynamics.steady, dynamics.changing), ""))  # fmt: skip
-        found = pinarm.run(SWING)
-        assert calls
-        assert found.figures["energy"] > 1e-4
-        assert any("energy" in note for note in found.notes())
 
 
 def test_explain_says_where_it_is_missing(monkeypatch):

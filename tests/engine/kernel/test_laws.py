@@ -15,7 +15,6 @@ from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.motion.systems.tree_system import TreeSystem
 from pinarm.mechanics.forces.joint_forces import AppliedEffort
 from pinarm.mechanics.laws import Constant
-from pinarm.mechanics.laws.interpolated import ClampedSpline
 from pinarm.mechanics.laws.motion_law import Wave
 
 from .known_trees import tree
@@ -32,20 +31,6 @@ LAWS = {
     "trapezoidal": "{law: trapezoid, from: 0 U, to: 1 U, acceleration: 20 U/s^2, begin: 0.1 s}",
 }
 """Laws with a unit U."""
-
-FOUR_BAR = """
-pinarm: 1
-title: Vibrator whose rotor follows a law
-mechanism: models/olive_vibrator/mechanism.yaml
-problem:
-  kind: forward
-  time: {end: 0.3 s, samples: 16}
-  motion: {phi: LAW}
-  start: {theta: -15 deg, X: 3.95 m}
-  initial: {position: {beta: 0 rad}}
-outputs: [beta, Y, theta, X, X53, Y53, Z53, joint.phi.acceleration]
-accuracy: {tolerance: 1e-10}
-"""
 
 ARM = """
 pinarm: 1
@@ -83,21 +68,6 @@ def agree(found, expected, within):
 
 @pytest.mark.usefixtures("compiled")
 class TestRuns:
-    @pytest.mark.parametrize("name", ["s_curve", "spline"])
-    def test_of_a_loop_with_a_driven_joint_are_the_same_with_the_library_and_without(
-        self, name, scenario, calls, without
-    ):
-        """To rounding, as far as the motion amplifies it in 0.3 s: less than its tolerance."""
-        path = scenario(FOUR_BAR, LAWS[name], "rad")
-        found = pinarm.run(path)
-        assert calls
-        taken = len(calls)
-        expected = without(lambda: pinarm.run(path))
-        assert len(calls) == taken
-        assert found.figures["steps"] == pytest.approx(expected.figures["steps"], abs=1)
-        agree(found, expected, 1e-9)
-        assert not found.notes()
-
     @pytest.mark.parametrize("name", LAWS)
     def test_of_an_arm_with_a_torque_are_the_same_with_the_library_and_without(self, name, scenario, calls, without):
         path = scenario(ARM, LAWS[name], "N*m")
@@ -119,21 +89,6 @@ def test_a_mass_under_a_wave_and_a_steady_force_moves_as_in_its_textbook():
     for t in (0.0, 0.7, 9.0):
         a = (steady + 2.0 * math.sin(5.0 * (t - 0.2) + 0.4) - weight) / m
         assert flow.slope(t, np.array([0.3, -0.8]))[1] == pytest.approx(a, rel=1e-13)
-
-
-@pytest.mark.usefixtures("compiled")
-def test_a_mass_under_the_forces_of_a_spline_moves_as_scipys_says():
-    """At its knots, between them, and beyond its ends on the first and the last cubic."""
-    model = tree(["PX"], 0)
-    weight = float(pin.rnea(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))[0])
-    m = float(pin.crba(model, model.createData(), np.zeros(1))[0, 0])
-    x, y = np.array([0.0, 0.3, 0.7, 1.5, 1.6]), np.array([1.0, -2.0, 4.0, 4.5, 0.0])
-    expected = CubicSpline(x, y, bc_type=((1, 3.0), (1, -5.0)))
-    spline = ClampedSpline.through(x, y, (3.0, -5.0))
-    flow = CompiledTree.of(model).flow(np.array([3.0]), (AppliedEffort(0, law=Constant(value=0.0), function=spline),))
-    for t in (-0.2, 0.0, 0.1, 0.3, 0.5, 0.7, 1.2, 1.5, 1.55, 1.6, 1.8):
-        a = (3.0 + expected(t) - weight) / m
-        assert flow.slope(t, np.array([0.3, -0.8]))[1] == pytest.approx(a, rel=1e-12, abs=1e-12)
 
 
 PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial><origin xyz="0.4 0 0"/>

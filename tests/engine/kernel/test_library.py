@@ -37,11 +37,6 @@ class TestFile:
     def _on(self, monkeypatch):
         monkeypatch.delenv(kernel.SWITCH, raising=False)
 
-    def test_that_is_missing(self, tmp_path, monkeypatch):
-        monkeypatch.setattr(kernel, "PATH", tmp_path / "kernel.so")
-        assert kernel.library() is None
-        assert kernel.absence() == kernel.LEFT_OUT
-
     def test_that_is_no_library(self, tmp_path, monkeypatch):
         path = tmp_path / "kernel.so"
         path.write_bytes(b"nothing")

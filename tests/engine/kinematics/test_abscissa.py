@@ -7,19 +7,7 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.engine.kinematics.singular import instant, running
 from pinarm.errors import AssemblyError
-from pinarm.input.units import unit
-
-
-def test_angles_are_shown_in_degrees_and_rows_are_counted() -> None:
-    with running("C", unit("rad")):
-        assert instant(0.523598775598299) == "C = 30 deg"
-    with running("t", unit("s")):
-        assert instant(0.25) == "t = 0.25 s"
-    with running("row", unit("1")):
-        assert instant(3.0) == "3"
-    assert instant(0.5) == "0.5"
 
 
 def test_a_range_in_degrees_that_is_out_of_reach_is_told_in_degrees(

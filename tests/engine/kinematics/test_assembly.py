@@ -115,19 +115,6 @@ class TestFarFromTheDrawing:
         wanted = [piston(math.radians(angle), rod=rod) for angle in angles for rod in lengths]
         assert swept == pytest.approx(wanted, abs=1e-12)
 
-    def test_one_of_two_cranks_leaves_the_other_as_it_is_drawn(self):
-        """A five-bar of two freedoms, whose rods bend upwards: they do so half a turn later."""
-        points = {"O": (0.0, 0.0), "A": (0.1, 0.0), "B": (0.2, 0.4), "C": (0.4, 0.1), "D": (0.4, 0.0)}
-        links = {"crank": "OA", "rod": "AB", "bar": "BC", "other": "CD"}
-        problem = {"kind": "forward", "time": {"end": "1 ms", "samples": 2}, "initial": {"position": {"O": "175 deg"}}}
-        places = [f"point.{name}.position.{axis}" for name in "ABC" for axis in "xyz"]
-        found = run(drawing(points, links, ["O", "D"]), problem, places)
-        A, B, C = (np.array([found[f"point.{name}.position.{axis}"].values[0] for axis in "xyz"]) for name in "ABC")
-        drawn = np.cross(np.subtract(points["C"] + (0.0,), points["A"] + (0.0,)),
-                         np.subtract(points["B"] + (0.0,), points["A"] + (0.0,)))[2]  # fmt: skip
-        assert np.abs(np.cross(C - A, B - A)).max() * np.sign(drawn) > 0.0
-        assert math.dist(B, C) == pytest.approx(math.dist(points["B"], points["C"]), abs=1e-12)
-
 
 def _turned(place, angle):
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ place
@@ -193,20 +180,6 @@ class TestOtherStarts:
         assert "20 random starts" in note
         assert "start: chooses another" in note
 
-    def test_limits_that_no_assembly_keeps_choose_none(self, tmp_path):
-        """The arm is drawn bent by 1 rad, beyond its limits, and keeps to this side; the result says so."""
-        bent = ARM.replace('xyz="0.5 0 0"', 'xyz="0.5 0 0" rpy="0 0 1"').replace('lower="-3" upper="-0.1"', "{}")
-        (tmp_path / "arm.urdf").write_text(bent.format('lower="2.9" upper="3.1"'))
-        x, y = 0.5, 0.3
-        bend = math.acos((x**2 + y**2 - 0.5**2 - 0.4**2) / (2.0 * 0.5 * 0.4)) - 1.0
-        along = {name: {"kind": "point", "point": "tip", "along": name} for name in "xy"}
-        mechanism = {"pinarm": 1, "robot": "arm.urdf", "coordinates": along}
-        problem = {"kind": "state", "hold": {"x": f"{x} m", "y": f"{y} m"}, "drives": ["shoulder", "elbow"]}
-        found = pinarm.run(written(tmp_path, {"problem": problem, "outputs": ["elbow"]}, mechanism))
-        assert found["elbow"].values == pytest.approx(bend, abs=1e-12)
-        [note] = assembly_notes(found)
-        assert "none is found within the limits" in note
-
     def test_limits_choose_the_leg_of_a_walker(self, tmp_path):
         """Its effort is the slope of the potential energy, by differences of fourth order, in the only position within.
 
@@ -226,10 +199,6 @@ class TestOtherStarts:
         for explained in explanations:
             assert (explained.q >= model.lowerPositionLimit).all()
             assert (explained.q <= model.upperPositionLimit).all()
-
-    def test_what_is_out_of_reach_stays_so(self):
-        with pytest.raises(AssemblyError, match="out of reach"):
-            run(one(), {**PRESSED, "motion": {"x": {"law": "constant", "value": "1 m"}}})
 
 
 ARM = """<robot name="arm"><link name="base"/>

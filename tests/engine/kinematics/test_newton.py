@@ -1,18 +1,14 @@
-import re
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from scipy.optimize import least_squares
 
 import pinarm
 from pinarm.engine.kinematics.assembly import determining
 from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
+from pinarm.errors import AssemblyError
+from pinarm.mechanics.laws import Constant, Harmonic, Trapezoid
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.use.mechanism import Mechanism
 
@@ -53,14 +49,6 @@ def hip(leg, q):
 
 
 class TestTaskMotion:
-    @pytest.mark.parametrize("motion", [RISE, SMOOTH], ids=["rise", "smooth"])
-    def test_coordinates_follow_their_laws(self, leg, motion):
-        t = np.linspace(0.0, 2.5, 51)
-        q, _, _ = moved(leg, motion, t, BENT)
-        grid = Grid.cover(t, motion.values())
-        wanted = np.array([grid.evaluate(law)[0] for law in motion.values()]).T
-        assert hip(leg, q) == pytest.approx(wanted, abs=1e-14)
-
     @pytest.mark.parametrize(("motion", "t"), [(RISE, 1.25), (SMOOTH, 2.1)])
     def test_rates_are_the_derivatives_of_the_positions(self, leg, motion, t, differentiate):
         def at(instant):
@@ -96,13 +84,6 @@ class TestBranch:
         assert (side * q[:, 1] > 0.0).all()
         assert hip(leg, q)[:, 0].max() == pytest.approx(0.931, abs=1e-14)
 
-    def test_a_large_step_does_not_leave_it(self, leg):
-        far = {**RISE, "hip_height": Polynomial(start=0.3, end=0.93, duration=1.0)}
-        fine, coarse = (
-            moved(leg, far, np.linspace(0.0, 1.0, n), {"ankle": 0.3, "knee": 2.2, "hip": -2.5})[0] for n in (201, 2)
-        )
-        assert coarse[-1] == pytest.approx(fine[-1], abs=1e-13)
-
 
 @pytest.fixture
 def bounded(monkeypatch):
@@ -128,14 +109,6 @@ class TestUnreachable:
         assert "knee = " in caught.value.expected
         assert caught.value.exit_code == 2
 
-    def test_how_far_a_motion_is_followed_is_told(self, leg):
-        away = {**RISE, "hip_height": ConstantSpeed(start=0.8, speed=0.1), "hip_depth": Constant(value=ANKLE_Y)}
-        with pytest.raises(AssemblyError, match=r"out of reach at") as caught:
-            moved(leg, away, [0.0, 3.0], BENT)
-        end = (SHIN + THIGH - 0.8) / 0.1
-        [followed] = re.findall(r"as it does up to ([0-9.]+);", caught.value.expected)
-        assert float(followed) == pytest.approx(end, abs=1e-4)  # where the knee is straight to some 1e-2 rad
-
     def test_a_motion_that_leaves_the_reach_and_comes_back_is_told_to_be_singular(self, leg):
         over = {**RISE, "hip_height": Harmonic(mean=0.75, amplitude=0.25, pulsation=np.pi)}
         told = r"cannot be followed beyond .*, though the loops close at 1 on another branch"
@@ -149,71 +122,6 @@ class TestUnreachable:
         straight = {**RISE, "hip_height": Constant(value=SHIN + THIGH), "hip_depth": Constant(value=ANKLE_Y)}
         with pytest.raises(AssemblyError, match=r"singular at 0: .*hip_height.* does not move independently"):
             moved(leg, straight, [0.0, 1.0], {"ankle": np.pi / 2, "knee": 0.0, "hip": -np.pi / 2})
-
-    def test_coordinates_that_say_the_same_are_refused(self, mechanism, chain):
-        arm = mechanism(
-            chain({"name": "first"}, {"name": "second", "at": "1 0 0"}),
-            coordinates={"angle": {"kind": "sum", "of": ["first"]}},
-        )
-        with pytest.raises(AssemblyError, match="first, angle do not move independently"):
-            moved(arm, {"first": Constant(value=1.0), "angle": Constant(value=1.0)}, [0.0, 1.0], {})
-
-    def test_a_coordinate_that_nothing_moves_is_refused(self, mechanism, chain):
-        tilt = {"tilt": {"kind": "rotation", "body": "first_link", "about": "x"}}
-        wheel = mechanism(chain({"name": "first"}), coordinates=tilt)
-        with pytest.raises(AssemblyError, match=r"singular at 0: .*tilt does not move"):
-            moved(wheel, {"tilt": Constant(value=0.0)}, [0.0, 1.0], {})
-
-
-class TestJointMotion:
-    motion = {"first": Cycloidal(start=0.0, end=1.0, duration=1.0), "tip": Harmonic(amplitude=0.3, pulsation=4.0)}
-
-    @pytest.fixture
-    def arm(self, mechanism, chain):
-        return mechanism(
-            chain({"name": "first"}, {"name": "second", "at": "1 0 0"}),
-            coordinates={"tip": {"kind": "sum", "of": ["first", "second"]}},
-        )
-
-    def test_sums_of_joints_are_solved_exactly(self, arm):
-        t = np.linspace(0.0, 1.0, 11)
-        found = moved(arm, self.motion, t, {})
-        for motion, first, tip in zip(
-            found,
-            Grid.cover(t, []).evaluate(self.motion["first"]),
-            Grid.cover(t, []).evaluate(self.motion["tip"]),
-            strict=True,
-        ):
-            assert motion == pytest.approx(np.stack([first, tip - first], axis=1), abs=1e-13)
-
-    def test_a_free_body_needs_laws_for_all_its_coordinates(self, mechanism, chain):
-        free = mechanism(chain({"name": "free", "kind": "floating"}, {"name": "wheel"}))
-        with pytest.raises(InputError, match="7 coordinates have to follow a law and 1 do") as caught:
-            determining(free, {"wheel": Constant(value=0.0)})
-        assert caught.value.expected.endswith(
-            "free.x, free.y, free.z, free.rotation.x, free.rotation.y, free.rotation.z"
-        )
-
-
-def test_the_position_nearest_to_joints_that_do_not_fit_is_found_in_few_steps(monkeypatch):
-    """Crank, coupler and rocker as a user guesses them: what is left open is the least that SciPy finds."""
-    mechanism = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml")
-    names = ("theta2", "A", "theta4")
-    wanted = PrescribedCoordinates(names, tuple(map(mechanism.coordinate, names)), ())
-    solver, w, steps = NewtonSolver(mechanism.closure, wanted), np.radians([0.0, 40.0, 80.0]), []
-    rows = solver.rows
-    monkeypatch.setattr(solver, "rows", lambda state: steps.append(state) or rows(state))
-    q, gap = solver.closest(pin.neutral(mechanism.model), w, np.ones(len(solver.names)))
-    least = least_squares(
-        lambda q: solver.gap(mechanism.closure.state(q), w) / solver.measure,
-        q + 0.01,
-        xtol=1e-12,
-        ftol=1e-14,
-        gtol=1e-14,
-    )
-    assert 0.5 * np.sum((gap / solver.measure) ** 2) == pytest.approx(least.cost, rel=1e-10)
-    assert q == pytest.approx(least.x, abs=1e-5)  # the root of the gain at which the search ends, some times
-    assert len(steps) < 20
 
 
 def rocker_angle(crank, points):

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from pinarm.engine.kinematics.free_pull import Posture
 from pinarm.engine.kinematics.redundancy import NearestMotion
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.laws import Constant, Harmonic, Polynomial
+from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.mechanics.laws.motion_law import Grid
 
 LENGTHS = np.array([0.5, 0.4, 0.3])
@@ -93,21 +93,6 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_configuration(arm,
         assert differentiate(states, t)[:6] == pytest.approx(states(t)[3:], abs=1e-9)
 
 
-def test_at_the_posture_the_velocity_is_the_weighted_pseudo_inverse(arm):
-    """There lam = 0, H = W^2: ``v = W^-2 J^T (J W^-2 J^T)^-1 w'``."""
-    through = hand(TARGET)
-    motion = {"x": Polynomial(start=through[0], end=through[0] - 0.1, duration=2.0),
-              "y": Harmonic(mean=through[1], amplitude=-0.1, pulsation=1.5)}  # fmt: skip
-    run = follow(arm, posture(), motion=motion, samples=21, end=1.0)
-    angles = np.cumsum(TARGET)
-    parts = np.array([-np.sin(angles), np.cos(angles)]) * LENGTHS
-    jacobian = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
-    spread = jacobian.T / (WEIGHTS**2)[:, None]
-    expected = spread @ np.linalg.solve(jacobian @ spread, [0.0, -0.15])
-    assert run.q[0] == pytest.approx(TARGET, abs=1e-14)
-    assert run.v[0] == pytest.approx(expected, abs=1e-13)
-
-
 class TestLimits:
     lower, upper = np.array([-0.27, -3.0, -3.0]), np.array([3.0, 3.0, 2.45])
 
@@ -139,12 +124,6 @@ class TestLimits:
         lower, upper = np.array([-0.2, -3.0, -3.0]), np.array([3.0, 3.0, 2.2])
         with pytest.raises(AssemblyError, match=r"beyond t = 1\.8.* A reaches its limit, and C is at its own"):
             follow(arm, posture(lower=lower, upper=upper))
-
-
-def test_a_stretched_arm_is_singular(arm):
-    motion = {"x": Polynomial(start=0.8, end=1.25, duration=2.0), "y": Constant(value=0.0)}
-    with pytest.raises(AssemblyError, match=r"out of reach at 1\.5"):
-        follow(arm, posture(), motion=motion, end=2.0)
 
 
 def test_a_posture_that_leaves_freedom_is_refused(arm):
@@ -202,42 +181,3 @@ def test_where_the_nearest_configuration_leaps_the_run_ends(arm):
     before, after = (best(t, near, target=target)[0] for t in (1.373, 1.376))
     assert np.abs(before - near).max() < 0.02
     assert np.abs(after - near).max() > 0.1
-
-
-@pytest.fixture
-def five_bar(mechanism, chain):
-    """Four joints, the last link pinned to the base: two freedoms, and three rows of the pin that repeat others."""
-    places = ("0 0 0", "0.3 0 0", "0.4 0 0", "0.4 0 0")
-    bars = [{"name": name, "axis": "0 0 1", "at": at} for name, at in zip("ABCD", places, strict=True)]
-    xml = chain(*bars, {"name": "tip", "kind": "fixed", "at": "0.3 0 0"})
-    foot = '<link name="foot"/><joint name="ground" type="fixed"><parent link="base"/><child link="foot"/>'
-    xml = xml.replace("</robot>", f'{foot}<origin xyz="0.5 0 0"/></joint></robot>')
-    pin_joint = {"kind": "revolute", "axis": "z", "between": ["tip_link", "foot"]}
-    coordinates = {"height": {"kind": "point", "point": "C_link", "along": "y"}}
-    start = {"A": "2.0 rad", "B": "-1.2 rad", "C": "-1.7 rad", "D": "-1.1 rad"}
-    return mechanism(xml, loops={"pin": pin_joint}, coordinates=coordinates, start=start)
-
-
-@pytest.mark.slow
-def test_a_loop_with_more_freedoms_than_laws_against_the_optimiser(five_bar):
-    target, weights = np.array([1.9, 0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0, 2.0])
-    motion = {"height": Harmonic(mean=0.45, amplitude=0.05, pulsation=2.0)}
-    path = NearestMotion.of(five_bar, motion, posture(target, weights, names=tuple("ABCD")))
-    rough = np.array([2.0, -1.2, -1.7, -1.1])
-    run = path.follow(grid(path.laws, 31), rough)
-    lengths = np.array([0.3, 0.4, 0.4, 0.3])
-
-    def gaps(q, t):
-        angles = np.cumsum(q)
-        end = lengths @ np.cos(angles) - 0.5, lengths @ np.sin(angles)
-        return [*end, lengths[:2] @ np.sin(angles[:2]) - 0.45 - 0.05 * np.sin(2.0 * t)]
-
-    for t, q in zip(run.grid.t[::5], run.q[::5], strict=True):
-        assert gaps(q, t) == pytest.approx(np.zeros(3), abs=1e-13)
-        found = minimize(lambda q: float((((q - target) * weights) ** 2).sum()), q + 0.01, method="SLSQP",
-                         constraints={"type": "eq", "fun": gaps, "args": (t,)},
-                         options={"ftol": 1e-16, "maxiter": 300})  # fmt: skip
-        assert q == pytest.approx(found.x, abs=1e-6)
-    fine = path.follow(grid(path.laws, 601), rough)
-    assert fine.v[1:-1] == pytest.approx(np.gradient(fine.q, fine.grid.t, axis=0)[1:-1], abs=1e-3)
-    assert fine.a[1:-1] == pytest.approx(np.gradient(fine.v, fine.grid.t, axis=0)[1:-1], abs=1e-2)

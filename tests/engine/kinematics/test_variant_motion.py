@@ -12,7 +12,6 @@ from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
 from pinarm.engine.mechanism import mechanism_variants
-from pinarm.errors import AssemblyError
 from pinarm.mechanics.laws.kinds import ConstantSpeed
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -79,23 +78,6 @@ def test_random_four_bars_move_by_freudensteins_equation(seed: int) -> None:
             states.v[:, k], np.transpose([SPEED + 0 * omega3, omega3 - SPEED, omega4]), atol=1e-11
         )
     assert closed >= 5
-
-
-@pytest.mark.parametrize("seed", range(1))
-def test_a_variant_is_sound_only_where_it_moves_alone_and_moves_as_alone(seed: int) -> None:
-    columns = random_lengths(10 + seed, 8)
-    states, grid, _ = followed(columns)
-    for k, lengths in enumerate(zip(*columns.values(), strict=True), start=1):
-        mechanism = Mechanism.load(PATH, dict(zip(FIRST, lengths, strict=True)))
-        prescribed, start = determining(mechanism, law()), start_configuration(mechanism, START)
-        try:
-            alone = follow(mechanism, prescribed, grid, start)
-        except AssemblyError:
-            assert not states.sound[k]
-            continue
-        for own, other in zip(states[:3], alone, strict=True):
-            if states.sound[k]:
-                np.testing.assert_allclose(own[:, k], other, atol=1e-11 * max(1.0, np.abs(other).max()))
 
 
 @pytest.mark.parametrize("turns", [0.7, 1.8])

@@ -38,12 +38,6 @@ def test_a_chain_of_point_masses_has_the_zeros_of_laguerres_polynomial(n, mechan
     assert found.errors.max() < 1e-11  # masses of nine rods in a row
 
 
-def test_a_rod_on_its_head_falls(mechanism):
-    """``lambda = +- sqrt(g/l)``."""
-    found = mechanism(hanging(1)).linearise(np.array([math.pi])).modes
-    assert np.sort(found.eigenvalues.real) == pytest.approx([-math.sqrt(GRAVITY / 0.7), math.sqrt(GRAVITY / 0.7)])
-
-
 def test_springs_and_dampers_in_a_row(mechanism):
     """Two carriages with springs and dampers: lambda of ``M x'' + D x' + K x = 0`` by its own state matrix."""
     xml = robot(
@@ -91,19 +85,6 @@ def test_stiffnesses_that_cancel_have_the_error_of_what_is_left(excess, mechanis
     size = math.sqrt(GRAVITY / 0.7 * abs(excess))
     assert np.abs(np.abs(found.eigenvalues) - size) == pytest.approx(0.0, abs=found.errors.max())
     assert found.errors.max() < 1e-6 if abs(excess) < 1e-12 else found.errors.max() < 1e-3 * size
-
-
-def test_mode_shapes_of_two_like_pendulums_with_a_spring(mechanism):
-    """One mode in step at sqrt(g/l), one in opposite step at sqrt(g/l + 2 k/(m l^2))."""
-    pendulum = {"mass": 1.3, "com": "0 0 -0.7"}
-    xml = robot(link("a", "base", "0 1 0", **pendulum), link("b", "base", "0 1 0", at="0 1 0", **pendulum))
-    found = mechanism(xml, coordinates={"apart": {"kind": "sum", "of": {"a": 1, "b": -1}}}, forces={
-        "spring": {"kind": "coordinate_spring", "coordinate": "apart", "stiffness": "4 N*m/rad"},
-    }).linearise(np.zeros(2))  # fmt: skip
-    slow, fast = math.sqrt(GRAVITY / 0.7), math.sqrt(GRAVITY / 0.7 + 2.0 * 4.0 / (1.3 * 0.49))
-    assert found.modes.frequencies * 2.0 * math.pi == pytest.approx([slow, fast], rel=1e-12)
-    shapes = found.shapes()
-    assert shapes[1] / shapes[0] == pytest.approx([1.0, -1.0], abs=1e-9)
 
 
 @pytest.mark.parametrize("spin", [30.0, 400.0])

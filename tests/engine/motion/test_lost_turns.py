@@ -53,19 +53,6 @@ def test_an_angle_that_nothing_counts_is_refused_where_it_leaps(tmp_path: Path) 
     assert counted["loop.L.angle"].values[-1] == pytest.approx(SPEED * 0.4, abs=1e-5)
 
 
-@pytest.mark.parametrize(("speed", "refused"), [("14 rad/s", True), ("3 rad/s", False)])
-def test_what_a_function_asks_for_is_looked_at(tmp_path: Path, speed: str, refused: bool) -> None:
-    """The angle is right up to half a turn."""
-    mechanism = _mechanism(tmp_path, FLOATING, loops=LOOP, drives={"D": {"along": "L.angle"}})
-    control = {"D": lambda t, state: -1e-6 * state["L.angle"]}
-    problem = _problem({"L.angle": speed})
-    if not refused:
-        assert not _run(mechanism, problem, ["loop.L.angle"], control=control).notes()
-        return
-    with pytest.raises(DynamicsError, match="the controller of D acts along an angle"):
-        _run(mechanism, problem, ["loop.L.angle"], control=control)
-
-
 @pytest.mark.parametrize(("along", "spin", "why"), [
     ("J.yaw", {"y": 7.0}, "roll and yaw leap"),
     ("turned", {"z": 12.0, "x": 0.1}, "a rotation vector leaps"),
@@ -101,14 +88,3 @@ def test_events_beyond_half_a_turn_ask_for_counted_turns(tmp_path: Path) -> None
         _run(_mechanism(tmp_path, FLOATING, loops=LOOP), problem, ["event.E.time"])
     counted = _run(_mechanism(tmp_path, FLOATING, loops=LOOP, turns=["L.angle"]), problem, ["event.E.time"])
     assert counted["event.E.time"].values[0] == pytest.approx(5.0 / SPEED, abs=1e-9)
-
-
-def test_a_law_beyond_half_a_turn_says_how_it_is_counted(tmp_path: Path) -> None:
-    """It is refused at 180 deg, or followed."""
-    motion = {"L.angle": {"law": "constant_speed", "speed": f"{SPEED} rad/s"}}
-    problem = {"kind": "inverse", "time": {"end": "1 s", "samples": 101}, "motion": motion, "drives": ["L.angle"]}
-    with pytest.raises(pinarm.PinarmError, match="out of reach") as error:
-        _run(_mechanism(tmp_path, FLOATING, loops=LOOP), problem, ["loop.L.angle"])
-    assert "turns: [L.angle]" in error.value.hint
-    counted = _run(_mechanism(tmp_path, FLOATING, loops=LOOP, turns=["L.angle"]), problem, ["loop.L.angle"])
-    assert counted["loop.L.angle"].values[-1] == pytest.approx(SPEED, abs=1e-9)

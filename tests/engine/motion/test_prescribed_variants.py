@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.kinematics.variant_motion import VariantClosure
-from pinarm.engine.mechanism import alike_variants, mechanism_variants
+from pinarm.engine.mechanism import mechanism_variants
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
-from pinarm.engine.motion.variants import DrivesOfVariants, PrescribedVariants
-from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.engine.motion.variants import PrescribedVariants
 from pinarm.use.mechanism import Mechanism
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
@@ -52,16 +50,3 @@ def test_states_and_efforts_are_those_of_each_alone(name: str, argument: str, fa
             lam[:, min(k, lam.shape[1] - 1)], np.asarray(alone.lam),
             atol=ROUNDING * np.abs(alone.tau).max() * 100,  # forces [N] of torques at levers of 0.1 m
         )  # fmt: skip
-
-
-def test_efforts_that_are_not_determined_are_no_numbers() -> None:
-    """A drive at O alone holds the arm where nothing turns the second rod."""
-    mechanism = pinarm.load(SCENARIOS / "gen411_arm_static.yaml").mechanism
-    variants = alike_variants(mechanism, 3)
-    held = mechanism.coordinates["O"]
-    assert isinstance(held, LinearCoordinate) and isinstance(variants.closure, VariantClosure)
-    demand = np.array([[[1.0, 0.0], [1.0, 1.0], [2.0, 0.0]]])
-    drives = DrivesOfVariants({"O": held}, {}, variants.closure, variants.closure)
-    tau, _ = drives.efforts(np.zeros(1), np.zeros((1, 1, 2)), demand)
-    np.testing.assert_allclose(tau[0, [0, 2]], demand[0, [0, 2]], rtol=1e-13)
-    assert np.isnan(tau[0, 1]).any()

@@ -75,14 +75,6 @@ def test_a_motion_from_rest_to_rest_has_the_friction_of_the_motion_at_its_ends(f
     assert any("in 2 of 101 rows a joint is at rest for an instant" in note for note in result.notes())
 
 
-@pytest.mark.parametrize("given", [True, False])
-def test_a_gear_that_lowers_a_load_has_the_losses_of_the_motion_at_its_ends(lifting, given):
-    t = np.linspace(0.0, 1.0, 101)
-    q, v, a = rest_to_rest(t, 0.0, 1.0, -0.8)
-    result = recorded(lifting, "drive.s.torque", t, 0.4 + q, *((v, a) if given else ()))
-    assert result["drive.s.torque"].values == pytest.approx(motor_torque(0.4 + q, a, -1.0), abs=1e-9)
-
-
 @pytest.mark.parametrize("pulsation", [2 * np.pi, 3.0])
 @pytest.mark.parametrize("rows", [81])
 @pytest.mark.parametrize("given", [True, False])

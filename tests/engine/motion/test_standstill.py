@@ -50,15 +50,6 @@ def test_at_the_ends_of_a_motion_it_is_that_of_the_motion(arm, law, samples):
         assert alone.direction(0).tolist() == [wanted], (interval, t)
 
 
-@pytest.mark.parametrize("periods", [1, 4])
-def test_a_swing_that_starts_at_the_end_of_its_stroke_is_about_to_go_back(arm, periods):
-    """The speeds of all rows are rounding: they are judged against those between the rows."""
-    law = Harmonic(amplitude=1.0, pulsation=2.0 * np.pi, phase=0.5 * np.pi)
-    run = outcome(Inverse(time=TimeGrid(end=periods, samples=periods + 1), motion={"arm": law}), arm).rows
-    assert 0.0 < np.abs(run.v[:, 0]).max() < 1e-14
-    assert run.direction(0).tolist() == [-1.0] * periods + [1.0]
-
-
 def test_efforts_that_hold_give_no_direction(two_arms):
     """The accelerations that they leave are rounding of gravity's, 29 rad/s^2 or less."""
     q = np.random.default_rng(2).uniform(-3.0, 3.0, (200, 2))
@@ -73,19 +64,6 @@ def test_a_state_at_rest_is_about_to_move(arm, acceleration):
     """Weight 1 kg at 0.5 m, inertia 0.35 kg*m^2: lowered it drives the motor."""
     rows = outcome(State(hold={"arm": 0.0}, acceleration={"arm": acceleration}), arm).rows
     assert rows.direction(0).tolist() == [np.sign(acceleration)]
-
-
-@pytest.mark.parametrize("law", DOWN, ids=["trapezoid", "cycloidal", "fifth degree", "seventh degree"])
-def test_friction_at_the_ends_of_a_motion_is_that_of_the_motion(mechanism, chain, law):
-    """Against the arm that goes down: 1 N*m; at rest before and after the table has none."""
-    arm = mechanism(chain({"name": "arm", "axis": "0 -1 0"}), friction={"arm": {"constant": "1 N*m"}})
-    solved = outcome(Inverse(time=TimeGrid(end=3.0, samples=7), motion={"arm": law}), arm)
-    cuts, begin, end = solved.rows.grid.cuts, law.breakpoints()[0], law.breakpoints()[-1]
-    for interval, t, wanted in (
-        (0, begin, 0.0), (1, begin, 1.0), (len(cuts) - 3, end, 1.0), (len(cuts) - 2, end, 0.0),
-    ):  # fmt: skip
-        alone = on_interval(solved.motion, cuts, interval, np.array([t]))
-        assert alone.columns["joint.arm.friction"].values[0] == wanted, (interval, t)
 
 
 def test_a_slip_that_is_zero_but_for_rounding_has_no_friction(mechanism, chain):

@@ -46,18 +46,3 @@ def test_of_a_loop_only_what_is_determined_is_told() -> None:
     for name in ("loop.B.force.axial", "loop.B.moment.radial"):
         with pytest.raises(InputError, match="hyperstatic"):
             _ = result[name]
-
-
-@pytest.mark.parametrize(
-    "name", ["loop.B.force.axial", "point.A.velocity.axial", "joint.theta.force.along.crank.axial"]
-)
-def test_what_has_no_axis_has_no_axial_load(name: str) -> None:
-    result = pinarm.run("scenarios/rssr_turning.yaml")
-    assert not [known for known in result.quantities.names() if known.startswith("loop") and known.endswith("axial")]
-    with pytest.raises(InputError, match="there is no quantity"):
-        _ = result[name]
-
-
-def test_places_between_rows_keep_the_least_multipliers() -> None:
-    result = pinarm.run("scenarios/slider_crank_gas.yaml", {"undetermined": "minimum_norm"})
-    assert result.number("loop.B.force.axial @ start")[0] == pytest.approx(result["loop.B.force.axial"].values[0])

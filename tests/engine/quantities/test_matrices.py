@@ -55,15 +55,6 @@ def test_rates_of_quantities_are_jacobians_times_velocities(name, random):
         assert mechanism.jacobian(f"joint.{ball}", q) @ v == pytest.approx(np.array(expected), abs=0.0)
 
 
-def test_a_link_and_its_own_axes_are_as_in_pinocchio(random):
-    panda = Mechanism.load("panda")
-    q = random.normal(size=9)
-    data, frame = panda.model.createData(), panda.model.getFrameId("panda_hand")
-    for name, reference in (("panda_hand", pin.LOCAL_WORLD_ALIGNED), ("panda_hand.along.panda_hand", pin.LOCAL)):
-        expected = pin.computeFrameJacobian(panda.model, data, q, frame, reference)
-        assert panda.jacobian(name, q) == pytest.approx(expected, abs=1e-14)
-
-
 def test_the_mass_matrix_gives_efforts_and_energy(arm, random):
     """Columns are efforts for unit accelerations less those for none; vMv/2 is the kinetic energy."""
     q, v = random.normal(size=(2, 6, 2))

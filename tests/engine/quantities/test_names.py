@@ -65,14 +65,6 @@ def test_points_move_as_trigonometry_says(found, tip):
         assert found[f"point.A.{rate}.norm"].values == pytest.approx(np.hypot(*tip[k]), abs=1e-13)
 
 
-def test_coordinates_are_their_laws(run, found):
-    s, ds, dds = MOTION["phi"].on(0.0, 2.0)(run.grid.t)
-    for rate, expected in (("position", s), ("velocity", ds), ("acceleration", dds)):
-        assert found[f"coordinate.phi.{rate}"].values == pytest.approx(expected, abs=1e-13)
-    assert np.array_equal(found["phi"].values, found["coordinate.phi.position"].values)
-    assert np.array_equal(found["joint.O.velocity"].values, run.v[:, 0])
-
-
 def test_pin_at_the_motor_carries_rod_and_load(run, found, tip):
     """Newton's law for all that hangs on B: rod, load and motor."""
     theta = np.array(MOTION["O"].on(0.0, 2.0)(run.grid.t))
@@ -106,23 +98,6 @@ def test_formulas_combine_quantities_symbols_and_arguments(run, found):
     assert own.figure("twice + 1") == pytest.approx(2 * run.tau[:, 1] + 1)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "joint.Q.position",
-        "joint.O.force.w",
-        "energy.sum",
-        "drive.none.torque",
-        "coordinate.phi.jerk",
-        "nothing",
-        "joint.O",
-    ],
-)
-def test_unknown_names_are_refused(found, name):
-    with pytest.raises(InputError):
-        found[name]
-
-
 def test_a_symbol_that_needs_itself_is_refused(run):
     symbols = {"one": Expression.parse("two + 1"), "two": Expression.parse("one - 1")}
     with pytest.raises(InputError, match="defined by itself: one -> two"):
@@ -142,18 +117,6 @@ def test_a_name_of_several_things_is_refused(run, name, asked, message):
     mechanism = replace(run.mechanism, arguments={**run.mechanism.arguments, name: 1.0})
     with pytest.raises(InputError, match=message):
         Quantities(replace(run, mechanism=mechanism))[asked]
-
-
-def test_a_symbol_for_a_coordinate_is_refused_and_one_for_a_constant_taken(run):
-    with pytest.raises(InputError, match="'phi' is a symbol and a coordinate"):
-        Quantities(run, {"phi": Expression.parse("2*C_B")})["phi + 1"]
-    assert (Quantities(run, {"pi": Expression.parse("3")})["2*pi"].values == 6.0).all()
-
-
-def test_a_misspelt_name_comes_with_the_right_one(found):
-    with pytest.raises(InputError) as caught:
-        found["joint.O.efort"]
-    assert caught.value.hint == "joint.O.effort"
 
 
 SLIDE = """<robot name="slide"><link name="base"/><link name="carriage"><inertial><mass value="2"/>
@@ -195,15 +158,6 @@ def test_a_joint_with_the_name_of_something_else_is_not_taken_for_it(tmp_path, j
     assert caught.value.message == message
     assert found[f"joint.{joint}.position"].values == pytest.approx(run.q[:, 0], abs=0.0)
     assert found.parameter.values == pytest.approx(run.grid.t, abs=0.0)
-
-
-@pytest.mark.parametrize("joint", ["along", "joint", "sin", "1e3", "-t"])
-def test_words_of_the_language_may_name_a_joint(tmp_path, joint):
-    run = slide(tmp_path, joint)
-    found = Quantities(run)
-    assert found[joint].values == pytest.approx(run.q[:, 0], abs=0.0)
-    assert found[f"joint.{joint}.force.z"].values == pytest.approx(2.0 * G, abs=1e-13)
-    assert found[f"joint.{joint}.moment.about.base.x"].values == pytest.approx(0.0, abs=1e-13)
 
 
 SPRUNG = """pinarm: 1

@@ -57,18 +57,6 @@ def test_efforts_accelerations_and_quantities_keep_the_leading_axes(case):
         assert found[name].values == pytest.approx(rows[name].values.reshape(3, 4), rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize(("shapes", "message", "expected"), [
-    (((3, 4, 3), (3, 4, 2), (3, 4, 2)), r"q has the shape \(3, 4, 3\)", "(..., 2)"),
-    (((3, 4, 2), (12, 2), (3, 4, 2)), r"q: \(3, 4, 2\), v: \(12, 2\), a: \(3, 4, 2\)", "same axes"),
-    (((), (2,), (2,)), r"q has the shape \(\)", "(..., 2)"),
-])  # fmt: skip
-def test_shapes_that_do_not_fit_are_refused(shapes, message, expected):
-    mechanism, *_ = arm()
-    with pytest.raises(InputError, match=message) as caught:
-        mechanism.inverse(*map(np.zeros, shapes))
-    assert expected in caught.value.expected
-
-
 def test_the_state_that_tears_a_loop_is_told_by_its_place():
     mechanism, *states, drives = four_bar()
     q, v, a = (x.reshape(3, 4, -1) for x in states)

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog, lsq_linear
 
 from pinarm.engine.statics.effort_distribution import SharedEfforts
-from pinarm.errors import DrivesError, DynamicsError
+from pinarm.errors import DrivesError
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.joints import METRE, RADIAN
 
@@ -34,10 +34,6 @@ def problem(f, d, seed):
 def solved(ways, load, weights, limits):
     effort, good = SharedEfforts(weights, limits).efforts(ways[None], load[None], np.array([1e-9]), np.zeros(1))
     return effort[0], bool(good[0])
-
-
-def unlimited(d):
-    return np.array([[-np.inf], [np.inf]]) * np.ones(d)
 
 
 def feasible(ways, load, limits):
@@ -76,29 +72,6 @@ def test_efforts_within_limits_are_the_least_there_are(f, d):
     assert refused >= 3
 
 
-@pytest.mark.parametrize(("f", "d"), SIZES)
-def test_without_limits_they_are_the_weighted_pseudo_inverse(f, d):
-    """``x = W^-2 A^T (A W^-2 A^T)^-1 b``."""
-    for seed in SEEDS:
-        ways, load, weights, _ = problem(f, d, seed)
-        x, good = solved(ways, load, weights, unlimited(d))
-        inverse = np.diag(weights**-2.0)
-        expected = inverse @ ways.T @ np.linalg.solve(ways @ inverse @ ways.T, load)
-        assert good
-        assert x == pytest.approx(expected, rel=1e-8, abs=1e-8 * np.abs(expected).max())  # squared condition
-
-
-def test_a_drive_at_its_limit_leaves_the_rest_to_the_other():
-    """``x_1 + r x_2 = b``: unlimited ``b / (1 + r^2)`` and ``r b / (1 + r^2)``."""
-    r, load = 0.5, 10.0
-    for limit, expected in ((5.0, (8.0, 4.0)), (3.0, (8.5, 3.0))):
-        x, good = solved(
-            np.array([[1.0, r]]), np.array([load]), np.ones(2), np.array([[-np.inf, -limit], [np.inf, limit]])
-        )
-        assert good
-        assert x == pytest.approx(expected, rel=1e-13)
-
-
 def drives(d):
     units = RADIAN, METRE
     return {f"D{i}": LinearCoordinate(units[i % 2], np.eye(d)[i], np.arange(d)) for i in range(d)}
@@ -117,15 +90,6 @@ def test_what_is_refused_is_beyond_the_limits(f, d):
     for ways, load, weights, limits in beyond:
         assert isinstance(refused(ways, load, weights, limits), DrivesError)
         assert not feasible(ways, load, limits)
-
-
-def test_a_motion_that_no_drive_acts_on_is_refused():
-    ways = np.array([[1.0, 2.0, 3.0], [2.0, 4.0, 6.0]])
-    given = ways, np.array([1.0, 2.0]), np.ones(3), unlimited(3)
-    assert not solved(*given)[1]
-    error = refused(*given)
-    assert isinstance(error, DynamicsError)
-    assert "dead point" in error.message
 
 
 @pytest.mark.parametrize(("kilogram", "metre"), [(1.0, 1.0), (1e6, 1e-3), (1e-6, 1e3)])

@@ -77,22 +77,3 @@ def test_the_contact_is_on_the_envelope_of_the_followers_positions(point, surfac
     along = 1j * normals[2]
     psi = (np.conj(normals[2]) * turned).imag
     assert (np.conj(along) * tangent).real == pytest.approx(found.radius * psi, rel=1e-8, abs=1e-9)
-
-
-@pytest.mark.parametrize("point", [SLIDING, TURNING], ids=["sliding", "turning"])
-@pytest.mark.parametrize("surface", [{"radius": 0.008}, {"face": 1j}], ids=["roller", "face"])
-def test_slip_is_the_relative_velocity_and_its_rate(point, surface):
-    """Along the normal the follower's material point moves as that of the cam; along the tangent it slips."""
-    profile, follower = (swing if point is TURNING else harmonic), replace(point, **surface)
-
-    def slip(alpha):
-        y, dy, ddy = profile(alpha)
-        touch = follower.touch(y, dy, ddy)
-        return touch, touch.velocity * dy - 1j * touch.point
-
-    touch, relative = slip(ALPHA)
-    assert (np.conj(touch.normal) * relative).real == pytest.approx(0.0, abs=1e-15)
-    assert touch.slip == pytest.approx((np.conj(touch.tangent) * relative).real, rel=1e-12)
-    h = 1e-5
-    numeric = (slip(ALPHA + h)[0].slip - slip(ALPHA - h)[0].slip) / (2 * h)
-    assert touch.slip_rate == pytest.approx(numeric, abs=1e-9)

@@ -101,18 +101,6 @@ def test_states_that_tear_a_coupling_are_refused_by_name(pair):
         robot.inverse(q, np.zeros(robot.model.nv), np.zeros(robot.model.nv))
 
 
-def test_a_follower_may_carry_the_drive_where_it_is_named():
-    panda = Mechanism.load("panda")
-    arm = [f"panda_joint{k}" for k in range(1, 8)]
-    q = panda.configurations({"panda_joint2": 1.0})
-    still = np.zeros_like(q)
-    tip = panda.rates({"panda_finger_joint1": 1.0, "panda_finger_joint2": 1.0})
-    leading = panda.inverse(q, still, tip)
-    following = panda.inverse(q, still, tip, drives=[*arm, "panda_finger_joint2"])
-    assert following[:7] == pytest.approx(leading[:7], abs=1e-12)
-    assert following[[8, 7]] == pytest.approx(leading[[7, 8]], abs=1e-12)
-
-
 HOIST = """\
 <robot name="hoist"><link name="base"/>
   <joint name="one" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint>
@@ -144,15 +132,3 @@ def hoist(tmp_path):
         "outputs: [coupling.mesh.effort, coupling.mesh.radial, coupling.mesh.force.y]\n"
     )
     return tmp_path / "s.yaml"
-
-
-def test_wheels_that_are_locked_for_the_solution_bear_on_each_other_all_the_same(hoist):
-    result = pinarm.load(hoist).run()
-    assert [one.joint for one in result.removals] == ["one", "two"]
-    moment, tangential = 3.0 * 9.81 * 0.2, 3.0 * 9.81 * 0.2 / 0.1  # drum of 0.1 m, the mesh is left of it
-    assert result["coupling.mesh.effort"].values == pytest.approx(moment, rel=1e-13)
-    assert result["coupling.mesh.force.y"].values == pytest.approx(-tangential, rel=1e-13)
-    assert result["coupling.mesh.radial"].values == pytest.approx(tangential * np.tan(np.deg2rad(20.0)), rel=1e-13)
-    assert result["joint.two.force.y"].values == pytest.approx(3.0 * 9.81 + tangential, rel=1e-12)
-    assert result["joint.two.effort"].values == pytest.approx(moment, rel=1e-13)
-    assert result["joint.one.effort"].values == pytest.approx(-2.0 * moment, rel=1e-13)

@@ -9,7 +9,7 @@ from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.joint_forces import JointEffort
-from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
+from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
 
@@ -144,16 +144,6 @@ class TestHelicalWheels:
         assert found["joint.one.force.z"].values[0] / self.LBF == pytest.approx(-hand * 462.0, abs=0.5)
         assert axial == pytest.approx(-hand * 462.0, abs=0.5)
 
-    def test_the_thrust_tilts_the_wheel(self, mechanism):
-        """Moment of the bearing about the axis that is normal to the shafts' plane: thrust times pitch radius."""
-        wheels = robot(disc("one", 0.3), disc("two", 0.05, "0.15 0 0"))
-        mesh = gear("one", "two", -2.0, helix_angle="30 deg")
-        found = loaded(mechanism(wheels, gravity="none", couplings={"mesh": mesh}), {"two": 0.0}, {"one": 20.0})
-        thrust = 200.0 * np.tan(np.deg2rad(30.0))
-        assert found["joint.one.force.z"].values == pytest.approx(-thrust, rel=1e-12)
-        assert found["joint.one.moment.y"].values == pytest.approx(0.1 * thrust, rel=1e-12)  # of -x z = -0.1 thrust
-        assert found["joint.two.moment.y"].values == pytest.approx(0.05 * thrust, rel=1e-12)
-
 
 def test_bevel_wheels_share_the_separating_force_by_their_cones(mechanism):
     """Straight bevel wheels, 20 deg: radial ``Wt tan(phi) cos(gamma)``, axial ``Wt tan(phi) sin(gamma)`` of the pinion.
@@ -191,12 +181,6 @@ class TestPlanetary:
         }
         return mechanism(robot(*parts), gravity="none", couplings=couplings, **more)
 
-    def test_speeds_by_willis(self, mechanism):
-        run = driven(self.built(mechanism), {"sun": ConstantSpeed(speed=7.0), "arm": ConstantSpeed(speed=3.0)})
-        speeds = {name: run.v[-1, joint.v] for name, joint in run.mechanism.joints.items()}
-        assert speeds["ring"] - 3.0 == pytest.approx(-self.SUN / self.RING * (7.0 - 3.0), rel=1e-14)
-        assert speeds["planet"] == pytest.approx(-self.SUN / self.PLANET * (7.0 - 3.0), rel=1e-14)
-
     def test_torques_at_rest(self, mechanism):
         """``T_sun : T_arm : T_ring = 1 : -(1 + z3/z1) : z3/z1``; the pin of the planet bears two tooth forces."""
         found = loaded(self.built(mechanism), {"arm": 0.0, "ring": 0.0}, {"sun": 12.0})
@@ -221,22 +205,6 @@ class TestPlanetary:
         felt = (0.02 + 0.084**2 + 0.01 * (1 + self.RING / self.SUN) ** 2
                 + 0.004 * (self.RING / self.PLANET - 1.0) ** 2)  # fmt: skip
         assert run.a[:, box.joints["arm"].v] == pytest.approx(2.0 / felt, rel=1e-11)
-
-    def test_planets_that_are_no_links_turn_and_do_not_push(self, mechanism):
-        parts = [disc("sun", 0.01), disc("arm", 0.02), disc("ring", 0.2)]
-        box = {
-            "kind": "gear",
-            "joints": ["sun", "ring"],
-            "ratio": -self.SUN / self.RING,
-            "carrier": "arm",
-            "planets": 3,
-        }
-        found = loaded(mechanism(robot(*parts), gravity="none", couplings={"box": box}), {"arm": 0.0, "ring": 0.0},
-                       {"sun": 12.0})  # fmt: skip
-        assert found["joint.arm.effort"].values == pytest.approx(-12.0 * (1 + self.RING / self.SUN), rel=1e-13)
-        for joint, effort in (("sun", 12.0), ("arm", -42.0), ("ring", 30.0)):
-            assert vector(found, f"joint.{joint}.force") == pytest.approx(np.zeros(3), abs=1e-13)
-            assert vector(found, f"joint.{joint}.moment") == pytest.approx([0.0, 0.0, effort], abs=1e-12)
 
 
 REFUSED = {

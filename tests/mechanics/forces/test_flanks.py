@@ -144,17 +144,6 @@ def test_flanks_with_a_damper_break_a_joint_loose_as_they_touch(servo):
     assert result.figures["energy"] < 1e-7
 
 
-@pytest.mark.parametrize("damping", [3e-4, 0.3])
-def test_a_damper_acts_from_the_instant_on_at_which_flanks_touch(servo, damping):
-    """Rotor and load by the matrix exponential from there on, while the flank pushes: ``w'' = -(K w + c w') both``."""
-    u, after, both = 2.0, 0.06, 1.0 / OWN + 1.0 / LOAD
-    start = {"velocity": {"servo.rotor": f"{u} rad/s"}}
-    mechanism = servo(damping, backlash=f"{BACKLASH} rad")
-    result = run(mechanism, end=f"{0.5 * BACKLASH / u + after} s", start=start, outputs=("x",))
-    a = np.array([[0.0, 1.0, 0.0], [-K * both, -damping * both, 0.0], [K / LOAD, damping / LOAD, 0.0]])
-    assert result["joint.x.velocity"].values[-1] == pytest.approx((expm(a * after) @ [0.0, u, 0.0])[2], abs=2e-7)
-
-
 def test_the_motor_of_an_elastic_gear_is_not_taken_for_a_rigid_one(servo):
     law = {"x": {"law": "harmonic", "amplitude": "0.3 rad", "pulsation": "5 rad/s"}}
     inverse = {"pinarm": 1, "mechanism": servo(), "outputs": ["drive.servo.torque"], "problem": {
@@ -174,17 +163,3 @@ def test_the_motor_of_an_elastic_gear_is_not_taken_for_a_rigid_one(servo):
 def test_mistakes_are_told(servo, keys, said):
     with pytest.raises(InputError, match=said):
         servo(**keys)
-
-
-def test_the_effort_of_the_joint_is_what_the_gear_gives_in_every_kind_of_problem(servo):
-    """``k w + c w'`` of a motor that is off; ``I a`` of a joint that is driven beside its gear too."""
-    at, rate, a = {"x": "0.1 rad", "servo.rotor": "0.3 rad"}, {"x": "1 rad/s", "servo.rotor": "1.5 rad/s"}, 3.0
-    names = ("joint.x.effort", "joint.x.link_effort", "joint.x.power")
-    off = run(servo(0.4), start={"position": at, "velocity": rate}, outputs=names)
-    gives = K * 0.2 + 0.4 * 0.5
-    assert [off[name].values[0] for name in names] == pytest.approx([gives, gives, gives * 1.0], rel=1e-14)
-    given = {"kind": "state", "hold": at, "velocity": rate,
-             "acceleration": {"x": f"{a} rad/s^2", "servo.rotor": "1 rad/s^2"}}  # fmt: skip
-    both = pinarm.run({"pinarm": 1, "mechanism": servo(0.4), "outputs": list(names), "problem": given})
-    needs = LOAD * a
-    assert [both[name].values[0] for name in names] == pytest.approx([needs, needs, needs * 1.0], rel=1e-12)

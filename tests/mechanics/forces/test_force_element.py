@@ -79,8 +79,6 @@ SAMPLES = {
     ],
 }  # fmt: skip
 ALONG = {"apart": Distance(between=("post", "slide_link")), "across": PointCoordinate("slide_link", (1.0, 2.0, 1.0))}
-FORCES = [force for samples in SAMPLES.values() for force in samples]
-AT_JOINTS = [force for force in FORCES if hasattr(force, "joint")]
 AT_POINTS = [
     force for samples in SAMPLES.values() for force in samples if isinstance(force, PointSpring | Bushing | Wrench)
 ]
@@ -136,23 +134,6 @@ def test_power_of_the_load_is_what_leaves_the_potential_and_is_not_dissipated(fo
 
 
 @every_force
-def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints):
-    element, n = made(force, model, joints), 20
-    t = np.linspace(0.2, 0.8, n)
-    q, v = motion(t)
-    many = load(element, t, q, v), element.potential_energy(q), element.dissipated_power(t, q, v)
-    for k in range(len(t)):
-        one = (
-            load(element, t[k], q[k], v[k]),
-            element.potential_energy(q[k]),
-            element.dissipated_power(t[k], q[k], v[k]),
-        )
-        for together, alone in zip(many, one, strict=True):
-            assert together[k] == pytest.approx(alone, rel=1e-13, abs=1e-13)
-    assert [x.shape for x in many] == [(n, 2), (n,), (n,)]
-
-
-@every_force
 def test_complex_steps_give_the_derivatives_of_the_load(force, model, joints, differentiate):
     """Against real differences of order 8; no sample is at a kink in this state."""
     element, (q, v) = made(force, model, joints), motion(0.37)
@@ -165,14 +146,6 @@ def test_complex_steps_give_the_derivatives_of_the_load(force, model, joints, di
         for power in (element.potential_energy, lambda x: element.dissipated_power(0.37, x, x - q + v)):
             of_both = differentiate(lambda x, way=way, power=power: power(q + x * way), 0.0, h=2e-3)
             assert power(q + 1e-30j * way).imag / 1e-30 == pytest.approx(of_both, abs=1e-8)
-
-
-def test_load_acts_at_the_named_joint_only(model, joints):
-    q, v = motion(0.5)
-    for force in AT_JOINTS:
-        other = 1 - joints[force.joint].v
-        assert load(made(force, model, joints), 0.5, q, v)[other] == 0.0, force
-        assert wrenches_of(made(force, model, joints), model, 0.5, q, v) == {}, force
 
 
 @at_points
@@ -191,22 +164,6 @@ def test_wrenches_on_the_links_make_up_the_load(force, model, joints):
     names = {model.names[joint] for joint in wrenches}
     ends = (force.point,) if isinstance(force, Wrench) else force.between
     assert names == {"universe" if end == "post" else end.removesuffix("_link") for end in ends}
-
-
-@pytest.mark.parametrize(
-    ("force", "names"),
-    [
-        *((PointSpring(between=ends), ends) for ends in [("pots", "turn_link"), ("post", "pots")]),
-        (Wrench(point="pots"), None),
-        (Wrench(point="post", axes="pots"), None),
-        (Wrench(point="post", axes="wrold"), None),
-        (Wrench(point="turn"), None),  # a joint
-    ],
-)
-def test_unknown_links_are_refused(force, names, model, joints):
-    with pytest.raises(InputError, match=r"no link '(pots|wrold|turn)'") as caught:
-        force.bind(model, joints)
-    assert "turn_link" in caught.value.expected
 
 
 class TestEffortOverACoordinate:
@@ -243,7 +200,3 @@ class TestEffortOverACoordinate:
         with pytest.raises(InputError, match=message) as caught:
             push.bind(model, joints)
         assert caught.value.path == ("period",)
-
-    def test_a_period_needs_a_coordinate(self):
-        with pytest.raises(InputError, match="a law over time has no period"):
-            JointEffort(joint="turn", effort=Constant(value=1.0), period=2.0)

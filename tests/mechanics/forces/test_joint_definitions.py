@@ -2,18 +2,11 @@
 
 import pytest
 
-from pinarm.errors import InputError, UnitError
+from pinarm.errors import UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured
-from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
+from pinarm.mechanics.forces.joint_forces import JointSpring, RegularisedFriction
 from pinarm.mechanics.forces.points import PointSpring
-from pinarm.mechanics.laws import Harmonic
-
-
-@pytest.mark.parametrize("speeds", [(0.0,), (0.0, 0.0), (0.0, 2.0, 1.0)])
-def test_a_curve_that_descends_is_refused(speeds):
-    with pytest.raises(InputError, match="velocities of the curve do not ascend"):
-        TorqueSpeed(joint="turn", curve=[(speed, 1.0) for speed in speeds])
 
 
 def measured(value, text):
@@ -34,16 +27,6 @@ def test_springs_check_their_units_against_the_joint(model, joints, joint, other
     JointSpring(joint=joint, **{field: measured(1.0, UNITS[joint][field])}).bind(model, joints)
     with pytest.raises(UnitError, match="not a unit of this quantity"):
         JointSpring(joint=joint, **{field: measured(1.0, UNITS[other][field])}).bind(model, joints)
-
-
-@pytest.mark.parametrize(("joint", "right", "wrong"), [("turn", "N*m", "N"), ("slide", "kN", "N*m")])
-def test_efforts_check_their_units_against_the_joint(model, joints, joint, right, wrong):
-    def effort(text):
-        return JointEffort(joint=joint, effort=Harmonic(amplitude=measured(1.0, text), pulsation=1.0))
-
-    effort(right).bind(model, joints)
-    with pytest.raises(UnitError, match="not a unit of this quantity"):
-        effort(wrong).bind(model, joints)
 
 
 @pytest.mark.parametrize(("kind", "given"), [

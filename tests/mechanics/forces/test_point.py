@@ -7,10 +7,9 @@ import pytest
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.points import PointSpring, Wrench
 from pinarm.mechanics.joints import frame_of, joints_of
-from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loading.pinocchio_model import build_model
 
-from .test_force_element import SAMPLES, load, motion, wrenches_of
+from .test_force_element import load, wrenches_of
 
 
 @pytest.mark.parametrize("point", ["slide_link", "turn_link"])
@@ -36,21 +35,6 @@ def test_load_of_a_wrench_is_its_virtual_work(model, joints, differentiate, poin
         expected = (given @ force) @ change[:3] + (given @ moment) @ change[3:]
         # differences of order 8 at h = 0.02
         assert load(element, 0.5, q, np.zeros(2))[k] == pytest.approx(expected, abs=1e-11)
-
-
-def test_a_wrench_follows_its_factor(model, joints):
-    q, v = motion(0.0)
-    plain, varied = (
-        Wrench(point="slide_link", force=(1.0, 2.0, 3.0), **factor).bind(model, joints).on(0.0, 1.0)
-        for factor in ({}, {"factor": Harmonic(amplitude=2.0, pulsation=3.0)})
-    )
-    for t in (0.1, 0.7):
-        scale = 2.0 * np.sin(3.0 * t)
-        assert load(varied, t, q, v) == pytest.approx(scale * load(plain, t, q, v), abs=1e-14)
-        [one], [other] = (wrenches_of(element, model, t, q, v).values() for element in (varied, plain))
-        assert one == pytest.approx(scale * other, abs=1e-14)
-    with pytest.raises(ValueError, match="on an interval of time"):
-        load(SAMPLES[Wrench][3].bind(model, joints), 0.5, q, v)
 
 
 @pytest.fixture

@@ -51,13 +51,3 @@ def test_stribecks_transition_begins_at_rest_and_ends_in_slip():
     assert constant == pytest.approx(2.0 + 3.0 * share + np.array([0.0, 0.07, 7.0]), rel=1e-15)
     assert law.resting == (0.3, 5.0)
     assert [float(x) for x in FrictionLaw(0.1, 0.3, 2.0, 5.0).slipping(0.0)] == [0.1, 2.0]
-
-
-def test_normal_forces_along_lines_have_signs():
-    """In a plane, a guide along x carries F_y and, its two bearings apart, the moment about z."""
-    guide, axis = Bearing.guide(np.array([1.0, 0.0, 0.0]), span=0.5), np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    wrenches = np.array([3.0 * axis, -2.0 * axis, [7.0, 0.0, 0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 1e-17, 0.0, 0.0, 0.0]])
-    signed = guide.along_lines(wrenches)
-    for factors in ([1.0, 2.0, 0.0, 1.0], [1.0, 0.0, -5.0, 0.5], [0.3, 1.0, 1.0, 0.0]):
-        assert np.abs(signed @ factors).sum() == pytest.approx(guide.load(factors @ wrenches), rel=1e-14)
-    assert guide.along_lines(np.array([axis, [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])) is None

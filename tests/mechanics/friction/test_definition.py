@@ -9,12 +9,10 @@ import pinarm
 from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured
-from pinarm.mechanics.friction.contact import slip_drifts, slip_rows
 from pinarm.mechanics.friction.definition import Friction
 
 CHAIN = ({"name": "turn", "axis": "0 1 0"}, {"name": "slide", "kind": "prismatic", "axis": "0.6 0 0.8"},
          {"name": "end", "axis": "0 1 0", "at": "1 0 0"})  # fmt: skip
-LOOPS = {"pin": {"kind": "revolute", "between": ["base", "end_link"], "axis": "y"}}
 
 
 @pytest.mark.parametrize(("given", "said"), [
@@ -51,21 +49,6 @@ def test_friction_of_the_file_takes_the_place_of_that_of_the_model(chain, mechan
     regularised = mechanism(text, creep="0.01 rad/s")
     assert regularised.frictions == ()
     assert "joint friction" in regularised.forces
-
-
-def test_slips_are_rates_of_joints_and_of_loop_joints(chain, mechanism):
-    """A planar chain: the loop joint turns by the sum of the turns before it."""
-    built = mechanism(chain(*CHAIN), loops=LOOPS, friction={"end": {"constant": "1 N*m"}, "pin": {"constant": "1 N*m"}})
-    q, v = np.array([[0.3, 0.2, -0.4]]), np.array([[1.0, 2.0, 4.0]])
-    rows = slip_rows(built.model, built.frictions, q)
-    assert rows[0] @ v[0] == pytest.approx([4.0, 5.0], rel=1e-14)
-    assert slip_drifts(built.model, built.frictions, q, v)[0] == pytest.approx([0.0, 0.0], abs=1e-13)
-
-
-def test_a_loop_joint_whose_surfaces_are_not_known_has_no_friction(chain, mechanism):
-    loops = {"plate": {"kind": "planar", "between": ["base", "end_link"]}}
-    with pytest.raises(InputError, match="the loop joint 'plate' is of the kind planar"):
-        mechanism(chain(*CHAIN), loops=loops, friction={"plate": {"constant": "1 N*m"}})
 
 
 def test_a_ball_and_a_sleeve_say_their_sizes(chain, mechanism):

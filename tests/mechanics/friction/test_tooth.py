@@ -86,14 +86,6 @@ def test_the_loss_is_that_of_the_formula():
     assert found.mean_distance * (1.0 / base + 1.0 / base) == pytest.approx(expected, rel=1e-12)
 
 
-def test_pointed_teeth_are_refused(gear):
-    """``pi m / 2 = 2 m tan alpha``: 38.1 deg. Close to 90 deg the pairs in contact took all memory."""
-    gear(pressure_angle="38.1 deg")
-    for angle in ("38.2 deg", "89.999999999 deg"):
-        with pytest.raises(InputError, match="are pointed below their addendum"):
-            gear(pressure_angle=angle)
-
-
 WHEELS = ({"name": "one", "axis": "0 0 1"}, {"name": "two", "axis": "0 0 1"})
 RATIO = -18.0 / 42.0
 LOSS = {"teeth": {"mu": 0.06, "teeth": 18}}

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.mechanics.geometry.frame_pairs import FramePairs
-from tests.mechanics.geometry.random_variants import random_variants
 
 JOINTS = (
     pin.JointModelRX, pin.JointModelSpherical, pin.JointModelFreeFlyer, lambda: pin.JointModelHY(0.3), pin.JointModelPZ,
@@ -88,14 +87,3 @@ def test_the_distance_from_the_origin_costs_no_digits() -> None:
     for one, other in zip(*both, strict=True):
         for x, y in zip(one, other, strict=True):
             np.testing.assert_array_equal(x, y)
-
-
-def test_complex_steps_give_the_slopes() -> None:
-    """``dp/dq`` along the joints with one coordinate is the linear part of the motion, turned by that of frame 1."""
-    pin.seed(2)
-    _, (model, *_) = random_variants(np.random.default_rng(2), 6, 1)
-    ground, second = 0, model.getFrameId("link 5")
-    q, pairs = np.random.default_rng(3).normal(size=6), FramePairs.between(model, ground, second)
-    slopes = pairs.at_configurations(q + 1e-30j * np.eye(6)).p[:, 0].imag / 1e-30
-    np.testing.assert_allclose(slopes[:, pairs.velocities[:, 0]], pairs.at_configurations(q[None]).linear[:, :, 0, 0],
-                               atol=1e-14)  # fmt: skip

@@ -1,6 +1,5 @@
 """Evaluated states: what they hold is Pinocchio's, and no state overwrites another."""
 
-import gc
 from pathlib import Path
 from threading import Thread
 
@@ -22,25 +21,6 @@ def model():
 
 def random_states(model, n):
     return np.random.default_rng(0).normal(size=(n, 2, model.nv))
-
-
-def test_a_state_holds_the_jacobians_and_drifts_of_pinocchio(model):
-    q, v = random_states(model, 1)[0]
-    state, data, frame = Kinematics.at(model, q, v), model.createData(), len(model.frames) - 1
-    right = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)
-    assert pin.getFrameJacobian(model, state.data, frame, pin.LOCAL) == pytest.approx(right, abs=1e-14)
-    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
-    right = pin.getFrameAcceleration(model, data, frame, pin.LOCAL).vector
-    assert pin.getFrameAcceleration(model, state.data, frame, pin.LOCAL).vector == pytest.approx(right, abs=1e-14)
-
-
-def test_states_that_live_together_keep_their_placements(model):
-    states = [Kinematics.at(model, q, v) for q, v in random_states(model, 20)]
-    gc.collect()
-    for state in states:
-        data = model.createData()
-        pin.forwardKinematics(model, data, state.q)
-        assert state.data.oMi[model.njoints - 1] == data.oMi[model.njoints - 1]
 
 
 def test_threads_do_not_share_states(model):

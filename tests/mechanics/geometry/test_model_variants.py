@@ -6,7 +6,6 @@ import pytest
 
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.mechanics.geometry.model_variants import spatial_inertias
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-12
@@ -38,18 +37,6 @@ def _close(found: np.ndarray, expected: np.ndarray, k: int) -> None:
     """Compare variant k of an array; an axis of length 1 stands for all variants."""
     own = found[:, k if found.shape[1] > 1 else 0]
     np.testing.assert_allclose(own, np.broadcast_to(expected, own.shape), atol=ROUNDING, rtol=ROUNDING)
-
-
-def test_bodies_are_those_of_pinocchio() -> None:
-    variants, models = random_variants(np.random.default_rng(1), 4, 3)
-    tree = LinkTree.of(variants)
-    for k, model in enumerate(models):
-        for joint in range(1, model.njoints):
-            body = model.inertias[joint]
-            assert tree.masses[k, joint] == pytest.approx(body.mass, rel=1e-14)
-            np.testing.assert_allclose(tree.levers[k, joint], body.lever, atol=1e-14)
-            np.testing.assert_allclose(tree.inertias[k, joint], body.matrix(), atol=1e-13)
-            np.testing.assert_allclose(spatial_inertias(body.toDynamicParameters()), body.matrix(), atol=1e-13)
 
 
 def test_wrenches_are_summed_over_what_lies_beyond() -> None:

@@ -26,20 +26,6 @@ class TestSuccession:
         assert ds == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.6, 1.2, 1.2, 1.2], abs=1e-14)
         assert dds == pytest.approx([0.0, 0.0, 0.0, 1.5, 1.5, 0.0, 0.0, 0.0], abs=1e-14)
 
-    def test_a_law_cut_short_goes_on_with_the_speed_that_it_had(self):
-        law = Succession(segments=segments((0.5, Cycloidal(start=0.0, end=1.0, duration=1.0))))
-        s, ds, dds = across(law, [0.5, 1.5])
-        assert s == pytest.approx([0.5, 2.5], abs=1e-15)
-        assert ds == pytest.approx([2.0, 2.0], abs=1e-14)
-        assert dds == pytest.approx([0.0, 0.0], abs=1e-14)
-
-    def test_what_follows_a_short_blow_rests_where_that_ends(self):
-        """A blow of 1e9 N within 2 ns begins at 0.5 s, where instants are known to 1e-7 of it: the rest is 0 N."""
-        blow = [(1e-9, Cycloidal(start=a, end=b, duration=1e-9)) for a, b in ((0.0, 1e9), (1e9, 0.0))]
-        law = Succession(segments=segments((0.5, Constant(value=0.0)), *blow))
-        s, ds, dds = across(law, [0.6, 1.0])
-        assert [*s, *ds, *dds] == [0.0] * 6
-
     def test_what_jumps_in_value_or_in_speed_is_refused(self):
         with pytest.raises(InputError, match=r"begins at 0, .* end at 4"):
             Succession(segments=segments((1.0, Constant(value=4.0)), (1.0, Constant(value=0.0))))

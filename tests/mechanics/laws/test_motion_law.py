@@ -133,15 +133,6 @@ def test_derivatives_are_those_of_the_value(law, differentiate):
         assert differentiate(lambda x: piece.function(x)[1], t) == pytest.approx(dds, abs=1e-11)  # noqa: B023
 
 
-def test_pieces_stand_end_to_end_over_all_times():
-    for law in LAWS.values():
-        pieces = law.pieces()
-        assert pieces[0].start == -math.inf
-        assert pieces[-1].end == math.inf
-        assert all(piece.start < piece.end for piece in pieces)
-        assert [piece.end for piece in pieces[:-1]] == [piece.start for piece in pieces[1:]] == law.breakpoints()
-
-
 @every_law
 def test_pieces_meet_but_for_the_jumps_of_the_law(law):
     """Value and speed everywhere, the acceleration but at jumps; laws of loads jump in value and speed."""
@@ -226,29 +217,6 @@ def written(number, text):
     return value
 
 
-NESTED = {
-    "point of a spline": lambda x: Spline(points=[(0.0, 0.0), (1.0, x)]),
-    "first speed of a spline": lambda x: Spline(points=[(0.0, 0.0), (1.0, 0.0)], speeds=(x, 0.0)),
-    "first speed of a table": lambda x: table(HERE, speeds=(x, 0.0)),
-    "level in a segment": lambda x: Succession(segments=segments((1.0, Constant(value=x)))),
-    "acceleration in a segment": lambda x: Succession(
-        segments=segments((1.0, Constant(value=0.0)), (1.0, ConstantAcceleration(acceleration=x)))
-    ),
-    "speed in a segment of a segment": lambda x: Succession(
-        segments=segments((1.0, Succession(segments=segments((1.0, SpeedPoints(points=[(0.0, 0.0), (1.0, x)]))))))
-    ),
-}
-
-
-@pytest.mark.parametrize("name", NESTED)
-def test_nested_values_accept_the_unit_of_their_derivative_only(name):
-    right = {"point": "rad", "level": "rad", "acceleration": "rad/s^2"}.get(name.split()[0], "rad/s")
-    NESTED[name](written(1.0, right)).check_units(unit("rad"))
-    for wrong in {"rad", "rad/s", "rad/s^2", "m"} - {right}:
-        with pytest.raises(UnitError, match="not a unit of this quantity"):
-            NESTED[name](written(1.0, wrong)).check_units(unit("rad"))
-
-
 def test_rates_of_a_profile_are_per_unit_of_what_it_runs_along():
     law = Trapezoid(start="0 mm", end="2 mm", acceleration="1 mm/rad^2", speed="1 mm/deg", begin="30 deg")
     law.check_units(unit("m"), along=unit("rad"))
@@ -272,44 +240,12 @@ def across(law, t):
 class TestGrid:
     law = Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=0.5)
 
-    def test_jumps_outside_and_at_the_ends_are_not(self):
-        grid = Grid.cover(np.linspace(0.5, 1.5, 5), [self.law])
-        assert grid.t.tolist() == [0.5, 0.75, 1.0, 1.25, 1.5]
-        assert grid.evaluate(self.law)[2].tolist() == [1.0] * 5
-
     def test_each_side_of_a_jump_has_its_own_value(self):
         grid = Grid.cover(np.linspace(0.0, 3.0, 7), [self.law])
         s, ds, dds = grid.evaluate(self.law)
         assert dds.tolist() == [0.0, 0.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0]
         assert s == pytest.approx([0.0, 0.0, 0.0, 0.125, 0.5, 0.5, 0.875, 1.0, 1.0, 1.0], abs=1e-15)
         assert ds == pytest.approx([0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0], abs=1e-15)
-
-    @every_law
-    def test_every_row_of_every_law_is_a_value_of_one_of_its_pieces(self, law):
-        grid = Grid.cover(np.linspace(-0.5, 4.0, 46), LAWS.values())
-        s, ds, dds = grid.evaluate(law)
-        for k in range(len(grid.cuts) - 1):
-            rows = slice(grid.rows[k], grid.rows[k + 1])
-            middle = 0.5 * (grid.cuts[k] + grid.cuts[k + 1])
-            piece = next(piece for piece in law.pieces() if piece.start <= middle <= piece.end)
-            inner = (grid.t[rows] >= piece.start) & (grid.t[rows] <= piece.end)
-            expected = piece.function(grid.t[rows][inner])
-            for found, wanted in zip((s, ds, dds), expected, strict=True):
-                # neighbouring pieces without a jump between them agree to rounding where they meet
-                assert found[rows][inner] == pytest.approx(wanted, abs=1e-13)
-
-    def test_what_rounding_parts_is_one_jump(self):
-        """0.1 + 0.7 is less than 0.8, 0.1 + 0.2 more than 0.3: no interval of 1e-16 s is between them."""
-        ends = Polynomial(start=0.0, end=1.0, duration=0.7, begin=0.1)
-        begins, other = (Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=x) for x in (0.3, 0.1 + 0.2))
-        grid = Grid.cover(np.linspace(0.0, 0.8, 9), [ends, begins, other])
-        assert grid.cuts == pytest.approx((0.0, 0.1, 0.3, 0.8), rel=1e-15)
-        assert grid.t == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8], rel=1e-15)
-        assert grid.evaluate(other)[2].tolist() == [0.0] * 4 + [1.0] * 6
-        late = Grid.cover(
-            1e6 + np.linspace(0.3, 0.8, 6), [Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=1e6 + 0.1 + 0.2)]
-        )
-        assert len(late.cuts) == 2
 
 
 def test_an_oscillation_is_as_fast_as_its_frequency_says() -> None:

@@ -20,7 +20,7 @@ from pinarm.mechanics.laws import (
     Trapezoid,
 )
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.mechanics.laws.over_coordinate import Profile, reversals
+from pinarm.mechanics.laws.over_coordinate import reversals
 
 CAM = Succession(segments=[
     Segment(duration=1.0, motion=Cycloidal(start=0.0, end=0.02, duration=1.0)),
@@ -68,14 +68,6 @@ def test_it_is_the_profile_at_the_drive_and_its_derivatives_are_those_of_time(pr
     assert dds == pytest.approx(differentiate(lambda x: values(law, x)[1], t, h=0.02), abs=1e-7)
 
 
-def test_a_profile_of_sines_over_constant_speed_is_a_sine_of_time():
-    law = driven(Harmonic(amplitude=0.3, pulsation=5.0, phase=0.2), ConstantSpeed(speed=2.0, start=0.1))
-    plain = Harmonic(amplitude=0.3, pulsation=10.0, phase=0.7)
-    t = np.linspace(0.0, 4.0, 50)
-    assert values(law, t) == pytest.approx(values(plain, t), abs=1e-12)
-    assert law.breakpoints() == []
-
-
 def test_rows_stand_on_both_sides_of_where_the_drive_passes_a_jump_of_the_profile():
     """A triangle of speed over 0.5 .. 1.5 rad at 2 rad/s: s'' = 4 f'' jumps at 0.25, 0.5 and 0.75 s."""
     law = driven(Trapezoid(start=0.0, end=1.0, acceleration=4.0, begin=0.5), ConstantSpeed(speed=2.0))
@@ -84,14 +76,6 @@ def test_rows_stand_on_both_sides_of_where_the_drive_passes_a_jump_of_the_profil
     _, _, dds = grid.evaluate(law)
     assert grid.t == pytest.approx([0.0, 0.25, 0.25, 0.5, 0.5, 0.75, 0.75, 1.0], abs=1e-15)
     assert dds == pytest.approx([0.0, 0.0, 16.0, 16.0, -16.0, -16.0, 0.0, 0.0], abs=1e-12)
-
-
-def test_a_drive_that_swings_passes_a_breakpoint_both_ways():
-    law = driven(Trapezoid(start=0.0, end=1.0, acceleration=4.0, begin=0.5),
-                 Harmonic(amplitude=1.0, pulsation=1.0), end=math.pi)  # fmt: skip
-    up = [math.asin(0.5), math.asin(1.0)]  # 1.5 rad, where the profile ends, is never reached
-    assert law.breakpoints() == pytest.approx([up[0], math.pi - up[0]], abs=1e-15)
-    assert values(law, [1.5])[0] == pytest.approx(0.5 * 4.0 * (math.sin(1.5) - 0.5) ** 2, abs=1e-14)
 
 
 @pytest.mark.parametrize("beyond", [0.0, 1e-14, -1e-14])
@@ -130,36 +114,9 @@ def test_units_are_those_of_both_coordinates():
         assert caught.value.path == path
 
 
-def test_points_that_are_passed_too_often_are_refused():
-    """Steps and figures without them would miss what the profile does between two of them."""
-    wave = Spline(
-        points=[(0.05 * k, math.sin(0.1 * math.pi * k)) for k in range(21)], speeds=(2 * math.pi, 2 * math.pi)
-    )
-    profile, drive = Profile.of(wave, 1.0), ConstantSpeed(speed=1.0, start=0.5)
-    assert len(profile.marked(drive, 0.0, 300.0)) == 20 * 300 - 1
-    for passed in (profile.marked, Over(of="crank", profile=wave, period=1.0).along):
-        with pytest.raises(InputError, match="the profile is passed 6e\\+03 times"):
-            passed(drive, 0.0, 6000.0)
-
-
 @pytest.mark.parametrize("swings", [8, 2048])
 def test_all_reversals_of_a_swing_are_found_however_fast(swings):
     """``sin 2 pi n t`` turns back at ``(2 k + 1)/(4 n)``; 2049 even instants see nothing of 1024 or 2048 swings."""
     drive = Harmonic(amplitude=0.01, pulsation=2.0 * math.pi * swings)
     known = (2.0 * np.arange(2 * swings) + 1.0) / (4.0 * swings)
     assert reversals(drive, 0.0, 1.0) == pytest.approx(known, abs=1e-7 / swings)
-
-
-def test_passages_in_swings_of_which_even_samples_see_nothing_are_found():
-    """``0.01 sin w t`` passes 0.008 twice in each of 1024 swings, at the times ``(asin 0.8 or pi - asin 0.8) / w``."""
-    drive, step = Harmonic(amplitude=0.01, pulsation=2048.0 * math.pi), Polynomial(0.0, 1.0, 1.0, begin=0.008)
-    up = math.asin(0.8) / (2.0 * math.pi)
-    known = np.add.outer(np.arange(1024), [up, 0.5 - up]).ravel() / 1024.0
-    assert Profile.of(step).passages(drive, 0.0, 1.0) == pytest.approx(known, abs=1e-12)
-
-
-def test_what_rests_does_not_turn_back():
-    assert reversals(Spline(points=[(0.0, 0.3), (0.4, 0.3), (1.0, 0.3)]), 0.0, 1.0) == []
-    noise = Spline(points=[(k / 7.0, 0.3 + 1e-16 * (k % 3)) for k in range(20_000)])
-    assert reversals(noise, 0.0, 2800.0) == []
-    assert reversals(Cycloidal(start=0.3, end=0.3, duration=1.0), -1.0, 2.0) == []

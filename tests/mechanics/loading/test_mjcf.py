@@ -145,15 +145,6 @@ def test_a_coupling_by_an_equality_counts_from_the_references():
     assert build_model(model(*two, before=equality.replace("joint1", 'active="false" joint1'))).mimics == ()
 
 
-def test_a_coupling_that_its_class_switches_off_is_none():
-    """MuJoCo 4.0.0 gives eq_active0 = 0, and 1 for the class that switches it on again."""
-    off = '<default><equality active="false"/><default class="on"><equality active="true"/></default></default>'
-    two = body('<joint name="a"/>' + SPHERE), body('<joint name="b"/>' + SPHERE, "c")
-    equality = '<equality><joint joint1="a" joint2="b"/></equality>'
-    assert build_model(model(*two, before=off + equality)).mimics == ()
-    assert len(build_model(model(*two, before=off + equality.replace("joint1", 'class="on" joint1'))).mimics) == 1
-
-
 def mass_matrix(robot):
     upper = np.triu(pin.crba(robot.model, robot.model.createData(), pin.neutral(robot.model)))
     return upper + np.triu(upper, 1).T
@@ -173,17 +164,6 @@ def test_an_inertial_stands_in_its_frame():
     robot = build_model(model(body(HINGE + inside)))
     assert robot.model.inertias[1].lever == pytest.approx([2.0, 0.0, 0.0], abs=1e-15)
     assert mass_matrix(robot) == pytest.approx(np.array([[9.0]]), abs=1e-14)
-
-
-def test_joints_follow_each_other_in_the_order_of_the_file_in_frames_too():
-    """MuJoCo 4.0.0: joints a, s; xpos (1, -0.5, 0) at qpos (pi/2, 0.5)."""
-    inside = '<frame pos="1 0 0"><joint name="a"/></frame><joint name="s" type="slide" axis="1 0 0"/>' + UNIT
-    robot = build_model(model(body(inside)))
-    assert [*robot.model.names[1:]] == ["a", "s"]
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, np.array([np.pi / 2, 0.5]))
-    place = data.oMf[robot.model.getFrameId("b", pin.FrameType.BODY)]
-    assert place.translation == pytest.approx([1.0, -0.5, 0.0], abs=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -237,14 +217,6 @@ def test_moments_that_no_body_can_have_are_mended_as_mujoco_does(compiler, momen
     assert not any("not read" in note for note in robot.notes)
 
 
-def test_least_masses_and_moments_are_kept():
-    bounds = '<compiler boundmass="0.5" boundinertia="0.01"/>'
-    light = body(HINGE + '<inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1.05e-2 1e-2"/>')
-    inertia = build_model(model(light, before=bounds)).model.inertias[1]
-    assert inertia.mass == 0.5
-    assert np.sort(np.diag(inertia.inertia)) == pytest.approx([0.01, 0.01, 0.0105])
-
-
 @pytest.mark.parametrize(
     ("place", "inside", "lever"),
     [
@@ -260,14 +232,6 @@ def test_a_least_mass_stands_where_mujoco_has_it(place, inside, lever):
     light = build_model(model(body(HINGE + UNIT + body('<joint name="k"/>' + inside, "light", place)), before=bounds))
     assert light.model.inertias[2].mass == 0.5
     assert light.model.inertias[2].lever.tolist() == lever
-
-
-def test_what_static_bodies_count_in_a_total_is_not_guessed_where_they_are_fused():
-    """MuJoCo 4.0.0 has 10 kg and 1.67 kg of the body that moves, with and without."""
-    base = model(body('<geom size="0.1" mass="5"/>' + body(HINGE + UNIT, "arm")),
-                 before='<compiler settotalmass="10" fusestatic="{}"/>')  # fmt: skip
-    assert build_model(base.format("false")).model.inertias[1].mass == pytest.approx(10 / 6)
-    assert "fusestatic" in str(refusal(base.format("true")))
 
 
 PLACES = {"quat": "0.9 0.2 0.3 0.1", "axisangle": "1 2 0 30", "euler": "10 20 50", "xyaxes": "1 1 0 -1 1 0.5",
@@ -375,12 +339,6 @@ def test_what_is_left_out_is_noted(inside, before, note):
     assert note in build_model(model(body(inside), before=before)).notes
 
 
-def test_every_root_of_a_file_is_read():
-    """Pinocchio's own reader takes the first only."""
-    roots = (body(f'<joint name="j{k}"/>{SPHERE}', f"b{k}", f'pos="{k} 0 0"') for k in range(3))
-    assert list(build_model(model(*roots)).model.names)[1:] == ["j0", "j1", "j2"]
-
-
 def test_an_unknown_name_is_told_with_its_line(tmp_path):
     text = model("\n" + body(HINGE + '\n  <geom size="0.1" masss="2"/>'))
     (tmp_path / "m.xml").write_text(text)
@@ -388,12 +346,3 @@ def test_an_unknown_name_is_told_with_its_line(tmp_path):
         Mechanism.load(tmp_path / "m.xml")
     assert (caught.value.location.line, caught.value.location.column) == (3, 20)
     assert caught.value.hint == "mass"
-
-
-def test_a_world_with_more_than_what_floats_in_it_is_no_base():
-    """A body with two joints, and what stands still, beside one that floats."""
-    floating, still = body(f"<freejoint/>{UNIT}", "f"), body(UNIT, "s")
-    hinged = body(f'<joint name="j"/><joint name="k" axis="1 0 0"/>{UNIT}', "h")
-    assert build_model(model(floating, still), base="floating").model.nv == 6
-    with pytest.raises(ModelError, match="'world' lets joint f_free float already, and carries joint j too"):
-        build_model(model(floating, still, hinged), base="floating")

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.errors import InputError, ModelError
+from pinarm.errors import ModelError
 from pinarm.mechanics.loading.pinocchio_model import build_model
 from pinarm.use.mechanism import Mechanism
 from pinarm.use.study.restore import restore
@@ -162,11 +162,3 @@ def test_mistakes_are_told(equality, message):
     with pytest.raises(ModelError) as caught:
         build_model(f"<mujoco><worldbody>{bodies}</worldbody><equality>{equality}</equality></mujoco>")
     assert caught.value.message == message
-
-
-def test_a_tie_within_one_rigid_body_closes_no_loop(tmp_path):
-    text = f'<body name="b"><joint name="j"/>{GEOM}<body name="c">{GEOM}</body></body>'
-    (tmp_path / "m.xml").write_text(f'<mujoco><worldbody>{text}</worldbody><equality><weld body1="b" body2="c"/>'
-                                    "</equality></mujoco>")  # fmt: skip
-    with pytest.raises(InputError, match="belong to one rigid body"):
-        Mechanism.load(tmp_path / "m.xml")

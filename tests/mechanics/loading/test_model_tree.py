@@ -86,13 +86,6 @@ def test_a_name_that_a_part_of_a_joint_has_is_refused(case):
     assert caught.value.hint == "rename one of them"
 
 
-def test_a_link_with_the_name_of_a_slide_of_the_floating_base_is_refused():
-    text = urdf(("j", "continuous", "a", "root/x"))
-    assert build_model(text).model.nv == 1
-    with pytest.raises(ModelError, match=r"the name 'root/x': a part of 'root', and what joint 'j' carries"):
-        build_model(text, base="floating")
-
-
 def test_joints_that_follow_each_other_take_time_in_proportion_to_their_number():
     """A hundredth of a second; a walk along the chain from each of them took half a minute."""
     count = 3000

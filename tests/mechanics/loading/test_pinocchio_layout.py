@@ -91,27 +91,7 @@ def masses(model: pin.Model, q: np.ndarray) -> np.ndarray:
     return upper + np.triu(upper, 1).T
 
 
-@pytest.mark.parametrize("pair", BOTH, ids=str, indirect=True)
-def test_there_and_back(pair):
-    mechanism, theirs = pair
-    given = random_states(theirs, (4,))
-    found = mechanism.to_pinocchio(*mechanism.from_pinocchio(*given))
-    for expected, back in zip(given, found, strict=True):
-        assert back == pytest.approx(expected, abs=1e-13)
-    q, v = mechanism.from_pinocchio(given[0][0])
-    assert q == pytest.approx(mechanism.from_pinocchio(*given)[0][0], abs=1e-14)
-    assert not v.any()
-
-
 class TestWhatCannotBeConverted:
-    def test_mjcf(self, tmp_path):
-        (tmp_path / "m.xml").write_text(
-            '<mujoco><worldbody><body name="b"><joint name="j" type="hinge"/>'
-            '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
-        )
-        with pytest.raises(InputError, match="MJCF"):
-            Mechanism.load(tmp_path / "m.xml").to_pinocchio([0.0], [0.0])
-
     def test_what_is_no_direction(self, tmp_path):
         (tmp_path / "wheel.urdf").write_text(urdf(("continuous", "0 0 1")))
         with pytest.raises(InputError, match=r"\(cos, sin\) of 'j0' has the length 1\.1"):

@@ -66,24 +66,12 @@ def test_a_word_closes_them(folder, closures):
     assert run["B"].values == pytest.approx(-run["C"].values, abs=1e-12)
 
 
-@pytest.mark.parametrize(("kind", "rows"), [("fixed", 6), ("cylindrical", 4), ("planar", 3)])
-def test_kinds_hold_as_many_directions_as_they_leave_none(folder, kind, rows):
-    (loop,) = loaded(folder, closures=kind).constraints
-    assert (loop.kind, loop.size) == (kind, rows)
-
-
 @pytest.mark.parametrize(("closures", "message"), [
     ({"and": "revolute"}, "closing_and_1 and closing_and_2"), ("hinge", "hinge"), ({"end": "rod"}, "rod"),
 ])  # fmt: skip
 def test_mistakes_are_told(folder, closures, message):
     with pytest.raises(PinarmError, match=message):
         loaded(folder, closures=closures)
-
-
-def test_a_closure_has_a_name_of_its_own(folder):
-    loops = {"end": {"kind": "rod", "between": ["base", "coupler"], "length": "1 m"}}
-    with pytest.raises(InputError, match="there is a loop joint 'end' already"):
-        loaded(folder, closures="revolute", loops=loops)
 
 
 def test_a_model_without_such_frames_is_told(folder):

@@ -4,10 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 import pinarm
-from pinarm.use.study.restore import restore
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 
@@ -114,27 +112,6 @@ def test_a_slider_crank_is_that_of_the_urdf_file(tmp_path: Path) -> None:
     compared(drawn, model, names)
 
 
-def test_the_drawing_is_the_start_and_closed(tmp_path: Path) -> None:
-    (tmp_path / "mechanism.yaml").write_text(FOUR_BAR)
-    mechanism = pinarm.Mechanism.load(tmp_path / "mechanism.yaml")
-    state = mechanism.at(np.zeros((1, mechanism.model.nq)))
-    points = mechanism.description.planar.points
-    for point, (x, y) in points.items():
-        assert state[f"point.{point}.position.x"].values[0] == pytest.approx(x, abs=1e-15)  # sums of offsets
-        assert state[f"point.{point}.position.y"].values[0] == pytest.approx(y, abs=1e-15)
-    assert np.abs(mechanism.closure.gap(mechanism.closure.state(np.zeros(mechanism.model.nq)))).max() < 1e-15
-
-
-def test_a_saved_result_has_the_urdf_and_is_read_again(tmp_path: Path) -> None:
-    drawn = solved(tmp_path, FOUR_BAR, {**TURNING, "time": {"end": "0.1 s", "samples": 5}}, ["joint.O2.effort"])
-    drawn.save(tmp_path / "out", plots=False)
-    again = restore(tmp_path / "out")
-    assert "planar" not in (tmp_path / "out" / "mechanism.yaml").read_text()
-    assert again.trajectory.mechanism.xml == drawn.trajectory.mechanism.xml
-    for name in ("joint.O2.effort", "loop.B.force.x"):
-        np.testing.assert_array_equal(again[name].values, drawn[name].values)
-
-
 TRAMMEL = """\
 pinarm: 1
 planar:
@@ -157,26 +134,3 @@ def test_a_ladder_in_a_slot_is_held_by_its_closed_form(tmp_path: Path) -> None:
     np.testing.assert_allclose(drawn["joint.x.effort"].values, -force, rtol=1e-11)  # the loop's condition
     np.testing.assert_allclose(drawn["loop.y.force.x"].values, force, rtol=1e-11)
     np.testing.assert_allclose(drawn["point.Q.position.x"].values, 0.0, atol=1e-14)
-
-
-WEDGES = """\
-pinarm: 1
-planar:
-  points: {A: [0, 0], B: [1 m, 0], C: [0, 1 m], D: [4 m, 3 m]}
-  ground: []
-  links:
-    wedge: {points: [A], mass: 1 kg}
-    load: {points: [D], mass: 5 kg}
-  sliders:
-    push: {link: wedge, along: [A, B]}
-    lift: {link: load, along: [A, C]}
-    face: {link: load, on: wedge, along: [D, A]}
-"""
-
-
-def test_slides_that_close_a_loop(tmp_path: Path) -> None:
-    """A wedge of slope 3/4 lifts a load: by virtual power it is held with 3/4 of its weight."""
-    problem = {"kind": "statics", "over": {"push": {"from": "0 m", "to": "1 m", "samples": 3}}, "drives": ["push"]}
-    drawn = solved(tmp_path, WEDGES, problem, ["lift"])
-    np.testing.assert_allclose(drawn["joint.push.effort"].values, -0.75 * 5 * 9.81, rtol=1e-12)
-    np.testing.assert_allclose(drawn["lift"].values, -0.75 * drawn["push"].values, atol=1e-14)

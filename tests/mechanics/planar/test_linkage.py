@@ -6,7 +6,6 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.mechanics.planar_drawing import PlanarDrawing, joined
 
 SOUND = """\
 pinarm: 1
@@ -63,26 +62,3 @@ def test_a_plate_needs_its_centre_of_mass(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(plate)
     with pytest.raises(InputError, match=r"m.yaml:12:(.|\n)*3 points, but no centre of mass"):
         pinarm.Mechanism.load(tmp_path / "m.yaml")
-
-
-def test_a_link_that_hangs_on_nothing() -> None:
-    drawn = PlanarDrawing(
-        points={"O": (0, 0), "A": (1, 0), "B": (2, 0), "C": (3, 0)},
-        ground=["O"],
-        links={"a": {"points": ["O", "A"]}, "lost": {"points": ["B", "C"]}},
-    )  # type: ignore[dict-item]
-    with pytest.raises(InputError, match="the link 'lost' hangs on nothing") as caught:
-        joined(drawn)
-    assert caught.value.path == ("links", "lost")
-
-
-def test_slides_are_coordinates_and_pins_close_the_loop() -> None:
-    """A boom that a cylinder raises: the way of the cylinder is a joint of the tree."""
-    drawn = PlanarDrawing(
-        points={"O": (0, 0), "P": (0, -1), "Q": (2, 0), "R": (1, -0.5)}, ground=["O", "P"],
-        links={"boom": {"points": ["O", "Q"]}, "rod": {"points": ["Q", "R"]}, "barrel": {"points": ["P"]}},  # type: ignore[dict-item]
-        sliders={"s": {"link": "rod", "on": "barrel", "along": ["P", "Q"]}},  # type: ignore[dict-item]
-    )  # fmt: skip
-    tree, closing = joined(drawn)
-    assert [joint.name for joint in tree] == ["O", "P", "s"]
-    assert [joint.name for joint in closing] == ["Q"]

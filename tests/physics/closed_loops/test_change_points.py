@@ -12,7 +12,6 @@ from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
 
-from . import equal_four_bars
 from .conftest import MODELS
 from .energy_integral import EnergyIntegral
 from .four_bar_closed_form import ChangePoint
@@ -66,12 +65,3 @@ def test_unequal_bars_pass_their_change_point_as_the_energy_says(kind, tmp_path)
     _, theta4, *_ = UNEQUAL.slopes(theta2)
     assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-8)
     assert theta2 == pytest.approx(turning.at(found["t"].values), abs=1e-5)
-
-
-@pytest.mark.parametrize("kind", ["pin", "spherical", "two planes"])
-def test_equal_bars_pass_their_flat_positions_on_the_parallelogram(kind, tmp_path):
-    mechanism = closed_by("four_bar", "top_1", kind, tmp_path)
-    found = moved(mechanism, 4.0, 1e-8, {}, {"upright_0": 0.0}, {"upright_0": 1.0})
-    turned = equal_four_bars.angle(found["t"].values, 1)
-    assert np.ptp(turned) > np.pi
-    assert found["upright_1"].values == pytest.approx(turned, abs=1e-5)

@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.segmented.hybrid_system import system_of
-from pinarm.engine.motion.systems import Initial
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import NumericsError, PinarmError
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 from pinarm.use.mechanism import Mechanism
 
 from . import equal_four_bars
-from .conftest import MODELS
 from .energy_integral import EnergyIntegral
 from .four_bar_closed_form import ChangePoint, FourBar
 
@@ -80,16 +75,6 @@ def test_change_point_linkage_stays_on_its_smooth_motion_at_every_turn(solve, sp
     assert theta2 == pytest.approx(turning.at(found["t"].values), abs=max(1e3 * tolerance, 1e-6))
 
 
-def test_last_digits_of_the_start_do_not_decide_how_a_change_point_is_passed(outcome):
-    """Where the passage hung on rounding, the same motion took 1400 to 8300 steps, or was refused."""
-    steps = []
-    for k in range(4):
-        initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": 17.3 * (1.0 + 1e-13 * k)}}
-        found = outcome("change_point_four_bar", "forward", end=3.0, tolerance=1e-12, start=OPEN, initial=initial)
-        steps.append(found.figures["steps"])
-    assert max(steps) < 1.1 * min(steps)
-
-
 @pytest.mark.parametrize("kind", ["inverse", "kinematics"])
 def test_a_law_from_exactly_the_change_point_is_refused_and_one_from_beside_it_passes(solve, kind):
     """At theta2 = 180 deg two motions cross, which obey the same law."""
@@ -103,22 +88,6 @@ def test_a_law_from_exactly_the_change_point_is_refused_and_one_from_beside_it_p
     found = solve("change_point_four_bar", kind, end=2.0, samples=21, motion=law(3.1), start={"A": -3.1, "theta4": 3.1})
     _, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values)
     assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
-
-
-@pytest.mark.parametrize("speed", [-6.0])
-def test_a_step_may_end_on_a_change_point(speed):
-    """A singular position is not taken for one of a mechanism of lower rank: the acceleration stays smooth."""
-    mechanism = Mechanism.load(MODELS / "change_point_four_bar" / "mechanism.yaml")
-    dynamics, initial = Dynamics.of(mechanism.model), Initial(np.array([0.0, 0.8, 1.8]), np.zeros(3))
-    interval = system_of(mechanism.closure, dynamics, PrescribedCoordinates((), (), ()), initial).interval(
-        dynamics, 0.0, 1.0
-    )
-    found = []
-    for t, turned in enumerate([2.0, 3.0, np.pi - 0.01, np.pi, np.pi + 0.01]):
-        theta3, theta4, d3, d4 = CHANGE_POINT.slopes(np.array(turned))
-        q, v = np.array([turned, theta3 - turned, theta4]), speed * np.array([1.0, d3 - 1.0, d4])
-        found.append(interval.acceleration(0.1 * t, *interval.settle(0.1 * t, q, v)).copy())
-    assert found[3] == pytest.approx(0.5 * (found[2] + found[4]), rel=1e-3)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -234,18 +203,6 @@ def test_it_is_passed_from_any_start(solve, tolerance):
         assert error < max(100.0 * tolerance, 1e-8)
 
 
-@pytest.mark.parametrize("speed", [7.5, 10.5])
-def test_rows_within_a_step_that_passes_a_change_point_are_as_good_as_its_ends(solve, speed):
-    initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": speed}}
-    start = {"A": np.deg2rad(34.0), "theta4": np.deg2rad(78.0)}
-    found = solve(
-        "change_point_four_bar", "forward", end=3.0, samples=301, tolerance=1e-11, start=start, initial=initial
-    )
-    energy = found["energy.total"].values
-    exchanged = np.ptp(found["energy.kinetic"].values)
-    assert energy == pytest.approx(np.full_like(energy, energy[0]), abs=1e-7 * exchanged)  # passages leave 1e-8
-
-
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-11])
 @pytest.mark.parametrize(("model", "count"), [("four_bar", 1), ("two_four_bars", 2)])
 def test_equal_four_bars_pass_their_flat_positions_on_the_parallelogram(solve, model, count, tolerance):
@@ -265,22 +222,6 @@ def test_forty_four_bars_turn_as_one_pendulum(solve):
         found = solve("forty_four_bars", "forward", end=10.0, samples=21, tolerance=tolerance, initial=initial)
         errors.append(np.abs(found["upright_40"].values - equal_four_bars.angle(found["t"].values, 40)).max())
     assert max(errors) < 1e-7
-
-
-def test_a_motor_at_the_rocker_carries_nothing_at_a_dead_point(solve):
-    """Crank and coupler in one line: the rocker stands still, and its motor cannot hold the crank."""
-    dead = np.arccos((0.40**2 + 0.45**2 - 0.25**2) / (2 * 0.40 * 0.45))
-    with pytest.raises(PinarmError, match="not determined"):
-        solve("crank_rocker", "statics", hold={"theta2": dead}, drives=["theta4"], start={"theta2": dead, **OPEN})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("samples", [8001])
-def test_all_rows_of_forty_four_bars_keep_the_energy(samples):
-    """Near flat positions one order of elimination does not serve many rows, as rounding grows along the linkage."""
-    scenario = MODELS.parent / "scenarios" / "forty_four_bars_equal_rods.yaml"
-    energy = pinarm.run(scenario, {"problem.time.samples": samples})["energy.total"].values
-    assert energy == pytest.approx(energy[0], rel=1e-6)
 
 
 RECTANGLE = """

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.driver import SingleSteps, integrate
+from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.integration.methods import stiff as stiff_methods
 from pinarm.engine.integration.methods.stiff import CompiledRadau, Radau, radau_of
@@ -45,12 +45,6 @@ class TestSteps:
     @pytest.mark.parametrize("names", NAMES, ids=str)
     def test_are_those_of_python(self, names, tolerance):
         assert_same(*both(stiff(names), radau_of(tolerance), 0.0, 0.5), 1e-2 * tolerance)
-
-    def test_are_taken_by_the_library(self, monkeypatch):
-        """The Python stepper would give the same: see that it takes none."""
-        monkeypatch.setattr(SingleSteps, "take", lambda *_: pytest.fail("a step in Python"))
-        dynamics = stiff(["RX"])
-        integrate(intervals(dynamics, 0.0, 1.0)[0], dynamics.manifold, np.ones(1), np.zeros(1), radau_of(1e-6))
 
     @pytest.mark.parametrize("tolerance", [1e-3, 1e-8])
     @pytest.mark.parametrize(("stiffness", "damping"), [(1e6, 3e3), (1e3, 1e6), (1e9, 1e7)])

@@ -19,13 +19,3 @@ def test_three_stages_are_those_of_hairer_and_wanner() -> None:
     assert radau(3).a == pytest.approx(np.array(a), abs=1e-14)
     # of the inverse of a: 3.6378..., eq. (IV.8.14)
     assert radau(3).eigenvalues[0] == pytest.approx(3.0 + 3.0 ** (2 / 3) - 3.0 ** (1 / 3), rel=1e-13)
-
-
-@pytest.mark.parametrize("s", [3, 5, 7])
-def test_stages_and_step_integrate_powers(s: int) -> None:
-    method = radau(s)
-    for k in range(s):
-        assert method.a @ method.c**k == pytest.approx(method.c ** (k + 1) / (k + 1), abs=1e-13)
-    for k in range(2 * s - 1):  # order 2 s - 1, no more
-        assert method.a[-1] @ method.c**k == pytest.approx(1.0 / (k + 1), rel=1e-12)
-    assert abs(method.a[-1] @ method.c ** (2 * s - 1) - 0.5 / s) > 1e-9

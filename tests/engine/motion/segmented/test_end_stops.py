@@ -10,7 +10,7 @@ import pytest
 from pinarm.mechanics.forces.joint_forces import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.events import EndStop, Event
+from pinarm.problems.events import EndStop
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
 
@@ -64,15 +64,6 @@ def test_impacts_follow_each_other_as_those_of_a_bouncing_ball_do(fall):
     assert height[t > expected[-1] + 1e-5] == pytest.approx(0.0, abs=1e-13)
 
 
-@pytest.mark.parametrize("height", [1.0, 1e-12])
-def test_small_bounces_are_those_of_large_ones(fall, height):
-    """After eight rebounds of half the speed the next impact is at (1 + 2 (1/2 + ... + 1/256)) (2 h / g)^(1/2)."""
-    first = (2.0 * height / G) ** 0.5
-    _, q, met = fall(4.0 * first, height=height, restitution=0.5)
-    assert met[8] == pytest.approx((3.0 - 2.0**-7) * first, rel=1e-9)
-    assert q.min() >= -1e-12 * height
-
-
 @pytest.mark.parametrize(("restitution", "lost"), [(0.0, 1.0), (0.5, 1.0), (1.0, 0.0)])
 def test_the_energy_that_impacts_take_is_told(mechanism, chain, restitution, lost):
     """All of m g h of what comes to rest on the stop, nothing of what bounces for ever."""
@@ -84,25 +75,6 @@ def test_the_energy_that_impacts_take_is_told(mechanism, chain, restitution, los
     assert f"the first at t = {(2 * 0.5 / G) ** 0.5:.6g} s" in note
     taken = float(note.partition(" J;")[0].rpartition(" ")[2])
     assert taken == pytest.approx(lost * MASS * G * 0.5, rel=1e-3, abs=1e-9)  # three digits are told
-
-
-@pytest.mark.parametrize(("side", "restitution"), [("lower", 0.0), ("upper", 0.5)])
-def test_what_turns_back_at_a_value_reaches_it_once(mechanism, chain, side, restitution):
-    """``2 m sin 3t`` N push a weight to its stop and draw it off again: an event there takes place once an impact."""
-    way, model = {"lower": -1.0, "upper": 1.0}[side], mechanism(chain(WEIGHT), gravity="none")
-    problem = Forward(
-        time=TimeGrid(end=2.0, samples=3),
-        loads={"push": JointEffort(joint="weight", effort=Harmonic(amplitude=way * 2.0 * MASS, pulsation=3.0))},
-        end_stops={"weight": EndStop(**{side: way * 0.2}, restitution=restitution)},
-        events={name: Event(when="weight", reaches=way * 0.2, direction=name) for name in ("rising", "falling", "any")},
-    )
-    found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
-    times = {name: [one.t for one in found.events if one.name == name] for name in ("rising", "falling", "any")}
-    hits = [one.t for one in found.events if one.before is not None]
-    into, back = ("falling", "rising") if side == "lower" else ("rising", "falling")
-    assert found.rows.q[-1, 0] * way < 0.1  # it has left
-    assert times[into] == times["any"] == pytest.approx(hits, rel=1e-12)
-    assert times[back] == []
 
 
 def two_weights(mechanism, **description):
@@ -139,35 +111,6 @@ def test_stops_that_are_met_at_one_instant_are_all_met(mechanism, offset, restit
     told = [note for note in found.notes if note.startswith("end stop")]
     energy = sum(float(re.search(r"takes? ([0-9.]+) J", note)[1]) for note in told)
     assert energy == pytest.approx(2.0 * 9.81, rel=0.02)  # m g h of both, told together where rounding tells no order
-
-
-@pytest.mark.parametrize("way", [-1.0, 1.0])
-def test_what_friction_stops_at_a_value_reaches_it(mechanism, chain, way):
-    """After ``v^2 / (2 mu g)``."""
-    model = mechanism(
-        chain(WEIGHT), gravity={"direction": "-x", "magnitude": f"{G} m/s^2"}, friction={"weight": {"mu": 0.2}}
-    )
-    for speed in np.random.default_rng(3).uniform(1.0, 5.0, 6).tolist():
-        problem = Forward(
-            time=TimeGrid(end=speed / G * 7.0, samples=3), initial=InitialState(velocity={"weight": way * speed}),
-            events={"there": Event(when="weight", reaches=way * speed**2 / (0.4 * G))},
-        )  # fmt: skip
-        found = problem.solve(model, Accuracy(), lambda *path: nullcontext())
-        assert [event.t for event in found.events] == pytest.approx([speed / (0.2 * G)], rel=1e-7)
-
-
-def test_stops_that_let_go_at_one_instant_all_let_go(mechanism):
-    lift = JointEffort(joint="first", effort=ConstantSpeed(start=0.0, speed=40.0))
-    problem = Forward(
-        time=TimeGrid(end=1.0, samples=41), initial=InitialState(),
-        loads={"lift": lift, "lift of the second": JointEffort(joint="second", effort=lift.effort)},
-        end_stops={name: EndStop(lower=0.0) for name in ("first", "second")},
-    )  # fmt: skip
-    found = problem.solve(two_weights(mechanism), Accuracy(tolerance=1e-12), lambda *path: nullcontext())
-    t, lifted = found.rows.grid.t, MASS * G / 40.0
-    expected = 40.0 * np.maximum(t - lifted, 0.0) ** 3 / (6.0 * MASS)
-    for height in found.rows.q.T:
-        assert height == pytest.approx(expected, abs=1e-11)
 
 
 def random_arm(seed, mechanism, chain, **description):
@@ -273,20 +216,6 @@ def test_what_friction_holds_at_a_stop_breaks_loose_from_it(mechanism):
 DOWN = {"direction": "-z", "magnitude": f"{G} m/s^2"}
 
 
-def test_stops_of_joints_that_are_coupled_ask_for_the_fastest_rebound(mechanism):
-    """Of two that are met together the joints leave one as it asks, and the other faster than it would."""
-    coupled = two_weights(
-        mechanism, couplings={"tied": {"kind": "sum", "weights": {"first": 1, "second": -1}, "value": "0 m"}}
-    )
-    problem = Forward(
-        time=TimeGrid(end=0.25, samples=6),
-        end_stops={"first": EndStop(lower=-0.2, restitution=0.5), "second": EndStop(lower=-0.2)},
-    )
-    found = problem.solve(coupled, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
-    speed, met = (2.0 * G * 0.2) ** 0.5, (2.0 * 0.2 / G) ** 0.5
-    assert found.rows.v[-1] == pytest.approx(0.5 * speed - G * (0.25 - met), abs=1e-9)
-
-
 @pytest.mark.parametrize("static", [None, 8.0])
 def test_a_stop_lets_go_where_friction_would_make_it_pull(mechanism, chain, static):
     """A load slides on a cart that a force pulls off its stop: once it sticks, or breaks loose, nothing presses."""
@@ -309,21 +238,6 @@ def test_a_stop_lets_go_where_friction_would_make_it_pull(mechanism, chain, stat
     t, place = found.rows.grid.t, found.rows.q[:, 0]
     assert place == pytest.approx(half * np.maximum(t - begins, 0.0) ** 2, abs=1e-9)
     assert found.rows.tau[:, 0].min() > -1e-12
-
-
-@pytest.mark.parametrize(
-    ("place", "speed", "limit", "restitution"), [(0.34, -0.3, 0.04, 1.0), (0.48, -0.7, -0.22, 0.5)]
-)
-def test_a_stop_met_at_the_end_of_the_run_is_met_once_at_most(mechanism, chain, place, speed, limit, restitution):
-    """Whether that instant is before the end, or behind it, is rounding."""
-    begins = InitialState(position={"weight": place}, velocity={"weight": speed})
-    problem = Forward(
-        time=TimeGrid(end=1.0, samples=11), initial=begins,
-        end_stops={"weight": EndStop(lower=limit, restitution=restitution)},
-    )  # fmt: skip
-    found = problem.solve(mechanism(chain(WEIGHT), gravity="none"), Accuracy(), lambda *path: nullcontext())
-    assert found.rows.q[-1, 0] == pytest.approx(limit, abs=1e-12)
-    assert len(found.events) <= 1
 
 
 @pytest.mark.parametrize("restitution", [0.3])

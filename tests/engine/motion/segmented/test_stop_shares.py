@@ -53,21 +53,6 @@ def test_of_two_stops_on_one_motion_each_may_carry_all_or_nothing():
     assert any("end stop 'O lower', end stop 'C lower' hold one motion together" in note for note in result.notes())
 
 
-def test_of_impacts_at_one_instant_only_the_sum_is_told():
-    result = parallelogram("OC", restitution=0.5)
-    inertia, fallen = 2.0 / 3.0 + 3.0, G * 4.0 * (1.0 - np.cos(ANGLE))
-    energy = 0.5 * inertia * 1.0 + fallen
-    first, *_ = (event for event in result.events if event.before is not None)
-    assert first.v == pytest.approx(-0.5 * first.before, rel=1e-9)
-    [note] = (note for note in result.notes() if "impact" in note)
-    assert note.startswith("end stop 'O lower' and end stop 'C lower': ")
-    [alone] = (note for note in parallelogram("O", restitution=0.5).notes() if "impact" in note)
-    taken = alone.split(" J")[0].split()[-1]
-    assert f"{taken} J, together" in note
-    [note] = (note for note in parallelogram("OC").notes() if "impact" in note)
-    assert f"takes {energy:.3g} J, together" in note
-
-
 def test_friction_without_a_load_acts_beside_several_stops():
     """Friction of 0.1 N*m in a pin at rest holds as much of the load, or adds as much to it."""
     both, one = (parallelogram(stops, {"A": {"constant": "0.1 N*m"}}) for stops in ("OC", "O"))

@@ -152,31 +152,6 @@ def test_a_gearbox_turns_two_wheels(tmp_path, ratio, second, turned, expected):
     assert run["joint.A.effort"].values == pytest.approx(np.full(3, 3 * 0.04 * (1 + ratio**2)), abs=1e-12)
 
 
-@pytest.mark.parametrize(("said", "leader"), [('axis="axis2"', "u.axis2"), ("", "u.axis")])
-def test_a_joint_that_follows_an_axis_of_a_universal_one(said, leader):
-    follow = f'<axis><xyz>1 0 0</xyz><mimic joint="u" {said}><multiplier>3</multiplier></mimic></axis>'
-    robot = build_model(sdf(
-        link("a"), link("b"), joint("u", "world", "a", "universal", "1 0 0", "<axis2><xyz>0 1 0</xyz></axis2>"),
-        f'<joint name="k" type="revolute"><parent>a</parent><child>b</child>{follow}</joint>',
-    ))  # fmt: skip
-    assert [(one.joint, one.of, one.multiplier) for one in robot.mimics] == [("k", leader, 3.0)]
-
-
-@pytest.mark.parametrize("word", ["INF"])
-def test_limits_may_be_infinite(word):
-    limit = (
-        f"<limit><lower>-{word}</lower><upper>{word}</upper><effort>{word}</effort><velocity>{word}</velocity></limit>"
-    )
-    model = build_model(sdf(link("a"), joint("j", "world", "a", inside=""), joint("k", "a", "b"), link("b")).replace(
-        "</xyz></axis>", f"</xyz>{limit}</axis>")).model  # fmt: skip
-    bounds = (-model.lowerPositionLimit, model.upperPositionLimit, model.effortLimit, model.velocityLimit)
-    assert all(np.isposinf(bound).all() for bound in bounds)
-    turned = build_model(sdf(link("a"), joint("j", "world", "a")).replace(
-        "</xyz></axis>", "</xyz><limit><lower>2</lower><upper>1</upper></limit></axis>"))  # fmt: skip
-    assert np.isposinf(turned.model.upperPositionLimit).all()
-    assert "joint 'j': its limits 2 to 1 are none: the lower one is above the upper one" in turned.notes
-
-
 WHEELS = link("base"), link("one"), link("two"), joint("A", "base", "one"), joint("B", "base", "two", axis="0 1 0")
 SKEW = "<axis2><xyz>1 1 0</xyz></axis2>"
 

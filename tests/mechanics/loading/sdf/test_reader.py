@@ -145,16 +145,6 @@ CLOSED = sdf(
 )  # fmt: skip
 
 
-def test_a_link_with_two_parents_closes_a_loop(tmp_path):
-    (tmp_path / "m.sdf").write_text(CLOSED)
-    loop = Mechanism.load(tmp_path / "m.sdf")
-    (constraint,) = loop.constraints
-    assert (constraint.name, constraint.kind, loop.model.nv) == ("D", "revolute", 3)
-    assert np.abs(constraint.gap(loop.closure.state(np.zeros(3)))).max() < 1e-15  # closed as it is drawn
-    assert any("closing loops of the tree of joints: joint D" in note for note in loop.notes)
-    assert any("damping" in note and "D" in note for note in loop.notes)
-
-
 def test_a_loop_moves_as_that_of_a_urdf_with_its_mechanism_file(tmp_path):
     """Efforts of a crank at constant speed: the four-bar of the file, and one with frames placed by hand."""
     (tmp_path / "m.sdf").write_text(CLOSED)
@@ -278,16 +268,6 @@ def test_a_static_model_does_not_move(word):
     assert build_model(STILL.replace("yes", "False")).model.nv == 6
 
 
-@pytest.mark.parametrize("word", ["True", "1"])
-def test_yes_is_said_in_capitals_or_not(word):
-    turned = sdf(link("a", "0 0 0 0 0 90", attributes=f'degrees="{word}"'), joint("j", "world", "a"))
-    assert_same(turned, sdf(link("a", f"0 0 0 0 0 {math.pi / 2!r}"), joint("j", "world", "a")), "a")
-    for broken in (turned.replace(f'"{word}"', '"yes"'), STILL):
-        with pytest.raises(ModelError, match="'yes'") as caught:
-            build_model(broken)
-        assert caught.value.expected == "one of true, 1, false, 0"
-
-
 @pytest.mark.parametrize(
     ("xml", "message"),
     [
@@ -310,16 +290,6 @@ def test_yes_is_said_in_capitals_or_not(word):
 def test_mistakes_are_told(xml, message):
     with pytest.raises(ModelError, match=message):
         build_model(xml)
-
-
-def test_a_result_of_an_sdf_is_saved_and_read_again(tmp_path):
-    (tmp_path / "m.sdf").write_text(CLOSED)
-    law = {"law": "constant_speed", "speed": "1.5 rad/s"}
-    problem = {"kind": "kinematics", "time": {"end": "0.3 s", "samples": 7}, "motion": {"A": law}}
-    run = pinarm.run({"pinarm": 1, "mechanism": Mechanism.load(tmp_path / "m.sdf"), "problem": problem,
-                      "outputs": ["B"]})  # fmt: skip
-    again = pinarm.run(run.save(tmp_path / "out", plots=False) / "scenario.yaml")
-    assert again["B"].values.tolist() == run["B"].values.tolist()
 
 
 def in_world(model, *parts):
@@ -356,18 +326,6 @@ def test_the_model_of_a_world_is_the_one_that_moves_or_that_is_named():
         build_model(two, name="o")
     with pytest.raises(ModelError, match="the file is no SDF"):
         build_model(CHAIN, name="m")
-
-
-@pytest.mark.parametrize(
-    ("inside", "owner"),
-    [("<mass>1.5</mass>", "<inertial> in <link> 'a'"), ("<axis><xyz >0 0 1</xyz></axis>", "joint 'j'"),
-     ("<static>0</static>", "model 'm'")],
-)  # fmt: skip
-def test_what_stands_twice_is_refused(inside, owner):
-    text = sdf(*ARM, model="<static>0</static>")
-    assert inside in text
-    with pytest.raises(ModelError, match=f"{owner}: it has 2 <{inside[1:4]}"):
-        build_model(text.replace(inside, 2 * inside))
 
 
 @pytest.mark.parametrize(

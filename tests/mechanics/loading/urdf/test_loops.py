@@ -84,16 +84,6 @@ def test_a_coupling_holds_sums_of_joints_from_where_the_ways_part(tmp_path):
     assert sum(weights[name] * q[name] for name in q) == pytest.approx(q["A"] + q["B"] + q["T"] - 2 * q["C"])
 
 
-def test_a_gearbox_of_gazebo_couples_joints_on_its_reference_body():
-    box = (
-        "<gazebo><joint name='K' type='gearbox'><parent>crank</parent><child>rocker</child><gearbox_ratio>4"
-        "</gearbox_ratio><gearbox_reference_body>ground</gearbox_reference_body><axis><xyz>0 0 1</xyz></axis>"
-        "<axis2><xyz>0 0 -1</xyz></axis2></joint></gazebo>"
-    )
-    gear = build_model(f'<robot name="m">{OPEN}{box}</robot>').couplings["K"]
-    assert (gear.joints, gear.ratio) == (("A", "C"), 4.0)  # theta_1 = A, theta_2 = -C: C = 4 A
-
-
 @pytest.mark.parametrize(("text", "message"), [
     (PLUS.replace('name="D"', 'name="A"'), "two joints have the name 'A'"),
     (PLUS.replace('"revolute"', '"revolut"'), "<loop> 'D': its type is 'revolut'"),

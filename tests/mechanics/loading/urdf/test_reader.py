@@ -181,17 +181,3 @@ class TestBase:
         assert build_model(light, base="fixed").model.nv == 1
         with pytest.raises(ModelError, match="'base' lets joint ball float already, and carries joint arm too"):
             build_model(light, base="floating")
-
-    def test_of_a_body_without_joints_may_float(self):
-        inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
-        brick = f'<robot name="r"><link name="brick">{inertial}</link></robot>'
-        assert build_model(brick, base="floating").model.nv == 6
-        assert "base: floating" in refusal(brick).hint
-
-
-def test_joints_beyond_which_there_is_no_mass_are_noted(chain):
-    light = {"mass": 0.0, "inertia": (0.0, 0.0, 0.0)}
-    notes = build_model(
-        chain({**ARM, **light}, ARM | {"name": "b"}, {**light, "name": "c"}, {**light, "name": "d"})
-    ).notes
-    assert [note for note in notes if "mass" in note] == ["nothing beyond joint c has a mass"]

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pinarm.errors import ModelError
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer, placements_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
@@ -68,22 +67,6 @@ def test_what_no_body_can_be_is_marked() -> None:
     }  # fmt: skip
     _, possible = model_variants(build_model(first).model, first, marked, columns)
     assert possible.tolist() == [True, False, False, False, False]
-
-
-@pytest.mark.parametrize(
-    ("name", "values"), [("mass", [3.0, 1e49, 1e51]), ("height", [1.0, -1e49, 1e51]), ("inertia", [0.4, 0.49, 1e101])]
-)
-def test_what_is_refused_of_a_text_alone_is_marked(name: str, values: list[float]) -> None:
-    with pytest.raises(ModelError):
-        build_model(TEXT.format(**PLAIN | {name: values[-1]}))
-    first, marked = TEXT.format(**PLAIN), TEXT.format(**PLAIN | {name: "word"})
-    _, possible = model_variants(build_model(first).model, first, marked, {"word": values})
-    assert possible.tolist() == [True, True, False]
-
-
-def test_other_numbers_are_not_followed() -> None:
-    with pytest.raises(VariantsDiffer, match="limit"):
-        variants(limit=[1.0, 2.0])
 
 
 @pytest.mark.parametrize(

@@ -90,21 +90,6 @@ def test_robots_move_as_in_pinocchio(name, floating):
     compare(undamped(name, floating))
 
 
-@pytest.mark.parametrize("name", ["kinova"])
-def test_efforts_of_arms_are_those_of_rnea(name):
-    model = undamped(name, False)
-    mechanism, generator = Mechanism.of(model), np.random.default_rng(1)
-    q = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq))
-    v, a = generator.normal(size=(2, model.nv))
-    expected = pin.rnea(model, model.createData(), q, v, a)
-    own = [mechanism.joints[joint].v for joint in list(model.names)[1:]]
-    place = np.argsort([model.joints[model.getJointId(joint)].idx_v for joint in list(model.names)[1:]])
-    rates = np.empty(model.nv)
-    rates[own] = a[place]
-    tau = mechanism.inverse(*mechanism.from_pinocchio(q, v), rates)
-    assert tau[own] == pytest.approx(expected[place], rel=1e-12, abs=1e-12 * np.abs(expected).max())
-
-
 @pytest.mark.parametrize("seed", [0])
 def test_every_kind_of_joint_moves_as_in_pinocchio(seed):
     mechanism = compare(every_joint(), seed)
