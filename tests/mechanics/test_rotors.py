@@ -5,8 +5,6 @@ import pytest
 from catalogue import four_bar, rssr, screw_jack, slider_crank
 from motions import driven, freely, states, wrench
 
-from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
@@ -58,16 +56,6 @@ class TestAtALoopJoint:
         for part in ("kinetic", "total"):
             values = Quantities(right)[f"energy.{part}"].values
             assert Quantities(run)[f"energy.{part}"].values == pytest.approx(values, rel=1e-6, abs=1e-6)
-
-    def test_the_rows_hold_by_newton_and_by_the_powers(self, case, tmp_path):
-        """Both count what acts on the rotor and on the links apart from the rows."""
-        _, loop = pair(case, tmp_path)
-        _, cut, _, part = CASES[case]
-        law = Harmonic(amplitude=0.02 if part == "position" else -0.05, pulsation=3.0)
-        run = driven(loop, {f"{cut}.{part}": law}, samples=5)
-        found = {**residual_figures(run), **power_balance(run)}
-        assert found["power"] < 1e-11
-        assert found["equilibrium"] < 1e-11
 
 
 def test_the_rotor_of_a_screw_that_closes_a_loop(tmp_path):

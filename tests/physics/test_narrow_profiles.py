@@ -71,23 +71,6 @@ def test_what_swings_past_a_short_blow_and_back_within_a_step_is_hit_every_time(
     assert result["joint.wheel.velocity"].values[-1] == pytest.approx(0.1 * mean / 0.02, rel=6e-6)  # 300 steps of 1e-9
 
 
-def test_a_short_lift_of_a_follower_moves_what_hangs_on_it(write):
-    """``x'' = -w0^2 x - s''`` behind a follower with a short lift: ``x = -int s'' sin(w0 (t - u)) / w0 du``."""
-    lift, points = short(4.4, 0.004, 0.01)
-    bodies = JOINT.format("crank", "continuous", "base") + JOINT.format("s", "prismatic", "base")
-    bodies += JOINT.format("m", "prismatic", "s_link")
-    motion = {"crank": {"law": "constant_speed", "speed": "6 rad/s"},
-              "s": {"law": "over", "of": "crank", "profile": law(points, "m")}}  # fmt: skip
-    problem = {"time": {"end": "1 s", "samples": 3}, "motion": motion,
-               "loads": {"k": {"kind": "joint_spring", "joint": "m", "stiffness": "800 N/m"}}}  # fmt: skip
-    result = solved(write, bodies, problem, "m")
-    knots = [x / 6.0 for x, _ in points if 0.0 < x < 6.0]
-    exact = -sum(quad(lambda u: 36.0 * lift(6.0 * u, 2) * np.sin(20.0 * (1.0 - u)) / 20.0, low, high, epsabs=1e-14)[0]
-                 for low, high in pairwise([0.0, *knots, 1.0]))  # fmt: skip
-    assert abs(exact) > 1e-5
-    assert result["m"].values[-1] == pytest.approx(exact, rel=1e-4)
-
-
 def test_a_short_lift_of_a_cam_delays_its_shaft(write):
     """The energy ``(I + m f'^2) w^2 / 2`` stays, so that ``t = int sqrt(1 + m f'^2 / I) / w0``."""
     lift, points = short(7.7, 0.001, 0.0003)
@@ -167,15 +150,3 @@ def test_the_largest_power_of_a_blow_over_an_angle_that_a_loop_moves_is_found():
     highest = np.max(effort(rocker(phi) - drawn) * speed)
     assert result.number("force.blow.effort*joint.C.velocity @ max")[0] == pytest.approx(highest, rel=1e-6)
     assert result.number("force.blow.effort @ max")[0] == pytest.approx(10.0, rel=1e-9)
-
-
-@pytest.mark.parametrize("ends", [(0, 3), (3, 0)])
-def test_the_largest_effort_of_a_blow_is_found_whichever_way_an_angle_is_swept(write, ends):
-    """A wheel that is held against 10 N m over 2e-5 rad of its angle."""
-    _, points = short(1.2345, 1e-5, -10.0)
-    loads = {"press": {"kind": "joint_effort", "joint": "wheel", "over": "wheel", "effort": law(points, "N*m")}}
-    over = {"from": f"{ends[0]} rad", "to": f"{ends[1]} rad", "samples": 11}
-    problem = {"kind": "statics", "over": {"wheel": over}, "loads": loads}
-    wheel = JOINT.format("wheel", "continuous", "base")
-    result = pinarm.run(write(wheel, "gravity: none\n", json.dumps(problem), "joint.wheel.effort"))
-    assert result.number("joint.wheel.effort @ max")[0] == pytest.approx(10.0, rel=1e-9)

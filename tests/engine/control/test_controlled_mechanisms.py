@@ -163,11 +163,11 @@ def test_a_function_sees_quantities_and_may_drive_several_joints(cart):
 
 
 @pytest.mark.parametrize("function, said", [
-    (lambda t, state: state["nothing"], "no quantity 'nothing'"), (lambda t, state: "much", "returned 'much'"),
+    (lambda t, state: state["nothing"], "no quantity 'nothing'"),
     (lambda t, state: float("nan"), "finite"),
     (lambda t, state: state["joint.x.acceleration"], "positions and velocities"),
-    ("u", "function"), (lambda t, state: 1 / 0, "fails at t = 0 s: ZeroDivisionError"), (lambda t: 0.0, "positional"),
-    (lambda t, state: [1.0, 2.0], "returned .1.0, 2.0."), (lambda t, state: state.q.__isub__(0.1)[0], "read-only"),
+    (lambda t, state: 1 / 0, "fails at t = 0 s: ZeroDivisionError"), (lambda t: 0.0, "positional"),
+    (lambda t, state: state.q.__isub__(0.1)[0], "read-only"),
 ])  # fmt: skip
 def test_mistakes_of_functions_are_told(cart, function, said):
     with pytest.raises(InputError, match=said) as caught:

@@ -55,9 +55,6 @@ CLASHES = {
         "g_2", "g",
     ),
 
-    "a link and what is between the axes of the universal joint u": (
-        sdf(("u", "universal", "world", "u/1"), ("k", "revolute", "u/1", "b")), "u/1", "u",
-    ),
     "a link and a slide of the floating joint f": (
         urdf(("f", "floating", "a", "b"), ("k", "continuous", "b", "f/x")), "f/x", "f",
     ),
@@ -66,9 +63,6 @@ CLASHES = {
         urdf(("j", "continuous", "a", "b"), ("k", "continuous", "b", "c"), ("L_1_fixed", "fixed", "b", "d"),
              extra=LOOP),
         "L_1_fixed", "L",
-    ),
-    "a body and a slide of the free joint f": (
-        mjcf(body("b", '<freejoint name="f"/>', inside=body("f/x", '<joint name="k"/>'))), "f/x", "f",
     ),
     "a body and what is between the joints j and k": (
         mjcf(body("b", '<joint name="j"/>', '<joint name="k" axis="1 0 0"/>', inside=body("b/j", '<joint name="z"/>'))),
@@ -108,7 +102,7 @@ def test_a_long_chain_of_an_sdf_grows_in_proportion_to_its_length():
         assert [joint.name for joint in sdf_tree(root).joints] == [f"j{k}" for k in range(count)]
         return process_time() - begin
 
-    assert taken(2000) < 35.0 * min(taken(200) for _ in range(3))
+    assert taken(1000) < 35.0 * min(taken(100) for _ in range(3))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -36,6 +36,8 @@ problem:
   time: {end: 1 s, samples: 3}
   motion: {A: {law: constant, value: 0 rad}, E: {law: constant, value: 0 rad}}
 outputs: [point.P.position.y, half, 2*l1]
+"""
+SENSITIVITY = """\
 sensitivity: {of: [point.P.position.y @ max], to: {l1: 0.1 mm, alpha: 0.1 deg, changes.planar.points.A.0: 0.1 mm}}
 """
 
@@ -84,10 +86,12 @@ def test_sweeps_and_sensitivities_vary_a_parameter(folder):
     """Height of the tip: ``y + sqrt(l2^2 - (d/2 - x)^2)``, differentiated by hand."""
     l1, l2, half, (x, y) = 0.2, 0.3, 0.125, (0.2 * math.cos(2 * math.pi / 3), 0.2 * math.sin(2 * math.pi / 3))
     root = math.sqrt(l2**2 - (half - x) ** 2)
-    swept = pinarm.sweep(folder / "scenario.yaml", {"arguments.l1": "190:210:3"}, results="point.P.position.y @ max")
+    over = {"arguments.l1": "190:210:3"}
+    swept = pinarm.sweep(folder / "scenario.yaml", over, results="point.P.position.y @ max", workers=1)
     lengths = np.array([0.19, 0.2, 0.21])
     expected = lengths * y / l1 + np.sqrt(l2**2 - (half - lengths * x / l1) ** 2)
     assert swept["point.P.position.y @ max"].values == pytest.approx(expected, abs=1e-12)
+    (folder / "scenario.yaml").write_text(SCENARIO + SENSITIVITY)
     result = pinarm.run(folder / "scenario.yaml")
     slopes = {"l1": y / l1 + (half - x) / root * x / l1, "alpha": x + (half - x) / root * -y}
     slopes["changes.planar.points.A.0"] = 0.0  # the crank keeps its angle: it is longer, and turned back in the drawing
@@ -98,7 +102,7 @@ def test_sweeps_and_sensitivities_vary_a_parameter(folder):
 
 def test_a_saved_result_knows_its_parameters(folder):
     result = pinarm.run(folder / "scenario.yaml", {"arguments.d": "240 mm"})
-    saved = result.save(folder / "saved")
+    saved = result.save(folder / "saved", plots=False)
     assert pinarm.restore(saved)["half + 2*l1"].values == pytest.approx(0.52, abs=1e-15)
     with pinarm.file_root(folder):
         again = pinarm.run(saved / "scenario.yaml")
@@ -110,9 +114,7 @@ def test_a_saved_result_knows_its_parameters(folder):
     ("E: [d, 0]", "E: [dd, 0]", r":7:9: unknown name 'dd'(.|\n)*expected: one of alpha, c, d"),
     ("E: [d, 0]", "E: [2*rho, 0]", "'kg/m' is not a unit"),
     ("E: [d, 0]", "E: [3 mmm, 0]", r"unknown unit 'mmm'(.|\n)*try: mm"),
-    ("E: [d, 0]", "E: [d/0, 0]", "not finite"),
     ("l1: 200 mm", "l1: 2*d", ":3:18: unknown name 'd'"),
-    ("l1: 200 mm", "l1: 200", r":3:18: '200' has no unit"),
     ("l1: 200 mm", "pi: 200 mm", r":3:14: 'pi' cannot be in a formula"),
     ("forces:", "symbols: {l1: 2 m}\nforces:", r":3:14: 'l1' is a symbol"),
 ])  # fmt: skip
