@@ -20,6 +20,7 @@ PLACES = {  # joint: parent link, type, origin, axis
     "planet": ("arm_link", "continuous", "0.2 0.05 0", "0 0 1"),
     "nut": ("swing_link", "prismatic", "0.1 0.7 0", "0 0 1"),
     "bar": ("swing_link", "prismatic", "-0.4 0.3 0.1", "0.6 0.8 0"),
+    "spindle": ("nut_link", "continuous", "0.02 0 0.1", "0 0 1"),
     "runner": ("sun_link", "prismatic", "0.01 0.02 0.3", "0 0 -1"),
 }
 MARKS = {"middle": ("swing_link", "0 0 0.33"), "face": ("swing_link", "0.5 -0.1 0.3"), "far": ("base", "1 1 1"),

@@ -32,6 +32,7 @@ SAMPLES = {
     "a screw": {"kind": "screw", "joints": ["sun", "nut"], "lead": "12 mm"},
     "a screw of opposite senses": {"kind": "screw", "joints": ["ring", "nut"], "lead": "12 mm"},
     "a screw on its nut": {"kind": "screw", "joints": ["sun", "runner"], "lead": "-7 mm"},
+    "a spindle on its slide": {"kind": "screw", "joints": ["spindle", "nut"], "lead": "9 mm"},
     "a belt": {"kind": "belt", "joints": ["sun", "wheel"], "radii": ["90 mm", "30 mm"], "pretension": "20 N"},
     "a crossed belt": {"kind": "belt", "joints": ["wheel", "sun"], "radii": ["30 mm", "50 mm"], "pretension": "9 N",
                        "course": "crossed"},
