@@ -256,6 +256,8 @@ class TestFriction:
             assert across == pytest.approx(-sign * mu * force, rel=1e-10)  # the face is dragged along, of the cam's top
             assert across == pytest.approx(bearing, rel=1e-10)
             assert along == pytest.approx(force, rel=1e-10)
+            (about,) = asked(run, "coupling.cam.moment.z")  # of both forces, about the contact
+            assert about == pytest.approx(np.zeros(23), abs=1e-14 * M * G)
 
     def test_a_roller_turns_on_its_pin(self, cam):
         """The power lost is ``mu N r`` times the speed of the roller, ``u / R``; u is that of rolling on the disc."""

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 import pinarm
 from pinarm.errors import InputError
@@ -182,12 +183,7 @@ def test_a_current_limit_with_inductance_holds_and_lets_go(servo, period, sign):
     control = {**OPEN_LOOP, "bias": [f"{12 * sign} V"], **period}
     result = run(servo(inductance="5 mH", current_limit=f"{LIMIT} A"), control, "1 s")
     t = result["t"].values
-    fine = np.linspace(0.0, 0.01, 200001)  # the current passes the limit, linear between points 50 ns apart
-    currents = step(inductance, fine[::200])[:, 2]
-    start = next(k for k, i in enumerate(currents) if i > LIMIT) - 1
-    inside = fine[200 * start : 200 * start + 201]
-    near = step(inductance, inside)[:, 2]
-    reached = float(np.interp(LIMIT, near, inside))
+    reached = brentq(lambda at: step(inductance, [at])[0, 2] - LIMIT, 0.0, 0.01, xtol=1e-14)
     speed = float(step(inductance, [reached])[0, 1])
     a = N * K * LIMIT / INERTIA
     leaves = reached + ((12.0 - R * LIMIT) / (K * N) - speed) / a

@@ -155,9 +155,9 @@ def test_arm_on_a_base_that_is_lifted_feels_its_acceleration_as_weight(mechanism
     hung = mechanism(chain({**BODY, "name": "base_joint"}, arm))
     still = {f"base_joint.{name}": Constant(value=0.0) for name in ("x", "y", *(f"rotation.{one}" for one in "xyz"))}
     lift = {**still, "base_joint.z": ConstantAcceleration(acceleration=2.5)}
-    swing = run(hung, 3.0, motion=lift, initial={"position": {"arm": 1.0}})
+    swing = run(hung, 1.0, motion=lift, initial={"position": {"arm": 1.0}})
     fixed = run(
-        mechanism(chain(arm), gravity={"magnitude": f"{G + 2.5} m/s^2"}), 3.0, initial={"position": {"arm": 1.0}}
+        mechanism(chain(arm), gravity={"magnitude": f"{G + 2.5} m/s^2"}), 1.0, initial={"position": {"arm": 1.0}}
     )
     index = hung.joints["arm"].q
     assert swing.q[:, index] == pytest.approx(fixed.q[:, 0], abs=1e-9)

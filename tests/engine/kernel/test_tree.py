@@ -1,12 +1,16 @@
 """Accelerations of the compiled kernel against Pinocchio's, and closed forms."""
 
+import itertools
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics, configuration_space
 from pinarm.engine.kernel.tree import AGREEMENT, CompiledTree, disagreement
+from pinarm.mechanics.coordinates import distance
 from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, SpringDamper
+from pinarm.mechanics.forces.points import TwoPointSpring
 from pinarm.mechanics.laws import Constant
 
 from .known_trees import JOINTS, states, tree
@@ -87,6 +91,13 @@ class TestLoads:
         spring = SpringDamper(np.array([6]), np.array([4]), np.array([5.0]), np.array([1.0]), np.array([0.5]))
         damper = SpringDamper(np.array([4]), np.array([3]), np.array([0.0]), np.array([2.0]), np.array([0.0]))
         self.compare(model, {"spring": spring, "damper": damper})
+
+    def test_of_springs_and_dampers_between_points(self):
+        model = tree(["Spherical", "PrismaticUnaligned", "RX"], 4)
+        joints, where = ("universe", *model.names[2:]), pin.SE3(np.eye(3), np.array([0.3, -0.2, 0.4]))
+        ends = [model.addFrame(pin.Frame(f"on {one}", model.getJointId(one), where, pin.OP_FRAME)) for one in joints]
+        forces = [TwoPointSpring(model, distance(*pair), 30.0, 4.0, 0.5, 7.0) for pair in itertools.pairwise(ends)]
+        self.compare(model, dict(zip("ab", forces, strict=True)))
 
     def test_of_springs_of_ball_joints(self):
         model = tree(["RX", "Spherical", "Spherical"], 4)

@@ -145,6 +145,16 @@ def test_a_load_over_a_coordinate_has_a_letter():
     assert "gas" in pinarm.equations(swing).symbols
 
 
+def test_joints_of_a_model_are_damped(chain, mechanism, tmp_path):
+    """A rod about an axis of its own: ``(0.1 + 2 * 0.3^2) Add + 0.7 Ad``."""
+    rod = {"name": "A", "mass": 2.0, "com": "0.3 0 0", "damping": 0.7}
+    mechanism(chain(rod), gravity="none")
+    problem = "{kind: forward, time: {end: 1 s, samples: 2}}"
+    (tmp_path / "scenario.yaml").write_text(f"pinarm: 1\nmechanism: mechanism.yaml\nproblem: {problem}\noutputs: [A]\n")
+    (motion,) = pinarm.equations(tmp_path / "scenario.yaml").motion
+    assert alike(motion.right - motion.left, "0.28*Add + 0.7*Ad")
+
+
 def test_wrong_equations_are_not_printed(monkeypatch):
     """A term that is left out is found by the comparison with the numeric equations."""
     monkeypatch.setattr(projection.Letters, "_gravity", lambda self, component: sympy.Integer(0))

@@ -110,7 +110,12 @@ def test_on_rotations(method):
     assert slope(counts, between) > dense[0] - 0.4
 
 
-ON_LOOPS = [name for name in CASES if name not in TOO_STEEP]
+ON_LOOPS = [
+    name if name in ("dop853", "stiff, 5 stages") else pytest.param(name, marks=pytest.mark.slow)
+    for name in CASES
+    if name not in TOO_STEEP
+]
+"""What projects is common to all methods; few steps are taken at a high order."""
 
 
 @pytest.mark.parametrize("method", ON_LOOPS, indirect=True)
