@@ -169,28 +169,26 @@ planar:
   sliders: {{x: {{link: block, along: [O, X]}}}}
 friction: {{x: {{mu: 0.2, static_mu: {static}}}}}
 """
-ENDS = ("joint.x.effort.lower @ min", "joint.x.effort.upper @ max")
 RISE = "{law: cycloidal, from: 0 m, to: 0.1 m, duration: 10 s}"
 SWING = "{law: harmonic, amplitude: 0.05 m, pulsation: 5 rad/s, phase: 20 deg}"
 
 
-def slid(tmp_path, static, law, samples):
-    """Return a slide that follows a law, and the ends of the band of its effort."""
+def slid(tmp_path, static, law):
+    """Return a slide that follows a law, at three rows."""
     (tmp_path / "slide.yaml").write_text(SLIDE.format(static=static))
-    problem = f"{{kind: inverse, time: {{end: 1 s, samples: {samples}}}, motion: {{x: {law}}}}}"
+    problem = f"{{kind: inverse, time: {{end: 1 s, samples: 3}}, motion: {{x: {law}}}}}"
     text = f"pinarm: 1\nmechanism: slide.yaml\nproblem: {problem}\noutputs: [joint.x.effort]\n"
     (tmp_path / "scenario.yaml").write_text(text)
-    result = pinarm.run(tmp_path / "scenario.yaml")
-    return result, [result.number(name)[0] for name in ENDS]
+    return pinarm.run(tmp_path / "scenario.yaml")
 
 
-@pytest.mark.parametrize(("law", "samples"), [(RISE, 3), (SWING, 3), (SWING, 41)])
-def test_a_motion_that_passes_rest_takes_the_effort_that_breaks_away(tmp_path, law, samples):
+@pytest.mark.parametrize("law", [RISE, SWING])
+def test_a_motion_that_passes_rest_takes_the_effort_that_breaks_away(tmp_path, law):
     """``static_mu m g`` to either side, where a law begins at the first row or turns back between rows."""
-    result, ends = slid(tmp_path, 0.5, law, samples)
-    assert ends == pytest.approx([-0.5 * 2.0 * 9.81, 0.5 * 2.0 * 9.81], rel=1e-12)
+    result, most = slid(tmp_path, 0.5, law), 0.5 * 2.0 * 9.81
     again = restore(result.save(tmp_path / "saved", plots=False))
-    assert [again.number(name)[0] for name in ENDS] == pytest.approx(ends, rel=1e-12)
+    assert result.number("joint.x.effort.lower @ min")[0] == pytest.approx(-most, rel=1e-12)
+    assert again.number("joint.x.effort.upper @ max")[0] == pytest.approx(most, rel=1e-12)
 
 
 SLIDER_CRANK = """
