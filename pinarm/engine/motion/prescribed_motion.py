@@ -15,6 +15,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.kinematics.singular import running
+from pinarm.engine.motion.known_motion import rest_notes, rests_between, slips_between, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.standstill import (
     STANDSTILL,
@@ -24,11 +25,7 @@ from pinarm.engine.motion.standstill import (
     law_size,
     lossy,
     pace_of,
-    rest_notes,
-    rests_between,
     row_paces,
-    slips_between,
-    with_efforts,
 )
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError

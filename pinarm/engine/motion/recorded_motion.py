@@ -28,17 +28,14 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.known_motion import rest_notes, rests_between, slips_between, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.standstill import (
     STANDSTILL,
     Beside,
     directions,
     lossy,
-    rest_notes,
-    rests_between,
     row_paces,
-    slips_between,
-    with_efforts,
 )
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError

@@ -15,7 +15,8 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.mass_matrix import require_masses
-from pinarm.engine.motion.standstill import Beside, directions, lossy, row_paces, with_efforts
+from pinarm.engine.motion.known_motion import with_efforts
+from pinarm.engine.motion.standstill import Beside, directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.state_arrays import LeadingAxes, instant, states_of
