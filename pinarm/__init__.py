@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pinarm.engine.series import Series
     from pinarm.errors import PinarmError
     from pinarm.input.roots import file_root
+    from pinarm.language import writing
     from pinarm.use.facade import Result, Scenario, load
     from pinarm.use.mechanism import Mechanism
     from pinarm.use.report.report import report
@@ -65,12 +66,14 @@ _HOMES = {
     "sweep": "pinarm.use.study.sweep.sweep",
     "tradeoff": "pinarm.use.study.tradeoff",
     "validate": "pinarm.use.study.run",
+    "writing": "pinarm.language",
 }
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sheet", "Sweep", "Tradeoff",
     "Trajectory", "batch", "check", "equations", "examples", "explain", "file_root", "isolate", "lab", "load", "new",
     "quantities", "replay", "report", "restore", "result", "run", "schema", "selftest", "sweep", "tradeoff", "validate",
+    "writing",
 ]  # fmt: skip
 
 

@@ -282,7 +282,11 @@ def _few(names: Iterable[str], letters: int) -> list[str]:
 
 def printable(text: str) -> str:
     """Return text without characters that steer a terminal."""
-    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+    return "".join(c if c.isprintable() or c in SPACES else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+SPACES = "\n\u00a0\u202f"
+"""Characters that steer nothing, although Python prints them as codes: end of a line, no-break spaces of French."""
 
 
 def listed(what: str, names: Sequence[str]) -> str:

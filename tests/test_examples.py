@@ -53,7 +53,7 @@ def executed(path: Path) -> Any:
 
 def test_they_are_in_order() -> None:
     assert [path.name[:2] for path in EXAMPLES] == [f"{k:02d}" for k in range(1, len(EXAMPLES) + 1)]
-    assert len(EXAMPLES) == 16
+    assert len(EXAMPLES) == 17
 
 
 SCRIPTS = [path for path in EXAMPLES if path not in NOTEBOOKS]

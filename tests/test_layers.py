@@ -20,6 +20,7 @@ PACKAGE = Path(pinarm.__file__).parent
 FLOOR_PLAN = {
     "records": "",
     "errors": "",
+    "language": "",
     "arrays": "",
     "input": "numbers units roots xml_text formulas yaml csv_tables xacro robots",
     "mechanics": "geometry joints laws limited_states motors coordinates control rotors ball_joints loops "

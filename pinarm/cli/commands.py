@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pinarm.cli.options import (
     DPI,
+    LANG,
     PATH,
     PLOTS,
     SCENARIO,
@@ -258,6 +259,7 @@ AT_TEXT = "instant of its numbers, such as t='1.5 s' or max (default: where the 
     flag("--equations", "print the equations of motion in the model's symbols instead"),
     arg("--small", nargs="*", metavar="NAME=VALUE", help=SMALL_TEXT),
     DPI,
+    LANG,
     VALUES,
 )
 def _explain(options: Namespace) -> int:
@@ -298,6 +300,7 @@ def _pair(text: str) -> tuple[str, str]:
     "scenario.yaml -o sheet.ipynb",
     PATH,
     arg("-o", "--output", type=Path, metavar="FILE", help="the notebook (default: NAME-lab.ipynb)"),
+    LANG,
     VALUES,
 )
 def _lab(options: Namespace) -> int:
@@ -446,6 +449,7 @@ PLOT_TEXT = "plot these beside it, or nothing (default: the outputs)"
     ),
     arg("--fps", type=float, default=30.0, help="pictures a second of the video"),
     arg("--speed", type=float, default=1.0, help="of the video, relative to real time"),
+    LANG,
 )
 def _replay(options: Namespace) -> int:
     from pinarm.use.show.replay import chromium
@@ -501,6 +505,7 @@ FORMS = (
     output(FORMS, metavar="FILE"),
     arg("--title", default="", help="its heading (default: that of the first scenario)"),
     flag("--student", "leave the answer key out: neither print nor draw expected and published values"),
+    LANG,
 )
 def _report(options: Namespace) -> int:
     from pinarm.use.report.report import report

@@ -23,6 +23,7 @@ from pinarm.cli.options import COMMON
 from pinarm.cli.streams import flush_output, give_up, leave, open_streams, say, unwritable
 from pinarm.errors import InputError, NumericsError, PinarmError, fault, of_interrupt
 from pinarm.input.roots import file_root
+from pinarm.language import writing
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -132,7 +133,7 @@ def _ended(arguments: Sequence[str]) -> int:
         except SystemExit:  # help has been printed, or what is wrong with the arguments
             flush_output()
             raise
-        with file_root(options.root, _packages(options.packages)):
+        with file_root(options.root, _packages(options.packages)), writing(getattr(options, "lang", "")):
             code = int(options.command(options))
         flush_output()
     except BrokenPipeError:  # the reader of our output has seen enough

@@ -102,6 +102,10 @@ SCENARIO, PATH = arg("scenario", type=Path), arg("path", metavar="SCENARIO|MODEL
 
 VALUES = arg("--set", action="append", default=[], metavar="KEY=VALUE", dest="values", help=SET_TEXT, complete=keys)
 
+LANG_TEXT = "language of the document: en or fr (default: the scenario's key lang, else en)"
+
+LANG = arg("--lang", choices=["en", "fr"], default="", help=LANG_TEXT)
+
 DPI = arg("--dpi", type=int, default=200, metavar="N", help="pixels per inch of PNG plots (default: 200)")
 
 PLOTS = either(

@@ -18,6 +18,7 @@ from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import along, everywhere
 from pinarm.errors import InputError
 from pinarm.input.units import unit
+from pinarm.language import in_language, said
 from pinarm.mechanics.geometry.vectors import crossed, moved
 from pinarm.mechanics.joints import METRE
 from pinarm.records import Record, replace
@@ -29,7 +30,7 @@ from pinarm.use.method.theorems import Landmarks, motion_of_whole
 from pinarm.use.method.wanted import Wanted, component, efforts_of, function_of, own_wrenches, wanted_of
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.numbers import RunNumber
-from pinarm.use.result.run import Run
+from pinarm.use.result.result import Result
 
 ALTERNATIVES = 3
 """Other derivations that are named."""
@@ -117,7 +118,7 @@ class Derivation(Record, frozen=True):
         """Return the derivation, with numbers in a state, a row with efforts, where there is one."""
         title = self.mechanism.title
         if not self.chains:
-            return Isolation(self.wanted, title, WORDS["nothing"].format(wanted=self.wanted.symbol))
+            return Isolation(self.wanted, title, said(WORDS["nothing"], wanted=self.wanted.symbol))
         key, chain = self.chains[0]
         others = tuple(self._told(*other) for other in self.chains[1 : 1 + ALTERNATIVES])
         equations = tuple(self._equation(step, chain) for step in chain.steps)
@@ -126,13 +127,13 @@ class Derivation(Record, frozen=True):
 
     def _verdict(self, key: str, chain: Chain) -> str:
         names = {"wanted": self.wanted.symbol, "opened": ", ".join(one.name for one in chain.opened)}
-        return WORDS[key].format(groups=len(self.search.groups), count=len(chain.steps), **names)
+        return said(WORDS[key], groups=len(self.search.groups), count=len(chain.steps), **names)
 
     def _told(self, key: str, chain: Chain) -> str:
         if len(chain.steps) > 1:
             return self._verdict(key, chain)
         [step] = chain.steps
-        return WORDS["isolate"].format(bodies=" + ".join(self._bodies(step)), theorem=self._theorem(step))
+        return said(WORDS["isolate"], bodies=" + ".join(self._bodies(step)), theorem=self._theorem(step))
 
     def _bodies(self, step: Step) -> tuple[str, ...]:
         return tuple(body_name(self.mechanism.model, body) for body in np.flatnonzero(step.group).tolist())
@@ -141,15 +142,15 @@ class Derivation(Record, frozen=True):
         marks = self.search.landmarks
         if step.screw is None:
             key = "energy" if self.whole and self.whole[0] == "whole" else "virtual"
-            return WORDS[key].format(wanted=self.wanted.of)
+            return said(WORDS[key], wanted=self.wanted.of)
         axis = marks.directions[step.screw.direction]
         way = marks.directions * np.sign((marks.directions * axis).sum(axis=-1, keepdims=True) + TINY)
-        direction = self._named(way, marks.direction_names, step.screw.direction, step)
+        direction = _direction(self._named(way, marks.direction_names, step.screw.direction, step))
         if step.screw.point is None:
-            return WORDS["resultant"].format(direction=direction)
+            return said(WORDS["resultant"], direction=direction)
         across = crossed(marks.points / marks.extent, axis)  # the same for all points on one axis
         point = self._named(across, marks.point_names, step.screw.point, step)
-        return WORDS["moment"].format(point=point, direction=direction)
+        return said(WORDS["moment"], point=point, direction=direction)
 
     def _named(self, vectors: Array, names: Sequence[str], place: int, step: Step) -> str:
         """Return the name of a point or direction: that of a joint that is cut, where it has the same."""
@@ -161,14 +162,14 @@ class Derivation(Record, frozen=True):
         """Return an equation without numbers."""
         carriers, left = self.search.actions.carriers, step.unknowns(self.search.actions)
         vanishing = [
-            (WORDS[carrier.kind].format(name=carrier.name), WORDS[self._reason(carrier, step)])
+            (said(WORDS[carrier.kind], name=carrier.name), said(WORDS[self._reason(carrier, step)]))
             for carrier in carriers
             if step.screw and carrier not in left and carrier.is_cut(step.group)
         ]
         opened = [self._component(one, step) for one in chain.opened if one in left]
-        given = WORDS["gives" if len(opened) == 1 else "ties"].format(of=" and ".join(opened))
+        given = said(WORDS["gives" if len(opened) == 1 else "ties"], of=said(" and ").join(opened))
         gives = "" if step is chain.steps[-1] else given
-        perfect = [] if step.screw else [("", WORDS["perfect"])]
+        perfect = [] if step.screw else [("", said(WORDS["perfect"]))]
         return Equation(self._bodies(step), self._theorem(step), gives, (*vanishing, *perfect), self._terms(step))
 
     def _reason(self, one: Carrier, step: Step) -> str:
@@ -195,7 +196,7 @@ class Derivation(Record, frozen=True):
         ways = {"force": (wrenches[:, :3], velocity), "moment": (wrenches[:, 3:], twist[3:])}
         acting = [part for part, (held, way) in ways.items() if np.abs(held @ way).max() > NOTHING]
         if len(acting) != 1:
-            return WORDS["relation"].format(of=one.name)
+            return said(WORDS["relation"], of=one.name)
         held, way = ways[acting[0]]
         along = held.T @ np.linalg.pinv(held.T) @ way  # what the joint transmits of it
         return self._along(acting[0], one, along / np.linalg.norm(along))
@@ -208,7 +209,8 @@ class Derivation(Record, frozen=True):
             quantity = f"{one.kind}.{one.name}.{part}.{f'along.{link}.' if link else ''}{axis}"
             if symbol := self._symbols.get(quantity):
                 return symbol
-        return WORDS[f"{part} of" if names else "relation"].format(of=one.name, direction=names[0] if names else "")
+        words = WORDS[f"{part} of" if names else "relation"]
+        return said(words, of=one.name, direction=_direction(names[0]) if names else "")
 
     @cached_property
     def _symbols(self) -> Mapping[str, str]:
@@ -242,7 +244,7 @@ class Derivation(Record, frozen=True):
             if abs(one.power(step.twists[0])) > ROUNDED * one.size(step.twists[0])
         ]
         roles = ("weight", "inertia") if np.any(model.gravity.linear) else ("inertia",)
-        return *unknown, *known, *(Term(WORDS[role].format(name=name), role, name) for role in roles for name in heavy)
+        return *unknown, *known, *(Term(said(WORDS[role], name=name), role, name) for role in roles for name in heavy)
 
     def _valued(self, step: Step, acting: Sequence[Source]) -> tuple[Term, ...]:
         """Return the terms of an equation with numbers: all that acts."""
@@ -261,14 +263,14 @@ class Derivation(Record, frozen=True):
         """Return the name of a term, with symbols of the mechanism where there are any."""
         if kind in ("drive", "law"):
             own = self.wanted.symbol if (name, self.wanted.kind) == (self.wanted.of, "effort") else ""
-            return own or self._symbols.get(f"joint.{name}.effort") or WORDS[kind].format(name=name)
+            return own or self._symbols.get(f"joint.{name}.effort") or _named(kind, name)
         function = self.search.wanted
         along = (step.rows * function).sum(axis=1) / (function**2).sum(axis=1)
         own_row = np.abs(step.rows - along[:, None] * function).max() < ALIKE * np.abs(step.rows).max()
         if kind in ("joint", "loop", "coupling") and name == self.wanted.of and own_row:
             sign = {1.0: "", -1.0: "-"}.get(round(float(along[0]), 9)) if np.ptp(along) < ALIKE else None
-            return WORDS["lever"].format(of=self.wanted.symbol) if sign is None else sign + self.wanted.symbol
-        return WORDS[kind].format(name=name)
+            return said(WORDS["lever"], of=self.wanted.symbol) if sign is None else sign + self.wanted.symbol
+        return _named(kind, name)
 
     def _in_numbers(self, found: Isolation, chain: Chain, state: Quantities, where: str) -> Isolation:
         """Return a derivation with the terms of its equations in a state, and the unknown that follows from them."""
@@ -344,6 +346,25 @@ class Derivation(Record, frozen=True):
 TINY = float(np.finfo(float).tiny)
 
 
+def _direction(name: str) -> str:
+    """Return the name of a direction in words; that of an axis of the world is its letter."""
+    axis, of, link = name.partition(" of ")
+    if axis == "axis":
+        return said("axis of {name}", name=link)
+    return said("{axis} of {link}", axis=axis, link=link) if of else name
+
+
+def _named(kind: str, name: str) -> str:
+    """Return the name of a term; what demands only a part of an inertia has this part after a comma."""
+    body, comma, part = name.partition(", ") if kind == "inertia" else (name, "", "")
+    words = said(WORDS[kind], name=said(body) if body in UNNAMED else body)
+    return f"{words}, {said(part)}" if comma else words
+
+
+UNNAMED = ("joint damping", "end stops and given efforts")
+"""Actions that have no name in a file."""
+
+
 def _size(acting: Sequence[Source], step: Step) -> float:
     """Return the size of the largest term of an equation, or of its parts."""
     return max((one.size(step.twists[0]) for one in acting), default=0.0)
@@ -365,7 +386,8 @@ def _senses(state: Quantities) -> dict[str, float]:
     }
 
 
-def isolation_in_run(result: Run, name: str, at: str = "") -> Isolation:
+@in_language
+def isolation_in_run(result: Result, name: str, at: str = "") -> Isolation:
     """Return the derivation of a wanted unknown, with numbers at an instant of a run; see ``Result.isolate``."""
     quantities, run = result.quantities, result.trajectory
     wanted = wanted_of(quantities, name)
@@ -380,7 +402,8 @@ def isolation_in_run(result: Run, name: str, at: str = "") -> Isolation:
         middle = wanted.kind == "law"
         row = len(run) // 2 if middle else int(np.nanargmax(np.abs(quantities[wanted.quantity].values)))
         state = quantities.of(run.some(np.array([row])))
-    where = f"at {run.parameter} = {state.trajectory.grid.t[0]:.6g} {run.unit}"
+    here = {"parameter": run.parameter, "value": state.trajectory.grid.t[0], "unit": run.unit}
+    where = said("at {parameter} = {value:.6g} {unit}", **here)
     return Derivation(quantities, wanted, state.trajectory.q[0], _senses(state)).isolation(state, where)
 
 
@@ -411,5 +434,5 @@ def isolation_of(
         tau = np.zeros(mechanism.model.nv)
     rows = state_quantities(mechanism, start, v, a, tau, drives, t).rows
     state = None if rows.trajectory.no_efforts else rows
-    senses, where = ({}, "") if state is None else (_senses(state), "in the given state")
+    senses, where = ({}, "") if state is None else (_senses(state), said("in the given state"))
     return Derivation(rows, wanted, start, senses).isolation(state, where)

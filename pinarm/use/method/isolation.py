@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from msgspec import field
 
+from pinarm.language import Language, decimals, said, spoken, writing
 from pinarm.records import Record
 from pinarm.use.method.wanted import Wanted
 
@@ -98,21 +100,21 @@ class Equation(Record, frozen=True):
 
     def lines(self, number: int) -> Iterator[str]:
         """Yield it as text, with its number."""
-        yield f"{number}. {WORDS['isolate'].format(bodies=' + '.join(self.bodies), theorem=self.theorem)}"
-        yield from (f"   {': '.join(filter(None, each))}" for each in self.vanishing)
+        yield f"{number}. {said(WORDS['isolate'], bodies=' + '.join(self.bodies), theorem=self.theorem)}"
+        yield from (f"   {said(': ').join(filter(None, each))}" for each in self.vanishing)
         single = [term.name for term in self.terms if term.role in ROLES[:2]]
         left, right = " + ".join([*single, *self._together("weight")]), "".join(self._together("inertia"))
         yield f"   {left or '0'} = {right or '0'}"
         width = max((len(term.name) for term in self.terms), default=0)
         for term in self.terms:
             if not np.isnan(term.value):
-                yield f"      {term.name:<{width}}  {term.value:>14.7g} {self.unit}"
+                yield f"      {term.name:<{width}}  {decimals(f'{term.value:>14.7g}')} {self.unit}"
         yield from (f"   {self.gives}",) if self.gives else ()
 
     def _together(self, role: str) -> list[str]:
         """Return weights or inertias of several bodies in one phrase."""
         names = dict.fromkeys(term.of for term in self.terms if term.role == role)
-        return [WORDS[role].format(name=", ".join(names))] if names else []
+        return [said(WORDS[role], name=", ".join(names))] if names else []
 
 
 class Isolation(Record, frozen=True):
@@ -130,6 +132,7 @@ class Isolation(Record, frozen=True):
         solution: The same in the full solution.
         unit: Its unit.
         scale: Largest term of the equations, in terms of the unknown.
+        language: Language of its words.
     """
 
     wanted: Wanted
@@ -142,6 +145,7 @@ class Isolation(Record, frozen=True):
     solution: float = float("nan")
     unit: str = ""
     scale: float = 1.0
+    language: Language = field(default_factory=spoken)
 
     @property
     def residual(self) -> float:
@@ -153,16 +157,20 @@ class Isolation(Record, frozen=True):
 
     def __str__(self) -> str:
         """Return it as text."""
-        lines = [f"{self.title}: {self.verdict}"]
+        with writing(self.language):
+            return "\n".join(self._lines())
+
+    def _lines(self) -> list[str]:
+        lines = [f"{self.title}{said(': ')}{self.verdict}"]
         lines += [f"{self.wanted.name} = {self.wanted.formula}"] if self.wanted.formula else []
-        lines += [f"numbers {self.where}"] if self.where else []
+        lines += [said("numbers {where}", where=self.where)] if self.where else []
         for number, equation in enumerate(self.equations, 1):
             lines += equation.lines(number)
         if self.where:
             numbers = {"value": self.value, "unit": self.unit, "residual": self.residual}
             words = WORDS["holds" if self.wanted.kind == "law" else "hence"]
-            lines.append(words.format(wanted=self.wanted.symbol, **numbers))
-        return "\n".join([*lines, *(WORDS["or"].format(other=other) for other in self.alternatives)])
+            lines.append(said(words, wanted=self.wanted.symbol, **numbers))
+        return [*lines, *(said(WORDS["or"], other=other) for other in self.alternatives)]
 
     def summary(self) -> dict[str, Any]:
         """Return it as plain data."""

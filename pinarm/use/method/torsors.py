@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
+from msgspec import field
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.checks.figures import sampled
@@ -20,13 +21,14 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
+from pinarm.language import Language, decimals, in_language, said, spoken, writing
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import joined, moved, rotated
 from pinarm.mechanics.joints import frame_of, links_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, replace
 from pinarm.use.method.actions import bodies_of, held, per_unit
-from pinarm.use.result.run import Run
+from pinarm.use.result.result import Result
 
 LETTERS: Mapping[str, tuple[Sequence[str], str, str]] = {
     "static": ("XYZLMN", "N", "N*m"),
@@ -35,6 +37,8 @@ LETTERS: Mapping[str, tuple[Sequence[str], str, str]] = {
     "dynamic": (("D_x", "D_y", "D_z", "δ_x", "δ_y", "δ_z"), "N", "N*m"),
 }
 """Letters of the six components, and the units of resultant and moment, of every kind."""
+
+HEADING = "{kind} torsor of {of} at {point}, axes of {basis}"
 
 SAMPLE = 5
 """Rows at most in which a joint's shape is looked at: it belongs to the structure."""
@@ -60,6 +64,7 @@ class Torsor(Record, frozen=True):
         rows: These rows, shape (s,).
         added: What self-stresses of a hyperstatic mechanism add, shape (k, n, 6).
         extent: Length of the longest branch of links [m], which compares moments with forces.
+        language: Language of its words.
     """
 
     unshown = ("parts", "place", "turn", "possible", "added", "parameter")
@@ -76,6 +81,7 @@ class Torsor(Record, frozen=True):
     rows: Indices
     added: Array
     extent: float
+    language: Language = field(default_factory=spoken)
 
     def __repr__(self) -> str:
         return f"<{self.kind} torsor of '{self.of}' at {self.point}, axes of {self.basis}: {' '.join(self.shape)}>"
@@ -138,23 +144,34 @@ class Torsor(Record, frozen=True):
 
     def table(self, value: float | None = None) -> list[list[str]]:
         """Return the two columns of the torsor, letters with numbers at a value of the run's parameter."""
+        with writing(self.language):
+            return self._table(value)
+
+    def _table(self, value: float | None) -> list[list[str]]:
         components, shape, row = self.components, self.shape, self.row(value)
         cells = []
         for k, letter in enumerate(shape):
-            number = "undetermined" if self.undetermined[k] else f"{components[row, k]:.6g} {self.units[k // 3]}"
+            number = decimals(f"{components[row, k]:.6g} {self.units[k // 3]}")
+            number = said("undetermined") if self.undetermined[k] else number
             cells.append("0" if letter == "0" else f"{letter} = {number}")
-        return [["", "resultant", "moment"], *([axis, cells[k], cells[3 + k]] for k, axis in enumerate("xyz"))]
+        return [
+            ["", said("resultant"), said("moment")],
+            *([axis, cells[k], cells[3 + k]] for k, axis in enumerate("xyz")),
+        ]
 
     def text(self, value: float | None = None) -> str:
         """Return it as text: shape, then numbers in the row nearest to a value of the run's parameter."""
         rows = self.table(value)
         widths = [max(len(row[k]) for row in rows) for k in range(3)]
+        return "\n".join([self.heading(value), *("  ".join(map(str.ljust, each, widths)).rstrip() for each in rows)])
+
+    def heading(self, value: float | None = None) -> str:
+        """Return what it is, at which point, in which axes, and the row nearest to a value of the run's parameter."""
         t, row = self.parameter, self.row(value)
-        lines = [
-            f"{self.kind} torsor of {self.of} at {self.point}, axes of {self.basis}, "
-            f"{t.name} = {t.values[row]:.6g} {t.unit}"
-        ]
-        return "\n".join([*lines, *("  ".join(map(str.ljust, each, widths)).rstrip() for each in rows)])
+        with writing(self.language):
+            basis = said("ground") if self.basis == "ground" else self.basis
+            words = said(HEADING, kind=said(self.kind), of=self.of, point=self.point, basis=basis)
+            return f"{words}, {t.name} = {decimals(f'{t.values[row]:.6g}')} {t.unit}"
 
     def __str__(self) -> str:
         """Return it as text, in the first row."""
@@ -164,7 +181,7 @@ class Torsor(Record, frozen=True):
         """Return it as a table, for notebooks."""
         from pinarm.use.show.notebook import blocks, heading, table
 
-        return blocks(heading(self.text().split("\n")[0]), table(self.table()))
+        return blocks(heading(self.heading()), table(self.table()))
 
 
 def shapes(mechanism: Mechanism, q: Array) -> dict[str, str]:
@@ -194,7 +211,8 @@ def _letters(wrenches: Array, turn: Array, place: Array) -> str:
     return " ".join(letter if size > NOTHING else "0" for letter, size in zip("XYZLMN", sizes, strict=True))
 
 
-def torsor(result: Run, of: str, at: str, along: str, kind: str) -> Torsor:
+@in_language
+def torsor(result: Result, of: str, at: str, along: str, kind: str) -> Torsor:
     """Return a torsor of a run; see ``Result.torsor``."""
     quantities, run = result.quantities, result.trajectory
     kind = kind or ("kinematic" if of in links_of(run.mechanism.model) and not _is_tie(quantities, of) else "static")

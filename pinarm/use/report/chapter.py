@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+from msgspec import field
 
 from pinarm.engine.series import Series
 from pinarm.errors import PinarmError
+from pinarm.language import Language, decimals, in_language, said, spoken, told
+from pinarm.mechanics.joints import links_of
 from pinarm.problems import KINDS
 from pinarm.records import ValueRecord, replace
 from pinarm.use.report.given import link_graph, mobility_words, question
+from pinarm.use.report.torsors import joint_torsors
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import read_number
@@ -54,11 +58,13 @@ class Chapter(ValueRecord, frozen=True):
         title: Of the scenario.
         subtitle: The mechanism, and the kind of problem.
         body: All that is below these, as HTML.
+        language: In which it is written.
     """
 
     title: str
     subtitle: str
     body: str
+    language: Language = field(default_factory=spoken)
 
 
 def keyless(result: Result) -> Result:
@@ -67,7 +73,8 @@ def keyless(result: Result) -> Result:
     return replace(result, scenario=replace(result.scenario, content=content), known=result.sections)
 
 
-def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool) -> Chapter:
+@in_language
+def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool, student: bool = False) -> Chapter:
     """Return the chapter on a result.
 
     Args:
@@ -75,45 +82,50 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool) 
         folder: The folder that it was read from, which tells the versions that solved it.
         date: When the report is made.
         moving: Whether the replay is wanted, which paper does not show.
+        student: Whether the torsors of joints are among the answers, not in the appendix.
 
     Raises:
         PinarmError: The motion of a saved result cannot be solved again, which numbers between its rows need.
     """
     mechanism = result.trajectory.mechanism
-    limits = [f"Limit: {excess.words(result.trajectory)}." for excess in result.excesses()]
+    limits = [said("Limit: {excess}.", excess=told(excess.words(result.trajectory))) for excess in result.excesses()]
     replay, unshown = _replay(result) if moving else ("", [])
     verdicts, missed = _verdicts(result)
     asked = KINDS[result.kind].question if result.kind in KINDS else ""
+    own, torsors = _names(result), joint_torsors(result)
     links, along = link_graph(mechanism), result.trajectory.parameter
     tables = mechanism_tables(mechanism, result.presentation)
-    left_out = ReportTable(["Joint", "how", "why"], [(x.joint, x.how, x.why) for x in result.removals], range(3))
+    left_out = ReportTable([said("Joint"), said("how"), said("why")],
+                           [(x.joint, told(x.how), told(x.why)) for x in result.removals], range(3))  # fmt: skip
     parts = [
         sentences([*_warnings(result), *missed, *limits], "box warnings"),
         sentences(_merits(result, verdicts, missed), "box merits"),
-        part("Question", tag("p", text(asked), "asked"), question(result)),
+        part("Question", tag("p", text(told(asked)), "asked"), question(result)),
         part("Answers", _ranges(result), _numbers(result), _findings(result)),
+        part("Actions in the joints", torsors) if student else "",
         part("Mechanism", figure(sketch(result, titled=False).svg(), "sketch"), tag("p", text(mobility_words(result)))),
         part("Motion and curves", replay, *map(figure, _curves(result))),
-        *(_part(section, result.presentation) for section in result.shown_sections.values()),
+        *(_part(section, result.presentation, own) for section in result.shown_sections.values()),
         part("Free-body diagrams", *map(figure, _free_bodies(result))),
         part("Comparison with independent and published values", verdicts),
         part("Accuracy", sentences(error_lines(result)), sentences(accuracy_lines(result.figures, along))),
         part("What was left out, and notes", left_out, sentences([*counted(result.notes()), *unshown])),
         appendix(
             part("Mechanism in numbers", figure(links) if links else "", *tables),
-            *(_further(section) for section in result.shown_sections.values()),
+            *(_further(section, own) for section in result.shown_sections.values()),
+            "" if student else part("Actions in the joints", torsors),
             part("Measures of accuracy", _accuracy(result)),
             part("Provenance", _provenance(result, folder, date)),
         ),
     ]
-    title, subtitle = result.content.title or result.name, f"{mechanism.title}, {result.kind}"
+    title, subtitle = result.content.title or result.name, f"{mechanism.title}, {told(result.kind)}"
     return Chapter(title, subtitle, "\n".join(filter(None, parts)))
 
 
 def appendix(*parts: str) -> str:
     """Return what few readers need, after all else."""
     inner = "\n".join(filter(None, parts)).replace("h3>", "h4>")
-    return tag("section", f"{tag('h3', 'Appendix')}\n{inner}", "appendix")
+    return tag("section", f"{tag('h3', said('Appendix'))}\n{inner}", "appendix")
 
 
 def figure(drawn: str, kind: str = "") -> str:
@@ -124,9 +136,11 @@ def figure(drawn: str, kind: str = "") -> str:
 def _warnings(result: Result) -> list[str]:
     """Return reasons not to use the numbers."""
     target = result.content.accuracy.target
-    reasons = [f"The error of these numbers has no bound: {result.no_bound}."] if result.no_bound else []
+    reasons = (
+        [said("The error of these numbers has no bound: {why}.", why=told(result.no_bound))] if result.no_bound else []
+    )
     if result.missed:
-        reasons.append(f"The accuracy that was wanted, {target:g}, is not reached.")
+        reasons.append(said("The accuracy that was wanted, {target:g}, is not reached.", target=target))
     if result.error is None and "evaluations" in result.figures:
         reasons.append("The global error of this motion was not estimated; the residuals below do not bound it.")
     return reasons
@@ -135,30 +149,38 @@ def _warnings(result: Result) -> list[str]:
 def _merits(result: Result, verdicts: ReportTable, missed: Sequence[str]) -> Iterator[str]:
     """Yield the checks that the numbers passed."""
     if result.error is not None and isfinite(result.error) and not result.no_bound:
-        bound = f"{result.error:.1e} of their largest values, in 99 of 100 cases"
-        yield f"The global error of all outputs is below {bound}."
+        yield said("The global error of all outputs is below {error:.1e} of their largest values, in 99 of 100 cases.",
+                   error=result.error)  # fmt: skip
     if verdicts.rows and not missed:
-        yield f"All {len(verdicts.rows)} entries of the answer key are met."
+        yield said("All {count} entries of the answer key are met.", count=len(verdicts.rows))
 
 
 def _ranges(result: Result) -> ReportTable:
     """Return the ranges of the outputs, as the terminal shows them, with the bound of each one's error."""
     (_, _, *columns), *rows = ranges(result, rounded)
     run, remark = result.trajectory, ""
-    headings = ["Quantity" if run.numbered else f"Quantity, at {len(run)} rows", "unit"]
-    headings += [with_unit(name, run.unit) if name == f"at {run.parameter}" else name for name in columns]
+    headings = [said("Quantity") if run.numbered else said("Quantity, at {count} rows", count=len(run)), said("unit")]
+    places = (with_unit(name, run.unit) if name == f"at {run.parameter}" else name for name in columns)
+    headings += [_place(name) for name in places]
     cells = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
     if result.errors:
-        headings.append("error")
+        headings.append(said("error"))
         bounds = [_bound(result.errors.get(series.name)) for series in result.columns()[1:]]
         cells = [[*row, bound] for row, bound in zip(cells, bounds, strict=True)]
-        largest = "relative to the largest value of the quantity, in 99 of 100 cases"
-        remark = f"error: bound of the global error {largest}"
+        remark = said(
+            "error: bound of the global error relative to the largest value of the quantity, in 99 of 100 cases"
+        )
     return ReportTable(headings, cells, range(2), remark=remark)
 
 
+def _place(heading: str) -> str:
+    """Return ``at t``, or ``row 1``, in the language of the document."""
+    word, _, of = heading.partition(" ")
+    return said("at {place}", place=of) if word == "at" else said("row {number}", number=of) if of else heading
+
+
 def _bound(error: float | None) -> str:
-    return "" if error is None else f"{error:.1e}" if isfinite(error) else "unknown"
+    return "" if error is None else f"{error:.1e}" if isfinite(error) else said("unknown")
 
 
 def _numbers(result: Result) -> ReportTable:
@@ -169,14 +191,14 @@ def _numbers(result: Result) -> ReportTable:
         bounds = [_bound(bound and bound * scale)] if result.errors else []
         value = [unit_text(shown.unit), rounded(float(shown.values[0])), f"{error * scale:.1e}" if error else "0"]
         rows.append([name, *value, *bounds])
-    errors = ["quadrature error", *(["error below, in 99 of 100 cases"] if result.errors else ())]
-    return ReportTable(["Number of the run", "unit", "value", *errors], rows, range(2))
+    errors = [said("quadrature error"), *([said("error below, in 99 of 100 cases")] if result.errors else ())]
+    return ReportTable([said("Number of the run"), said("unit"), said("value"), *errors], rows, range(2))
 
 
 def _findings(result: Result) -> ReportTable:
     """Return the figures that the problem found, such as values that were sought."""
     rows = [[name, f"{value:.9g}"] for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
-    return ReportTable(["Found", "value"], rows)
+    return ReportTable([said("Found"), said("value")], rows)
 
 
 def _curves(result: Result) -> Iterator[str]:
@@ -193,19 +215,19 @@ def _free_bodies(result: Result) -> Iterator[str]:
         yield free_body_diagrams(result, at, titled=False).svg()
 
 
-def _further(section: Section) -> str:
+def _further(section: Section, own: Container[str]) -> str:
     """Return the tables of a section after its first, for the appendix."""
-    return part(section.title, *(_section_table(table, section.key, FEW_ROWS) for table in section.tables[1:]))
+    return part(section.title, *(_section_table(table, section.key, own, FEW_ROWS) for table in section.tables[1:]))
 
 
-def _part(section: Section, how: Presentation) -> str:
+def _part(section: Section, how: Presentation, own: Container[str]) -> str:
     """Return the numbers, first table, remarks and pictures of a section."""
-    tables = [_section_table(table, section.key) for table in section.tables]
+    tables = [_section_table(table, section.key, own) for table in section.tables]
     printed = {cell for table in tables for row in table.rows for cell in row}
     numbers = {name: how.shown(series) for name, series in section.numbers.items()}
     others = {name: series for name, series in numbers.items() if _cell(series) not in printed}
     rows = [[name, unit_text(series.unit), _cell(series)] for name, series in others.items()]
-    more = ReportTable(["Number", "unit", "value"], rows, range(2))
+    more = ReportTable([said("Number"), said("unit"), said("value")], rows, range(2))
     pictures = [figure(graph(drawn, how).svg()) for drawn in section.graphs]
     return part(section.title, more, *tables[:1], sentences(section.remarks), *pictures)
 
@@ -214,31 +236,50 @@ def _cell(series: Series) -> str:
     return rounded(float(series.values[0]))
 
 
-def _section_table(table: SectionTable, key: str, most: int = MOST_ROWS) -> ReportTable:
+def _section_table(table: SectionTable, key: str, own: Container[str], most: int = MOST_ROWS) -> ReportTable:
+    """Return a table of a section; ``own`` are names of the user, which are no words."""
     cleared = table.cleared().rows[:most]
-    rows = [[cell if isinstance(cell, str) else rounded(cell) for cell in row] for row in cleared]
+    rows = [[_word(cell, own) for cell in row] for row in cleared]
     if table.row_unit is not None:
         for row in rows:
             row[table.row_unit] = unit_text(row[table.row_unit])
     texts = {k for row in table.rows for k, cell in enumerate(row) if isinstance(cell, str) and cell}
     more = len(table.rows) - most
-    remark = f"and {more} more rows in {key}_{table.name}.csv" if more > 0 else ""
+    remark = said("and {more} more rows in {file}", more=more, file=f"{key}_{table.name}.csv") if more > 0 else ""
     headings = zip(table.columns, table.units, strict=True)
-    named = [name if unit is None else with_unit(name, unit) for name, unit in headings]
+    named = [told(name) if unit is None else with_unit(told(name), unit) for name, unit in headings]
     return ReportTable(named, rows, texts, table.title, remark)
+
+
+def _word(cell: str | float, own: Container[str]) -> str:
+    if not isinstance(cell, str):
+        return rounded(cell)
+    return cell if cell in own else told(cell)
+
+
+def _names(result: Result) -> set[str]:
+    """Return the names that a user gave to parts of a mechanism and to quantities."""
+    mechanism, content = result.trajectory.mechanism, result.content
+    named = (mechanism.joints, mechanism.balls, mechanism.coordinates, mechanism.drives, mechanism.forces,
+             mechanism.symbols, mechanism.arguments, content.symbols, content.outputs)  # fmt: skip
+    parts = [*links_of(mechanism.model), *(one.name for one in mechanism.constraints)]
+    return {name for names in (*named, parts) for name in names}
 
 
 def _verdicts(result: Result) -> tuple[ReportTable, list[str]]:
     """Return the answer key, compared, and the misses in it, a sentence each."""
-    heading = ["Verdict", "quantity", *HEADING[4:], "source"]
+    heading = list(map(said, ("Verdict", "quantity", *HEADING[4:], "source")))
     if not result.content.expect:
         return ReportTable(heading, []), []
     findings, rows = [finding_of(result, expectation) for expectation in result.content.expect], []
     for (verdict, _, quantity, at, *rest), finding in zip(verdict_rows(findings), findings, strict=True):
         name = quantity if at == "all rows" else f"{quantity} @ {at}"
-        rows.append([verdict, name, *rest, finding.expectation.source])
+        rest = list(map(decimals, rest))
+        rows.append([told(verdict), name, *rest, finding.expectation.source])
     *misses, counts = verdict_remarks(findings)
-    remark = f"{counts}. Of many rows, the one that is farthest off is shown; the difference is relative."
+    counted = ", ".join(map(told, counts.split("; ")))
+    remark = said("{counts}. Of many rows, the one that is farthest off is shown; the difference is relative.",
+                  counts=counted)  # fmt: skip
     return ReportTable(heading, rows, range(len(heading)), remark=remark), misses
 
 
@@ -247,9 +288,9 @@ def _accuracy(result: Result) -> ReportTable:
     few, rows = {**RESIDUALS, **CLOSURES, **PATHS}, []
     for name, value in result.figures.items():
         if name in MEASURES:
-            rows.append([name, f"{value:.1e}" if name in few else f"{value:.6g}", MEASURES[name]])
-    rows += [[name, f"{value:.0f}", "cost"] for name, value in result.figures.items() if name in COSTS]
-    return ReportTable(["Figure", "value", "meaning"], rows, range(3))
+            rows.append([said(name), decimals(f"{value:.1e}" if name in few else f"{value:.6g}"), said(MEASURES[name])])
+    rows += [[said(name), f"{value:.0f}", said("cost")] for name, value in result.figures.items() if name in COSTS]
+    return ReportTable([said("Figure"), said("value"), said("meaning")], rows, range(3))
 
 
 def _provenance(result: Result, folder: Path | None, date: str) -> str:
@@ -257,9 +298,9 @@ def _provenance(result: Result, folder: Path | None, date: str) -> str:
     summary = msgspec.json.decode((folder / "summary.json").read_bytes()) if folder else result.summary()
     versions = ", ".join(f"{name} {version}" for name, version in dict(summary.get("versions", {})).items())
     entries = {
-        "Scenario": f"{result.name}, {len(result)} rows",
-        "Solved with": versions,
-        "SHA-256 of the input": str(summary.get("input", "")),
+        said("Scenario"): said("{name}, {count} rows", name=result.name, count=len(result)),
+        said("Solved with"): versions,
+        said("SHA-256 of the input"): str(summary.get("input", "")),
     }
     return provenance(entries, date)
 
@@ -269,7 +310,8 @@ def provenance(entries: Mapping[str, str], date: str) -> str:
     import pinarm
 
     host = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    entries = {**entries, "Report made with": f"pinarm {pinarm.__version__}, on {host}, {date}"}
+    made = said("pinarm {version}, on {host}, {date}", version=pinarm.__version__, host=host, date=date)
+    entries = {**entries, said("Report made with"): made}
     return tag("dl", "\n".join(tag("dt", text(term)) + tag("dd", text(words)) for term, words in entries.items()))
 
 
@@ -278,5 +320,5 @@ def _replay(result: Result) -> tuple[str, list[str]]:
     try:
         page = result.replay(plots=()).html
     except PinarmError as error:
-        return "", [f"no replay: {error.message}"]
+        return "", [said("no replay: {why}", why=error.message)]
     return tag("div", frame(page, height=REPLAY_HEIGHT), "replay"), []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pinocchio as pin
 from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.series import Series
+from pinarm.language import decimals, said
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.use.show.document import ReportTable, number, shortened, text, unit_text
 from pinarm.use.show.mechanism_tables import body_name
@@ -45,34 +46,46 @@ def question(result: Result) -> ReportTable:
     rows = [*problem_rows(result.data["problem"]), *_given(result), *_asked(result)]
     above = ["", *(row[0] for row in rows)]  # a label that repeats the one above is left out
     cells = [("" if row[0] == before else row[0], *row[1:]) for row, before in zip(rows, above, strict=False)]
-    return ReportTable(["Given", "Of", "Value"], cells, range(3))
+    return ReportTable([said("Given"), said("Of"), said("Value")], cells, range(3))
 
 
-def _words(value: Any) -> str:
-    """Return a value of a file in words: ``{law: harmonic, mean: 1 rad}`` as ``harmonic: mean 1 rad``."""
+def _words(value: Any, word: Callable[[str], str] = said) -> str:
+    """Return a value of a file in words: ``{law: harmonic, mean: 1 rad}`` as ``harmonic: mean 1 rad``.
+
+    Args:
+        value: The value.
+        word: Translates its keys; ``str`` where these are names.
+    """
     if isinstance(value, Mapping):
-        head = " ".join(str(value[key]).replace("_", " ") for key in HEADS if key in value)
-        rest = [
-            f"{str(key).replace('_', ' ')} {_inner(entry)}".rstrip() for key, entry in value.items() if key not in HEADS
-        ]
-        return ": ".join(filter(None, (head, ", ".join(rest))))
-    return ", ".join(map(_inner, value)) if isinstance(value, list | tuple) else str(value)
+        head = " ".join(word(str(value[key]).replace("_", " ")) for key in HEADS if key in value)
+        rest = [f"{word(str(key).replace('_', ' '))} {_inner(entry, word)}".rstrip()
+                for key, entry in value.items() if key not in HEADS]  # fmt: skip
+        return said(": ").join(filter(None, (head, ", ".join(rest))))
+    if isinstance(value, list | tuple):
+        return _listed(_inner(entry, word) for entry in value)
+    return decimals(str(value))
 
 
-def _inner(value: Any) -> str:
+def _inner(value: Any, word: Callable[[str], str]) -> str:
     if not isinstance(value, Mapping | list | tuple):
-        return str(value)
-    return f"({_words(value)})" if value else ""
+        return decimals(str(value))
+    return f"({_words(value, word)})" if value else ""
+
+
+def _listed(words: Iterable[str]) -> str:
+    """Return words with commas between them, or semicolons where numbers have a comma."""
+    return said(", ").join(words)
 
 
 def problem_rows(problem: Mapping[str, Any]) -> Iterator[Row]:
     """Yield what a problem says: kind of entry, coordinate or name, and value in words; laws with all their points."""
     for key, value in problem.items():
-        label = LABELS.get(key, key.replace("_", " ").capitalize())
+        label = said(LABELS.get(key, key.replace("_", " ").capitalize()))
         if isinstance(value, Mapping) and any(isinstance(entry, Mapping) for entry in value.values()):
             yield from ((label, str(name), _words(entry)) for name, entry in value.items())
         elif isinstance(value, Mapping):
-            yield label, "", ", ".join(f"{name} = {_words(entry)}" for name, entry in value.items())
+            word = said if key == "time" else str  # else they are names of coordinates
+            yield label, "", _listed(f"{word(name)} = {_words(entry)}" for name, entry in value.items())
         elif key != "kind":
             yield label, "", _words(value)
 
@@ -81,16 +94,17 @@ def _given(result: Result) -> Iterator[Row]:
     """Yield arguments of the model, payloads, gravity, values to be found, and the wanted accuracy."""
     mechanism, content = result.trajectory.mechanism, result.content
     if mechanism.arguments:
-        yield "Parameters", "", ", ".join(_argument(result, name, x) for name, x in mechanism.arguments.items())
+        yield said("Parameters"), "", _listed(_argument(result, name, x) for name, x in mechanism.arguments.items())
     for name, payload in mechanism.payloads.items():
-        yield "Payload", name, f"{number(float(payload.mass))} kg at {payload.point}"
+        yield said("Payload"), name, said("{mass} kg at {point}", mass=number(float(payload.mass)), point=payload.point)
     gravity = mechanism.model.gravity.linear
-    yield "Gravity", "", f"({', '.join(number(x) for x in gravity)}) m/s²" if gravity.any() else "none"
+    yield said("Gravity"), "", f"({_listed(number(x) for x in gravity)}) m/s²" if gravity.any() else said("none")
     for key in ("changes", "find", *content.assessments):
         if key in result.data:
-            yield key.capitalize(), "", _words(result.data[key])
+            yield said(key.capitalize()), "", _words(result.data[key], str if key == "changes" else said)
     if content.accuracy.target is not None:
-        yield "Accuracy wanted", "", f"global error below {content.accuracy.target:g} of the largest value"
+        bound = said("global error below {target:g} of the largest value", target=content.accuracy.target)
+        yield said("Accuracy wanted"), "", bound
 
 
 def _argument(result: Result, name: str, value: float) -> str:
@@ -104,24 +118,25 @@ def _asked(result: Result) -> Iterator[Row]:
     """Yield the quantities asked for: symbols with their formulas, then the others."""
     formulas = {**result.trajectory.mechanism.description.symbols, **result.content.symbols}
     outputs = list(dict.fromkeys(result.content.outputs))
-    yield from (("Asked for", name, formulas[name]) for name in outputs if name in formulas)
+    yield from ((said("Asked for"), name, formulas[name]) for name in outputs if name in formulas)
     others = [*(name for name in outputs if name not in formulas), *result.content.numbers]
     if others:
-        yield "Asked for", "", ", ".join(others)
+        yield said("Asked for"), "", ", ".join(others)
 
 
 def mobility_words(result: Result) -> str:
     """Return in a sentence how the mechanism can move where its run begins, and how it is tied."""
     mobility = mobility_of(result.trajectory.mechanism, result.trajectory.q[0])
-    counted = f"Mobility {mobility.mobility}: {mobility.joints} joint coordinates"
+    counts = {key: getattr(mobility, key) for key in ("mobility", "joints", "rank", "rows", "degree")}
     if not mobility.rows:
-        return f"{counted}, no loop."
-    tied = f"{counted}, {mobility.rank} independent of {mobility.rows} rows of constraints"
+        return said("Mobility {mobility}: {joints} joint coordinates, no loop.", **counts)
+    tied = said("Mobility {mobility}: {joints} joint coordinates, {rank} independent of {rows} rows of constraints",
+                **counts)  # fmt: skip
     if not mobility.degree:
-        return f"{tied}; isostatic."
-    tied += f"; hyperstatic of degree {mobility.degree}"
+        return said("{tied}; isostatic.", tied=tied)
     undetermined = shortened(", ".join(mobility.undetermined), 200)
-    return f"{tied}: rigid bodies do not determine all reactions of {undetermined}."
+    words = "{tied}; hyperstatic of degree {degree}: rigid bodies do not determine all reactions of {undetermined}."
+    return said(words, tied=tied, undetermined=undetermined, **counts)
 
 
 COLUMN, ROW, WIDE, HIGH, MARGIN = 150.0, 54.0, 104.0, 22.0, 6.0
@@ -153,7 +168,7 @@ def link_graph(mechanism: Mechanism) -> str:
     width = right + (BESIDE + FARTHER * len(closing) + 5.5 * MOST_LETTERS if closing else COLUMN - WIDE + MARGIN)
     height = max(y for _, y in places) + HIGH / 2 + MARGIN
     size = f'width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
-    return f'<svg class="links" role="img" aria-label="Graph of links" {size}>{"".join(drawn)}</svg>'
+    return f'<svg class="links" role="img" aria-label="{text(said("Graph of links"))}" {size}>{"".join(drawn)}</svg>'
 
 
 def _places(model: pin.Model) -> Places:

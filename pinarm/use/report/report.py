@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pinarm.errors import InputError, choices, printable
+from pinarm.language import document, said, spoken, writing
 from pinarm.records import Record, replace
 from pinarm.use.facade import Result
 from pinarm.use.output import write_file
@@ -26,7 +27,7 @@ IN_MARGIN = 90
 """Characters of the title that the margin of a page has room for."""
 
 HEAD = """<!DOCTYPE html>
-<html lang="en">
+<html lang="LANGUAGE">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -70,6 +71,7 @@ def report(
     *,
     title: str = "",
     student: bool = False,
+    lang: str = "",
 ) -> Report:
     """Return one document on results: question, answers and accuracy, mechanism, curves, sections, what was left out.
 
@@ -81,22 +83,25 @@ def report(
         title: Its heading; that of the first scenario where it is left out.
         student: Whether the answer key, ``expect``, is left out: values that are expected or published are neither
             printed nor drawn.
+        lang: Language, ``en`` or ``fr``; that of each scenario where it is left out.
 
     Raises:
-        InputError: A folder is no result, or the ending of the file is unknown.
+        InputError: A folder is no result, or the ending of the file or the language is unknown.
         PinarmError: The file is a PDF and there is no Chromium, or a saved motion cannot be solved again.
     """
     sources = [results] if isinstance(results, Result | Sweep | str | Path) else list(results)
     moving = path is None or kind_of(Path(path)) == HTML
     date = time.strftime("%Y-%m-%d %H:%M %z")
-    chapters = [_chapter(source, date, moving, student) for source in sources]
-    if not chapters:
-        raise InputError("there is no result to report on", expected="at least one")
-    heading = title or chapters[0].title
-    document = Report(heading, _page(heading, _told_apart(chapters, sources), date))
+    with writing(lang):
+        chapters = [_chapter(source, date, moving, student) for source in sources]
+        if not chapters:
+            raise InputError("there is no result to report on", expected="at least one")
+        heading = title or chapters[0].title
+        with document(chapters[0].language):
+            written = Report(heading, _page(heading, _told_apart(chapters, sources), date))
     if path is not None:
-        document.save(path)
-    return document
+        written.save(path)
+    return written
 
 
 def kind_of(path: Path) -> str:
@@ -117,7 +122,7 @@ def _chapter(source: Result | Sweep | str | Path, date: str, moving: bool, stude
     if isinstance(source, Sweep):
         return chapter_on_sweep(source, date)
     folder, result = (None, source) if isinstance(source, Result) else (Path(source), restore(source))
-    return chapter_on(keyless(result) if student else result, folder, date, moving=moving)
+    return chapter_on(keyless(result) if student else result, folder, date, moving=moving, student=student)
 
 
 def _told_apart(chapters: Sequence[Chapter], sources: Sequence[Result | Sweep | str | Path]) -> list[Chapter]:
@@ -138,13 +143,14 @@ def _page(title: str, chapters: Sequence[Chapter], date: str) -> str:
         heading = tag("h2", text(chapter.title)) + tag("p", subtitle, "subtitle") if several else ""
         articles.append(f'<article id="chapter-{k}">\n{heading}{chapter.body}\n</article>')
     top = tag("nav", tag("ol", "\n".join(entries))) if several else tag("p", text(chapters[0].subtitle), "subtitle")
-    subject = "Report on simulations" if several else "Report on a simulation"
+    subject = said("Report on simulations") if several else said("Report on a simulation")
     line = tag("div", tag("span", subject) + tag("span", date), "line")
     margin = "".join(f"\\{ord(character):06x}" for character in printable(title[:IN_MARGIN]))
     style = tag("style", STYLE.read_text(encoding="utf-8").replace("MARGIN", margin))
     header = tag("header", f"{line}\n{tag('h1', text(title))}\n{top}")
     body = "\n".join([header, *articles, READY])
-    return f"{HEAD}{tag('title', text(title))}\n{style}\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    head = HEAD.replace("LANGUAGE", spoken())
+    return f"{head}{tag('title', text(title))}\n{style}\n</head>\n<body>\n{body}\n</body>\n</html>\n"
 
 
 def _printed(html: str) -> bytes:

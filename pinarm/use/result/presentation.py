@@ -10,11 +10,13 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Container, Mapping, Sequence
+from typing import Literal
 
 from msgspec import field
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit, unit
+from pinarm.language import Language
 from pinarm.records import ValueRecord
 
 DEGREE = unit("deg")
@@ -42,6 +44,10 @@ FURTHER = re.compile(r"((?<![\w.@])(?<!@ )[^\W\d][\w.]*)")
 _GROUP = r"([_^])\{([^{}]*)\}"
 
 
+CsvForm = Literal["commas", "semicolons"]
+"""What is between the columns of CSV files: with semicolons numbers have a decimal comma."""
+
+
 class Presentation(ValueRecord, frozen=True):
     """How the quantities of a scenario are shown.
 
@@ -49,14 +55,20 @@ class Presentation(ValueRecord, frozen=True):
         units: Quantity -> the unit that it is shown in.
         labels: Quantity -> what stands for its name: text, text with formulas ``$C_A$``, or TeX with a backslash.
         kinds: SI unit, as text -> the unit that all other quantities that have it are shown in.
+        lang: Language of documents; that of what surrounds them where it is ``None``.
+        csv: What is between the columns of CSV files.
     """
 
     units: Mapping[str, Unit] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
     kinds: Mapping[str, Unit] = field(default_factory=dict)
+    lang: Language | None = None
+    csv: CsvForm = "commas"
 
     @classmethod
-    def of(cls, units: Mapping[str, str], labels: Mapping[str, str]) -> Presentation:
+    def of(
+        cls, units: Mapping[str, str], labels: Mapping[str, str], lang: Language | None = None, csv: CsvForm = "commas"
+    ) -> Presentation:
         """Read units by quantity or by a word of ``UNIT_KINDS``, as files have them."""
         kinds, read = dict[str, Unit](), {name: unit(text) for name, text in units.items()}
         for word in UNIT_KINDS.keys() & read.keys():
@@ -66,7 +78,7 @@ class Presentation(ValueRecord, frozen=True):
             for name, unit_of_name in read.items()
             if not (name in UNIT_KINDS and unit_of_name in kinds.values())
         }
-        return cls(named, labels, kinds)
+        return cls(named, labels, kinds, lang, csv)
 
     def unit(self, series: Series) -> Unit | None:
         """Return the unit that a quantity is shown in to people; ``None`` where it has an unknown one."""

@@ -10,11 +10,12 @@ from pinarm.errors import InputError, within
 from pinarm.input.numbers import argument_word
 from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.schema import Deferred, InputStruct, Measured
+from pinarm.language import Language
 from pinarm.mechanics.description import Gravity
 from pinarm.problems.accuracy import Accuracy
 from pinarm.use.assessments import ASSESSMENTS
 from pinarm.use.result.expectation import Expectation
-from pinarm.use.result.presentation import Presentation
+from pinarm.use.result.presentation import CsvForm, Presentation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -117,6 +118,10 @@ class ScenarioFile(InputStruct, frozen=True):
         labels: Quantity -> what stands for its name in plots, legends, replays and the terminal: text, TeX, such as
             ``{psid: \dot\psi}``, or text with TeX in it, such as ``{C: torque $C_A$}``. The path of a number that a
             sweep varies may have a label too, such as ``{problem.time.end: duration}``.
+        lang: Language of reports, plots, replays, torsors, isolations and lab sheets, such as ``fr``, with a decimal
+            comma; English where it is left out. Errors, the terminal and names of the files stay as they are.
+        csv: ``semicolons`` between the columns of CSV files of the result, and a decimal comma, as spreadsheets in many
+            countries read them; or ``commas``, and a decimal point.
         numbers: Numbers of the run to print, such as ``[C_B @ rms, loads.B.life.time]``: a quantity at a place or as a
             figure of its curve, or a number of an assessment.
         shaking: Shaking force and moment on the frame over the run, such as ``{harmonics: 3}``.
@@ -160,6 +165,8 @@ class ScenarioFile(InputStruct, frozen=True):
     symbols: dict[str, str] = {}
     units: dict[str, str] = {}
     labels: dict[str, str] = {}
+    lang: Language | None = None
+    csv: CsvForm = "commas"
     numbers: list[str] = []
     shaking: Assessment | None = None
     sizing: Assessment | None = None
@@ -192,7 +199,7 @@ class ScenarioFile(InputStruct, frozen=True):
     @property
     def presentation(self) -> Presentation:
         """In which units, and by which labels, quantities are shown."""
-        return Presentation.of(self.units, self.labels)
+        return Presentation.of(self.units, self.labels, self.lang, self.csv)
 
     @property
     def assessments(self) -> dict[str, Assessment]:

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 from pinarm.errors import printable
 from pinarm.input.units import Unit, printed
+from pinarm.language import decimals, told
 from pinarm.records import ValueRecord
 
 WHOLE, SENTENCE = 20, 40
@@ -38,15 +39,16 @@ class ReportTable(ValueRecord, frozen=True):
         if not self.rows:
             return ""
         look = ("short" if len(self.rows) <= SHORT else "") + (" dense" if len(self.headings) > DENSE else "")
-        title = tag("caption", text(self.title)) if self.title else ""
+        title = tag("caption", text(told(self.title))) if self.title else ""
         head = tag("thead", tag("tr", self._cells("th", self.headings)))
         body = tag("tbody", "".join(tag("tr", self._cells("td", row)) for row in self.rows))
-        remark = tag("p", text(self.remark), "remark") if self.remark else ""
+        remark = tag("p", text(told(self.remark)), "remark") if self.remark else ""
         return tag("div", tag("table", title + head + body, look), "wide") + remark
 
     def _cells(self, name: str, cells: Iterable[str]) -> str:
         drawn = []
-        for k, cell in enumerate(cells):
+        for k, entry in enumerate(cells):
+            cell = entry if k in self.texts else decimals(entry)
             wide = " sentence" if len(cell) > SENTENCE else " whole" if len(cell) <= WHOLE else ""
             drawn.append(tag(name, text(cell), ("text" if k in self.texts else "number") + wide))
         return "".join(drawn)
@@ -63,25 +65,25 @@ def text(value: str) -> str:
 
 
 def sentences(texts: Iterable[str], kind: str = "plain") -> str:
-    """Return sentences as a list; nothing where there are none."""
-    items = "".join(tag("li", text(sentence)) for sentence in texts)
+    """Return sentences as a list, in the language of the document; nothing where there are none."""
+    items = "".join(tag("li", text(told(sentence))) for sentence in texts)
     return tag("ul", items, kind) if items else ""
 
 
 def part(title: str, *blocks: str | ReportTable) -> str:
-    """Return a heading with what belongs below it; nothing where all of that is empty."""
+    """Return a heading, in the language of the document, with what belongs below it; nothing where that is empty."""
     content = "\n".join(block.html() if isinstance(block, ReportTable) else block for block in blocks)
-    return f"{tag('h3', text(title))}\n{content}" if content.strip() else ""
+    return f"{tag('h3', text(told(title)))}\n{content}" if content.strip() else ""
 
 
 def rounded(value: float) -> str:
     """Return a result with four digits; whole parts of up to six digits are not cut."""
-    return f"{value:.0f}" if 999.5 <= abs(value) < 999999.5 else f"{value + 0.0:.4g}"
+    return f"{value:.0f}" if 999.5 <= abs(value) < 999999.5 else decimals(f"{value + 0.0:.4g}")
 
 
 def number(value: float) -> str:
     """Return a given number with the digits that a terminal shows of it."""
-    return f"{value + 0.0:.7g}"  # -0 becomes 0
+    return decimals(f"{value + 0.0:.7g}")  # -0 becomes 0
 
 
 def unit_text(unit: Unit | str | None) -> str:

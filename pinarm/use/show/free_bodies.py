@@ -10,6 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE
 from pinarm.engine.series import Series
+from pinarm.language import decimals, in_language, said, told
 from pinarm.records import Record
 from pinarm.use.assessments.loads.load_sets import Action, FreeBody, free_bodies
 from pinarm.use.result.presentation import Presentation
@@ -66,9 +67,9 @@ class _Scale(Record, frozen=True):
     def words(self, action: Action) -> str:
         """Return what a load is, with the sizes of its force and moment; empty where both are rounding."""
         sizes = [float(np.linalg.norm(action.wrench[part])) for part in PARTS]
-        told = zip(sizes, (self.force, self.moment), self.units, strict=True)
-        parts = [f"{rounded(size * factor)} {unit}" for size, most, (factor, unit) in told if size > TINY * most]
-        return f"{action.what} {', '.join(parts)}" if parts else ""
+        measured = zip(sizes, (self.force, self.moment), self.units, strict=True)
+        parts = [f"{rounded(size * factor)} {unit}" for size, most, (factor, unit) in measured if size > TINY * most]
+        return f"{told(action.what)} {said(', ').join(parts)}" if parts else ""
 
 
 class _Panel(Record, frozen=True):
@@ -101,6 +102,7 @@ class _Panel(Record, frozen=True):
         return np.concatenate([*(per * line for line in self.lines), per * self.points, tips])
 
 
+@in_language
 def free_body_diagrams(result: Result, at: float | str | None = None, *, titled: bool = True) -> Picture:
     """Return a panel for every body: all that acts on it at one instant, each force as an arrow, to one scale.
 
@@ -164,8 +166,12 @@ def _heading(result: Result, t: float, titled: bool) -> str:
     shown = result.presentation.shown(result.parameter)
     factor = result.parameter.unit.factor / shown.unit.factor if shown.unit and result.parameter.unit else 1.0
     unit = "" if str(shown.unit or "1") == "1" else f" {shown.unit}"
-    place = f"{symbol(shown.name)} = {plain(f'{t * factor:.5g}{unit}')}"
-    return f"{plain(result.content.title or result.name)}, {place}" if titled else f"Free bodies at {place}"
+    place = f"{symbol(shown.name)} = {plain(decimals(f'{t * factor:.5g}{unit}'))}"
+    return (
+        f"{plain(result.content.title or result.name)}, {place}"
+        if titled
+        else said("Free bodies at {place}", place=place)
+    )
 
 
 def _drawn(panels: Sequence[_Panel], scale: _Scale, heading: str, framing: Framing) -> Picture:
@@ -186,9 +192,9 @@ def _drawn(panels: Sequence[_Panel], scale: _Scale, heading: str, framing: Frami
             size = round_up(0.3 * LONGEST / scale.per_newton * factor)
             length = scale.per_newton * size / factor
             _arrow(foot, np.array([14.0, 22.0]), np.array([14.0 + length, 22.0]), INK)
-            foot.text(22.0 + length, 22.0, f"{size:g} {unit}", va="center", fontsize=8)
-        words = PROJECTED if framing.normal is None else IN_PLANE
-        foot.text(14.0, 8.0, f"{words}; {LAW}", va="center", fontsize=6.5, color=GROUND)
+            foot.text(22.0 + length, 22.0, decimals(f"{size:g} {unit}"), va="center", fontsize=8)
+        words = said(PROJECTED if framing.normal is None else IN_PLANE)
+        foot.text(14.0, 8.0, f"{words}{said('; ')}{said(LAW)}", va="center", fontsize=6.5, color=GROUND)
     return picture
 
 
@@ -199,7 +205,7 @@ def _panel(axis: Axes, panel: _Panel, per: float, scale: _Scale, normal: Array |
     axis.set(xlim=(left, left + WIDE / per), ylim=(bottom, bottom + HIGH / per))
     axis.set_axis_off()
     free, hidden = panel.free, [*panel.lines]
-    name = f"{free.link}: not determined" if free.left_out else free.link
+    name = said("{link}: not determined", link=free.link) if free.left_out else free.link
     axis.text(0.02, 0.97, label(plain(name)), transform=axis.transAxes, fontsize=8, weight="bold", va="top")
     for line in panel.lines:
         axis.plot(*line.T, color=PATH, linewidth=2.2)

@@ -9,6 +9,7 @@ import numpy as np
 from pinarm.engine.constraints.constraint_rows import joint_ties
 from pinarm.engine.constraints.self_stresses import joint_kind
 from pinarm.engine.mechanism import Mechanism
+from pinarm.language import said
 from pinarm.mechanics.joints import moved_links
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.use.show.labels import symbol
@@ -59,7 +60,7 @@ def link_graph(mechanism: Mechanism) -> Picture:
             for text, up in zip(label, (LINE, -LINE), strict=True):
                 write(axis, Note(text, middle, colour), (0.0, up))
         for body, place in places.items():
-            name = symbol(moved_links(model, body)[0]) if body else "ground"
+            name = symbol(moved_links(model, body)[0]) if body else said("ground")
             box = {"boxstyle": "round", "fc": "white" if body else "#e1e4e8", "ec": INK}
             axis.text(*place, name, ha="center", va="center", bbox=box)
     return picture
@@ -68,19 +69,19 @@ def link_graph(mechanism: Mechanism) -> Picture:
 def _edges(mechanism: Mechanism) -> list[Edge]:
     model, idle = mechanism.model, {tie.rotor.index for tie in joint_ties(mechanism.constraints)}
     edges = [
-        Edge((int(model.parents[k]), k), (symbol(str(model.names[k])), joint_kind(model, k)))
+        Edge((int(model.parents[k]), k), (symbol(str(model.names[k])), said(joint_kind(model, k))))
         for k in range(1, model.njoints)
         if k not in idle
     ]
     for constraint in mechanism.constraints:
         if isinstance(constraint, LoopJoint):
             ends = (int(model.frames[constraint.first].parentJoint), int(model.frames[constraint.second].parentJoint))
-            edges.append(Edge((min(ends), max(ends)), (symbol(constraint.name), constraint.kind), LOOP))
+            edges.append(Edge((min(ends), max(ends)), (symbol(constraint.name), said(constraint.kind)), LOOP))
     for relation in mechanism.relations:
         bodies = [k for k in range(1, model.njoints) if model.joints[k].idx_v in relation.joints and k not in idle]
         bodies = [k for k in bodies if len(bodies) == 2 or k not in {model.parents[other] for other in bodies}]
         if len(bodies) == 2:  # a third one is the carrier of both
-            edges.append(Edge((bodies[0], bodies[1]), (symbol(relation.name), relation.kind), COUPLED))
+            edges.append(Edge((bodies[0], bodies[1]), (symbol(relation.name), said(relation.kind)), COUPLED))
     return edges
 
 

@@ -12,6 +12,7 @@ from pinarm.engine.constraints.self_stresses import joint_kind
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
+from pinarm.language import decimals, said, told
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.joints import Joint, moved_links, screw_of
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
@@ -39,7 +40,7 @@ def mechanism_tables(mechanism: Mechanism, how: Presentation = PLAIN) -> list[Re
 
 def body_name(model: pin.Model, index: int) -> str:
     """Return the name of the body behind a joint: that of its first link."""
-    return moved_links(model, index)[0] if index else FRAME
+    return moved_links(model, index)[0] if index else said(FRAME)
 
 
 def _bodies(mechanism: Mechanism, how: Presentation) -> ReportTable:
@@ -47,12 +48,11 @@ def _bodies(mechanism: Mechanism, how: Presentation) -> ReportTable:
     (kg, mass), (m, length), (kg_m2, inertia) = (how.scale(Series("", unit(text), np.zeros(0))) for text in MEASURES)
     rows = [_body(model, index, np.array([kg, m, m, m, kg_m2, kg_m2, kg_m2])) for index in range(1, model.njoints)]
     total = kg * sum(inertia.mass for inertia in list(model.inertias)[1:])
-    headings = ["Body", "fixed to it", with_unit("mass", mass), *(with_unit(x, length) for x in "xyz"),
-                *(with_unit(f"I{x}{x}", inertia) for x in "xyz")]  # fmt: skip
+    headings = [said("Body"), said("fixed to it"), with_unit(said("mass"), mass),
+                *(with_unit(x, length) for x in "xyz"), *(with_unit(f"I{x}{x}", inertia) for x in "xyz")]  # fmt: skip
     centre = "Centre of mass in the axes of the body's joint; moments of inertia about it, in the same axes."
-    return ReportTable(
-        headings, rows, range(2), "Bodies", f"Mass that moves: {number(total)} {unit_text(mass)}. {centre}"
-    )
+    moving = said("Mass that moves: {mass} {unit}.", mass=decimals(number(total)), unit=unit_text(mass))
+    return ReportTable(headings, rows, range(2), "Bodies", f"{moving} {said(centre)}")
 
 
 MEASURES = ("kg", "m", "kg*m^2")
@@ -61,7 +61,7 @@ MEASURES = ("kg", "m", "kg*m^2")
 
 def _body(model: pin.Model, index: int, scales: Array) -> Sequence[str]:
     first, *others = moved_links(model, index)
-    more = [f"{len(others) - NAMED} more"] if len(others) > NAMED else []
+    more = [said("{count} more", count=len(others) - NAMED)] if len(others) > NAMED else []
     inertia = model.inertias[index]
     values = scales * np.array([inertia.mass, *inertia.lever, *np.diag(inertia.inertia)])
     numbers = [number(x) for x in values.tolist()]
@@ -74,8 +74,8 @@ def _joints(mechanism: Mechanism, how: Presentation) -> ReportTable:
         name, screw = model.names[index], screw_of(model.joints[index])
         bodies = body_name(model, model.parents[index]), body_name(model, index)
         way = (_direction(screw[1]) if screw else "", _range(model, mechanism.joints.get(name), how))
-        rows.append([name, joint_kind(model, index), *bodies, *way])
-    headings = ["Joint", "kind", "from", "to", "axis", "range"]
+        rows.append([name, said(joint_kind(model, index)), *bodies, *way])
+    headings = list(map(said, ("Joint", "kind", "from", "to", "axis", "range")))
     return ReportTable(headings, rows, range(6), "Joints", "Axes in those of the joint.")
 
 
@@ -85,7 +85,7 @@ def _direction(axis: Array) -> str:
         for sign in (1.0, -1.0):
             if np.abs(axis - sign * vector).max() < WITHIN:
                 return name if sign > 0.0 else f"-{name}"
-    return " ".join(f"{x + 0.0:.4g}" for x in axis)
+    return decimals(" ".join(f"{x + 0.0:.4g}" for x in axis))
 
 
 def _range(model: pin.Model, joint: Joint | None, how: Presentation) -> str:
@@ -94,14 +94,14 @@ def _range(model: pin.Model, joint: Joint | None, how: Presentation) -> str:
         return ""
     low, high = model.lowerPositionLimit[joint.q], model.upperPositionLimit[joint.q]
     if min(-low, high) >= float(FAR):
-        return "unlimited"
+        return said("unlimited")
     factor, measured = how.scale(Series("", joint.unit, np.zeros(0)))
     shown = "°" if measured == DEGREE else f" {unit_text(measured)}"
-    return f"{low * factor:.6g} to {high * factor:.6g}{shown}"
+    return said("{low:.6g} to {high:.6g}{unit}", low=low * factor, high=high * factor, unit=shown)
 
 
 def _constraints(mechanism: Mechanism) -> ReportTable:
-    headings = ["Loop or coupling", "kind", "between", "rows"]
+    headings = list(map(said, ("Loop or coupling", "kind", "between", "rows")))
     return ReportTable(headings, list(_ties(mechanism)), range(3), "Joints that close loops, and couplings")
 
 
@@ -109,17 +109,19 @@ def _ties(mechanism: Mechanism) -> Iterator[Sequence[str]]:
     for tie in mechanism.constraints:
         if isinstance(tie, LoopJoint):
             frames = [mechanism.model.frames[index].name for index in (tie.first, tie.second)]
-            yield tie.name, tie.kind, f"{frames[0]} and {frames[1]}", str(tie.size)
+            yield tie.name, said(tie.kind), said(" and ").join(frames), str(tie.size)
         elif isinstance(tie, JointRelation):
-            yield tie.name, tie.kind, tie.description, "1"
+            yield tie.name, said(tie.kind), told(tie.description), "1"
         elif isinstance(tie, CableLoop):
-            yield tie.name, tie.kind, tie.path.words(mechanism.model), "1"
+            yield tie.name, said(tie.kind), told(tie.path.words(mechanism.model)), "1"
         elif isinstance(tie, GearedRotor):
-            yield tie.name, "rotor", tie.rotor.name, "1"
+            yield tie.name, said("rotor"), tie.rotor.name, "1"
 
 
 def _acting(mechanism: Mechanism) -> ReportTable:
-    rows = [("force", name, element.description) for name, element in mechanism.forces.items()]
-    rows += [("dry friction", contact.name, "") for contact in mechanism.frictions]
-    rows += [("drive", name, f"at {drive.coordinate}") for name, drive in mechanism.drives.items()]
-    return ReportTable(["What acts", "name", ""], rows, range(3), "Forces and drives")
+    rows = [(said("force"), name, told(element.description)) for name, element in mechanism.forces.items()]
+    rows += [(said("dry friction"), contact.name, "") for contact in mechanism.frictions]
+    rows += [
+        (said("drive"), name, said("at {place}", place=drive.coordinate)) for name, drive in mechanism.drives.items()
+    ]
+    return ReportTable([said("What acts"), said("name"), ""], rows, range(3), "Forces and drives")

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
+from pinarm.language import spoken
 from pinarm.records import ValueRecord
 from pinarm.use.show.labels import plain, unicode_label
 
@@ -32,6 +33,7 @@ from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 from matplotlib.patheffects import AbstractPathEffect, Stroke  # noqa: E402
 from matplotlib.text import Annotation  # noqa: E402
+from matplotlib.ticker import FixedFormatter, Formatter  # noqa: E402
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
@@ -134,6 +136,31 @@ def drawing(width: float, height: float, title: str = "") -> Iterator[Picture]:
         FigureCanvasAgg(picture)
         yield picture
         picture.suptitle(label(title), fontsize=10)
+        _set_decimal_mark(picture)
+
+
+class _Comma(Formatter):
+    """Numbers of another formatter, with a decimal comma."""
+
+    def __init__(self, pointed: Formatter) -> None:
+        self.pointed = pointed
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return str(self.pointed(x, pos)).replace(".", ",")
+
+    def set_locs(self, locs: Any) -> None:
+        self.pointed.set_locs(locs)
+
+    def get_offset(self) -> str:
+        return str(self.pointed.get_offset())
+
+
+def _set_decimal_mark(picture: Picture) -> None:
+    """Give ticks that are numbers the decimal mark of the language that is written now."""
+    for ticks in (ticks for axis in picture.axes for ticks in (axis.xaxis, axis.yaxis)):
+        pointed = ticks.get_major_formatter()
+        if spoken() != "en" and not isinstance(pointed, FixedFormatter):
+            ticks.set_major_formatter(_Comma(pointed))
 
 
 def panels(picture: Picture, titles: Sequence[str], across: str) -> list[Axes]:

@@ -12,6 +12,7 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import in_si
+from pinarm.language import document, in_language, said, told
 from pinarm.records import ValueRecord
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import ERRATA
@@ -66,6 +67,7 @@ OPEN = "least and greatest, as several frictions or stops hold one motion"
 """Name of the bounds of a quantity that static friction leaves open."""
 
 
+@in_language
 def plot(result: Result, names: tuple[str, ...], *, against: str | None = None, titled: bool = True) -> Picture:
     """Return a figure of the named quantities, a panel each.
 
@@ -98,21 +100,26 @@ def _quantity(axis: Axes, result: Result, name: str, x: Array, colour: str) -> N
     look = POINTS if result.trajectory.numbered else {}
     draw(axis, x, result[name].without_rounding().values / factor, color=colour, **look)
     if result.quantities.open_rows(name).any():
-        for bound, text in zip(result.quantities.bounds(name), (OPEN, ""), strict=True):
+        for bound, text in zip(result.quantities.bounds(name), (said(OPEN), ""), strict=True):
             thin = {**look, "linewidth": 0.8, "linestyle": "--"}
             draw(axis, x, bound.values / factor, text, color=colour, **thin)
 
 
 def graph(drawn: Graph, how: Presentation = PLAIN, *, titled: bool = True) -> Picture:
     """Return a graph of a section; of many curves the legend is below it."""
+    with document(how.lang):
+        return _graph(drawn, how, titled)
+
+
+def _graph(drawn: Graph, how: Presentation, titled: bool) -> Picture:
     parts, many = [curves for curves in (drawn.curves, drawn.below) if curves], len(drawn.curves) > len(COLOURS)
     across = drawn.curves[0].across
     scale, along = shown(across, how)
     if drawn.bars:
-        return _bars(drawn, how, plain(drawn.title) if titled else "")
+        return _bars(drawn, how, plain(told(drawn.title)) if titled else "")
     height = WIDTH * (0.9 if drawn.below else 0.7) + (ENTRY * -(-len(drawn.curves) // 2) if many else 0.0)
-    with drawing(WIDTH, height, plain(drawn.title) if titled else "") as picture:
-        axes = panels(picture, [""] * len(parts), axis_label(across.name, along, how))
+    with drawing(WIDTH, height, plain(told(drawn.title)) if titled else "") as picture:
+        axes = panels(picture, [""] * len(parts), axis_label(_named(across.name), along, how))
         for axis, curves in zip(axes, parts, strict=True):
             _curves(axis, curves, how)
             if drawn.equal:
@@ -125,10 +132,19 @@ def graph(drawn: Graph, how: Presentation = PLAIN, *, titled: bool = True) -> Pi
                 legend(axis, axis.lines, loc="best")
             places = [place / scale for place, _ in drawn.marks]
             axis.vlines(places, 0.0, 1.0, MARK, "--", linewidth=0.9, zorder=0, transform=axis.get_xaxis_transform())
-        write_above(axes[0], [(place / scale, text) for place, text in drawn.marks])
+        write_above(axes[0], [(place / scale, told(text)) for place, text in drawn.marks])
         if many:
             legend_below(picture, axes[0].lines)
     return picture
+
+
+def _named(name: str) -> str:
+    """Return the name of an axis: words in the language of the document, names of quantities as they are."""
+    return told(name) if " " in name or name in WORDS else name
+
+
+WORDS = ("frequency", "phase", "amplitude")
+"""Words that axes of graphs have by themselves."""
 
 
 def _bars(drawn: Graph, how: Presentation, title: str) -> Picture:
@@ -136,7 +152,7 @@ def _bars(drawn: Graph, how: Presentation, title: str) -> Picture:
     lengths = drawn.curves[0].across
     scale, measured = shown(lengths, how)
     with drawing(WIDTH, HEAD + BAR * len(drawn.bars), title) as picture:
-        [axis] = panels(picture, [""], axis_label(lengths.name, measured, how))
+        [axis] = panels(picture, [""], axis_label(_named(lengths.name), measured, how))
         axis.barh(range(len(drawn.bars)), lengths.without_rounding().values / scale, 0.6, color=COLOURS[0])
         axis.set_yticks(range(len(drawn.bars)), [label(plain(name)) for name in drawn.bars])
         axis.grid(visible=False, axis="y")
@@ -147,14 +163,14 @@ def _bars(drawn: Graph, how: Presentation, title: str) -> Picture:
 def _curves(axis: Axes, curves: Sequence[Curve], how: Presentation) -> None:
     """Draw the curves of a panel; its axes are those of its first curve."""
     (scale, _), (factor, measured) = shown(curves[0].across, how), shown(curves[0].up, how)
-    axis.set_ylabel(label(axis_label(curves[0].up.name, measured, how)))
+    axis.set_ylabel(label(axis_label(_named(curves[0].up.name), measured, how)))
     for curve, (style, colour) in zip(curves, cycle(product(STYLES, COLOURS)), strict=False):
         x, y = curve.across.values / scale, curve.up.without_rounding().values / factor
         draw(
             axis,
             x,
             y,
-            name_label(curve.label, how, WHOLE),
+            name_label(told(curve.label), how, WHOLE),
             color=colour,
             **(POINTS if curve.points else {"linestyle": style}),
         )
@@ -240,6 +256,10 @@ def _over_run(at: str | dict[str, str | int | float]) -> bool:
     return isinstance(at, str) and (at == "all" or is_figure(at))
 
 
+ERRORS = {"misprint": "a misprint", "model_error": "a model error"}
+"""Verdicts on published values that are wrong, in words."""
+
+
 def _marks(axis: Axes, printed: list[Printed], scale: float, own: float) -> None:
     """Draw published values over a curve: circles where they hold, crosses and dashes where they are wrong.
 
@@ -247,8 +267,9 @@ def _marks(axis: Axes, printed: list[Printed], scale: float, own: float) -> None
     """
     labelled: set[str] = set()
     for value in printed:
-        wrong, name = value.verdict in ERRATA, "printed formula" if isinstance(value.y, np.ndarray) else "published"
-        name += f", a {value.verdict.replace('_', ' ')}" if wrong else ""
+        wrong, formula = value.verdict in ERRATA, isinstance(value.y, np.ndarray)
+        name = said("printed formula") if formula else said("published")
+        name += f", {said(ERRORS[value.verdict])}" if wrong else ""
         look = {"linestyle": "--"} if value.joined else {"linestyle": "", "marker": "x" if wrong else "o"}
         draw(
             axis,

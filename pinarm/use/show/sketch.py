@@ -11,6 +11,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.series import Series
+from pinarm.language import decimals, in_language, said
 from pinarm.mechanics.joints import METRE
 from pinarm.records import Record
 from pinarm.use.result.presentation import Presentation
@@ -91,6 +92,7 @@ class Pose(Record, frozen=True):
     colour: str
 
 
+@in_language
 def sketch(result: Result, *, titled: bool = True) -> Picture:
     """Return a drawing of the mechanism at the start and the end of a run, with names and the paths of its ends.
 
@@ -123,11 +125,11 @@ def _where(result: Result, row: int) -> str:
     """Return the name of a position in the legend."""
     run = result.trajectory
     scale, measured = shown(result.parameter, result.presentation)
-    value = f"{run.grid.t[row] / scale:.4g}".replace("-", "−")
+    value = decimals(f"{run.grid.t[row] / scale:.4g}").replace("-", "−")
     if run.numbered:
-        return f"row {value}"
+        return said("row {number}", number=value)
     unit = {"1": "", "°": "°"}.get(str(measured or "1"), f" {measured}")
-    return f"{'end' if row else 'start'}: {symbol(run.parameter)} = {plain(value + unit)}"
+    return f"{said('end' if row else 'start')}{said(': ')}{symbol(run.parameter)} = {plain(value + unit)}"
 
 
 def _same(seen: Scene, poses: Sequence[Pose]) -> bool:

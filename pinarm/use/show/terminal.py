@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pinarm.engine.series import Series
 from pinarm.errors import printable
+from pinarm.language import decimals, said, told, writing
 from pinarm.mechanics.joints import METRE, RADIAN
 from pinarm.problems.simplify.simplification import removal_lines
 from pinarm.use.result.measures import (
@@ -43,9 +44,10 @@ FEW = 6
 
 def report(result: Result) -> str:
     """Return the summary of a run as text: ranges of the outputs with units, accuracy, cost."""
-    sections = [line for section in result.shown_sections.values() for line in section_lines(section)]
-    head = printable(result.content.title or result.name)
-    return "\n".join([head, *aligned(ranges(result)), *sections, *remarks(result)])
+    with writing("en"):
+        sections = [line for section in result.shown_sections.values() for line in section_lines(section)]
+        head = printable(result.content.title or result.name)
+        return "\n".join([head, *aligned(ranges(result)), *sections, *remarks(result)])
 
 
 def seven_digits(value: float) -> str:
@@ -172,7 +174,10 @@ def counted(notes: Sequence[str]) -> list[str]:
     alike: dict[str, list[str]] = {}
     for note in notes:
         alike.setdefault(re.sub(r"(?<![\w.])[-+]?\d[\d.]*(e[-+]?\d+)?", "0", note), []).append(note)
-    return [first + (f" (and {len(more)} more like it)" if more else "") for first, *more in alike.values()]
+    return [
+        told(first) + (said(" (and {count} more like it)", count=len(more)) if more else "")
+        for first, *more in alike.values()
+    ]
 
 
 def event_lines(result: Result) -> list[str]:
@@ -230,7 +235,7 @@ def error_lines(result: Result) -> list[str]:
 def accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
     """Return the measures of accuracy, a line for each kind."""
     residuals, gaps, path, rows = (
-        ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures)
+        said(", ").join(f"{said(name)} {decimals(f'{figures[name]:.1e}')}" for name in names if name in figures)
         for names in (RESIDUALS, CLOSURES, PATHS, CONSISTENCIES)
     )
     lines = [f"accuracy: relative residuals: {residuals}"] if residuals else []

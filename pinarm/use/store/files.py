@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from csv import reader, writer
 from functools import cache
 from pathlib import Path
 from typing import IO, Any
@@ -14,6 +16,7 @@ from typing import IO, Any
 import numpy as np
 
 from pinarm.use.output import no_text
+from pinarm.use.result.presentation import CsvForm
 
 
 def write(path: Path, text: str) -> None:
@@ -73,6 +76,24 @@ def cell(text: str) -> str:
     """Return a cell of a CSV file; text that a spreadsheet would take for a formula gets an apostrophe before it."""
     safe = f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
     return '"' + safe.replace('"', '""') + '"' if any(mark in safe for mark in ',"\n\r') else safe
+
+
+def with_semicolons(part: bytes) -> bytes:
+    """Return whole lines of CSV with semicolons between the cells and decimal commas; texts stay as they are."""
+    text, lines = io.StringIO(newline=""), reader(io.StringIO(part.decode(), newline=""))
+    writer(text, delimiter=";", lineterminator="\n").writerows(map(_with_commas, lines))
+    return text.getvalue().encode()
+
+
+def _with_commas(cells: list[str]) -> list[str]:
+    return [cell.replace(".", ",") if NUMBER.fullmatch(cell) else cell for cell in cells]
+
+
+NUMBER = re.compile(r"[-+]?\d+\.\d*(e[-+]?\d+)?")
+"""A number with a decimal point in a cell."""
+
+CSV_FORMS: Mapping[CsvForm, Callable[[bytes], bytes]] = {"commas": bytes, "semicolons": with_semicolons}
+"""Key ``csv`` of a scenario -> what is done to files that have commas."""
 
 
 def json_text(value: object) -> str:

@@ -25,7 +25,7 @@ from pinarm.mechanics.loading.pinocchio_model import file_suffix
 from pinarm.use.assessments import FILES
 from pinarm.use.output import whole_folder
 from pinarm.use.result.stored_rows import event_arrays, states
-from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
+from pinarm.use.store.files import CSV_FORMS, cell, json_text, write, write_arrays, write_parts, yaml_text
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -87,12 +87,14 @@ def _write_rows(result: Result, draft: Path) -> None:
     columns = result.table_columns()
     if result.kind == RECORDED:
         write_parts(draft / MOTION, recorded_csv(result))
-    write_parts(draft / "trajectory.csv", csv([result.presentation.written(series) for series in columns]))
+    form, written = CSV_FORMS[result.presentation.csv], [result.presentation.written(series) for series in columns]
+    write_parts(draft / "trajectory.csv", (form(part) for part in csv(written)))
     write_arrays(draft / "trajectory.npz", arrays(result, columns))
     if result.arrays:
         write_arrays(draft / "tables.npz", table_arrays(result.arrays))
     for name, table in result.arrays.items():
-        write(draft / f"{re.sub('[^A-Za-z0-9_.-]+', '_', name)}.csv", array_csv(table))
+        file = draft / f"{re.sub('[^A-Za-z0-9_.-]+', '_', name)}.csv"
+        write_parts(file, [form(array_csv(table).encode())])
 
 
 def _write_sections(result: Result, draft: Path) -> None:
@@ -102,7 +104,8 @@ def _write_sections(result: Result, draft: Path) -> None:
         write(draft / SECTIONS, sections_text(result.sections))
     for section in result.written_sections.values():
         for table in section.tables:
-            write(draft / f"{section.key}_{table.name}.csv", table_csv(table))
+            form = CSV_FORMS[result.presentation.csv]
+            write_parts(draft / f"{section.key}_{table.name}.csv", [form(table_csv(table).encode())])
 
 
 def table_csv(table: SectionTable) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from functools import cached_property
 from os.path import relpath
@@ -14,9 +15,11 @@ import numpy as np
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.yaml.document import Values
+from pinarm.language import decimals, document, in_language, said, spoken, told
 from pinarm.records import replace
 from pinarm.use.facade import Scenario, load
 from pinarm.use.result.expectation import Expectation
+from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.result import Result
 from pinarm.use.study.answers.check import compare, computed_rows, wanted_rows
 from pinarm.use.study.answers.mistakes import likely_mistake
@@ -30,6 +33,9 @@ RANDOM, SPREAD = 2, 0.1
 
 COMPUTED = ("effort", "force", "moment", "torque", "energy", "power")
 """Words of quantities that are no answer, but what is asked for."""
+
+
+PARTLY = "Right for these numbers, but not for others: a number stands in it where a symbol belongs."
 
 
 class Sheet:
@@ -50,16 +56,24 @@ class Sheet:
             raise InputError(f"{path} has no answer key", expected="a list 'expect', with values or formulas")
 
     @property
+    def presentation(self) -> Presentation:
+        """Units, labels and language of the scenario."""
+        return self._scenario.content.presentation
+
+    @property
+    @in_language
     def questions(self) -> list[str]:
         """The questions, in words."""
         return [_question(self._result, entry) for entry in self._key]
 
+    @in_language
     def check(self, number: int, answer: str | float) -> str:
         """Return what is to be said of an answer.
 
         Args:
             number: Of the question, from 1.
-            answer: A number with its unit, such as ``1.47 N*m``, or a formula of symbols, arguments and quantities.
+            answer: A number with its unit, such as ``1.47 N*m``, or a formula of symbols, arguments and quantities;
+                in French ``1,47 N*m`` too.
 
         Raises:
             InputError: There is no such question.
@@ -67,13 +81,17 @@ class Sheet:
         if not 1 <= number <= len(self._key):
             raise InputError(f"there is no question {number}", expected=f"1 to {len(self._key)}")
         text = str(answer).strip()
+        if spoken() == "fr":  # arguments of functions have a space after their comma
+            text = re.sub(r"(?<=\d),(?=\d)", ".", text)
         if not text or text == "...":
-            return "no answer yet"
+            return said("no answer yet")
         entry = self._key[number - 1]
         try:
             return self._judged(entry, text)
         except PinarmError as error:
-            return f"This cannot be compared: {error.message}" + (f" ({error.expected})" if error.expected else "")
+            return said("This cannot be compared: {why}", why=told(error.message)) + (
+                f" ({told(error.expected)})" if error.expected else ""
+            )
 
     def explore(self, *names: str) -> Any:
         """Return sliders for the numbers of the model, and a plot that follows them.
@@ -123,7 +141,7 @@ class Sheet:
         given, _ = wanted_rows(quantities, answer, series.unit, 0.0)
         assert given is not None
         if compare(self._result, answer).ok:
-            return self._generally(answer) if not is_number else "Right."
+            return self._generally(answer) if not is_number else said("Right.")
         mistake = likely_mistake(
             given,
             series.values,
@@ -132,7 +150,7 @@ class Sheet:
             lambda run: computed_rows(run, answer)[1].values,
             NUMBER if is_number else FORMULA,
         )
-        return f"Not right: {mistake}." if mistake else "Not right."
+        return said("Not right: {mistake}.", mistake=mistake) if mistake else said("Not right.")
 
     def _require_derived(self, entry: Expectation, text: str) -> None:
         """Refuse a formula that only names what the program computes.
@@ -159,8 +177,8 @@ class Sheet:
             except PinarmError:  # a loop may not close with these
                 continue
             if not compare(run, answer).ok:
-                return "Right for these numbers, but not for others: a number stands in it where a symbol belongs."
-        return "Right."
+                return said(PARTLY)
+        return said("Right.")
 
 
 def _slider(name: str, value: float) -> dict[str, Any]:
@@ -174,11 +192,12 @@ def _question(result: Result, entry: Expectation) -> str:
     if entry.at == "all":
         place = ""
     elif isinstance(entry.at, dict):
-        place = " at " + ", ".join(f"{name} = {value}" for name, value in entry.at.items())
+        values = ", ".join(f"{name} = {decimals(str(value))}" for name, value in entry.at.items())
+        place = said(" at {values}", values=values)
     else:
-        place = f", {entry.at} of the run"
+        place = said(", {place} of the run", place=told(entry.at))
     wanted = "a formula, or a number if it is constant" if entry.at == "all" else "a number with its unit, or a formula"
-    return f"{entry.quantity}{place}: {wanted} [{unit or '1'}]"
+    return f"{entry.quantity}{place}{said(': ')}{said(wanted)} [{unit or '1'}]"
 
 
 def lab(path: str | Path, file: str | Path | None = None, values: Values | None = None) -> Path:
@@ -200,21 +219,27 @@ def lab(path: str | Path, file: str | Path | None = None, values: Values | None 
     if target.suffix != ".ipynb":
         raise InputError(f"'{target.name}' is no notebook", expected="a file that ends in .ipynb")
     sheet = Sheet(path, values)
-    shown, changes = (
-        Path(relpath(path, target.parent)).as_posix(),
-        f", {dict(values)!r}" if isinstance(values, Mapping) else "",
-    )
-    cells = [
-        ("markdown", f"# {sheet._scenario.content.title or sheet._scenario.name}"),
-        ("code", f'import pinarm\n\nsheet = pinarm.Sheet("{shown}"{changes})'),
-        ("markdown", "Move the sliders: how do the results depend on the numbers of the model?"),
-        ("code", "sheet.explore()"),
-    ]
-    for number, question in enumerate(sheet.questions, 1):
-        cells += [("markdown", f"**Question {number}.** {question}"), ("code", f'sheet.check({number}, "...")')]
+    with document(sheet.presentation.lang):
+        cells = _cells(sheet, Path(relpath(path, target.parent)).as_posix(), values)
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(json.dumps(_notebook(cells), indent=1) + "\n", encoding="utf-8")
     return target
+
+
+def _cells(sheet: Sheet, shown: str, values: Values | None) -> list[tuple[str, str]]:
+    changed = dict(values) if isinstance(values, Mapping) else {}
+    changed |= {"lang": spoken()} if spoken() != (sheet.presentation.lang or "en") else {}
+    changes = f", {changed!r}" if changed else ""
+    cells = [
+        ("markdown", f"# {sheet._scenario.content.title or sheet._scenario.name}"),
+        ("code", f'import pinarm\n\nsheet = pinarm.Sheet("{shown}"{changes})'),
+        ("markdown", said("Move the sliders: how do the results depend on the numbers of the model?")),
+        ("code", "sheet.explore()"),
+    ]
+    for number, question in enumerate(sheet.questions, 1):
+        heading = said("**Question {number}.** {question}", number=number, question=question)
+        cells += [("markdown", heading), ("code", f'sheet.check({number}, "...")')]
+    return cells
 
 
 def _notebook(cells: list[tuple[str, str]]) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.input.units import unit
+from pinarm.language import decimals, said
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import Grid
@@ -87,15 +88,16 @@ def mode_pictures(result: Result) -> ModePictures:
     run, phases = result.trajectory, np.linspace(0.0, 2.0 * np.pi, PHASES)
     mechanism, shapes = run.mechanism, mode_shapes(result)
     numbers = range(min(shapes.shape[1], MOST_MODES))
-    notes = [f"{shapes.shape[1] - MOST_MODES} modes more"] if shapes.shape[1] > MOST_MODES else []
+    notes = [said("{count} modes more", count=shapes.shape[1] - MOST_MODES)] if shapes.shape[1] > MOST_MODES else []
     positions, texts = [], []
     for k in numbers:
         shape, where = _scaled(mechanism, shapes[:, k])
         q, size = _positions(mechanism, run.q[0], shape, phases)
         if not size:
-            notes.append(f"mode {k + 1}: to first order, its loops do not close")
+            notes.append(said("mode {number}: to first order, its loops do not close", number=k + 1))
         positions.append(q)
-        texts.append((f"mode {k + 1}", f"{_description(result, k + 1)}; full amplitude: {where(size or 1.0)}"))
+        words = {"description": _description(result, k + 1), "size": decimals(where(size or 1.0))}
+        texts.append((said("mode {number}", number=k + 1), said("{description}; full amplitude: {size}", **words)))
     rows = np.concatenate(positions)
     many = replace(run.some(np.zeros(len(rows), np.intp)), grid=Grid.cover(np.arange(float(len(rows))), []), q=rows)
     return ModePictures(many, phases, tuple(texts), tuple(notes))
@@ -163,7 +165,11 @@ def _description(result: Result, number: int) -> str:
     row = next(cells for cells in result.section("modes").tables[0].rows if cells[0] == str(number))
     frequency, damping, nature = float(row[1]), float(row[3]), str(row[-1])
     if nature == "rigid":
-        return "rigid"
+        return said("rigid")
     if nature and not float(row[2]):
-        return f"{'grows' if nature == 'unstable' else 'decays'} without oscillation, {abs(float(row[4])):.4g} s"
-    return f"{frequency:.4g} Hz, damping ratio {damping:.3g}" + (", unstable" if nature else "")
+        words = "grows without oscillation, {time:.4g} s" if nature == "unstable" else (
+            "decays without oscillation, {time:.4g} s"
+        )  # fmt: skip
+        return said(words, time=abs(float(row[4])))
+    words = "{frequency:.4g} Hz, damping ratio {damping:.3g}"
+    return said(words, frequency=frequency, damping=damping) + (said(", unstable") if nature else "")

@@ -22,6 +22,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, as_names
+from pinarm.language import decimals, in_language, said, spoken, told
 from pinarm.records import Record
 from pinarm.use.output import write_file
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
@@ -108,6 +109,7 @@ class Packing:
         return reference
 
 
+@in_language
 def replay_page(
     result: Result,
     *,
@@ -142,22 +144,25 @@ def replay_page(
     plotted = [_curve(series, result, rows, CURVES[k % len(CURVES)], packing) for k, series in enumerate(curves)]
     content |= {"named": named, "plots": plotted, "parameter": _parameter(result, run)}
     if modes:
-        phase = {"name": "phase", "unit": "°", "scale": np.pi / 180.0, "time": False, "discrete": False}
+        phase = {"name": said("phase"), "unit": "°", "scale": np.pi / 180.0, "time": False, "discrete": False}
         content |= {"modes": modes.plain(), "rows": packing.add(modes.phases), "parameter": {**phase, "seconds": CYCLE}}
         notes = (*modes.notes, *notes)
-    skipped = [f"{len(rows)} of {len(result)} rows"] if len(rows) < len(result) else []
-    more = [f"and {len(notes) - NAMED} more"] if len(notes) > NAMED else []
-    content |= {"notes": [*skipped, *notes[:NAMED], *more]}
+    skipped = [said("{shown} of {count} rows", shown=len(rows), count=len(result))] if len(rows) < len(result) else []
+    more = [said("and {count} more", count=len(notes) - NAMED)] if len(notes) > NAMED else []
+    content |= {"notes": [*skipped, *map(told, notes[:NAMED]), *more], "mark": decimals("0.0")[1]}
+    content |= {"words": {"grid": said("grid"), "amplitude": said("amplitude")}}
     parts = {
         "title": html.escape(result.content.title or result.name),
-        "subtitle": html.escape(f"{run.mechanism.title} · {result.kind}"),
+        "subtitle": html.escape(f"{run.mechanism.title} · {told(result.kind)}"),
+        "lang": spoken(),
         "scene": _inline(content),
         "arrays": _compressed(bytes(packing.raw)),
         "viewer": _compressed(_viewer()),
         "style": _text("page.css"),
         "script": "\n".join(map(_text, SCRIPTS)),
     }
-    pieces = re.split(r"\{\{(\w+)\}\}", _text("page.html"))
+    layout = re.sub(r"\[\[(.*?)\]\]", lambda text: html.escape(told(text[1])), _text("page.html"))
+    pieces = re.split(r"\{\{(\w+)\}\}", layout)
     page = "".join(parts[piece] if k % 2 else piece for k, piece in enumerate(pieces))
     return Replay(page, notes, modes.period if modes else result.trajectory)
 
@@ -192,7 +197,9 @@ def _content(
     for arrow in acting:
         key = arrow.of, arrow.moment
         largest[key] = max(largest.get(key, 0.0), arrow.largest)
-    marks = [{"loop": True, "text": "loop joint"}] if any(pair.kind in ("loop", "slot") for pair in joined) else []
+    marks = (
+        [{"loop": True, "text": said("loop joint")}] if any(pair.kind in ("loop", "slot") for pair in joined) else []
+    )
     names = names_of(mechanism, shown, result.presentation)
     content = {
         "rows": packing.add(run.grid.t),
@@ -263,17 +270,17 @@ def _arrow(arrow: Arrow, largest: float, packing: Packing) -> Plain:
 def _paths(traces: Sequence[str]) -> Iterator[Plain]:
     """Yield the legend of the paths."""
     for k, name in enumerate(traces):
-        yield {"trace": k, "text": "centre of mass" if name == "com" else f"path of {name}"}
+        yield {"trace": k, "text": said("centre of mass") if name == "com" else said("path of {name}", name=name)}
 
 
 def _families(acting: Sequence[Arrow], largest: dict[tuple[str, bool], float]) -> Iterator[Plain]:
     """Yield the legend of the arrows: colours, and the value of the longest arrow of each kind."""
     for (kind, moment), size in largest.items():
         partial = any(arrow.partial for arrow in acting if arrow.of == kind)
-        name = ARROWS[kind] + (" (components that rigid bodies determine)" if partial else "")
-        number = f"{float(f'{size:.4g}'):g}"
-        scale = f"full arc {number} N·m" if moment else f"longest arrow {number} N"
-        yield {"arrow": kind, "text": f"{name}: {scale}"}
+        name = said(ARROWS[kind]) + (said(" (components that rigid bodies determine)") if partial else "")
+        number = decimals(f"{float(f'{size:.4g}'):g}")
+        scale = said("full arc {number} N·m" if moment else "longest arrow {number} N", number=number)
+        yield {"arrow": kind, "text": f"{name}{said(': ')}{scale}"}
 
 
 def _parameter(result: Result, run: Trajectory) -> Plain:

@@ -13,6 +13,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
+from pinarm.language import said
 from pinarm.mechanics.joints import links_behind, links_of
 from pinarm.mechanics.loading.model_tree import inertia
 from pinarm.use.result.result import Result
@@ -60,10 +61,10 @@ def likely_mistake(answer: Array, right: Array, result: Result, quantity: str, r
 
     for words, factor in FACTORS.items():
         if meets(factor * right):
-            return words
+            return said(words)
     for words, values in _others(result, quantity, right, rows):
         if np.abs(values - right).max() > tolerance * np.abs(right).max() and (meets(values) or meets(-values)):
-            return words if meets(values) else f"{words}, and the sign is the other one"
+            return words if meets(values) else said("{mistake}, and the sign is the other one", mistake=words)
     return ""
 
 
@@ -75,8 +76,8 @@ def _others(result: Result, quantity: str, right: Array, rows: Rows) -> Iterator
             values = rows(changed().solve())
             if values.shape == right.shape:
                 yield words, values
-                if words == WEIGHTS:
-                    yield "what accelerations ask for is forgotten: these are the weights alone", right - values
+                if words == said(WEIGHTS):
+                    yield said("what accelerations ask for is forgotten: these are the weights alone"), right - values
     for other, words in _elsewhere(result, quantity):
         with suppress(PinarmError):
             yield words, result.quantities[other].values
@@ -89,12 +90,12 @@ def _without(scenario: Scenario) -> Iterator[tuple[str, Callable[[], Scenario]]]
     """Yield scenarios in which something of the model is left out."""
     mechanism = scenario.mechanism
     if mechanism.gravity:
-        yield WEIGHTS, lambda: scenario.varied({"gravity": "none"})
-    yield "moments of inertia are forgotten", lambda: _of_points(scenario)
+        yield said(WEIGHTS), lambda: scenario.varied({"gravity": "none"})
+    yield said("moments of inertia are forgotten"), lambda: _of_points(scenario)
     for name, measured in mechanism.argument_units.items():
         if measured.dimension in (MASS, INERTIA) and mechanism.arguments.get(name):
             trace = {f"arguments.{name}": f"{1e-9 * mechanism.arguments[name]!r} {measured.si}"}
-            yield f"{name} is forgotten", partial(scenario.varied, trace)
+            yield said("{name} is forgotten", name=name), partial(scenario.varied, trace)
 
 
 def _of_points(scenario: Scenario) -> Scenario:
@@ -116,7 +117,8 @@ def _elsewhere(result: Result, quantity: str) -> Iterator[tuple[str, str]]:
         return
     for other in mechanism.joints:
         if other != joint:
-            yield f"joint.{other}.{word}", f"that is the {word.split('.')[0]} at the joint {other}"
+            words = said("that is the {what} at the joint {joint}", what=said(word.split(".")[0]), joint=other)
+            yield f"joint.{other}.{word}", words
     if not word.startswith(("effort", "moment")):
         return
     model, index = mechanism.model, mechanism.joints[joint].index
@@ -126,4 +128,4 @@ def _elsewhere(result: Result, quantity: str) -> Iterator[tuple[str, str]]:
     for link in links_of(model) if own else ():
         x, y = (f"(point.{own}.position.{axis} - point.{link}.position.{axis})" for axis in "xy")
         moment = f"joint.{joint}.moment.z + {x}*joint.{joint}.force.y - {y}*joint.{joint}.force.x"
-        yield moment, f"that is the moment about {link}"
+        yield moment, said("that is the moment about {point}", point=link)

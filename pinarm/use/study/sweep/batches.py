@@ -27,7 +27,7 @@ from pinarm.use.cases.case_table import Column
 from pinarm.use.facade import Given, Result, Scenario, load
 from pinarm.use.result.result import Result as ResultRecord
 from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
-from pinarm.use.store.files import write_arrays, write_parts
+from pinarm.use.store.files import CSV_FORMS, write_arrays, write_parts
 from pinarm.use.store.save import arrays, csv
 from pinarm.use.study.sweep.axes import Axis, Cases
 from pinarm.use.study.sweep.solving import Solving
@@ -319,6 +319,7 @@ class MotionFiles:
             return row, b"", b""
         table, packed = result.table_columns(), io.BytesIO()
         lines = csv([result.presentation.written(series) for series in table])
+        lines = map(CSV_FORMS[result.presentation.csv], lines)
         write_arrays(packed, arrays(result, table))
         return row, b"".join(lines), packed.getvalue()
 

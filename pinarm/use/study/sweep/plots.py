@@ -11,6 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.input.units import HERTZ, unit
 from pinarm.input.yaml.document import argument_of
+from pinarm.language import decimals, in_language, said
 from pinarm.use.study.sweep.axes import Axis
 from pinarm.use.study.sweep.branches import MEASURE
 
@@ -33,6 +34,7 @@ PICTURES = 24
 Draw = Callable[["Axes", "Sweep", Series], None]
 
 
+@in_language
 def plot(sweep: Sweep, series: Series) -> Picture:
     """Return a picture of one column of a sweep.
 
@@ -42,7 +44,8 @@ def plot(sweep: Sweep, series: Series) -> Picture:
     from pinarm.use.show.labels import plain
     from pinarm.use.show.picture import drawing
 
-    failed = f" ({len(sweep.errors)} of {len(sweep)} cases failed)" if sweep.errors else ""
+    counts = {"failed": len(sweep.errors), "count": len(sweep)}
+    failed = said(" ({failed} of {count} cases failed)", **counts) if sweep.errors else ""
     with drawing(7.0, 4.2, plain(f"{sweep.title or sweep.name}{failed}")) as picture:
         _kind(sweep, series)(picture.subplots(), sweep, series)
     return picture
@@ -79,11 +82,11 @@ def _branches(axis: Axes, sweep: Sweep, series: Series) -> None:
     x, order = _ticks(axis.xaxis, along), np.argsort(column.values, kind="stable")
     for k, (mode, branch) in enumerate(_branches_of(sweep, series.name).items()):
         scale, measured = shown(branch, sweep.presentation)
-        axis.plot(x[order], (branch.values / scale)[order], **_look(k), label=f"mode {mode}")
+        axis.plot(x[order], (branch.values / scale)[order], **_look(k), label=said("mode {number}", number=mode))
     if series.name.endswith("frequency") and column.unit and column.unit.dimension == HERTZ.dimension:
         _speed_lines(axis, x, column.values * column.unit.factor / (2.0 * np.pi))
     axis.set_xlabel(_named(along, sweep))
-    axis.set_ylabel(label(axis_label(series.name.rpartition(".")[2].replace("_", " "), measured)))
+    axis.set_ylabel(label(axis_label(said(series.name.rpartition(".")[2].replace("_", " ")), measured)))
     if series.name.endswith((".damping", ".growth")):
         axis.axhline(0.0, color="0.4", linewidth=0.9, linestyle="--", zorder=0)
     axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -95,7 +98,7 @@ def _speed_lines(axis: Axes, x: Array, turns: Array) -> None:
     ends = np.argsort(x)[[0, -1]]
     for times, style in ((1, "--"), (2, ":")):
         axis.plot(x[ends], times * np.abs(turns[ends]), color="0.4", linewidth=1.0, linestyle=style,
-                  label=f"{times} × speed", zorder=0)  # fmt: skip
+                  label=said("{times} × speed", times=times), zorder=0)  # fmt: skip
     once = 1.05 * float(np.abs(turns).max())
     axis.set_ylim(min(low, 0.0), max(high, once) if once < FAR * high else high)
 
@@ -107,12 +110,12 @@ def _root_locus(axis: Axes, sweep: Sweep, series: Series) -> None:
         real, look = growth.values[order], _look(k)
         imaginary = 2.0 * np.pi * sweep[f"mode.{mode}.damped_frequency"].values[order]
         for sign in (1.0, -1.0):
-            axis.plot(real, sign * imaginary, **look, label=f"mode {mode}" if sign > 0.0 else None)
+            axis.plot(real, sign * imaginary, **look, label=said("mode {number}", number=mode) if sign > 0.0 else None)
             for end, fill in ((0, "white"), (-1, look["color"])):
                 axis.plot(real[end], sign * imaginary[end], "o", color=look["color"], markerfacecolor=fill)
     axis.axvline(0.0, color="0.4", linewidth=0.9, linestyle="--", zorder=0)
-    axis.set_xlabel("real part [1/s]")
-    axis.set_ylabel("imaginary part [rad/s]")
+    axis.set_xlabel(said("real part [1/s]"))
+    axis.set_ylabel(said("imaginary part [rad/s]"))
     ends = (_value(sweep.cases.axes[0], int(order[end])) for end in (0, -1))
     title = "\n".join(f"{mark} {value}" for mark, value in zip("○●", ends, strict=True))
     axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), title=title, title_fontsize=8)
@@ -175,11 +178,11 @@ def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
     values = drawable(series.values / scale)
     values = values[np.isfinite(values)]
     axis.set_xlabel(label(axis_label(series.name, measured, sweep.presentation)))
-    axis.set_ylabel("cases")
+    axis.set_ylabel(said("cases"))
     if not len(values):
         return
     axis.hist(values, bins="auto", color=COLOURS[5], edgecolor="white", linewidth=0.5)
-    for share, style, name in ((0.05, ":", "middle 90 %"), (0.5, "-", "median"), (0.95, ":", None)):
+    for share, style, name in ((0.05, ":", said("middle 90 %")), (0.5, "-", said("median")), (0.95, ":", None)):
         axis.axvline(float(np.quantile(values, share)), color=COLOURS[1], linestyle=style, label=name)
     axis.legend(fontsize=8, frameon=False)
 
@@ -210,7 +213,7 @@ def _ticks(direction: Any, axis: Axis) -> Array:
 
 def _value(axis: Axis, row: int) -> str:
     column = axis.columns[0]
-    return f"{column.values[row]:g} {column.unit}".rstrip() if column.is_numeric else str(column.values[row])
+    return decimals(f"{column.values[row]:g} {column.unit}".rstrip()) if column.is_numeric else str(column.values[row])
 
 
 def _named(axis: Axis, sweep: Sweep, *, measured: bool = True) -> str:

@@ -27,7 +27,7 @@ from pinarm.use.result.measures import CLOSURES, RESIDUALS, singularity_words
 from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.terminal import aligned, counted
-from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
+from pinarm.use.store.files import CSV_FORMS, cell, json_text, write, write_arrays, write_parts, yaml_text
 from pinarm.use.study.sweep.axes import Cases, axes_of
 from pinarm.use.study.sweep.solving import JOURNAL
 
@@ -218,7 +218,8 @@ class Sweep:
         definition = {key: value for key, value in self.definition.items() if value is not None}
         files = {key: os.path.relpath(definition[key], folder) for key in ("scenario", "cases") if definition.get(key)}
         write(draft / "sweep.yaml", yaml_text({**definition, **files}))
-        write_parts(draft / "cases.csv", (line.encode() for line in csv_lines(self.written(), self.errors)))
+        form, lines = CSV_FORMS[self.presentation.csv], csv_lines(self.written(), self.errors)
+        write_parts(draft / "cases.csv", (form(line.encode()) for line in lines))
         write_arrays(draft / "cases.npz", arrays(list(self.table.values()), self.errors))
         write(draft / "summary.json", json_text(self.summary()) + "\n")
 
@@ -280,7 +281,9 @@ def stored_sweep(folder: Path) -> Sweep:
             errors = {case: text for case, text in enumerate(stored["error"].tolist()) if text}
         if {len(cases)} != {len(series.values) for series in columns}:
             raise InputError(f"{folder / 'cases.npz'} has not the cases of {file}")
-        shown = Presentation.of(base.get("units", {}), base.get("labels", {}))
+        shown = Presentation.of(
+            base.get("units", {}), base.get("labels", {}), base.get("lang"), base.get("csv", "commas")
+        )
         notes = list(json.decode((folder / "summary.json").read_bytes()).get("notes", ()))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         if isinstance(error, InputError):

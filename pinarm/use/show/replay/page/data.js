@@ -12,11 +12,13 @@ function reader(buffer) {
   return ([type, offset, length]) => new ARRAYS[type](buffer, offset, length);
 }
 
+let mark = "."; // decimal mark of the page's language
+
 /** Return a number as text with about so many digits. */
 function shown(x, digits = 4) {
   const size = Math.abs(x);
-  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return x.toExponential(Math.min(digits - 1, 3)).replace("-", "\u2212");
-  return String(Number(x.toPrecision(digits))).replace("-", "\u2212");
+  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return x.toExponential(Math.min(digits - 1, 3)).replace("-", "\u2212").replace(".", mark);
+  return String(Number(x.toPrecision(digits))).replace("-", "\u2212").replace(".", mark);
 }
 
 /** Return what follows a number: its unit, of which only the sign of degrees comes without a space. */

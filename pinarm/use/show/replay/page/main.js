@@ -46,7 +46,7 @@ class Player {
     this.value = this.motion.now = Math.min(Math.max(value, Math.min(first, last)), Math.max(first, last));
     const { name, unit, scale, discrete } = this.scene.parameter;
     const number = (discrete ? Math.floor(this.value) : this.value) / scale;
-    this.element("now").textContent = `${name} = ${number.toFixed(this.decimals).replace("-", "\u2212")}${suffix(unit)}`;
+    this.element("now").textContent = `${name} = ${number.toFixed(this.decimals).replace("-", "\u2212").replace(".", mark)}${suffix(unit)}`;
     this.element("slider").value = this.share();
     this.draw();
   }
@@ -185,6 +185,7 @@ async function main() {
     return;
   }
   const scene = JSON.parse(document.getElementById("scene").textContent);
+  mark = scene.mark;
   const array = reader(await unpacked("arrays"));
   const MeshCat = await graphics();
   const motion = new Motion(MeshCat && MeshCat.THREE, scene, array);
@@ -207,8 +208,8 @@ async function main() {
   if (names && scene.named) names.toggle(true);
   const curves = plots(scene, array, motion, (value) => player.visit(value));
   legend(scene.legend);
-  if (scene.modes) modes(scene.modes, motion, () => player.draw());
-  document.getElementById("notes").textContent = [...(view ? [`grid ${shown(view.cell)} m`] : []), ...scene.notes].join(" · ");
+  if (scene.modes) modes(scene.modes, scene.words, motion, () => player.draw());
+  document.getElementById("notes").textContent = [...(view ? [`${scene.words.grid} ${shown(view.cell)} m`] : []), ...scene.notes].join(" · ");
   if (view) {
     view.viewer.controls.addEventListener("change", () => player.draw());
     document.getElementById("home").addEventListener("click", () => { view.fit(); player.draw(); });

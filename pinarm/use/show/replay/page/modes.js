@@ -1,6 +1,6 @@
 // Modes of a linear analysis: the choice of one, and the slider of its amplitude.
 
-function modes({ names, texts }, motion, draw) {
+function modes({ names, texts }, words, motion, draw) {
   const bar = document.getElementById("bar");
   const mode = document.createElement("select");
   mode.id = "mode";
@@ -14,7 +14,7 @@ function modes({ names, texts }, motion, draw) {
     text.textContent = `${names[mode.value]}: ${texts[mode.value]}`;
     draw();
   };
-  for (const [name, element] of [["", mode], ["amplitude", amplitude]]) {
+  for (const [name, element] of [["", mode], [words.amplitude, amplitude]]) {
     const label = document.createElement("label");
     label.append(name, element);
     bar.append(label);

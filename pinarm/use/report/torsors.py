@@ -1,0 +1,67 @@
+"""Static torsors of joints as a table of a report: which components a joint transmits, and their ranges in the run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.engine.constraints.self_stresses import joint_kind
+from pinarm.engine.series import Series
+from pinarm.input.units import unit
+from pinarm.language import said
+from pinarm.mechanics.joints import moved_links
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.use.method.actions import bodies_of
+from pinarm.use.method.torsors import LETTERS, Torsor, torsor
+from pinarm.use.show.document import ReportTable, rounded, with_unit
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+
+TITLE = "Static torsors of the joints"
+REMARK = (
+    "Action of the first body on the second, at the joint's own point, in the axes of the second; least and greatest "
+    "value of the run. 0: the joint transmits no such component. Along a driven axis stands the effort of the drive."
+)
+
+MOST_JOINTS = 40
+"""Joints of a table that a person reads."""
+
+
+def joint_torsors(result: Result) -> ReportTable:
+    """Return the table of the static torsors; without rows where the run has no efforts."""
+    letters, *units = LETTERS["static"]
+    scales = [result.presentation.scale(Series("", unit(each), np.zeros(0))) for each in units]
+    headings = [said("Joint"), said("first body"), said("second body"), said("kind")]
+    headings += [with_unit(letter, scales[k // 3][1]) for k, letter in enumerate(letters)]
+    rows = []
+    for *words, found in _torsors(result) if not result.trajectory.no_efforts else ():
+        rows.append([*words, *(_range(found, k, scales[k // 3][0]) for k in range(6))])
+    return ReportTable(headings, rows, range(4), TITLE, REMARK)
+
+
+def _torsors(result: Result) -> Iterator[tuple[str, str, str, str, Torsor]]:
+    """Yield name, bodies and kind of each joint with its torsor."""
+    mechanism, model = result.trajectory.mechanism, result.trajectory.mechanism.model
+    ties = [(str(model.names[k]), joint_kind(model, k), int(model.parents[k]), k) for k in bodies_of(mechanism)]
+    for one in mechanism.constraints:
+        if isinstance(one, LoopJoint):
+            first, second = (int(model.frames[frame].parentJoint) for frame in (one.first, one.second))
+            ties.append((one.name, one.kind, first, second))
+    for name, kind, *bodies in ties[:MOST_JOINTS]:
+        before, after = (moved_links(model, body)[0] if body else "" for body in bodies)
+        found = torsor(result, name, "", after, "static")
+        yield name, before or said("ground"), after or said("ground"), said(kind), found
+
+
+def _range(found: Torsor, k: int, scale: float) -> str:
+    """Return the range of a component, one number where it is constant; 0 where the joint does not transmit it."""
+    if found.shape[k] == "0":
+        return "0"
+    if found.undetermined[k]:
+        return said("undetermined")
+    values = found.components[:, k] * scale
+    least, greatest = rounded(float(values.min())), rounded(float(values.max()))
+    return least if least == greatest else f"{least} … {greatest}"
