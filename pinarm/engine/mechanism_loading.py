@@ -30,7 +30,7 @@ from pinarm.input.yaml.schema import (
 )
 from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of, positions_of, unit_of
 from pinarm.mechanics.coordinates import Coordinate, coordinate_of, coordinates_of, sum_of
-from pinarm.mechanics.couplings.coupling import JointRelation, mimic_coupling
+from pinarm.mechanics.couplings.coupling import Coupling, JointRelation, coupled
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words
 from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
@@ -42,6 +42,7 @@ from pinarm.records import Record, replace
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.mechanics.friction.contact import FrictionContact
+    from pinarm.mechanics.loading.model_tree import Mimic
     from pinarm.mechanics.loops.loop_joints import CableLoop
     from pinarm.mechanics.points import Payload, PointDefinition
     from pinarm.mechanics.rotors import Drive, DriveTrain
@@ -312,7 +313,7 @@ class _Reading(Record, frozen=True):
     ) -> tuple[Constraint, ...]:
         """Return loops and couplings, and what ties joints without a body: counters and rotors of drives."""
         joints, coordinates = parts.joints, parts.coordinates
-        mimics = [mimic_coupling(mimic, joints, model) for mimic in self.robot.mimics]
+        mimics = [_mimic_coupling(mimic, joints, model) for mimic in self.robot.mimics]
         trains = self.trains(coordinates)
         geared = [tie for _, drive, train in trains for tie in train.ties(drive, joints, coordinates)]
         return (*mimics, *parts.loops, *self.couplings(model, joints), *counters, *geared)
@@ -515,3 +516,12 @@ def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Place)
         with here("points", name):
             model = with_points(model, [(name, point)])
     return model
+
+
+def _mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
+    """Return the coupling of a joint that mimics another one in the model file."""
+    leader, follower = joint_of(joints, mimic.of), joint_of(joints, mimic.joint)
+    name = f"{follower.name} mimics {leader.name}"
+    weights = {follower: 1.0, leader: -mimic.multiplier}
+    coupling = coupled(model, joints, name, "mimic", weights, mimic.offset)
+    return replace(coupling, follower=follower.v, missing="'mimic' in the model says nothing of the parts between them")

@@ -17,13 +17,12 @@ from pinarm.mechanics.couplings.transmissions import Kink, Transmission
 from pinarm.mechanics.geometry.kinematics import Kinematics, new_data
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
-from pinarm.mechanics.joints import Joint, joint_of
-from pinarm.records import AbstractRecord, Record, replace
+from pinarm.mechanics.joints import Joint
+from pinarm.records import AbstractRecord, Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.force_element import Edge
     from pinarm.mechanics.laws.motion_law import MotionLaw
-    from pinarm.mechanics.loading.model_tree import Mimic
 
 
 class JointRelation(ABC):
@@ -235,15 +234,6 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
     @property
     def description(self) -> str:
         return self.transmission.words if self.transmission else f"its forces on bodies are not known: {self.missing}"
-
-
-def mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
-    """Return the coupling of a joint that mimics another one in the model file."""
-    leader, follower = joint_of(joints, mimic.of), joint_of(joints, mimic.joint)
-    name = f"{follower.name} mimics {leader.name}"
-    weights = {follower: 1.0, leader: -mimic.multiplier}
-    found = coupled(model, joints, name, "mimic", weights, mimic.offset)
-    return replace(found, follower=follower.v, missing="'mimic' in the model says nothing of the parts between them")
 
 
 def coupled(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Container, Iterator, Mapping, Sequence
+from importlib import import_module
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -307,10 +308,10 @@ def _provenance(result: Result, folder: Path | None, date: str) -> str:
 
 def provenance(entries: Mapping[str, str], date: str) -> str:
     """Return what a result came of, and what made the report."""
-    import pinarm
-
     host = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    made = said("pinarm {version}, on {host}, {date}", version=pinarm.__version__, host=host, date=date)
+    made = said(
+        "pinarm {version}, on {host}, {date}", version=import_module("pinarm").__version__, host=host, date=date
+    )
     entries = {**entries, said("Report made with"): made}
     return tag("dl", "\n".join(tag("dt", text(term)) + tag("dd", text(words)) for term, words in entries.items()))
 
