@@ -147,7 +147,7 @@ class Mechanism(Record, frozen=True):
     def closure(self) -> Closure:
         if not isinstance(self.model, ModelVariants):
             return Closure.of(self.model, self.constraints)
-        from pinarm.engine.kinematics.variant_motion import VariantClosure  # of sweeps only
+        from pinarm.engine.constraints.variant_closure import VariantClosure  # of sweeps only
 
         return VariantClosure(self.model, self.constraints)
 

@@ -18,7 +18,6 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.methods import Method
     from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
@@ -338,6 +337,26 @@ class Turn(NamedTuple):
         return self.error / abs(self.margin) if self.margin else math.inf
 
 
+class SolutionMethod(Protocol):
+    """What a solution knows of the method that made it; see ``methods.Method``."""
+
+    @property
+    def tolerance(self) -> float: ...
+
+    @property
+    def subdivisions(self) -> int: ...
+
+    @property
+    def tangent(self) -> bool: ...
+
+    @property
+    def remedy(self) -> str: ...
+
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput: ...
+
+    def diagnose(self, solution: Solution) -> list[Doubt]: ...
+
+
 class Solution(Struct, eq=False, dict=True, weakref=True):
     """The result of an integration: its steps, and by dense output the state at any time between.
 
@@ -350,7 +369,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         nearest: Index of a watch -> the turn at which it is the least certain whether its value comes to 0.
     """
 
-    method: Method
+    method: SolutionMethod
     manifold: Manifold
     intervals: Sequence[Interval]
     steps: StepTable = field(default_factory=StepTable)

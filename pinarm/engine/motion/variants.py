@@ -11,9 +11,10 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
-from pinarm.engine.kinematics.variant_motion import VariantClosure, VariantMotion, VariantStates
+from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable, Prescription
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
