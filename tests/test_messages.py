@@ -235,7 +235,7 @@ MECHANISMS = [
                                     ("symbols:", "payloads: {p: {point: rod, mass: 1e308 kg}}\nsymbols:", "12:34",
                                      "1e+50")]],
     ("x: joint.track.position", "x: joint.trak.position", ["joint.trak.position", "try: joint.track.position"]),
-    ("arguments: {}", "arguments: {m: kgs}", ["slider.yaml:3:16: unknown unit 'kgs'", "try: kg"]),
+    ("arguments: {}", "arguments: {m: 5 kgs}", ["slider.yaml:3:16: unknown unit 'kgs'", "try: kg"]),
 ]  # fmt: skip
 
 

@@ -150,7 +150,7 @@ def stop_at(monkeypatch):
         original = AppliedEffort.add_load
 
         def add_load(element, t, q, v, tau):
-            if np.ndim(t) == 0 and t > instant:
+            if np.size(t) == 1 and np.max(t) > instant:
                 raise KeyboardInterrupt
             original(element, t, q, v, tau)
 
