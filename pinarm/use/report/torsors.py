@@ -15,6 +15,7 @@ from pinarm.mechanics.joints import moved_links
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.use.method.actions import bodies_of
 from pinarm.use.method.torsors import LETTERS, Torsor, torsor
+from pinarm.use.result.measures import SOLVED
 from pinarm.use.show.document import ReportTable, rounded, with_unit
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 TITLE = "Static torsors of the joints"
 REMARK = (
     "Action of the first body on the second, at the joint's own point, in the axes of the second; least and greatest "
-    "value of the run. 0: the joint transmits no such component. Along a driven axis stands the effort of the drive."
+    "value of the run. 0: the joint does not transmit it, or it is 0 but for rounding. Along a driven axis stands the "
+    "effort of the drive."
 )
 
 MOST_JOINTS = 40
@@ -62,6 +64,8 @@ def _range(found: Torsor, k: int, scale: float) -> str:
         return "0"
     if found.undetermined[k]:
         return said("undetermined")
-    values = found.components[:, k] * scale
+    values, size = found.components[:, k], np.nanmax(np.abs(found.resultant), initial=0.0)
+    size *= found.extent if k >= 3 else 1.0
+    values = np.where(np.abs(values) > SOLVED * max(size, np.abs(values).max()), values * scale, 0.0)
     least, greatest = rounded(float(values.min())), rounded(float(values.max()))
     return least if least == greatest else f"{least} … {greatest}"
