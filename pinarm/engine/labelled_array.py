@@ -98,10 +98,10 @@ def _unit(text: str) -> Unit | None:
 
 def plain_arrays(tables: Mapping[str, LabelledArray]) -> dict[str, Any]:
     """Return tables as arrays of numbers and texts, from which ``labelled_arrays`` makes them again."""
-    found: dict[str, Any] = {"array.names": np.array([*tables], str)} if tables else {}
+    arrays: dict[str, Any] = {"array.names": np.array([*tables], str)} if tables else {}
     for k, table in enumerate(tables.values()):
-        found |= {f"array.{k}.{name}": part for name, part in zip(PARTS, plain_table(table), strict=True)}
-    return found
+        arrays |= {f"array.{k}.{name}": part for name, part in zip(PARTS, plain_table(table), strict=True)}
+    return arrays
 
 
 def plain_table(table: LabelledArray) -> list[NDArray[Any]]:
@@ -112,7 +112,7 @@ def plain_table(table: LabelledArray) -> list[NDArray[Any]]:
 
 def labelled_arrays(arrays: Mapping[str, Any]) -> dict[str, LabelledArray]:
     """Return the tables among stored arrays; see ``plain_arrays``."""
-    found = dict[str, LabelledArray]()
+    tables = dict[str, LabelledArray]()
     for k, name in enumerate(arrays["array.names"].tolist() if "array.names" in arrays else ()):
         parts = [arrays.get(f"array.{k}.{part}", np.zeros(0)) for part in PARTS]
         values, rows, columns, row_units, column_units = parts
@@ -123,8 +123,8 @@ def labelled_arrays(arrays: Mapping[str, Any]) -> dict[str, LabelledArray]:
         ):
             raise InputError(f"the table '{name}' has not the rows and columns that it names")
         units = [[_unit(str(text)) for text in own] for own in (row_units, column_units)]
-        found[str(name)] = LabelledArray(values, rows.tolist(), columns.tolist(), *units)
-    return found
+        tables[str(name)] = LabelledArray(values, rows.tolist(), columns.tolist(), *units)
+    return tables
 
 
 def dataframe(

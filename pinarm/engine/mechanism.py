@@ -276,7 +276,7 @@ def _numbers(text: str | Sequence[str] | Array) -> float | Array:
         return text
     texts = [text] if isinstance(text, str) else text
     try:
-        found = [*map(decimal, texts)]
+        numbers = [*map(decimal, texts)]
     except ValueError:
         raise VariantsDiffer("an argument that is a word in some variants") from None
-    return found[0] if isinstance(text, str) else np.array(found)
+    return numbers[0] if isinstance(text, str) else np.array(numbers)

@@ -89,12 +89,12 @@ def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
     for k, body in enumerate(named.iter("body")):
         body.set("name", f"body_{k}")
     files = _bare(named, path, root)
-    found = _compiled(ElementTree.tostring(named, encoding="unicode"), files)
+    compiled = _compiled(ElementTree.tostring(named, encoding="unicode"), files)
     replaced = _compiler(model).get("inertiafromgeom") == "true"
     for compiler in model.findall("compiler"):
         compiler.attrib.pop("inertiafromgeom", None)
     for k, body in enumerate(bodies):
-        mass, *numbers = found.get(f"body_{k}", [0.0])
+        mass, *numbers = compiled.get(f"body_{k}", [0.0])
         given = [*_own(body, "inertial")]
         if mass and any(True for _ in _own(body, "geom")) and (replaced or not given):
             for holder, inertial in given:
@@ -141,9 +141,9 @@ def _bare(model: Element, path: Path, root: Path) -> dict[str, bytes]:
             if file := mesh.get("file"):
                 file = Path(file).name if compiler.get("strippath") == "true" else file
                 mesh.set("name", mesh.get("name") or Path(file).stem)
-                found = contained_file(path.parent.absolute() / folder / file, root)
-                name = f"mesh_{len(files)}{found.suffix}"
-                files[name] = _content(found, MOST_BYTES - sum(map(len, files.values())))
+                path_of_mesh = contained_file(path.parent.absolute() / folder / file, root)
+                name = f"mesh_{len(files)}{path_of_mesh.suffix}"
+                files[name] = _content(path_of_mesh, MOST_BYTES - sum(map(len, files.values())))
                 mesh.set("file", name)
     return files
 

@@ -157,8 +157,8 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
     def _reduced(self, how: str, axis: Any, options: Mapping[str, Any]) -> Any:
         if isinstance(options.get("initial"), Series):
             options = {**options, "initial": _alike({"own": self, "initial": options["initial"]})["initial"]}
-        found = getattr(self.values, how)(axis=axis, **options)
-        return replace(self, name=f"{how}({self.name})", values=found, terms=0.0) if np.ndim(found) else found
+        reduced = getattr(self.values, how)(axis=axis, **options)
+        return replace(self, name=f"{how}({self.name})", values=reduced, terms=0.0) if np.ndim(reduced) else reduced
 
     def __len__(self) -> int:
         return len(self.values)
@@ -207,11 +207,11 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
             raise UnitError(f"{said}: {error.message}", expected=error.expected, hint=error.hint) from None
         if isinstance(options.get("initial"), Series):
             options["initial"] = _alike({"own": inputs[0], "initial": options["initial"]})["initial"]
-        found = getattr(ufunc, method)(*arrays, *inputs[len(arrays) :], **options, **({"out": out} if out else {}))
-        if measured is _PLAIN or out or (folded and not np.ndim(found)):
-            return found
+        values = getattr(ufunc, method)(*arrays, *inputs[len(arrays) :], **options, **({"out": out} if out else {}))
+        if measured is _PLAIN or out or (folded and not np.ndim(values)):
+            return values
         doubt = next((x.doubt for x in inputs if isinstance(x, Series) and x.doubt), "")
-        return Series(said, measured.unit, found, doubt)
+        return Series(said, measured.unit, values, doubt)
 
     def __array_function__(self, function: Any, types: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
         """Apply another function of numpy to the bare values; see the head of this module.

@@ -86,7 +86,7 @@ def _power(name: str, exponent: Exponent) -> str:
 
 def printed(text: str) -> str:
     """Return the text of a unit as it is printed, such as N·m² for ``N*m^2``."""
-    return _SUPERSCRIPT.sub(lambda found: {"2": "²", "3": "³"}[found[1]], text.replace("*", "·"))
+    return _SUPERSCRIPT.sub(lambda match: {"2": "²", "3": "³"}[match[1]], text.replace("*", "·"))
 
 
 DIMENSIONLESS = Unit(1.0, (0, 0, 0, 0), "1")

@@ -93,11 +93,11 @@ def links_of(model: pin.Model) -> list[str]:
 @cached_by_model
 def links_behind(model: pin.Model) -> list[list[str]]:
     """Return the links that are fixed to each other behind every joint, by its index; 0 is the world."""
-    found: list[list[str]] = [[] for _ in range(model.njoints)]
+    links: list[list[str]] = [[] for _ in range(model.njoints)]
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY:
-            found[frame.parentJoint].append(str(frame.name))
-    return found
+            links[frame.parentJoint].append(str(frame.name))
+    return links
 
 
 def moved_links(model: pin.Model, joint: int) -> list[str]:

@@ -43,20 +43,20 @@ def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
     Args:
         given: A struct of the file's keys, a collection, or a value; what is not a quantity stays as it is.
     """
-    found: object = given
+    changed: object = given
     if isinstance(given, PureNumber):
         return given
     if isinstance(given, Measured):
         is_time = given.unit is not None and given.unit.dimension == SECOND.dimension
-        found = given if is_time or given.along == 1 else _near(given, generator)
+        changed = given if is_time or given.along == 1 else _near(given, generator)
     elif isinstance(given, msgspec.Struct):
         fields = {name: perturbed_numbers(getattr(given, name), generator) for name in given.__struct_fields__}
-        found = msgspec.structs.replace(given, **fields)
+        changed = msgspec.structs.replace(given, **fields)
     elif isinstance(given, Mapping):
-        found = {name: perturbed_numbers(value, generator) for name, value in given.items()}
+        changed = {name: perturbed_numbers(value, generator) for name, value in given.items()}
     elif isinstance(given, list | tuple):
-        found = type(given)(perturbed_numbers(value, generator) for value in given)
-    return found  # type: ignore[return-value]
+        changed = type(given)(perturbed_numbers(value, generator) for value in given)
+    return changed  # type: ignore[return-value]
 
 
 def _near(quantity: Measured, generator: np.random.Generator) -> Measured:

@@ -207,9 +207,9 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
         return np.array([-self.coordinate.drift(state)])
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        found = self.coordinate.wrenches(links, -lam[:, 0])
+        wrenches = self.coordinate.wrenches(links, -lam[:, 0])
         axis = np.eye(6)[0 if self.coordinate.unit == METRE else 3]  # of the rotor's joint, at the world's origin
-        return {**found, self.rotor.index: np.multiply.outer(lam[:, 0], axis)} if found else {}
+        return {**wrenches, self.rotor.index: np.multiply.outer(lam[:, 0], axis)} if wrenches else {}
 
 
 def rotor_name(drive: str) -> str:
@@ -282,12 +282,12 @@ class DriveTrain(NamedTuple):
 
 def with_rotors(model: pin.Model, drives: Mapping[str, Drive], coordinates: Mapping[str, Coordinate]) -> pin.Model:
     """Return a copy of the model with the joints of drives, whose rotors are joints of their own, at the end."""
-    found = pin.Model(model)
+    copy = pin.Model(model)
     for name, drive in drives.items():
         driven = coordinates[drive.coordinate]
         for joint, armature in DriveTrain.of(name, drive, driven).joints(drive.armature).items():
-            _add_joint(found, f"part of the drive '{name}'", joint, driven.unit, armature)
-    return found
+            _add_joint(copy, f"part of the drive '{name}'", joint, driven.unit, armature)
+    return copy
 
 
 def counter_name(angle: str) -> str:
@@ -303,10 +303,10 @@ def counted_angle(joint: str) -> str | None:
 
 def with_counters(model: pin.Model, angles: Sequence[str]) -> pin.Model:
     """Return a copy of the model with joints at the end that count the turns of angles."""
-    found = pin.Model(model)
+    copy = pin.Model(model)
     for angle in angles:
-        _add_joint(found, f"counter of '{angle}'", counter_name(angle), RADIAN, 0.0)
-    return found
+        _add_joint(copy, f"counter of '{angle}'", counter_name(angle), RADIAN, 0.0)
+    return copy
 
 
 def _add_joint(model: pin.Model, part: str, name: str, unit: Unit, armature: float) -> None:

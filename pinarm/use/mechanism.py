@@ -244,8 +244,8 @@ class Mechanism(mechanism.Mechanism, frozen=True):
 
         if unreached not in ("refused", "nan"):
             raise InputError(f"unreached: {unreached!r}", expected="refused or nan")
-        found = closing.close(self, positions, velocities, accelerations, start, partly=unreached == "nan")
-        return found if len(found) > 1 else found[0]
+        states = closing.close(self, positions, velocities, accelerations, start, partly=unreached == "nan")
+        return states if len(states) > 1 else states[0]
 
     def at(
         self, q: Array, v: Array | None = None, a: Array | None = None, tau: Array | None = None, *,
@@ -459,8 +459,10 @@ class Mechanism(mechanism.Mechanism, frozen=True):
             InputError: Shapes do not fit, a number is not finite, or instants descend.
             DynamicsError: The drives do not determine their efforts.
         """
-        found: Result = import_module("pinarm").result(self, t, q, v, a, tau, **keys)  # by its public name, as users do
-        return found
+        result: Result = import_module("pinarm").result(
+            self, t, q, v, a, tau, **keys
+        )  # by its public name, as users do
+        return result
 
     def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.

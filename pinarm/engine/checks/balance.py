@@ -231,14 +231,14 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     Nothing where so little is exchanged, at rest or by a very small motion, that ``LOST`` of it is rounding: it is
     unknown.
     """
-    found = [np.array(account.columns()) for account in accounts if account.solution.steps]
-    if not found:
+    columns = [np.array(account.columns()) for account in accounts if account.solution.steps]
+    if not columns:
         return {}
     drift, largest = 0.0, 0.0
-    for parts in found:
+    for parts in columns:
         here = drift + (parts - parts[:, :1]).sum(axis=0)
         largest, drift = max(largest, float(np.abs(here).max())), float(here[-1])
-    energy = float(unaccounted(np.array(largest), np.concatenate(found, axis=1)))
+    energy = float(unaccounted(np.array(largest), np.concatenate(columns, axis=1)))
     return {} if np.isnan(energy) else {"energy": energy}
 
 

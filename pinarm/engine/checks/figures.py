@@ -30,6 +30,6 @@ def sampled(rows: int, most: int = SAMPLE) -> Indices:
 
     Every check of a run takes the same, so that what one computes of them serves the others; to be read only.
     """
-    found = np.arange(rows) if rows <= most else np.linspace(0, rows - 1, most).astype(np.intp)
-    found.flags.writeable = False
-    return found
+    places = np.arange(rows) if rows <= most else np.linspace(0, rows - 1, most).astype(np.intp)
+    places.flags.writeable = False
+    return places

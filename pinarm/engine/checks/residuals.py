@@ -243,8 +243,8 @@ def nearest_singularity(
     """
     rank, t = run.mechanism.closure.rank(values), run.grid.t[rows]
     if not rank:  # a second bearing in line with the first holds nothing that could be lost
-        one = np.ones(values.shape[1:-1])
-        return _told(one, t[0] * one, one)
+        ones = np.ones(values.shape[1:-1])
+        return _told(ones, t[0] * ones, ones)
     largest = values[..., 0].max(axis=0)
     regular = values[..., rank - 1] / largest
     if values.ndim > 2:

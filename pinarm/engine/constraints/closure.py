@@ -78,12 +78,12 @@ class Closure(Record, frozen=True):
         That suits the smallest loop in which the coordinate slides, or the extent if there is none; see ``loop_sizes``.
         """
         moves = slides(self.model)
-        found = np.where(moves, unit_of_length(self.extent), 1.0)
+        units = np.where(moves, unit_of_length(self.extent), 1.0)
         for joints, unit in zip(self.loop_sizes.joints, unit_of_length(self.loop_sizes.sizes).tolist(), strict=True):
             for joint in joints:
                 part = slice(start := self.model.idx_vs[joint], start + self.model.nvs[joint])
-                found[part] = np.where(moves[part], np.minimum(found[part], unit), 1.0)
-        return found
+                units[part] = np.where(moves[part], np.minimum(units[part], unit), 1.0)
+        return units
 
     @cached_property
     def measure(self) -> Array:
@@ -104,10 +104,10 @@ class Closure(Record, frozen=True):
     @cached_property
     def groups(self) -> Indices:
         """A number for every velocity, shape (nv,): those that rows tie, over others too, have the same one."""
-        found = np.arange(self.model.nv)
+        groups = np.arange(self.model.nv)
         for tied in self._tied:
-            found[np.isin(found, found[tied])] = found[tied].min(initial=self.model.nv)
-        return found
+            groups[np.isin(groups, groups[tied])] = groups[tied].min(initial=self.model.nv)
+        return groups
 
     @cached_property
     def parts(self) -> tuple[tuple[Indices, tuple[Constraint, ...]], ...]:
@@ -131,15 +131,15 @@ class Closure(Record, frozen=True):
     @cached_property
     def _tied(self) -> list[list[int]]:
         """Places of the velocities that every constraint ties."""
-        found, loops, anywhere = list[list[int]](), iter(self.loop_sizes.joints), None
+        tied, loops, anywhere = list[list[int]](), iter(self.loop_sizes.joints), None
         for constraint in self.constraints:
             if isinstance(constraint, LoopJoint):
                 joints = [self.model.joints[joint] for joint in next(loops)]
-                found.append([number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)])
+                tied.append([number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)])
             else:
                 anywhere = anywhere or self._anywhere
-                found.append(np.flatnonzero(constraint.rows(anywhere).any(axis=0)).tolist())
-        return found
+                tied.append(np.flatnonzero(constraint.rows(anywhere).any(axis=0)).tolist())
+        return tied
 
     @property
     def coarseness(self) -> float:
@@ -193,12 +193,12 @@ class Closure(Record, frozen=True):
         if not names:
             return self
         asked = (*names, *map(id, coordinates))  # which are not reused, as the closure has these coordinates
-        if (found := self._guided.get(asked)) is None:
+        if (closure := self._guided.get(asked)) is None:
             guides = [GuidedCoordinate(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
-            found = self._guided[asked] = Closure.of(self.model, (*self.constraints, *guides))
+            closure = self._guided[asked] = Closure.of(self.model, (*self.constraints, *guides))
             for first in [*self._guided][:-GUIDED]:
                 self._guided.pop(first, None)
-        return found
+        return closure
 
     @cached_property
     def _guided(self) -> dict[Hashable, Closure]:
@@ -228,11 +228,11 @@ class Closure(Record, frozen=True):
     @cached_property
     def slices(self) -> Mapping[str, slice]:
         """The rows of every constraint, by its name."""
-        found, start = {}, 0
+        slices, start = {}, 0
         for constraint in self.constraints:
-            found[constraint.name] = slice(start, start + constraint.size)
+            slices[constraint.name] = slice(start, start + constraint.size)
             start += constraint.size
-        return found
+        return slices
 
     def owners(self) -> list[tuple[Constraint, int]]:
         """Return the constraint of every row, and the row's place in it."""
@@ -334,13 +334,13 @@ class Closure(Record, frozen=True):
     @cached_property
     def _arms(self) -> Array:
         """Distance from the origin of each link to the farthest point at which a loop joint holds it [m]."""
-        found = [np.zeros(1 if isinstance(self.model, ModelVariants) else ())] * self.model.njoints
+        arms = [np.zeros(1 if isinstance(self.model, ModelVariants) else ())] * self.model.njoints
         for constraint in self.constraints:
             if isinstance(constraint, LoopJoint):
                 for frame in (self.model.frames[index] for index in (constraint.first, constraint.second)):
                     arm = np.linalg.norm(frame.placement.translation, axis=-1)
-                    found[frame.parentJoint] = np.maximum(found[frame.parentJoint], arm)
-        return np.stack(np.broadcast_arrays(*found), axis=-1)
+                    arms[frame.parentJoint] = np.maximum(arms[frame.parentJoint], arm)
+        return np.stack(np.broadcast_arrays(*arms), axis=-1)
 
     def _summed(self, joints: Indices, parts: Array) -> Array:
         """Return the sums of parts, shape (.., k, w), at the joints on which they act, shape (.., njoints, w)."""
@@ -396,7 +396,7 @@ class LoopSizes(Record, frozen=True):
         if not loops:
             return cls((), np.zeros(0))
         parents, places, along = list(model.parents), placements_of(model)[1], _distances(model)
-        found, sizes = [], []
+        joints, sizes = [], []
         for loop in loops:
             frames = [model.frames[frame] for frame in (loop.first, loop.second)]
             branches = _branches(parents, *(frame.parentJoint for frame in frames))
@@ -406,19 +406,19 @@ class LoopSizes(Record, frozen=True):
                 if branch:
                     ways = ways + np.linalg.norm(end, axis=-1) + along[..., branch[0]] - along[..., branch[-1]]
                 ends.append(places[..., branch[-1], :] if branch else end)
-            found.append([*branches[0], *branches[1]])
+            joints.append([*branches[0], *branches[1]])
             sizes.append(0.5 * (ways + np.linalg.norm(ends[1] - ends[0], axis=-1)))
-        return cls(found, np.stack(np.broadcast_arrays(*sizes), axis=-1))
+        return cls(joints, np.stack(np.broadcast_arrays(*sizes), axis=-1))
 
 
-def _branches(parents: Sequence[int], one: int, other: int) -> tuple[list[int], list[int]]:
+def _branches(parents: Sequence[int], joint: int, other: int) -> tuple[list[int], list[int]]:
     """Return the joints between two and the link on which both stand, from each of them inwards."""
     first: list[int] = []
     second: list[int] = []
-    while one != other:
-        if one > other:
-            first.append(one)
-            one = parents[one]
+    while joint != other:
+        if joint > other:
+            first.append(joint)
+            joint = parents[joint]
         else:
             second.append(other)
             other = parents[other]
@@ -428,10 +428,10 @@ def _branches(parents: Sequence[int], one: int, other: int) -> tuple[list[int], 
 def _distances(model: Model) -> Array:
     """Return the length of the links from the world to every joint [m], shape (.., njoints)."""
     parents, lengths = list(model.parents), np.moveaxis(np.linalg.norm(placements_of(model)[1], axis=-1), -1, 0)
-    found = [np.zeros_like(lengths[0])]
+    distances = [np.zeros_like(lengths[0])]
     for joint in range(1, model.njoints):
-        found.append(found[parents[joint]] + lengths[joint])
-    return np.stack(found, axis=-1)
+        distances.append(distances[parents[joint]] + lengths[joint])
+    return np.stack(distances, axis=-1)
 
 
 def extents(model: Model, frames: Iterable[pin.Frame]) -> Array:
@@ -440,10 +440,12 @@ def extents(model: Model, frames: Iterable[pin.Frame]) -> Array:
     Shape (), of variants (k,) or (1,). It is 1 m for a model without lengths.
     """
     along = _distances(model)
-    found = along.max(axis=-1)
+    extent = along.max(axis=-1)
     for frame in frames:
-        found = np.maximum(found, along[..., frame.parentJoint] + np.linalg.norm(frame.placement.translation, axis=-1))
-    return np.where(found > 0.0, found, 1.0)
+        extent = np.maximum(
+            extent, along[..., frame.parentJoint] + np.linalg.norm(frame.placement.translation, axis=-1)
+        )
+    return np.where(extent > 0.0, extent, 1.0)
 
 
 def unit_of_length(size: Array | float) -> Array:
@@ -464,10 +466,10 @@ def extent(model: pin.Model) -> float:
 @cached_by_model
 def slides(model: pin.Model) -> Flags:
     """Return which velocities are translations, shape (nv,)."""
-    found = np.zeros(model.nv, dtype=bool)
+    sliding = np.zeros(model.nv, dtype=bool)
     for joint in model.joints[1:]:
         kind = joint.shortname().removeprefix("JointModel")
         count = SLIDES.get(kind, joint.nv if kind.startswith("P") else 0)
-        found[joint.idx_v : joint.idx_v + count] = True
-    found.flags.writeable = False
-    return found
+        sliding[joint.idx_v : joint.idx_v + count] = True
+    sliding.flags.writeable = False
+    return sliding

@@ -273,13 +273,13 @@ class EvaluatedRows(Record, frozen=True):
         """The relative motions of all pairs, block by block of states."""
         if not self.rows.pairs:
             return []
-        tree, found = LinkTree.of(self.rows.model), []
+        tree, motions = LinkTree.of(self.rows.model), []
         length = max(1, BLOCK // (len(tree.parents) * max(1, int(np.prod(self.q.shape[1:-1])))))
         for start in range(0, max(1, len(self.q)), length):
             part = slice(start, start + length)
             turns, arms = tree.placed(self.q[part])
-            found.append((part, [pairs.frames.at(turns, arms) for pairs in self.rows.pairs]))
-        return found
+            motions.append((part, [pairs.frames.at(turns, arms) for pairs in self.rows.pairs]))
+        return motions
 
     def _pairs(self) -> Iterator[tuple[slice, PairRows, RelativeMotion]]:
         for part, motions in self._motions:
@@ -288,32 +288,32 @@ class EvaluatedRows(Record, frozen=True):
     @cached_property
     def gaps(self) -> Array:
         """The gaps, or the values of coordinates [m or rad], shape (.., m)."""
-        found = np.zeros((self.rows.size, *self.states), self.q.dtype)
+        gaps = np.zeros((self.rows.size, *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
             for row, gap in zip(pairs.rows, pairs.pair.gap(*motion.flat), strict=True):
-                found[row, part] += pairs.sense * _spread(gap, motion)
+                gaps[row, part] += pairs.sense * _spread(gap, motion)
         flat = self.q.reshape(-1, self.q.shape[-1])
         for row, relation in self.rows.relations:
             own = relation.at(flat) if isinstance(relation, LinearCoordinate) else relation.gaps_at(flat)
-            found[row] += own.reshape(self.q.shape[:-1])
+            gaps[row] += own.reshape(self.q.shape[:-1])
         for row, coordinate in self.rows.turning:
-            found[row] += coordinate.missing_turns(found[row], self.q)
-        return states_first(found - self.rows.constants.reshape(-1, *(1,) * len(self.states)), 1)
+            gaps[row] += coordinate.missing_turns(gaps[row], self.q)
+        return states_first(gaps - self.rows.constants.reshape(-1, *(1,) * len(self.states)), 1)
 
     @cached_property
     def entries(self) -> Array:
-        pattern, found = self.rows.pattern, np.zeros((len(self.rows.pattern.rows), *self.states), self.q.dtype)
+        pattern, entries = self.rows.pattern, np.zeros((len(self.rows.pattern.rows), *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
-            found[pairs.entries, part] += pairs.sense * motion.rows(pairs.pair)
+            entries[pairs.entries, part] += pairs.sense * motion.rows(pairs.pair)
         flat = self.q.reshape(-1, self.q.shape[-1])
         for row, relation in self.rows.relations:
             own = slice(*pattern.starts[row : row + 2])
             if isinstance(relation, LinearCoordinate):
-                found[own] += relation.weights[pattern.columns[own]].reshape(-1, *(1,) * len(self.states))
+                entries[own] += relation.weights[pattern.columns[own]].reshape(-1, *(1,) * len(self.states))
             else:
                 rows = relation.rows_at(flat)[:, pattern.columns[own]]
-                found[own] += rows.T.reshape(rows.shape[1], *self.q.shape[:-1])
-        return found
+                entries[own] += rows.T.reshape(rows.shape[1], *self.q.shape[:-1])
+        return entries
 
     def times(self, x: Array) -> tuple[Array, Array]:
         """Return ``G x``, of shape (.., m), for x of shape (.., nv), and the sums of the sizes of its terms."""
@@ -329,35 +329,35 @@ class EvaluatedRows(Record, frozen=True):
         """Return some rows and columns of G, ascending, components first, shape (r, c, ..)."""
         pattern, place = self.rows.pattern, np.zeros(self.rows.pattern.nv, dtype=np.intp)
         place[columns] = np.arange(len(columns))
-        found = np.zeros((len(rows), len(columns), *self.states))
+        chosen = np.zeros((len(rows), len(columns), *self.states))
         for k, row in enumerate(rows.tolist()):
             own = slice(pattern.starts[row], pattern.starts[row + 1])
-            found[k, place[pattern.columns[own]]] = self.entries[own]
-        return found
+            chosen[k, place[pattern.columns[own]]] = self.entries[own]
+        return chosen
 
     @cached_property
     def matrices(self) -> Array:
         """G, shape (.., m, nv)."""
         pattern = self.rows.pattern
-        found = np.zeros((*self.states, self.rows.size, pattern.nv), self.q.dtype)
-        found[..., pattern.rows, pattern.columns] = np.moveaxis(self.entries, 0, -1)
-        return found
+        matrices = np.zeros((*self.states, self.rows.size, pattern.nv), self.q.dtype)
+        matrices[..., pattern.rows, pattern.columns] = np.moveaxis(self.entries, 0, -1)
+        return matrices
 
     def drifts(self, v: Array) -> Array:
         """Return ``G' v`` for velocities, shape (.., nv), as an array of shape (.., m)."""
-        found = np.zeros((self.rows.size, *self.states), np.result_type(self.q, v))
+        drifts = np.zeros((self.rows.size, *self.states), np.result_type(self.q, v))
         rates = components_first(v, 1)
         for part, pairs, motion in self._pairs():
             e, w = motion.directions(pairs.pair)
             dp, omega, ddp, domega = motion.rates(rates[:, part])
             bend = pairs.pair.bend(*motion.flat, *(x.reshape(3, -1) for x in (dp, omega)))
             own = (power(e, ddp[:, None]) + power(w, domega[:, None]))[:, 0]
-            found[pairs.rows, part] += pairs.sense * (own + _spread(bend, motion))
+            drifts[pairs.rows, part] += pairs.sense * (own + _spread(bend, motion))
         flat, speeds = self.q.reshape(-1, self.q.shape[-1]), v.reshape(-1, v.shape[-1])
         for row, relation in self.rows.relations:
             if isinstance(relation, JointRelation):
-                found[row] += relation.drifts_at(flat, speeds).reshape(self.q.shape[:-1])
-        return states_first(found, 1)
+                drifts[row] += relation.drifts_at(flat, speeds).reshape(self.q.shape[:-1])
+        return states_first(drifts, 1)
 
 
 def _spread(x: Array, motion: RelativeMotion) -> Array:

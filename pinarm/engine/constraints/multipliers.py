@@ -48,12 +48,12 @@ class Multipliers(Record, frozen=True):
         m = closure.size - along.shape[-1]
 
         def own(rows: Indices) -> Array:
-            found = np.empty((len(rows), *held.shape[1:-1], m))
+            least = np.empty((len(rows), *held.shape[1:-1], m))
             with one_blas_thread(held.shape[-1]):
                 for start in range(0, len(rows), BLOCK):
                     some = rows[start : start + BLOCK]
-                    found[start : start + BLOCK] = block(some)
-            return found
+                    least[start : start + BLOCK] = block(some)
+            return least
 
         def block(some: Indices) -> Array:
             if not along.size:
@@ -71,10 +71,10 @@ class Multipliers(Record, frozen=True):
 
         def own(rows: Indices) -> Array:
             owner = np.searchsorted(starts, rows, side="right") - 1
-            found = np.empty((len(rows), parts[0].own(rows[:0]).shape[1]))
+            lam = np.empty((len(rows), parts[0].own(rows[:0]).shape[1]))
             for k in set(owner.tolist()):
-                found[owner == k] = parts[k].own(rows[owner == k] - starts[k])
-            return found
+                lam[owner == k] = parts[k].own(rows[owner == k] - starts[k])
+            return lam
 
         return cls(own, np.concatenate([part.along for part in parts]))
 
@@ -86,9 +86,9 @@ class Multipliers(Record, frozen=True):
         """Return the multipliers of m constraint rows, of which these belong to some; the others are 0."""
 
         def own(wanted: Indices) -> Array:
-            found = np.zeros((len(wanted), m))
-            found[:, rows] = self.own(wanted)
-            return found
+            lam = np.zeros((len(wanted), m))
+            lam[:, rows] = self.own(wanted)
+            return lam
 
         return Multipliers(own, self.along)
 

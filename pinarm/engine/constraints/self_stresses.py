@@ -144,14 +144,14 @@ class SelfStresses(Record, frozen=True):
     @cached_property
     def _pushed(self) -> Mapping[str, tuple[Acting, Acting]]:
         """What large multipliers of every coupling do to links per unit, and what opposite ones do."""
-        found = {}
+        pushes = {}
         for constraint in self.closure.constraints:
             if isinstance(constraint, JointRelation):
                 idle = constraint.wrenches(self.links, np.zeros((*self.links.places.shape[:-2], 1)))
                 up, down = (self._per_unit(constraint, size) for size in (LARGE, -LARGE))
                 at_rest = {k: wrench[..., None, :] / LARGE for k, wrench in idle.items()}
-                found[constraint.name] = {k: up[k] - at_rest[k] for k in up}, {k: -down[k] - at_rest[k] for k in down}
-        return found
+                pushes[constraint.name] = {k: up[k] - at_rest[k] for k in up}, {k: -down[k] - at_rest[k] for k in down}
+        return pushes
 
     def _per_unit(self, constraint: Constraint, size: float) -> Acting:
         """Return what multipliers of a size, one after the other, do to links per unit."""
@@ -165,15 +165,15 @@ class SelfStresses(Record, frozen=True):
     def _beyond_joints(self, parts: Mapping[str, Acting]) -> list[Mapping[str, Array]]:
         """Return what constraints do to the links beyond every joint, by their names."""
         supports = [set(path.tolist()) for path in self.closure.model.supports]
-        found: list[dict[str, Array]] = [{} for _ in supports]
+        wrenches: list[dict[str, Array]] = [{} for _ in supports]
         for name, acting in parts.items():
             between = set.union(set(), *(supports[link] for link in acting))
             if acting and not sum(acting.values(), np.zeros(())).any():
                 between -= set.intersection(*(supports[link] for link in acting))
             for joint in between:
                 some = (part for link, part in acting.items() if joint in supports[link])
-                found[joint][name] = sum(some, np.zeros(()))
-        return [*found]
+                wrenches[joint][name] = sum(some, np.zeros(()))
+        return [*wrenches]
 
 
 SPINNING = 1e-9
@@ -249,7 +249,7 @@ def _spins(mechanism: Mechanism, q: Array) -> tuple[str, ...]:
 
     Loops hold what is on them, but not this motion: ``G_b w = 0`` for a direction w of the columns of the joint.
     """
-    model, found = mechanism.model, list[str]()
+    model, spins = mechanism.model, list[str]()
     balls = [k for k in range(1, model.njoints) if model.joints[k].shortname().startswith("JointModelSpherical")]
     matrix = mechanism.closure.rows(mechanism.closure.state(q)) if balls else np.zeros((0, model.nv))
     for index in balls:
@@ -259,8 +259,8 @@ def _spins(mechanism: Mechanism, q: Array) -> tuple[str, ...]:
             continue
         values = np.linalg.svd(columns, compute_uv=False)
         if len(values) < joint.nv or values[-1] <= SPINNING * values[0]:
-            found.append(str(model.names[index]))
-    return tuple(found)
+            spins.append(str(model.names[index]))
+    return tuple(spins)
 
 
 def _undetermined(stresses: SelfStresses) -> dict[str, list[str]]:
@@ -271,8 +271,8 @@ def _undetermined(stresses: SelfStresses) -> dict[str, list[str]]:
             added[joint.name] = links.frame(joint.first)[0][0], stresses.on_loop(joint)[:, 0]
     for index in range(1, model.njoints):
         added[str(model.names[index])] = links.turns[0, index], stresses.on_joint(index)[:, 0]
-    found = {name: _acting(*part) for name, part in added.items()}
-    return {name: parts for name, parts in found.items() if parts}
+    undetermined = {name: _acting(*part) for name, part in added.items()}
+    return {name: parts for name, parts in undetermined.items() if parts}
 
 
 def _acting(turn: Array, wrenches: Array) -> list[str]:

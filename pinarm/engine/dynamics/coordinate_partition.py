@@ -100,9 +100,9 @@ class CoordinatePartition(Record, frozen=True):
 
 def heavy(model: pin.Model, driven: Sequence[int]) -> pin.Model:
     """Return a model with armatures that outweigh the tree at driven joints, by their indices in v."""
-    found = pin.Model(model)
-    found.armature[list(driven)] += IMMOVABLE * float(np.diag(mass_matrix(model, pin.neutral(model))).max(initial=0.0))
-    return found
+    copy = pin.Model(model)
+    copy.armature[list(driven)] += IMMOVABLE * float(np.diag(mass_matrix(model, pin.neutral(model))).max(initial=0.0))
+    return copy
 
 
 def scalar_places(model: pin.Model) -> Indices:

@@ -318,12 +318,12 @@ class Dynamics(Record, frozen=True):
         tells the work.
         """
         simple = self.model.nq == self.model.nv
-        found = {
+        forces = {
             name: force
             for name, force in self.forces.items()
             if not (force.conservative or ((force.steady or force.held is not None) and simple))
         }
-        return replace(self, forces=found) if found else None
+        return replace(self, forces=forces) if forces else None
 
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""

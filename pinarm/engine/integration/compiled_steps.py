@@ -36,9 +36,9 @@ the motion makes the steps after it useless, and memory is taken for all of them
 
 def kernel() -> ctypes.PyDLL:
     """Return the library, which there is where a motion is compiled."""
-    found = library()
-    assert found is not None, "a motion is compiled"
-    return found
+    compiled = library()
+    assert compiled is not None, "a motion is compiled"
+    return compiled
 
 
 @cache
@@ -131,9 +131,9 @@ def terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Ar
     """Return the terms of the dense output of n steps, shape (n, d, nq + nv); see ``runge_kutta.dense_terms``."""
     arrays = list(map(contiguous, (t, h, y, slopes)))
     scratch = np.empty((tableau.stages + 2 + len(tableau.dense_c), y.shape[1]))
-    found = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
-    addresses = (ctypes.c_void_p(pointer(x)) for x in (*arrays, scratch, found))
+    values = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
+    addresses = (ctypes.c_void_p(pointer(x)) for x in (*arrays, scratch, values))
     flow.within(float(t[0]))
     parts = map(ctypes.byref, (pair_of(tableau)[0], flow.structure, flow.held(t.tolist())))
     kernel().pair_terms(*parts, ctypes.c_ssize_t(len(y)), *addresses)
-    return found
+    return values

@@ -414,15 +414,15 @@ def turns_in(within: WithinStep, watch: Watch, number: int, part: StepPart) -> l
         if watch.loaded:
             places, signs = np.append(0.0, places), np.append(1.0, signs)
     rounding = 0.0 if watch.level is None else REACHED * float(np.abs(part.values).max()) + DIGITS * watch.level
-    step, solution, found = within.step, within.solution, list[Turn]()
+    step, solution, turns = within.step, within.solution, list[Turn]()
     for place, sign in zip(places.tolist(), signs.tolist(), strict=True):
         where = part.low + (part.high - part.low) * place
         t, added = step.t + where * step.h, step_error(solution, within.index)
         margin = float(within.evaluate(watch.margin or watch.value, [t])[0])
         wrong = solution.begun_with + added * (within.index + where)
         error = wrong * within.evaluate(watch.sensitivity, [t]) if wrong and watch.sensitivity else 0.0
-        found.append(Turn(number, t, place, sign, margin, error + rounding, wrong, added))
-    return found
+        turns.append(Turn(number, t, place, sign, margin, error + rounding, wrong, added))
+    return turns
 
 
 def _extremes(values: Array) -> tuple[Array, Array]:

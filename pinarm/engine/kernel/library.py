@@ -54,11 +54,11 @@ class Flow(Record, frozen=True):
 
     def slopes(self, starts: Array, t: Array, y: Array) -> Array:
         """Return the slopes of states within steps."""
-        found = np.empty_like(y)
+        slopes = np.empty_like(y)
         for k, (start, instant) in enumerate(zip(starts.tolist(), t.tolist(), strict=True)):
             self.within(start)
-            found[k] = self.rates(instant, y[k])
-        return found
+            slopes[k] = self.rates(instant, y[k])
+        return slopes
 
     def rates(self, t: float, y: Array) -> Array:
         rates, state, slope, places = self._evaluation

@@ -247,14 +247,14 @@ class CompiledLoops(Record, frozen=True):
     @cached_property
     def _records(self) -> NDArray[np.void]:
         """The loop joints, of ``structures.LOOP``."""
-        found, ways, first = np.zeros(len(self.tied), LOOP), self._ways, dict[int, int]()
+        records, ways, first = np.zeros(len(self.tied), LOOP), self._ways, dict[int, int]()
         for name, counts in (
             ("first", self._rows),
             ("path", [len(way.passed) for way in ways]),
             ("support", [len(way.support) for way in ways]),
         ):
-            found[name] = np.cumsum([0, *counts])[:-1]
-        for k, (record, tied, way) in enumerate(zip(found, self._ordered, ways, strict=True)):
+            records[name] = np.cumsum([0, *counts])[:-1]
+        for k, (record, tied, way) in enumerate(zip(records, self._ordered, ways, strict=True)):
             record["axis"], record["size"], record["kind"] = tied.axis, tied.size, tied.kind
             record["rows"], record["end"] = len(tied.along), way.end
             record["links"], record["degrees"] = len(way.passed), len(way.support)
@@ -264,6 +264,6 @@ class CompiledLoops(Record, frozen=True):
                     joint, place
                 )
             record["coupled"] = min([k, *(first.setdefault(n, k) for n in way.support)])  # shares an unknown with it
-        found["tail"] = found["support"] + [way.before for way in ways]
-        found["own"] = found["support"] + [len(way.unknowns) for way in ways]
-        return found
+        records["tail"] = records["support"] + [way.before for way in ways]
+        records["own"] = records["support"] + [len(way.unknowns) for way in ways]
+        return records

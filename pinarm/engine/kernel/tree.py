@@ -205,10 +205,10 @@ class LoadedTree(Record, frozen=True):
 
     def copied(self) -> LoadedTree:
         """Return the same tree with buffers of its own; efforts that follow laws are written to one of them."""
-        found = self.with_unknowns(self.structure.nv)
-        degrees = found.arrays[DEGREES].copy()
-        found.structure.degree = pointer(degrees)
-        return LoadedTree(found.structure, (*found.arrays[:DEGREES], degrees, *found.arrays[DEGREES + 1 :]))
+        copy = self.with_unknowns(self.structure.nv)
+        degrees = copy.arrays[DEGREES].copy()
+        copy.structure.degree = pointer(degrees)
+        return LoadedTree(copy.structure, (*copy.arrays[:DEGREES], degrees, *copy.arrays[DEGREES + 1 :]))
 
     def with_unknowns(self, count: int) -> LoadedTree:
         """Return the same tree with buffers of its own, for velocities and the multipliers behind them."""

@@ -79,9 +79,9 @@ def near_given(
     names, w = (*prescribed.names, *own), np.append(prescribed.first(grid), q[places])
     coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
     solver = NewtonSolver(mechanism.closure, PrescribedCoordinates(names, coordinates, ()))
-    found = solver.closest(q, w, solver.sliding * solver.untied)[0].copy()
-    found[places] = q[places]
-    return found
+    closest = solver.closest(q, w, solver.sliding * solver.untied)[0].copy()
+    closest[places] = q[places]
+    return closest
 
 
 def first_position(
@@ -102,29 +102,29 @@ def first_position(
         return Assembly(drawn)
     notes, q = list[str](), drawn
     for part in _parts(whole):
-        found = part.assembled(q, near)
-        q = found.q
-        notes += found.notes
+        assembly = part.assembled(q, near)
+        q = assembly.q
+        notes += assembly.notes
     return Assembly(q if whole.has_values(q) else whole.solver.close(q, w, t), tuple(notes))
 
 
 def closed_drawing(closure: Closure, drawn: Array) -> Assembly:
     """Return the closed configuration near the drawing; with a note where the loops close elsewhere only."""
-    found = first_position(closure, OPEN, np.zeros(0), 0.0, drawn)
-    return replace(found, q=assembled(closure, OPEN, found.q, np.zeros(0), 0.0))
+    assembly = first_position(closure, OPEN, np.zeros(0), 0.0, drawn)
+    return replace(assembly, q=assembled(closure, OPEN, assembly.q, np.zeros(0), 0.0))
 
 
 def _parts(whole: _Part) -> list[_Part]:
     """Return the parts of a mechanism that do not depend on one another."""
     closure, prescribed = whole.closure, whole.prescribed
     guided = closure.with_guides(prescribed.names, prescribed.coordinates)
-    places, found = {name: place for place, name in enumerate(prescribed.names)}, []
+    places, parts = {name: place for place, name in enumerate(prescribed.names)}, []
     for joints, constraints in guided.parts:
         own = [constraint for constraint in constraints if not isinstance(constraint, GuidedCoordinate)]
         some = [places[constraint.name] for constraint in constraints if isinstance(constraint, GuidedCoordinate)]
         moving = np.flatnonzero(guided.groups == guided.groups[joints[0]])
-        found.append(_Part(Closure.of(closure.model, own), prescribed.picked(some), whole.w[some], whole.t, moving))
-    return found
+        parts.append(_Part(Closure.of(closure.model, own), prescribed.picked(some), whole.w[some], whole.t, moving))
+    return parts
 
 
 class _Way(NamedTuple):
@@ -169,20 +169,20 @@ class _Part:
             return Assembly(direct if direct is not None and self._same(way.end, direct) else way.end)
         if error is not None and way.begun:
             raise error
-        found = self._found(drawn, [q for q in (way.end, direct) if q is not None])
-        if not found and error is not None:
+        positions = self._found(drawn, [q for q in (way.end, direct) if q is not None])
+        if not positions and error is not None:
             raise error
-        return self._chosen(found, drawn, way)
+        return self._chosen(positions, drawn, way)
 
     def beyond(self, q: Array, start: Array) -> list[str]:
         """Return the joints that are beyond their limits; not those that a given start, other than 0, has there."""
-        low, high, found = self.model.lowerPositionLimit, self.model.upperPositionLimit, []
+        low, high, joints = self.model.lowerPositionLimit, self.model.upperPositionLimit, []
         for joint, _, place in self._singles:
             slack = ROUNDING * max(1.0, abs(q[place]))
             trusted = start[place] and not low[place] <= start[place] <= high[place]
             if not low[place] - slack <= q[place] <= high[place] + slack and not trusted:
-                found.append(str(self.model.names[joint]))
-        return found
+                joints.append(str(self.model.names[joint]))
+        return joints
 
     def _way(self, drawn: Array, direct: Array | None) -> _Way:
         """Return the way from the drawing."""
@@ -248,13 +248,13 @@ class _Part:
 
     def _found(self, drawn: Array, known: Sequence[Array]) -> list[Array]:
         """Return the first positions that are known, and others to which other starts lead, each once."""
-        found, others = list[Array](), (self._closed(start)[0] for start in self._starts(drawn))
+        positions, others = list[Array](), (self._closed(start)[0] for start in self._starts(drawn))
         for q in map(self._turned_back, chain(known, (q for q in others if q is not None))):
-            if all(self._apart(q, other) > APART for other in found):
-                found.append(q)
+            if all(self._apart(q, other) > APART for other in positions):
+                positions.append(q)
                 if not self.beyond(q, drawn) and len(null_space(self.solver.rows(self.closure.state(q)))):
                     return [q]
-        return found
+        return positions
 
     def _starts(self, drawn: Array) -> Iterator[Array]:
         """Yield other starts: the middle of the limits, then random ones within them, the same every time."""
@@ -288,10 +288,10 @@ class _Part:
             turned[place] -= 2.0 * np.pi * np.round((q[place] - middle) / (2.0 * np.pi))
         return turned if self.has_values(turned) else q
 
-    def _chosen(self, found: Sequence[Array], drawn: Array, way: _Way) -> Assembly:
+    def _chosen(self, positions: Sequence[Array], drawn: Array, way: _Way) -> Assembly:
         """Return the only first position within the limits; else the end of the way, or the only one."""
-        within = [q for q in found if not self.beyond(q, drawn)]
-        chosen = within or (found if way.end is None else found[:1])
+        within = [q for q in positions if not self.beyond(q, drawn)]
+        chosen = within or (positions if way.end is None else positions[:1])
         if len(chosen) > 1:
             raise self._undecided(chosen, way)
         q = chosen[0]
@@ -344,11 +344,11 @@ class _Part:
 
     def _copied(self, q: Array, other: Array) -> Array:
         """Return a configuration with the joints of the part as in q, and all others as in another one."""
-        found = other.copy()
+        copy = other.copy()
         for joint in self._joints:
             own = slice(self.model.idx_qs[joint], self.model.idx_qs[joint] + self.model.nqs[joint])
-            found[own] = q[own]
-        return found
+            copy[own] = q[own]
+        return copy
 
     @cached_property
     def _joints(self) -> list[int]:
@@ -449,20 +449,20 @@ def check_excess(mechanism: Mechanism, prescribed: PrescribedCoordinates) -> Non
 
 def beside(mechanism: Mechanism, q: Array) -> list[Array]:
     """Return a closed configuration, shape (nq,), and others on its branch, each a step along free motions further."""
-    closure, found, nv = mechanism.closure, [q], mechanism.model.nv
+    closure, positions, nv = mechanism.closure, [q], mechanism.model.nv
     for step in range(BESIDE if closure.size else 0):
-        free = closure.split_at(found[-1]).free
+        free = closure.split_at(positions[-1]).free
         spread = 2.0 * np.remainder(GOLDEN * np.arange(1 + step * nv, 1 + (step + 1) * nv), 1.0) - 1.0
         way = free @ (free.T @ (closure.scale * spread))
         size = float(np.abs(way / closure.scale).max(initial=0.0))
         if not size:
             break
         try:
-            beside = pin.integrate(mechanism.model, found[-1], STEP / size * way)
-            found.append(assembled(closure, OPEN, beside, np.zeros(0), 0.0))
+            beside = pin.integrate(mechanism.model, positions[-1], STEP / size * way)
+            positions.append(assembled(closure, OPEN, beside, np.zeros(0), 0.0))
         except AssemblyError:  # the step was too long, as next to the end of a reach
             break
-    return found
+    return positions
 
 
 def generic(mechanism: Mechanism, q: Sequence[Array]) -> Array:

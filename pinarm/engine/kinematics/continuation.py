@@ -244,10 +244,10 @@ class Ahead:
             return NOTHING
         with np.errstate(all="ignore"):  # beyond the branch anything may come out: it is not accepted
             predicted, slope = _predicted(h[:, None], q, v, before, a)
-            found = chosen.corrected(predicted, slope, h, wanted)
-            n = self._leading(chosen, found.rates, found.near & found.closed)
-            self._length = _next_length(n, found.correction, 2 + len(a))
-        return found.q[1:n], found.rates.v[1:n], found.rates.a[1:n]
+            states = chosen.corrected(predicted, slope, h, wanted)
+            n = self._leading(chosen, states.rates, states.near & states.closed)
+            self._length = _next_length(n, states.correction, 2 + len(a))
+        return states.q[1:n], states.rates.v[1:n], states.rates.a[1:n]
 
     def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, ...]:
         """Return v and a, shape (m, nv), at as many of the first configurations as surely are regular."""
@@ -291,13 +291,13 @@ def follow_branch(
         row, target, within = max(part.start, 1), _across(prescribed, grid, before, interval), prescribed.on(begin, end)
         while row < part.stop:
             last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
-            found, known = NOTHING, slice(max(part.start, row - KNOWN), row)
+            states, known = NOTHING, slice(max(part.start, row - KNOWN), row)
             if sweep and row > part.start:
-                found = sweep.ahead(t[ahead], w[:, ahead], *last[:2], t[known], a[known])
-            if not len(found[0]):
-                found = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
-            rows = slice(row, row + len(found[0]))
-            (q[rows], v[rows], a[rows]), row = found, rows.stop
+                states = sweep.ahead(t[ahead], w[:, ahead], *last[:2], t[known], a[known])
+            if not len(states[0]):
+                states = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
+            rows = slice(row, row + len(states[0]))
+            (q[rows], v[rows], a[rows]), row = states, rows.stop
             before, target = interval, within
     return q, v, a
 
@@ -439,10 +439,10 @@ class StraightWays(Record, frozen=True):
         before, closed = self.closing.rates(self.closing.at(q), share, still), good
         for step in range(1, steps + 1):
             slope, laws = before.v + before.a, np.array([self.first + step * share, share, still])
-            found = self.closing.corrected(q + before.v + 0.5 * before.a, slope, h, laws)
-            growth = found.rates.size / before.size
-            good &= found.near & (found.rates.sense == before.sense) & (growth <= GROWTH) & (growth >= 1.0 / GROWTH)
-            q, before, closed = found.q, found.rates, found.closed
+            states = self.closing.corrected(q + before.v + 0.5 * before.a, slope, h, laws)
+            growth = states.rates.size / before.size
+            good &= states.near & (states.rates.sense == before.sense) & (growth <= GROWTH) & (growth >= 1.0 / GROWTH)
+            q, before, closed = states.q, states.rates, states.closed
         low, high = model.lowerPositionLimit[self.judged], model.upperPositionLimit[self.judged]
         within = (q[:, self.judged] >= low) & (q[:, self.judged] <= high)
         return q, good & closed & within.all(axis=1)

@@ -209,9 +209,9 @@ class RolledMotion(JointMotion, frozen=True):
 
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         """Return velocities and accelerations: see ``JointMotion``."""
-        found = [self._rates(t, x, dw, ddw) for x in q]
+        rates = [self._rates(t, x, dw, ddw) for x in q]
         nv = self.mechanism.model.nv
-        v, a = (np.array([pair[k] for pair in found]).reshape(-1, nv) for k in range(2))
+        v, a = (np.array([pair[k] for pair in rates]).reshape(-1, nv) for k in range(2))
         return v, a
 
     def figures(self, states: JointTrajectory) -> Mapping[str, float]:

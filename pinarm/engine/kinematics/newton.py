@@ -172,10 +172,10 @@ class NewtonSolver:
 
     def _followed(self, q: Array) -> Array:
         """Return a configuration, shape (nq,), with joints without a body where what they are tied to has them."""
-        found = q.copy()
+        closed = q.copy()
         for tie in self.following:
-            found[tie.rotor.q] -= tie.gap(self.closure.state(found))[0]
-        return found
+            closed[tie.rotor.q] -= tie.gap(self.closure.state(closed))[0]
+        return closed
 
     def closest(self, q: Array, w: Array, weight: Array) -> tuple[Array, Array]:
         """Return the configuration with the smallest gap that damped steps from q reach, and that gap."""
@@ -261,9 +261,9 @@ class NewtonSolver:
             else:
                 raise self._lost(q, t, to, target(to)[0])
 
-    def continues(self, turned: Array, predicted: Array, found: Array) -> bool:
+    def continues(self, turned: Array, predicted: Array, closed: Array) -> bool:
         """Return whether a solution is on the branch of its prediction; see ``on_branch``."""
-        correction = np.asarray(np.abs(pin.difference(self.model, predicted, found) / self.scale).max())
+        correction = np.asarray(np.abs(pin.difference(self.model, predicted, closed) / self.scale).max())
         return bool(on_branch(turned / self.scale, correction))
 
     def _newton(self, q: Array, w: Array) -> Array | None:

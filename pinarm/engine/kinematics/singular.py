@@ -135,9 +135,9 @@ def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], st
     nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
-        found = tied(rows, min(len(rows), nv), names)
+        groups = tied(rows, min(len(rows), nv), names)
         raise AssemblyError(
-            f"the position is singular{at(t)}: {why()}{dependent(found)} there",
+            f"the position is singular{at(t)}: {why()}{dependent(groups)} there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",

@@ -91,14 +91,14 @@ def slip_friction(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array
     """Return the friction of contacts that slip at n states, which may be complex steps, shape (n, k)."""
     slips, loads = slips_of(run, contacts), _loads(run, contacts)
     speeds = np.sqrt((slips * slips) @ same_joint(contacts).astype(float))
-    found = np.zeros_like(slips * loads)
+    friction = np.zeros_like(slips * loads)
     for k, contact in enumerate(contacts):
         if not any(contact.law.resting):
-            found[:, k] = -contact.law.viscous * slips[:, k]
+            friction[:, k] = -contact.law.viscous * slips[:, k]
             continue
         mu, constant = contact.law.slipping(speeds[:, k])
-        found[:, k] = -slips[:, k] / speeds[:, k] * (mu * loads[:, k] + constant)
-    return found
+        friction[:, k] = -slips[:, k] / speeds[:, k] * (mu * loads[:, k] + constant)
+    return friction
 
 
 def friction_slopes(steps: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
@@ -143,9 +143,9 @@ def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
     Raises:
         InputError: A normal force vanishes in the state and not beside it.
     """
-    found = np.zeros((len(run), len(contacts)), run.q.dtype)
+    loads = np.zeros((len(run), len(contacts)), run.q.dtype)
     if not any(contact.law.loaded for contact in contacts):
-        return found
+        return loads
     reactions, multipliers = Reactions(run, 0), np.asarray(run.lam)
     lam = {name: multipliers[:, rows] for name, rows in run.closure.slices.items()}
     for k, contact in enumerate(contacts):
@@ -153,10 +153,10 @@ def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
             wrench = contact.transmitted(reactions.links, reactions.joints, lam)
             normals = np.matvec(contact.bearing.parts, wrench[..., None, :])
             try:
-                found[:, k] = length(normals) @ contact.bearing.levers + contact.bearing.preload
+                loads[:, k] = length(normals) @ contact.bearing.levers + contact.bearing.preload
             except FloatingPointError:
                 raise InputError(
                     f"the friction of {contact.name} has a kink here: a normal force of its bearing is 0",
                     expected="a state in which the bearing is loaded, or friction without a load: constant",
                 ) from None
-    return found
+    return loads

@@ -106,16 +106,16 @@ def with_inputs(mechanism: Mechanism, forces: Mapping[str, ForceElement], names:
 
     Those of inputs that follow a law over time act with 0 in the state: it is their mean.
     """
-    found = dict(forces)
+    elements = dict(forces)
     for name in names:
         key = name.partition(".")[2] if name.startswith("force.") else ""
         if key in forces and not all(isinstance(law, Constant) for law in forces[key].laws()):
-            found[key] = with_law(forces[key], Constant(value=0.0))
+            elements[key] = with_law(forces[key], Constant(value=0.0))
         key = name.removeprefix("coordinate.").removeprefix("joint.").removesuffix(".effort")
         along = mechanism.coordinates.get(name) or mechanism.coordinates.get(key)
         if along is not None and not isinstance(along, LinearCoordinate) and not name.endswith(".position"):
-            found[added_name(key)] = EffortAlong(mechanism.model, along, Constant(value=0.0))
-    return found
+            elements[added_name(key)] = EffortAlong(mechanism.model, along, Constant(value=0.0))
+    return elements
 
 
 def _amplitude_unit(mechanism: Mechanism, force: ForceElement, name: str) -> Unit:

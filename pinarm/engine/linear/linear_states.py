@@ -90,13 +90,13 @@ class Linearisation(Record, frozen=True):
             inputs: The k inputs.
             loads: Loads of the forces among them per amplitude, shape (nv, forces).
         """
-        found, forces = np.zeros((len(self.inputs), len(inputs))), iter(loads.T)
-        for k, one in enumerate(inputs):
-            if one.position:
-                found[list(self.inputs).index(f"{one.position}''"), k] = 1.0
+        columns, forces = np.zeros((len(self.inputs), len(inputs))), iter(loads.T)
+        for k, driven in enumerate(inputs):
+            if driven.position:
+                columns[list(self.inputs).index(f"{driven.position}''"), k] = 1.0
             else:
-                found[: len(self.joints), k] = next(forces) if one.weights is None else one.weights
-        return found
+                columns[: len(self.joints), k] = next(forces) if driven.weights is None else driven.weights
+        return columns
 
     def response(self, frequencies: Array, outputs: Array, inputs: Array | None = None) -> Complex:
         """Return the frequency response ``C (2 pi i f - A)^-1 B``, with A brought to a triangle first.
@@ -122,18 +122,18 @@ class Linearisation(Record, frozen=True):
 
     def __repr__(self) -> str:
         """Return the states and the frequencies."""
-        found = ", ".join(f"{frequency:.4g}" for frequency in self.modes.frequencies)
+        frequencies = ", ".join(f"{frequency:.4g}" for frequency in self.modes.frequencies)
         positions = ", ".join(name for name in self.states if not name.endswith("'"))
-        return f"<Linearisation of {positions}; frequencies [Hz]: {found}>"
+        return f"<Linearisation of {positions}; frequencies [Hz]: {frequencies}>"
 
     def tables(self) -> dict[str, LabelledArray]:
         """Return eigenvalues, mode shapes and the matrices A and B as tables with names and units."""
         modes = [f"mode.{k}" for k in range(1, len(self.modes.eigenvalues) + 1)]
-        rate, one = unit("1/s"), [unit("1")] * len(modes)
+        rate, pure = unit("1/s"), [unit("1")] * len(modes)
         inverse = [unit("1") / measured for measured in self.state_units]
         return {
-            "eigenvalues": LabelledArray(self.modes.eigenvalues[None], ["eigenvalue"], modes, [rate], one),
-            "shapes": LabelledArray(self.shapes(), self.joints, modes, self.joint_units, one),
+            "eigenvalues": LabelledArray(self.modes.eigenvalues[None], ["eigenvalue"], modes, [rate], pure),
+            "shapes": LabelledArray(self.shapes(), self.joints, modes, self.joint_units, pure),
             "A": LabelledArray(self.A, self.states, self.states, [own * rate for own in self.state_units], inverse),
             "B": LabelledArray(
                 self.B,
@@ -158,18 +158,18 @@ def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array |
         )
     held = dynamics.inverse(t, q[None], v[None], a[None]) - tau
     lam = Multipliers.least(mechanism.closure, q[None], held, np.zeros((1, 0)))
-    found = equation_derivatives(dynamics, mechanism.constraints, t, q, v, a, lam[0])
-    _require_smooth(mechanism, dynamics, t, q, v, found)
-    return found
+    slopes = equation_derivatives(dynamics, mechanism.constraints, t, q, v, a, lam[0])
+    _require_smooth(mechanism, dynamics, t, q, v, slopes)
+    return slopes
 
 
 def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None, t: float) -> Linearisation:
     """Return the linearised motion; see ``Mechanism.linearise``."""
     q, v, _, tau = _one_state(mechanism, q, v=v, a=None, tau=tau)
     dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
-    found = linearised(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
-    states.check_found(mechanism.closure, LeadingAxes(()), q[None], v[None], found.acceleration[None])
-    return found
+    linear = linearised(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
+    states.check_found(mechanism.closure, LeadingAxes(()), q[None], v[None], linear.acceleration[None])
+    return linear
 
 
 def linearised_row(row: Trajectory, prescribed: Sequence[str]) -> Linearisation:
@@ -265,10 +265,11 @@ def _require_pushes(mechanism: Mechanism, lam: Array) -> None:
     Raises:
         InputError: Names it.
     """
-    for one in one_sided(mechanism.constraints):
-        if one.side * lam[mechanism.closure.slices[one.name].start] <= AT_KINK * np.abs(lam).max():
+    for constraint in one_sided(mechanism.constraints):
+        if constraint.side * lam[mechanism.closure.slices[constraint.name].start] <= AT_KINK * np.abs(lam).max():
             raise InputError(
-                f"{one.kind} '{one.name}' carries no load here: {one.opens}", expected="a state in which it holds"
+                f"{constraint.kind} '{constraint.name}' carries no load here: {constraint.opens}",
+                expected="a state in which it holds",
             )
 
 

@@ -46,7 +46,7 @@ def rigid_modes(linear: Linearisation) -> list[str]:
     """Return which modes have the eigenvalue 0, and why, in words."""
     modes, shapes = linear.modes, np.abs(linear.shapes())
     parts, sizes = _stiffness_parts(linear)
-    found: dict[str, list[str]] = {}
+    rigid: dict[str, list[str]] = {}
     for k in np.flatnonzero(modes.eigenvalues == 0.0).tolist():
         moving = [name for name, part in zip(linear.joints, shapes[:, k], strict=True) if part > 1e-6]
         acting = {name: part[k] for name, part in parts.items() if abs(part[k]) > NONE * sizes[name][k]}
@@ -54,8 +54,8 @@ def rigid_modes(linear: Linearisation) -> list[str]:
         slow = f"softer than rounding can tell: below {modes.errors[k] / (2.0 * np.pi):.2g} Hz"
         why = f"{', '.join(acting)} {'cancel each other' if cancelled else slow}"
         why = why if acting else "no force depends on where they are"
-        found.setdefault(f"nothing drives {', '.join(moving)} back: {why}", []).append(str(k + 1))
-    return [f"mode {', '.join(numbers)}: {why}" for why, numbers in found.items()]
+        rigid.setdefault(f"nothing drives {', '.join(moving)} back: {why}", []).append(str(k + 1))
+    return [f"mode {', '.join(numbers)}: {why}" for why, numbers in rigid.items()]
 
 
 def _stiffness_parts(linear: Linearisation) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -78,28 +78,28 @@ def _stiffness_parts(linear: Linearisation) -> tuple[dict[str, Array], dict[str,
 def _masses(linear: Linearisation) -> dict[str, Array]:
     """Return ``x^H M_i x / 2`` of all bodies and rotors, shape (k,) each."""
     state, shapes = linear.at.state, linear.motion.shapes[0]
-    model, found = state.mechanism.model, dict[str, Array]()
+    model, masses = state.mechanism.model, dict[str, Array]()
     both = np.hstack([shapes.real, shapes.imag]).T
     links, twists = speeding(model, np.broadcast_to(state.q, (len(both), model.nq)), both)
     halves = links.energies(twists)[0]
     energies = halves.reshape(2, shapes.shape[1], halves.shape[-1]).sum(axis=0)
     for index, names in enumerate(links_behind(model)[1:], 1):
         if model.inertias[index].mass:
-            found[names[0] if names else str(model.names[index])] = energies[:, index]
+            masses[names[0] if names else str(model.names[index])] = energies[:, index]
     rotors = 0.5 * model.armature[:, None] * np.abs(shapes) ** 2
-    return found | {f"rotor at {linear.joints[k]}": rotors[k] for k in np.flatnonzero(model.armature).tolist()}
+    return masses | {f"rotor at {linear.joints[k]}": rotors[k] for k in np.flatnonzero(model.armature).tolist()}
 
 
 def _dampings(linear: Linearisation) -> dict[str, Array]:
     """Return ``Re v^H D v`` of force elements and of friction that slips, shape (k,) each; those that have any."""
     motion, at = linear.motion, linear.at
     velocities = motion.shapes[1]
-    found = {name: _power(velocities, d) for name, d in _slopes(linear, 1).items()}
+    powers = {name: _power(velocities, d) for name, d in _slopes(linear, 1).items()}
     slipping = np.flatnonzero(~at.friction.stuck).tolist()
     friction: Complex = motion.friction[:, motion.free] @ linear.modes.vectors
     for row, k, f in zip(at.derivatives.rows[at.rows.slipping], slipping, friction, strict=True):
-        found[f"friction of {at.friction.contacts[k].name}"] = -np.real(np.conj(row @ velocities) * f)
-    return {name: parts for name, parts in found.items() if parts.any()}
+        powers[f"friction of {at.friction.contacts[k].name}"] = -np.real(np.conj(row @ velocities) * f)
+    return {name: parts for name, parts in powers.items() if parts.any()}
 
 
 def _slopes(linear: Linearisation, order: int) -> dict[str, Array]:

@@ -122,9 +122,9 @@ class _Balance:
             if not sliding:
                 break
             row = replace(state, lam=Multipliers.known(carried[None, :own], own), tau=self._tau(rows, carried)[None])
-            found = slip_friction(with_friction(row, f[None]), sliding)[0]
-            change, f[~stuck] = np.abs(found - f[~stuck]).max(), found
-            if change <= BALANCED * np.abs(found).max():
+            friction = slip_friction(with_friction(row, f[None]), sliding)[0]
+            change, f[~stuck] = np.abs(friction - f[~stuck]).max(), friction
+            if change <= BALANCED * np.abs(friction).max():
                 break
         left = demand - slips[~stuck].T @ f[~stuck] - rows.T @ carried
         return _Forces(v, rows, demand, carried, f, left)

@@ -160,7 +160,7 @@ class SteppedState(Record, frozen=True):
         f[self.friction.stuck], f[~self.friction.stuck] = lam[held:], slipping
         driven, guides = self.drives.acting(model.nv, efforts)
         t, tangent = float(state.grid.t[0]), pin.tangentMap(model, state.q[0])
-        found = replace(
+        stepped = replace(
             state,
             grid=Grid(np.full(count, t), (t, float(np.nextafter(t, np.inf))), (0, count)),
             columns={},
@@ -172,7 +172,7 @@ class SteppedState(Record, frozen=True):
             directions=np.sign(np.broadcast_to(state.v, (count, model.nv))),
             **changes,
         )
-        return with_friction(found, state.friction[0] + 1j * STEP * f.T)
+        return with_friction(stepped, state.friction[0] + 1j * STEP * f.T)
 
     def slopes(self, names: Sequence[str]) -> Array:
         """Return the derivatives of quantities or formulas by all states and inputs, shape (p, n + i).
@@ -238,11 +238,11 @@ def _slopes(steps: Trajectory, names: Sequence[str]) -> Array:
     Raises:
         InputError: A quantity does not exist, or takes no imaginary steps.
     """
-    values, found = Quantities(steps), np.zeros((len(names), len(steps)))
+    values, slopes = Quantities(steps), np.zeros((len(names), len(steps)))
     for k, name in enumerate(names):
         try:
             with complex_kept():
-                found[k] = np.imag(values[name].values) / STEP
+                slopes[k] = np.imag(values[name].values) / STEP
         except FloatingPointError:
             raise InputError(
                 f"'{name}' has a kink here: it depends on the size of something that is 0 in this state",
@@ -250,4 +250,4 @@ def _slopes(steps: Trajectory, names: Sequence[str]) -> Array:
             ) from None
         except (TypeError, np.exceptions.ComplexWarning):  # of Pinocchio, and of functions of real numbers
             raise InputError(f"the linear analysis has no derivatives of '{name}'", expected="another output") from None
-    return found
+    return slopes

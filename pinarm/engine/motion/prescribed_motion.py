@@ -187,12 +187,12 @@ class Prescription(Record, frozen=True):
         """Return the velocities a little inside the intervals, from the positions of the rows, shape (n, nv)."""
         grid, laws = rows.grid.moved_inside(), self.motion.laws
         rates = np.array([grid.evaluate(law)[1] for law in laws]).T
-        sizes, found = np.array([law_size(law, grid)[0] for law in laws]), np.zeros_like(rows.v)
+        sizes, positions = np.array([law_size(law, grid)[0] for law in laws]), np.zeros_like(rows.v)
         for row in np.flatnonzero((np.abs(rates) > STANDSTILL * sizes).any(axis=1)):
             q, idle = rows.q[row][None], np.zeros_like(sizes)
             with suppress(AssemblyError):  # a singular position, at which the mechanism stands still as well
-                found[row] = self.motion.rates(float(grid.t[row]), q, rates[row], idle)[0][0]
-        return found
+                positions[row] = self.motion.rates(float(grid.t[row]), q, rates[row], idle)[0][0]
+        return positions
 
 
 class PrescribedTable(Record, frozen=True):

@@ -272,12 +272,12 @@ def lost_digits(rows: Trajectory, regular: Array) -> list[str]:
 
 def unbounded_notes(rows: Trajectory) -> list[str]:
     """Return what is to be said of interpolated rows that no forces of the loops balance."""
-    found = [float(t) for row, t in enumerate(rows.grid.t) if _residual(rows.some(np.array([row]))) > UNBOUNDED]
-    if not found:
+    times = [float(t) for row, t in enumerate(rows.grid.t) if _residual(rows.some(np.array([row]))) > UNBOUNDED]
+    if not times:
         return []
-    more = f", as in {len(found) - 1} more rows" if len(found) > 1 else ""
+    more = f", as in {len(times) - 1} more rows" if len(times) > 1 else ""
     return [
-        f"at {instant(found[0])}{more}, a singular position, no finite forces of the loops balance the motion, which "
+        f"at {instant(times[0])}{more}, a singular position, no finite forces of the loops balance the motion, which "
         "equilibrium shows: towards it they grow beyond all bounds. The efforts of the drives balance its power"
     ]
 

@@ -180,8 +180,8 @@ class Trajectory(Record, frozen=True):
         """Friction at the mechanism's contacts, along their slips [N*m or N], shape (n, k); 0 where none is told."""
         none = np.zeros(len(self))
         names = [contact.quantity for contact in self.mechanism.frictions]
-        found = [self.columns[name].values if name in self.columns else none for name in names]
-        return np.array(found).reshape(-1, len(self)).T
+        columns = [self.columns[name].values if name in self.columns else none for name in names]
+        return np.array(columns).reshape(-1, len(self)).T
 
     @cached_property
     def friction_loads(self) -> Array:
@@ -235,8 +235,8 @@ class Trajectory(Record, frozen=True):
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices
-        found = np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
-        return found + self._friction_in(acting, joint) if self.mechanism.frictions else found
+        effort = np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
+        return effort + self._friction_in(acting, joint) if self.mechanism.frictions else effort
 
     def _friction_in(self, couplings: Collection[str], joint: int) -> Array:
         """Return what friction between the members of couplings does along a joint, by its index in v, shape (n,)."""

@@ -90,9 +90,9 @@ class PrescribedVariants:
 
     def _each_alone(self) -> VariantStates:
         """Return the states of open chains, by the function that solves one of them."""
-        found = [table.prescription.moving(table.grid, table.start) for table in self.tables]
-        q, v, a = (np.stack([getattr(run, name) for run in found], axis=1) for name in ("q", "v", "a"))
-        return VariantStates(q, v, a, np.ones(len(found), dtype=bool))
+        motions = [table.prescription.moving(table.grid, table.start) for table in self.tables]
+        q, v, a = (np.stack([getattr(run, name) for run in motions], axis=1) for name in ("q", "v", "a"))
+        return VariantStates(q, v, a, np.ones(len(motions), dtype=bool))
 
     def _followed(self) -> VariantStates:
         """Return the states by Newton's method, for all variants at once."""

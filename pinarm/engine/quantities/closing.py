@@ -203,10 +203,10 @@ def _start(mechanism: Mechanism, start: Mapping[str, float] | ArrayLike | None) 
         if leading.shape:
             raise InputError(f"start has the shape {np.shape(start)}", expected="one configuration, or {'knee': 0.5}")
         rough = rows["q"][0]
-    found = closed_drawing(mechanism.closure, rough)
-    for note in found.notes:
+    drawing = closed_drawing(mechanism.closure, rough)
+    for note in drawing.notes:
         raise InputError(f"start: {note}", expected="joint coordinates near which the loops close")
-    return found.q
+    return drawing.q
 
 
 def _filled(
@@ -309,10 +309,10 @@ def _positions(
         return q
     for k in np.flatnonzero(~good).tolist():
         try:
-            found = first_position(closure, prescribed, w[k], 0.0, start)
-            for note in found.notes:
+            assembly = first_position(closure, prescribed, w[k], 0.0, start)
+            for note in assembly.notes:
                 raise InputError(note, expected="a start from which the coordinates can go straight to their values")
-            q[k] = assembled(closure, prescribed, found.q, w[k], 0.0)
+            q[k] = assembled(closure, prescribed, assembly.q, w[k], 0.0)
         except PinarmError as error:
             q[k] = np.nan
             if places:

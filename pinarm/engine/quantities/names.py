@@ -95,10 +95,10 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     def _family(self, word: str) -> Family:
         if word not in self._families:
-            found = family(word, self.evaluation)
-            if len(self.trajectory.row_axes) > 1 and not found.of_variants:
+            members = family(word, self.evaluation)
+            if len(self.trajectory.row_axes) > 1 and not members.of_variants:
                 raise VariantsDiffer(word)
-            self._families[word] = found
+            self._families[word] = members
         return self._families[word]
 
     @property
@@ -116,17 +116,17 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         require_name(name)
         if name not in self._known:
             with one_run(), one_blas_thread(self.trajectory.mechanism.model.nv):
-                found = self._extreme(name)
-                if found is None:
-                    found = self._require_known(self._find(name))
-                    doubt = found.doubt or self._judged.friction_doubts.get(name) or self._left_open(name, found)
-                    if doubt != found.doubt:
-                        found = replace(found, doubt=doubt)
+                series = self._extreme(name)
+                if series is None:
+                    series = self._require_known(self._find(name))
+                    doubt = series.doubt or self._judged.friction_doubts.get(name) or self._left_open(name, series)
+                    if doubt != series.doubt:
+                        series = replace(series, doubt=doubt)
                 if (
-                    found.values.shape not in self._shapes
+                    series.values.shape not in self._shapes
                 ):  # it would be spread along another axis than that of variants
                     raise VariantsDiffer(name)
-                self._known[name] = found
+                self._known[name] = series
         return self._known[name]
 
     @cached_property
@@ -370,17 +370,17 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
             InputError: There is no such quantity.
         """
         symbols = {**self.trajectory.mechanism.symbols, **self.symbols}
-        found, pending, met = list[Array](), [name], set[str]()
+        switches, pending, met = list[Array](), [name], set[str]()
         while pending:
-            one = pending.pop()
-            if one in met or not (one in symbols or set(one) & OPERATORS):
+            symbol = pending.pop()
+            if symbol in met or not (symbol in symbols or set(symbol) & OPERATORS):
                 continue
-            met.add(one)
-            expression = symbols.get(one) or Expression.parse(one)
+            met.add(symbol)
+            expression = symbols.get(symbol) or Expression.parse(symbol)
             operands = self._operands(expression)
-            found += expression.switches({inner: series.values for inner, series in operands.items()})
+            switches += expression.switches({inner: series.values for inner, series in operands.items()})
             pending += sorted(operands)
-        return found
+        return switches
 
     def check_symbols(self, symbols: Iterable[str], locate: Callable[..., AbstractContextManager[None]]) -> None:
         """Raise where a symbol stands for what does not exist, for what cannot be added, or for itself.

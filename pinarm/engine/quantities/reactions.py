@@ -277,7 +277,7 @@ class Reactions:
         if self.run.opened is None or not self.sample:
             some = sampled(len(q), self.sample)
             return [(some, SelfStresses(closure, q[some]))]
-        sided, found = one_sided(closure.constraints), []
+        sided, parts = one_sided(closure.constraints), []
         gaps = closure.at(q)[0][:, [closure.slices[constraint.name].start for constraint in sided]]
         opened = gaps * [constraint.side for constraint in sided] > APART * (1.0 + closure.extent)
         for pattern in np.unique(opened, axis=0):
@@ -287,8 +287,8 @@ class Reactions:
             holding = Closure.of(
                 closure.model, [constraint for constraint in closure.constraints if constraint.name not in names]
             )
-            found.append((rows, SelfStresses(holding, q[rows])))
-        return found
+            parts.append((rows, SelfStresses(holding, q[rows])))
+        return parts
 
     @property
     def degree(self) -> int:
@@ -313,10 +313,10 @@ class Reactions:
 
     def _at_sample(self, added: Sequence[Array]) -> list[Array]:
         """Return what self-stresses of length 1 add at a sample of the rows, shape (s, ..), with 0 at the others."""
-        found = np.zeros((max(map(len, added)), len(self.run), *added[0].shape[2:]))
+        samples = np.zeros((max(map(len, added)), len(self.run), *added[0].shape[2:]))
         for (rows, _), part in zip(self.stresses, added, strict=True):
-            found[: len(part), rows] = part
-        return list(found)
+            samples[: len(part), rows] = part
+        return list(samples)
 
 
 MERGED = 1e-9
@@ -355,11 +355,11 @@ def fixed_wrench(reactions: Reactions, name: str) -> Array:
 
 def _beyond(model: pin.Model, frame: int) -> set[int]:
     """Return a frame and those beyond it that the same joint carries."""
-    found, carrier = {frame}, model.frames[frame].parentJoint
+    frames, carrier = {frame}, model.frames[frame].parentJoint
     for index, other in enumerate(model.frames.tolist()):  # after those that carry them
-        if other.parentFrame in found and other.parentJoint == carrier:
-            found.add(index)
-    return found
+        if other.parentFrame in frames and other.parentJoint == carrier:
+            frames.add(index)
+    return frames
 
 
 def _body(model: pin.Model, name: str, carrier: int, links: set[int]) -> pin.Inertia:

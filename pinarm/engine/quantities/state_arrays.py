@@ -128,8 +128,8 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
             rows[..., joints[name].q] = column
         return rows
     named = [dict(zip(columns, row, strict=True)) for row in zip(*map(np.ravel, columns.values()), strict=True)]
-    found = np.array([configuration(model, joints, balls, values) for values in named])
-    return found.reshape(*shape, model.nq)
+    q = np.array([configuration(model, joints, balls, values) for values in named])
+    return q.reshape(*shape, model.nq)
 
 
 def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
@@ -174,10 +174,10 @@ def columns_of(
 def instant(t: float) -> float:
     """Return an instant [s]."""
     require_unit(t, "t", SECOND)
-    found = real(t, "t")
-    if found.ndim or not np.isfinite(found):
+    time = real(t, "t")
+    if time.ndim or not np.isfinite(time):
         raise InputError("t is not an instant", expected="one finite number [s]")
-    return float(found)
+    return float(time)
 
 
 def from_pinocchio(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array]:

@@ -124,13 +124,13 @@ def _under(run: Trajectory, demand: Array, friction: Array, others: Sequence[tup
         lam = Multipliers.least(run.mechanism.closure, run.q, held, np.zeros((len(run), 0)))
         return replace(run, lam=lam, columns=friction_columns(run.mechanism.frictions, friction))
 
-    rows, found = under(friction), list[Trajectory]()
+    rows, tables = under(friction), list[Trajectory]()
     for other, endless in others:
         part = held_part(run.mechanism.closure, rows.lam, under(other).lam)
         far = endless & (part == 1.0)
         within = under(friction + part[:, None] * (other - friction))
-        found.append(replace(within, endless=far if far.any() else None))
-    return replace(rows, others=tuple(found))
+        tables.append(replace(within, endless=far if far.any() else None))
+    return replace(rows, others=tuple(tables))
 
 
 def _frictions(
@@ -247,8 +247,8 @@ def _is_shared(rows: Array, lam: Array, sides: Mapping[int, float]) -> bool:
     for row, side in sides.items():
         (least if side > 0.0 else most)[row] = 0.0
     load = rows.T @ lam
-    found = lsq_linear(rows.T, load, (least, most), tol=1e-14)
-    return bool(np.abs(found.fun).max() <= OPENED * np.abs(load).max())
+    solution = lsq_linear(rows.T, load, (least, most), tol=1e-14)
+    return bool(np.abs(solution.fun).max() <= OPENED * np.abs(load).max())
 
 
 class _Tear(NamedTuple):

@@ -188,11 +188,11 @@ class Controller(ABC):
 
     def switches(self, mode: int) -> list[Switch[Given]]:
         """Return where a continuous controller changes its way: where a command reaches a limit."""
-        found = []
+        switches = []
         for limits in (self.lower, self.upper):
             for k in np.flatnonzero(np.isfinite(limits)).tolist():
-                found.append(Switch(lambda given, k=k, at=limits[k]: self.command(given)[..., k] - at, 0))  # type: ignore[misc]
-        return found
+                switches.append(Switch(lambda given, k=k, at=limits[k]: self.command(given)[..., k] - at, 0))  # type: ignore[misc]
+        return switches
 
     def limited(self, command: Array) -> Array:
         """Return efforts within the limits, shape (..., k)."""
@@ -200,22 +200,22 @@ class Controller(ABC):
 
     def measure(self, q: Array, v: Array) -> Array:
         """Return values and rates of the signals, shape (..., s, 2)."""
-        found = np.empty((*q.shape[:-1], len(self.signals), 2))
+        measured = np.empty((*q.shape[:-1], len(self.signals), 2))
         if self._places is not None:
-            found[..., 0], found[..., 1] = q[..., self._places[0]], v[..., self._places[1]]
-            return found
+            measured[..., 0], measured[..., 1] = q[..., self._places[0]], v[..., self._places[1]]
+            return measured
         for k, signal in enumerate(self.signals):
-            found[..., k, 0], found[..., k, 1] = signal.measure(q, v)
-        return found
+            measured[..., k, 0], measured[..., k, 1] = signal.measure(q, v)
+        return measured
 
     @cached_property
     def _places(self) -> tuple[Indices, Indices] | None:
         """Indices in q and v of the signals where all are coordinates of joints: these are read at once."""
         measured = [signal.coordinate for signal in self.signals]
         own = [
-            (one.places[one.joint], one.joint)
-            for one in measured
-            if isinstance(one, LinearCoordinate) and one.joint is not None
+            (coordinate.places[coordinate.joint], coordinate.joint)
+            for coordinate in measured
+            if isinstance(coordinate, LinearCoordinate) and coordinate.joint is not None
         ]
         if len(own) < len(measured):
             return None

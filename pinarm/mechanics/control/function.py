@@ -204,15 +204,15 @@ def returned(function: ControlFunction, words: str, state: MeasuredState, count:
     try:
         if (given := np.asarray(effort)).dtype.kind in "USc":  # a text or a complex number is no effort
             raise TypeError
-        found = np.array(given, dtype=np.float64).reshape(count)
+        values = np.array(given, dtype=np.float64).reshape(count)
     except (TypeError, ValueError):
         raise InputError(
             f"{words} has returned {effort!r} {at}",
             expected="an effort" if count == 1 else f"{count} efforts in a sequence",
         ) from None
-    if not np.isfinite(found).all():
+    if not np.isfinite(values).all():
         raise InputError(f"{words} has returned {effort!r} {at}", expected="finite efforts")
-    return found
+    return values
 
 
 def function_controls(
@@ -232,15 +232,15 @@ def function_controls(
             hint="control={'knee': u}, or control={('hip', 'knee'): u}",
         )
     require_times(period, delay)
-    found = []
+    controls = []
     for name, function in control.items():
         drives = (name,) if isinstance(name, str) else name
         if not isinstance(drives, tuple) or not drives or not all(isinstance(drive, str) for drive in drives):
             raise InputError(f"{name!r} names no drives", expected="the name of a drive, or several in a tuple")
         if not callable(function):
             raise InputError(f"the control of {name!r} is {function!r}", expected="a function u(t, state)")
-        found.append(FunctionControl(drives, function, period, delay))
-    return found
+        controls.append(FunctionControl(drives, function, period, delay))
+    return controls
 
 
 def require_times(period: float | None, delay: float) -> None:

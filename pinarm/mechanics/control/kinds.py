@@ -203,9 +203,9 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
             with within(key):
                 check_unit(getattr(self, key), unit(per))
         with within("drive"):
-            found = [plant.motor_inverse(name) for name in self.drives]
-            motors = [motor for motor in found if motor is not None]
-            if len(motors) < len(found):
+            inverses = [plant.motor_inverse(name) for name in self.drives]
+            motors = [motor for motor in inverses if motor is not None]
+            if len(motors) < len(inverses):
                 raise InputError(
                     "the current of a motor with inductance follows its voltage late: no voltage gives an "
                     "effort at once",

@@ -271,19 +271,19 @@ def left_open(model: pin.Model, couplings: Sequence[JointRelation]) -> dict[int,
     At a coupled joint all six components are: part of the coupling may be within it. At a joint between, its efforts
     are known, so that wrenches that do power on its own motion are not open.
     """
-    found: dict[int, OpenReaction] = {}
+    reactions: dict[int, OpenReaction] = {}
     for coupling in couplings:
         if coupling.known:
             continue
         moved = set(coupling.joints.tolist())
         coupled = {k for k in range(1, model.njoints) if model.joints[k].idx_v in moved}
         for joint in _between(model, coupled):
-            others = found[joint].couplings if joint in found else ()
+            others = reactions[joint].couplings if joint in reactions else ()
             wrenches = np.eye(6) if joint in coupled else _without_power(model, joint)
-            if joint in found and len(found[joint].wrenches) > len(wrenches):
-                wrenches = found[joint].wrenches
-            found[joint] = OpenReaction((*others, coupling), wrenches)
-    return found
+            if joint in reactions and len(reactions[joint].wrenches) > len(wrenches):
+                wrenches = reactions[joint].wrenches
+            reactions[joint] = OpenReaction((*others, coupling), wrenches)
+    return reactions
 
 
 def _between(model: pin.Model, coupled: set[int]) -> list[int]:

@@ -74,10 +74,10 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
                 hint="kind: gear, with a ratio",
             )
         weights = pair.weights(self._ratio(pair))
-        found = coupled(model, joints, name, "belt", weights, float(self.offset))
+        coupling = coupled(model, joints, name, "belt", weights, float(self.offset))
         if self.pretension is None:
-            return replace(found, missing="it has no pretension")
-        return replace(found, transmission=self._strands(model, pair, float(self.pretension)))
+            return replace(coupling, missing="it has no pretension")
+        return replace(coupling, transmission=self._strands(model, pair, float(self.pretension)))
 
     def _signed_radii(self, pair: MemberPair) -> tuple[float, float]:
         """Return the radii, the second negative where the wheels turn against each other about the first axis."""
@@ -93,17 +93,17 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         """Return the strands: tangents of both wheels, with normals n where ``n . (O2 - O1) = r1 - r2``."""
         a, (r1, r2) = pair.first.axis, self._signed_radii(pair)
         height = plane_of(model, pair, self.plane)
-        one, two = (x.point + a * (height - a @ x.point) for x in (pair.first, pair.second))
-        distance = float(np.linalg.norm(two - one))
+        first, two = (x.point + a * (height - a @ x.point) for x in (pair.first, pair.second))
+        distance = float(np.linalg.norm(two - first))
         if distance <= abs(r1 - r2):
             raise InputError(
                 f"the axes are {distance:g} m apart: wheels of these radii leave no place for a belt",
                 expected=f"axes more than {abs(r1 - r2):g} m apart",
             )
-        along = (two - one) / distance
+        along = (two - first) / distance
         cosine = (r1 - r2) / distance
         sine = np.sqrt(1.0 - cosine * cosine)
-        pulls = [_pull(one, two, r1, r2, cosine * along + side * sine * np.cross(a, along)) for side in (1.0, -1.0)]
+        pulls = [_pull(first, two, r1, r2, cosine * along + side * sine * np.cross(a, along)) for side in (1.0, -1.0)]
         sense = pair.sense * float(np.sign(a @ pair.second.axis))
         angle = float(np.arccos(cosine))  # from the line of centres to the points where the belt leaves the wheels
         wrap = min(2.0 * np.pi - 2.0 * angle, 2.0 * angle) if r2 > 0.0 else 2.0 * np.pi - 2.0 * angle
@@ -111,9 +111,9 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         return Strands.between(members, two, np.array(pulls), sense / r2, pretension, wrap)
 
 
-def _pull(one: Array, two: Array, r1: float, r2: float, normal: Array) -> Array:
+def _pull(wrench: Array, two: Array, r1: float, r2: float, normal: Array) -> Array:
     """Return the wrench of a strand of unit tension on the second wheel [f; m] at the carrier's origin."""
-    start, end = one + r1 * normal, two + r2 * normal
+    start, end = wrench + r1 * normal, two + r2 * normal
     return at_origin(end, (start - end) / np.linalg.norm(start - end))
 
 
@@ -180,9 +180,9 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
             pair = self._pair(joints, model, (first, second))
         if pair is not None and self.carrier:
             weights = pair.weights(pair.inner_ratio(self.ratio))
-        found = coupled(model, joints, name, "gear", weights, float(self.offset))
+        coupling = coupled(model, joints, name, "gear", weights, float(self.offset))
         known = None if pair is None else self._transmission(model, pair)
-        return replace(found, transmission=known, missing="" if known else "it has no pressure_angle")
+        return replace(coupling, transmission=known, missing="" if known else "it has no pressure_angle")
 
     def _pair(self, joints: Mapping[str, Joint], model: pin.Model, pair: tuple[Joint, Joint]) -> MemberPair:
         carrier = joint_of(joints, self.carrier) if self.carrier else None
@@ -239,12 +239,12 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
         turns, slides = turning_and_sliding(joints, self.joints, "rack")
         weights = {slides: 1.0, turns: -float(self.radius)}
-        found = coupled(model, joints, name, "rack", weights, float(self.offset))
+        coupling = coupled(model, joints, name, "rack", weights, float(self.offset))
         if self.pressure_angle is None:
-            return replace(found, missing="it has no pressure_angle")
+            return replace(coupling, missing="it has no pressure_angle")
         pair = member_pair(model, joints, (turns, slides))
         teeth = Teeth(self.pressure_angle, self.helix_angle, self.plane)
-        return replace(found, transmission=pinion_on_rack(model, pair, pair.inner_ratio(self.radius), teeth))
+        return replace(coupling, transmission=pinion_on_rack(model, pair, pair.inner_ratio(self.radius), teeth))
 
 
 def _moments(pair: MemberPair, inner_ratio: float, planets: int) -> Transmission:
@@ -288,14 +288,14 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
         turns, slides = turning_and_sliding(joints, self.joints, "screw")
         pitch = self.lead / (2.0 * np.pi)
-        found = coupled(model, joints, name, "screw", {slides: 1.0, turns: -pitch}, float(self.offset))
+        coupling = coupled(model, joints, name, "screw", {slides: 1.0, turns: -pitch}, float(self.offset))
         try:
             pair = member_pair(model, joints, (turns, slides))
         except InputError:  # joints that are apart in the tree: coupled in some way, which is not known
-            return replace(found, missing="its joints are not on one link")
+            return replace(coupling, missing="its joints are not on one link")
         if np.linalg.norm(np.cross(pair.first.axis, pair.second.axis)) > PARALLEL:
-            return replace(found, missing="its second joint does not slide along the axis of the first")
-        return replace(found, transmission=_thread(pair, pitch))
+            return replace(coupling, missing="its second joint does not slide along the axis of the first")
+        return replace(coupling, transmission=_thread(pair, pitch))
 
 
 def turning_and_sliding(joints: Mapping[str, Joint], names: tuple[str, str], kind: str) -> tuple[Joint, Joint]:
@@ -352,8 +352,8 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
             )
         if isinstance(self.value, Measured):
             self.value.check(first.unit)
-        found = coupled(model, joints, name, "sum", weights, float(self.value))
-        return replace(found, missing="a sum says nothing of the parts between them")
+        coupling = coupled(model, joints, name, "sum", weights, float(self.value))
+        return replace(coupling, missing="a sum says nothing of the parts between them")
 
 
 CouplingDefinition = Gear | Rack | Screw | Belt | Cam | WeightedSum

@@ -146,12 +146,12 @@ class _AxesAtNeutral:
         down, up = ([int(j) for j in self.model.supports[k]] for k in (body, self.carrier))
         return [*((j, -1.0) for j in up if j not in down), *((j, 1.0) for j in down if j not in up)]
 
-    def _same_axis(self, one: Joint, other: Joint) -> bool:
-        axis, apart = self.axis(other), self.origin(one) - self.origin(other)
-        if one.unit != other.unit or np.linalg.norm(np.cross(axis, self.axis(one))) > PARALLEL:
+    def _same_axis(self, joint: Joint, other: Joint) -> bool:
+        axis, apart = self.axis(other), self.origin(joint) - self.origin(other)
+        if joint.unit != other.unit or np.linalg.norm(np.cross(axis, self.axis(joint))) > PARALLEL:
             return False
         slack = IN_LINE * max(1.0, float(np.linalg.norm(apart)))
-        return one.unit == METRE or bool(np.linalg.norm(np.cross(axis, apart)) <= slack)
+        return joint.unit == METRE or bool(np.linalg.norm(np.cross(axis, apart)) <= slack)
 
 
 class Teeth(NamedTuple):
@@ -357,7 +357,7 @@ def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: s
         if not link:
             raise InputError(otherwise, expected="plane: a link of the carrier in the middle of the teeth")
         index = frame_of(model, link)
-        bodies = {pair.carrier, *(one.body for one in (pair.first, pair.second) if _turns(one))}
+        bodies = {pair.carrier, *(joint.body for joint in (pair.first, pair.second) if _turns(joint))}
         if model.frames[index].parentJoint not in bodies:
             raise InputError(
                 f"the link {link} belongs neither to a wheel nor to what carries the wheels",

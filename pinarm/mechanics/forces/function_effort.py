@@ -39,8 +39,8 @@ class FunctionEffort(AlongCoordinate, frozen=True):
             )
         states = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
         instants = np.broadcast_to(np.asarray(t, float), len(states[0])).tolist()
-        found = [self._at(*state) for state in zip(instants, *states, strict=True)]
-        return np.array(found).reshape(q.shape[:-1])
+        efforts = [self._at(*state) for state in zip(instants, *states, strict=True)]
+        return np.array(efforts).reshape(q.shape[:-1])
 
     def _at(self, t: float, q: Array, v: Array) -> float:
         return float(returned(self.function, self.words, MeasuredState(t, q, v, self.plant, self.readers), 1)[0])
@@ -77,7 +77,7 @@ def function_forces(forces: Mapping[str, tuple[str, ControlFunction]]) -> list[F
     Args:
         forces: Name -> coordinate, and its function.
     """
-    found = []
+    elements = []
     for name, force in forces.items():
         if not (isinstance(force, tuple) and len(force) == 2 and isinstance(force[0], str) and callable(force[1])):
             raise InputError(
@@ -85,5 +85,5 @@ def function_forces(forces: Mapping[str, tuple[str, ControlFunction]]) -> list[F
                 expected="a coordinate and a function f(t, state)",
                 hint="forces={'brake': ('knee', f)}",
             )
-        found.append(FunctionForce(name, *force))
-    return found
+        elements.append(FunctionForce(name, *force))
+    return elements

@@ -118,14 +118,14 @@ def opposed(model: Model, first: int, second: int, wrench: Array) -> dict[int, A
 
     Joint index -> wrench. Nothing where both frames are on one link, inside which they balance.
     """
-    one, other = (model.frames[frame].parentJoint for frame in (first, second))
-    return {} if one == other else {one: -wrench, other: wrench}
+    child, other = (model.frames[frame].parentJoint for frame in (first, second))
+    return {} if child == other else {child: -wrench, other: wrench}
 
 
 def _rotated(turns: Array, wrenches: Array) -> Array:
     """Return ``[R f; R m]`` of wrenches [f; m] along the last axis."""
-    found = rotated(turns[..., None, :, :], wrenches.reshape(*wrenches.shape[:-1], 2, 3))
-    return found.reshape(*found.shape[:-2], 6)
+    turned = rotated(turns[..., None, :, :], wrenches.reshape(*wrenches.shape[:-1], 2, 3))
+    return turned.reshape(*turned.shape[:-2], 6)
 
 
 def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:
@@ -215,13 +215,13 @@ def _speeds(tree: LinkTree, q: Array, v: Array) -> _Speeds:
 
 def _inwards(turns: Array, linear: Array, angular: Array) -> Array:
     """Return motions in link frames from those in world axes, shape (3, njoints, n), as (n, njoints, 6)."""
-    inwards, found = turns.swapaxes(0, 1), np.empty((6, *linear.shape[1:]), linear.dtype)
-    for part, motions in ((found[:3], linear), (found[3:], angular)):
+    inwards, parts = turns.swapaxes(0, 1), np.empty((6, *linear.shape[1:]), linear.dtype)
+    for part, motions in ((parts[:3], linear), (parts[3:], angular)):
         np.einsum("ab...,b...->a...", inwards, motions, out=part)
-    return states_first(found)
+    return states_first(parts)
 
 
 def _columns(places: Array, linear: Array, angular: Array) -> Array:
     """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
-    found = np.concatenate([linear + cross(places, angular), angular])
-    return found.transpose(*range(2, found.ndim), 0, 1)
+    columns = np.concatenate([linear + cross(places, angular), angular])
+    return columns.transpose(*range(2, columns.ndim), 0, 1)

@@ -147,9 +147,9 @@ class LinkTree(Record, frozen=True):
         (3, nv, ..) and (.., nv) to (3, njoints, ..).
         """
         each = columns * components_first(x, 1)
-        found = np.zeros((3, len(self.parents), *each.shape[2:]), each.dtype)
-        found[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if len(self.balls.links) else each
-        return found
+        sums = np.zeros((3, len(self.parents), *each.shape[2:]), each.dtype)
+        sums[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if len(self.balls.links) else each
+        return sums
 
     def relative(self, q: Array) -> tuple[Array, Array]:
         """Return how every link is placed on its parent at configurations, shape (.., nq).
@@ -158,18 +158,18 @@ class LinkTree(Record, frozen=True):
             Rotation matrices, columns are the link's axes in those of its parent, shape (3, 3, njoints, ..); origins in
             the axes of the parent [m], shape (3, njoints, ..).
         """
-        one, rank, x = self.single, q.ndim - 1, components_first(q, 1)
-        along = np.ascontiguousarray(x[one.q])
-        constant, cosine, sine = (states_last(part, rank, 3) for part in (one.constant, one.cosine, one.sine))
-        shift, slide = (states_last(part, rank, 2) for part in (one.shift, one.slide))
+        single, rank, x = self.single, q.ndim - 1, components_first(q, 1)
+        along = np.ascontiguousarray(x[single.q])
+        constant, cosine, sine = (states_last(part, rank, 3) for part in (single.constant, single.cosine, single.sine))
+        shift, slide = (states_last(part, rank, 2) for part in (single.shift, single.slide))
         turned = constant + np.cos(along) * cosine + np.sin(along) * sine
         shifted = shift + along * slide
         states = np.broadcast_shapes(turned.shape[3:], shifted.shape[2:])
         turns = np.zeros((3, 3, len(self.parents), *states), q.dtype)
         arms = np.zeros((3, len(self.parents), *states), q.dtype)
         turns[0, 0, 0] = turns[1, 1, 0] = turns[2, 2, 0] = 1.0
-        turns[:, :, one.links] = turned
-        arms[:, one.links] = shifted
+        turns[:, :, single.links] = turned
+        arms[:, single.links] = shifted
         if len(self.balls.links):
             self._place_balls(x, turns, arms)
         return turns, arms
@@ -220,9 +220,9 @@ def turned(turns: Array, vectors: Array) -> Array:
     return np.asarray(np.einsum("ab...,b...->a...", turns, vectors))
 
 
-def product(one: Array, other: Array) -> Array:
+def product(first: Array, other: Array) -> Array:
     """Return the products of matrices, shape (3, 3, ..)."""
-    return np.asarray(np.einsum("ab...,bc...->ac...", one, other))
+    return np.asarray(np.einsum("ab...,bc...->ac...", first, other))
 
 
 def states_last(x: Array, rank: int, tail: int) -> Array:

@@ -67,9 +67,9 @@ def joined(linear: Array, angular: Array) -> Array:
     """Return ``[linear; angular]`` along the last axis, shape (.., 6); other axes of length 1 are spread."""
     if linear.shape != angular.shape:
         linear, angular = np.broadcast_arrays(linear, angular)
-    found = components_apart(angular[..., 0], 6)
-    found[..., :3], found[..., 3:] = linear, angular
-    return found
+    vectors = components_apart(angular[..., 0], 6)
+    vectors[..., :3], vectors[..., 3:] = linear, angular
+    return vectors
 
 
 def moved(wrenches: Array, arms: Array) -> Array:

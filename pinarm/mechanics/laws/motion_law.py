@@ -328,14 +328,14 @@ def _places(fixed: set[float], instants: set[float]) -> dict[float, float]:
 
     The sum of 0.1 s and 0.7 s is 1e-16 s before 0.8 s: between them is no interval that could be integrated.
     """
-    known, found = sorted(fixed), dict[float, float]()
+    known, places = sorted(fixed), dict[float, float]()
     for x in sorted(instants):
         slack = ULPS * math.ulp(x)
         here = bisect_left(known, x - slack)
-        found[x] = known[here] if here < len(known) and known[here] <= x + slack else x
-        if found[x] == x:
+        places[x] = known[here] if here < len(known) and known[here] <= x + slack else x
+        if places[x] == x:
             insort(known, x)
-    return found
+    return places
 
 
 def _rows_between(t: Array, start: float, end: float, doubled: set[float], slack: float) -> Array:

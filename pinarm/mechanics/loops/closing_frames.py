@@ -44,8 +44,8 @@ def closing_frames(model: pin.Model, loops: Sequence[LoopJoint]) -> dict[str, tu
 
 def _point(model: pin.Model, frame: int) -> tuple[float, ...]:
     """Return the joint that moves a frame, and the place of its origin there, rounded."""
-    found = model.frames[frame]
-    return (found.parentJoint, *(round(float(x), DIGITS) for x in found.placement.translation))
+    point = model.frames[frame]
+    return (point.parentJoint, *(round(float(x), DIGITS) for x in point.placement.translation))
 
 
 def closures_of(

@@ -146,8 +146,8 @@ def with_errors(result: Result, other: Result | None, setting: str) -> Result:
     setting += f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion" if rounding else ""
     time = e_folding(result.trajectory, other.trajectory)
     growth = {} if time is None else {"e-folding": time}
-    found = replace(result, errors=errors, setting=setting, figures={**result.figures, **growth}, no_bound=why)
-    return _with_number_bounds(found, other)
+    checked = replace(result, errors=errors, setting=setting, figures={**result.figures, **growth}, no_bound=why)
+    return _with_number_bounds(checked, other)
 
 
 def contradiction(result: Result, other: Result | None) -> str:
@@ -163,7 +163,9 @@ def contradiction(result: Result, other: Result | None) -> str:
     if missed := [note for note in other.outcome.notes if PASSED_LOADS in note or UNSEEN in note]:
         return f"of two solutions the other may have missed something, too: {missed[0]}"
     left = {name: (size, other.figures.get(name, 0.0)) for name, size in unexplained(result.figures).items()}
-    kept = [f"'{name}' {one:.2g} and {two:.2g}" for name, (one, two) in left.items() if BOUND * abs(one - two) < one]
+    kept = [
+        f"'{name}' {first:.2g} and {two:.2g}" for name, (first, two) in left.items() if BOUND * abs(first - two) < first
+    ]
     return (
         f"two solutions have the same residual, {', '.join(kept)}: neither is the motion of the mechanism"
         if kept
@@ -243,15 +245,15 @@ def output_differences(result: Result, other: Result) -> dict[str, float]:
     first, second = common_rows(result.trajectory, other.trajectory)
     if not len(first) or different_course(result, other):
         return dict.fromkeys(result.content.outputs, np.inf)
-    found, t = {}, result.trajectory.grid.t
+    differences, t = {}, result.trajectory.grid.t
     moved = float(np.abs(t[first] - other.trajectory.grid.t[second]).max() / (np.ptp(t) or 1.0))
     elsewhere = list(between_rows(result.lookup, other.lookup))
     for name, scale in output_scales(result).items():
         pairs = [(result[name].values[first], other[name].values[second])]
         pairs += [(one[name].values, two[name].values) for one, two in elsewhere]
         difference = float(np.max([np.abs(one - two).max() for one, two in pairs]))
-        found[name] = max(difference / scale, moved, LEAST) if np.isfinite(difference) else np.inf
-    return found
+        differences[name] = max(difference / scale, moved, LEAST) if np.isfinite(difference) else np.inf
+    return differences
 
 
 def number_bounds(result: Result, other: Result | None) -> dict[str, float]:
@@ -269,11 +271,11 @@ def number_bounds(result: Result, other: Result | None) -> dict[str, float]:
     asked = {number.label: number for number in _numbers(result)}
     if search := result.known.get("find"):  # whose objective is called as the number of the run that it is
         asked["find.objective"] = read_number(search.numbers["objective"].name)
-    found = {label: (number, *_value(result, number)) for label, number in asked.items()}
+    numbers = {label: (number, *_value(result, number)) for label, number in asked.items()}
     undecided = [decision for decision in result.outcome.decisions if decision.is_open]
     worst = max((error for error in result.errors.values() if np.isfinite(error)), default=0.0)
     bounds = {}
-    for label, (number, value, left) in found.items():
+    for label, (number, value, left) in numbers.items():
         if np.isfinite(value):
             known = other and not any(decision.touches(label) for decision in undecided)
             difference = abs(_value(other, number)[0] - value) if other and known else np.inf
@@ -284,12 +286,12 @@ def number_bounds(result: Result, other: Result | None) -> dict[str, float]:
 
 def bounded_sections(result: Result, bounds: Mapping[str, float]) -> dict[str, Section]:
     """Return the sections of a result that have numbers with bounds, by key, with these."""
-    found = {}
+    sections = {}
     for key in [*result.known, *_own(result)]:
         own = {name: bounds[label] for name in _names(result, key) if (label := f"{key}.{name}") in bounds}
         if own:
-            found[key] = result.section(key).bounded(own)
-    return found
+            sections[key] = result.section(key).bounded(own)
+    return sections
 
 
 def _numbers(result: Result) -> Iterator[AnyNumber]:
@@ -331,16 +333,16 @@ not show an error of its phase."""
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
-def common_rows(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
+def common_rows(first: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
     """Return the rows of two runs that belong together; none where that cannot be told.
 
     Rows at a jump belong together by the number of the jump, however far apart it occurs in both runs; other rows by
     their instants. Runs with other numbers of jumps have only those instants in common that both have as often.
     """
-    if one.parameter != "t":
-        rows = np.arange(len(one) if len(one) == len(two) else 0)
+    if first.parameter != "t":
+        rows = np.arange(len(first) if len(first) == len(two) else 0)
         return rows, rows
-    t1, t2 = one.grid.t, _moved(two.grid, one.grid.cuts)
+    t1, t2 = first.grid.t, _moved(two.grid, first.grid.cuts)
     order = np.argsort(t2, kind="stable")
     (at1, n1), (at2, n2) = (np.unique(t, return_counts=True) for t in (t1, t2))
     shared, k1, k2 = np.intersect1d(at1, at2, return_indices=True)
@@ -359,21 +361,21 @@ def _moved(grid: Grid, cuts: Sequence[float]) -> Array:
     return t
 
 
-def between_rows(one: Lookup, two: Lookup) -> Iterator[tuple[Quantities, Quantities]]:
+def between_rows(first: Lookup, two: Lookup) -> Iterator[tuple[Quantities, Quantities]]:
     """Yield the quantities of two motions at the same instants, interval by interval; none where these are others.
 
     Over the whole run, however many intervals it has, the instants are multiples of the golden ratio: they are not
     those of a period.
     """
-    if not one.motion or not two.motion or len(one.intervals) != len(two.intervals):
+    if not first.motion or not two.motion or len(first.intervals) != len(two.intervals):
         return
-    low, high = sorted((float(one.run.grid.cuts[0]), float(one.run.grid.cuts[-1])))
+    low, high = sorted((float(first.run.grid.cuts[0]), float(first.run.grid.cuts[-1])))
     places = low + (high - low) * np.sort(GOLDEN * np.arange(1, BETWEEN + 1) % 1.0)
-    for number, bounds in enumerate(zip(one.intervals, two.intervals, strict=True)):
+    for number, bounds in enumerate(zip(first.intervals, two.intervals, strict=True)):
         start, end = max(min(own[:2]) for own in bounds), min(max(own[:2]) for own in bounds)
         t = places[(places >= start) & (places <= end)]
         if len(t):
-            yield one.quantities_at(number, t), two.quantities_at(number, t)
+            yield first.quantities_at(number, t), two.quantities_at(number, t)
 
 
 def different_course(one: Result, two: Result) -> str:
@@ -422,16 +424,16 @@ FEW = 12
 """Rows below which nothing is said of growth."""
 
 
-def e_folding(one: Trajectory, two: Trajectory) -> float | None:
+def e_folding(first: Trajectory, two: Trajectory) -> float | None:
     """Return the time in which the difference of two motions grows e-fold [s]; ``None`` where it is not exponential.
 
     It is the reciprocal slope of ``ln d`` over t by least squares, with d the largest difference until t. Growth has to
     last: the least difference from t on must grow as well. Errors of steps that come and go, as where steps lengthen
     after a transient, leave that where it is.
     """
-    if one.parameter != "t":
+    if first.parameter != "t":
         return None
-    t, difference = _differences(one, two)
+    t, difference = _differences(first, two)
     largest = np.maximum.accumulate(difference)
     rows = np.flatnonzero((largest > 0.0) & (largest < SATURATED))
     if len(rows) < FEW:
@@ -459,5 +461,5 @@ def _differences(one: Trajectory, two: Trajectory) -> tuple[Array, Array]:
     for row, (p, q) in enumerate(zip(one.q[first], two.q[second], strict=True)):
         apart[row] = pin.difference(model, p, q)
     parts = (apart, one.q), (one.v[first] - two.v[second], one.v)
-    found = [np.abs(part).max(axis=1) / (np.abs(whole).max() or 1.0) for part, whole in parts if part.size]
-    return one.grid.t[first] - one.grid.t[0], np.max(found, axis=0) if found else np.zeros(len(first))
+    differences = [np.abs(part).max(axis=1) / (np.abs(whole).max() or 1.0) for part, whole in parts if part.size]
+    return one.grid.t[first] - one.grid.t[0], np.max(differences, axis=0) if differences else np.zeros(len(first))

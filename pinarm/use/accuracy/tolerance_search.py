@@ -160,18 +160,18 @@ class _Search:
     def finer(self, rung: int) -> Result | None:
         """Return the solution that one of a rung is compared with: whose steps are others, or else the method."""
         own, last = self.run(rung), self.ladder.last
-        found = self.run(min(rung + self.ladder.finer, last))
+        result = self.run(min(rung + self.ladder.finer, last))
         for other in (*range(rung + 2 * self.ladder.finer, last + 1, self.ladder.finer), ANOTHER):
-            if own is None or found is None or takes_other_steps(own, found) or self.run(other) is None:
+            if own is None or result is None or takes_other_steps(own, result) or self.run(other) is None:
                 break
-            found = self.run(other)
-        return found
+            result = self.run(other)
+        return result
 
     def error(self, rung: int) -> float:
         """Return the bound of the error at a rung; infinite where there is none, or a solution failed."""
         if rung not in self.errors:
-            one, two = self.run(rung), self.finer(rung)
-            self.errors[rung] = max(error_bounds(one, two).values()) if one else np.inf
+            coarse, two = self.run(rung), self.finer(rung)
+            self.errors[rung] = max(error_bounds(coarse, two).values()) if coarse else np.inf
         return self.errors[rung]
 
     def best_rung(self, target: float) -> int:

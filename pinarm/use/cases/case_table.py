@@ -144,10 +144,10 @@ def grouped(cases: SomeCases) -> dict[Kind, Indices]:
     """Return the kinds of cases, and the places of those of each, ascending."""
     if isinstance(cases, CaseTable) and len(cases) and all(is_column(column.path) for column in cases.columns):
         return {kind_of(cases[0]): np.arange(len(cases))}
-    found = dict[Kind, list[int]]()
+    groups = dict[Kind, list[int]]()
     for place, case in enumerate(cases):
-        found.setdefault(kind_of(case), []).append(place)
-    return {kind: np.array(places) for kind, places in found.items()}
+        groups.setdefault(kind_of(case), []).append(place)
+    return {kind: np.array(places) for kind, places in groups.items()}
 
 
 def tabled(cases: SomeCases, places: Indices) -> CaseTable:

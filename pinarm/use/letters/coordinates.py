@@ -86,11 +86,11 @@ def lettered_coordinates(mechanism: Mechanism, prescribed: Iterable[str] = ()) -
 
 def _sums(mechanism: Mechanism) -> dict[str, str]:
     """Return joint -> the sum of several joint coordinates that ends with it."""
-    order, found = [*mechanism.joints], dict[str, str]()
+    order, sums = [*mechanism.joints], dict[str, str]()
     for name, coordinate in mechanism.coordinates.items():
         if name not in mechanism.joints and isinstance(coordinate, LinearCoordinate) and coordinate.joint is None:
-            found.setdefault(max(_weights(mechanism, name), key=order.index), name)
-    return found
+            sums.setdefault(max(_weights(mechanism, name), key=order.index), name)
+    return sums
 
 
 def _weights(mechanism: Mechanism, name: str) -> dict[str, sympy.Expr]:

@@ -85,7 +85,7 @@ class Actions(Record, frozen=True):
 
     def carrier(self, name: str, kind: str) -> Carrier | None:
         """Return the carrier of a name and a kind; ``None`` where there is none."""
-        return next((one for one in self.carriers if (one.name, one.kind) == (name, kind)), None)
+        return next((carrier for carrier in self.carriers if (carrier.name, carrier.kind) == (name, kind)), None)
 
     def on(self, groups: Flags) -> Array:
         """Return what unknowns do to groups of bodies, shape (g, njoints), as an array of shape (g, c, K, 6)."""
@@ -209,23 +209,25 @@ def _normal(vectors: Array) -> Array:
     return np.asarray(np.linalg.svd(vectors.T)[2][vectors.shape[1] :]) if vectors.size else np.eye(3)
 
 
-def per_unit(one: Constraint, links: LinkPlacements, size: float = 1.0) -> dict[int, Array]:
+def per_unit(constraint: Constraint, links: LinkPlacements, size: float = 1.0) -> dict[int, Array]:
     """Return what a constraint does to bodies per unit of its multipliers, at a size of these, shape (c, m, 6)."""
-    found: dict[int, list[Array]] = {}
-    for row in np.eye(one.size) * size:
-        for body, wrench in one.wrenches(links, np.broadcast_to(row, (len(links.q), one.size))).items():
-            found.setdefault(body, []).append(wrench / size)
-    return {body: np.stack(each, axis=1) for body, each in found.items()}
+    wrenches: dict[int, list[Array]] = {}
+    for row in np.eye(constraint.size) * size:
+        for body, wrench in constraint.wrenches(links, np.broadcast_to(row, (len(links.q), constraint.size))).items():
+            wrenches.setdefault(body, []).append(wrench / size)
+    return {body: np.stack(each, axis=1) for body, each in wrenches.items()}
 
 
-def _of_coupling(mechanism: Mechanism, one: Constraint, links: LinkPlacements, sense: float) -> _Part:
+def _of_coupling(mechanism: Mechanism, constraint: Constraint, links: LinkPlacements, sense: float) -> _Part:
     """Return the unknowns of a coupling, whose wrenches may differ from one sense to the other, or of a cable."""
-    if not isinstance(one, JointRelation):
-        return _Part(one.name, "coupling", per_unit(one, links))
-    if not one.known:
-        return _at_joints(mechanism, one.name, "coupling", one.rows_at(links.q)[:, None], links)
-    ways = [per_unit(one, links, size) for size in ((sense * LARGE,) if sense else (LARGE, -LARGE))]
-    return _Part(one.name, "coupling", {body: np.concatenate([way[body] for way in ways], axis=1) for body in ways[0]})
+    if not isinstance(constraint, JointRelation):
+        return _Part(constraint.name, "coupling", per_unit(constraint, links))
+    if not constraint.known:
+        return _at_joints(mechanism, constraint.name, "coupling", constraint.rows_at(links.q)[:, None], links)
+    ways = [per_unit(constraint, links, size) for size in ((sense * LARGE,) if sense else (LARGE, -LARGE))]
+    return _Part(
+        constraint.name, "coupling", {body: np.concatenate([way[body] for way in ways], axis=1) for body in ways[0]}
+    )
 
 
 def joint_efforts(mechanism: Mechanism, links: LinkPlacements, efforts: Array) -> dict[int, Array]:
@@ -306,18 +308,18 @@ def _passing(mechanism: Mechanism, pushed: set[int]) -> Iterator[tuple[int, int]
             yield body, beyond[0]
 
 
-def _common(one: Array, other: Array) -> Array:
+def _common(twist: Array, other: Array) -> Array:
     """Return a basis of the wrenches that two spaces share, shape (c, k, 6), of the least k among the configurations.
 
     Both are spanned by the rows of arrays of shape (c, k, 6).
     """
-    found = []
-    for first, second in zip(one, other, strict=True):
+    points = []
+    for first, second in zip(twist, other, strict=True):
         a, b = (_basis(space) for space in (first, second))
         left, values, _ = np.linalg.svd(a @ b.T)
-        found.append(left.T[: np.count_nonzero(values > 1.0 - SAME)] @ a)
-    least = min(map(len, found))
-    return np.stack([basis[:least] for basis in found])
+        points.append(left.T[: np.count_nonzero(values > 1.0 - SAME)] @ a)
+    least = min(map(len, points))
+    return np.stack([basis[:least] for basis in points])
 
 
 def _basis(space: Array) -> Array:

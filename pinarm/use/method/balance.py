@@ -62,13 +62,13 @@ def sources(state: Quantities, actions: Actions, *, split: bool = False) -> list
         parts = {", accelerations": replace(run, v=still), ", velocities": replace(run, a=still)}
     inertias = (inertia for words, part in parts.items() for inertia in _inertias(part, words))
     weights = (inertia for inertia in _inertias(run, "") if inertia.kind == "weight")
-    found = [
+    actions_of_run = [
         *_carried(state, actions),
         *forces_of(run),
         *weights,
         *(inertia for inertia in inertias if inertia.kind == "inertia"),
     ]
-    return [one for one in found if one.wrenches.any() or one.parts is not None]
+    return [source for source in actions_of_run if source.wrenches.any() or source.parts is not None]
 
 
 def _spread(run: Trajectory, acting: dict[int, Array]) -> Array:
@@ -108,16 +108,16 @@ def _carried(state: Quantities, actions: Actions) -> Iterator[Source]:
     yield Source("end stops and given efforts", "given", _efforts(run, rest))
 
 
-def _of_constraint(run: Trajectory, one: Constraint, kind: str, lam: Array) -> Iterator[Source]:
+def _of_constraint(run: Trajectory, constraint: Constraint, kind: str, lam: Array) -> Iterator[Source]:
     """Yield what a constraint does, and what it does without a multiplier, such as the pretension of a belt."""
     links = run.link_motion[0]
-    if acting := one.wrenches(links, lam):
-        idle = _spread(run, one.wrenches(links, 0.0 * lam))
-        yield Source(one.name, kind, _spread(run, acting) - idle)
-        yield Source(one.name, "pretension", idle)
+    if acting := constraint.wrenches(links, lam):
+        idle = _spread(run, constraint.wrenches(links, 0.0 * lam))
+        yield Source(constraint.name, kind, _spread(run, acting) - idle)
+        yield Source(constraint.name, "pretension", idle)
         return
-    load = lam[0] @ one.rows(run.mechanism.closure.state(run.q[0]))
-    yield Source(one.name, kind, _efforts(run, load), load)
+    load = lam[0] @ constraint.rows(run.mechanism.closure.state(run.q[0]))
+    yield Source(constraint.name, kind, _efforts(run, load), load)
 
 
 def _of_drive(run: Trajectory, name: str, kind: str) -> tuple[Array, Array]:

@@ -93,9 +93,9 @@ class Derivation(Record, frozen=True):
         search, (efforts, balls, _) = self.search, self._acting
         if self.wanted.kind not in ("effort", "law") or balls or not self.mechanism.closure.size:
             return None
-        if (found := motion_of_whole(self.mechanism, search.actions.links.q, efforts, self.wanted.of)) is None:
+        if (motion := motion_of_whole(self.mechanism, search.actions.links.q, efforts, self.wanted.of)) is None:
             return None
-        twists, alone = found
+        twists, alone = motion
         group = np.isin(np.arange(twists.shape[1]), search.actions.bodies) & (np.abs(twists).max(axis=(0, 2)) > NOTHING)
         step = search.step(group, None, twists)
         left = [unknown.name for unknown in step.unknowns(search.actions)]
@@ -104,15 +104,15 @@ class Derivation(Record, frozen=True):
     @cached_property
     def chains(self) -> list[tuple[str, Chain]]:
         """Derivations with the key of their verdict, the shortest first."""
-        found = [("alone", Chain((step,))) for step in self.search.single()]
+        chains = [("alone", Chain((step,))) for step in self.search.single()]
         whole = [(self.whole[0], Chain((self.whole[1],)))] if self.whole else []
         energy = [one for one in whole if one[0] == "whole"]
         chain = None
-        if not found and (self.search.complete or not energy):
+        if not chains and (self.search.complete or not energy):
             chain = self.search.chain()
         key = "screw" if self.search.possible else "chain" if self.search.complete else "tried"
         rest = [one for one in whole if one not in energy]
-        return [*found, *energy, *([(key, chain)] if chain else []), *rest]
+        return [*chains, *energy, *([(key, chain)] if chain else []), *rest]
 
     def isolation(self, state: Quantities | None, where: str = "") -> Isolation:
         """Return the derivation, with numbers in a state, a row with efforts, where there is one."""
@@ -122,11 +122,11 @@ class Derivation(Record, frozen=True):
         key, chain = self.chains[0]
         others = tuple(self._told(*other) for other in self.chains[1 : 1 + ALTERNATIVES])
         equations = tuple(self._equation(step, chain) for step in chain.steps)
-        found = Isolation(self.wanted, title, self._verdict(key, chain), equations, others)
-        return found if state is None else self._in_numbers(found, chain, state, where)
+        isolation = Isolation(self.wanted, title, self._verdict(key, chain), equations, others)
+        return isolation if state is None else self._in_numbers(isolation, chain, state, where)
 
     def _verdict(self, key: str, chain: Chain) -> str:
-        names = {"wanted": self.wanted.symbol, "opened": ", ".join(one.name for one in chain.opened)}
+        names = {"wanted": self.wanted.symbol, "opened": ", ".join(place.name for place in chain.opened)}
         return said(WORDS[key], groups=len(self.search.groups), count=len(chain.steps), **names)
 
     def _told(self, key: str, chain: Chain) -> str:
@@ -166,51 +166,51 @@ class Derivation(Record, frozen=True):
             for carrier in carriers
             if step.screw and carrier not in left and carrier.is_cut(step.group)
         ]
-        opened = [self._component(one, step) for one in chain.opened if one in left]
+        opened = [self._component(place, step) for place in chain.opened if place in left]
         given = said(WORDS["gives" if len(opened) == 1 else "ties"], of=said(" and ").join(opened))
         gives = "" if step is chain.steps[-1] else given
         perfect = [] if step.screw else [("", said(WORDS["perfect"]))]
         return Equation(self._bodies(step), self._theorem(step), gives, (*vanishing, *perfect), self._terms(step))
 
-    def _reason(self, one: Carrier, step: Step) -> str:
+    def _reason(self, carrier: Carrier, step: Step) -> str:
         """Return the key of why what something transmits to the group has no part in the equation."""
         marks, screw = self.search.landmarks, step.screw
         if screw is None or screw.point is None:
             return "no force along"
-        wrenches = self.search.actions.on(step.group[None])[0, 0, one.columns]
-        axis, place = marks.directions[screw.direction, 0], marks.place(one.name)
+        wrenches = self.search.actions.on(step.group[None])[0, 0, carrier.columns]
+        axis, place = marks.directions[screw.direction, 0], marks.place(carrier.name)
         if place is None or np.abs(moved(wrenches, -place)[:, 3:] @ axis).max() > NOTHING * marks.extent:
             return "no work"
         if np.abs(np.cross(place - marks.points[screw.point, 0], axis)).max() < NOTHING * marks.extent:
             return "meets"
         return "parallel" if np.abs(np.cross(wrenches[:, :3], axis)).max() < NOTHING else "meets or parallel"
 
-    def _component(self, one: Carrier, step: Step) -> str:
+    def _component(self, carrier: Carrier, step: Step) -> str:
         """Return which component of an opened joint an equation has, in words, or its symbol."""
-        place, actions = self.search.landmarks.place(one.name), self.search.actions
+        place, actions = self.search.landmarks.place(carrier.name), self.search.actions
         if place is None:
-            return one.name
-        body = next(body for body in reversed(one.bodies) if step.group[body])
-        wrenches, twist = moved(actions.wrenches[0, body, one.columns], -place), step.twists[0, body]
+            return carrier.name
+        body = next(body for body in reversed(carrier.bodies) if step.group[body])
+        wrenches, twist = moved(actions.wrenches[0, body, carrier.columns], -place), step.twists[0, body]
         velocity = twist[:3] + np.cross(twist[3:], place)
         ways = {"force": (wrenches[:, :3], velocity), "moment": (wrenches[:, 3:], twist[3:])}
         acting = [part for part, (held, way) in ways.items() if np.abs(held @ way).max() > NOTHING]
         if len(acting) != 1:
-            return said(WORDS["relation"], of=one.name)
+            return said(WORDS["relation"], of=carrier.name)
         held, way = ways[acting[0]]
         along = held.T @ np.linalg.pinv(held.T) @ way  # what the joint transmits of it
-        return self._along(acting[0], one, along / np.linalg.norm(along))
+        return self._along(acting[0], carrier, along / np.linalg.norm(along))
 
-    def _along(self, part: str, one: Carrier, way: Array) -> str:
+    def _along(self, part: str, carrier: Carrier, way: Array) -> str:
         marks = self.search.landmarks
         apart = np.linalg.norm(np.cross(marks.directions[:, 0], way), axis=1)
         names = [marks.direction_names[k] for k in np.flatnonzero(apart < ALIKE)]
         for axis, _, link in (name.partition(" of ") for name in names):
-            quantity = f"{one.kind}.{one.name}.{part}.{f'along.{link}.' if link else ''}{axis}"
+            quantity = f"{carrier.kind}.{carrier.name}.{part}.{f'along.{link}.' if link else ''}{axis}"
             if symbol := self._symbols.get(quantity):
                 return symbol
         words = WORDS[f"{part} of" if names else "relation"]
-        return said(words, of=one.name, direction=_direction(names[0]) if names else "")
+        return said(words, of=carrier.name, direction=_direction(names[0]) if names else "")
 
     @cached_property
     def _symbols(self) -> Mapping[str, str]:
@@ -272,7 +272,7 @@ class Derivation(Record, frozen=True):
             return said(WORDS["lever"], of=self.wanted.symbol) if sign is None else sign + self.wanted.symbol
         return _named(kind, name)
 
-    def _in_numbers(self, found: Isolation, chain: Chain, state: Quantities, where: str) -> Isolation:
+    def _in_numbers(self, isolation: Isolation, chain: Chain, state: Quantities, where: str) -> Isolation:
         """Return a derivation with the terms of its equations in a state, and the unknown that follows from them."""
         row = state.trajectory
         actions = self._actions(row.q)
@@ -293,11 +293,11 @@ class Derivation(Record, frozen=True):
             )
         equations = tuple(
             replace(equation, terms=self._valued(step, acting), unit=self._unit(step), scale=_size(acting, step))
-            for equation, step in zip(found.equations, steps, strict=True)
+            for equation, step in zip(isolation.equations, steps, strict=True)
         )
         measured = self._unit(None) if self.wanted.kind == "law" else str(state[self.wanted.quantity].unit)
-        found = replace(found, equations=equations, where=where, unit=measured)
-        return replace(found, value=value, solution=solution, scale=scale)
+        isolation = replace(isolation, equations=equations, where=where, unit=measured)
+        return replace(isolation, value=value, solution=solution, scale=scale)
 
     def _placed(self, step: Step, q: Array, marks: Landmarks) -> Step:
         """Return an equation with the motion of its bodies at another configuration, shape (1, nq)."""
@@ -333,12 +333,12 @@ class Derivation(Record, frozen=True):
         else:
             body = (row.mechanism.joints.get(of) or row.mechanism.balls[of]).index
             joint, held = row.mechanism.model.joints[body], np.zeros(6)
-            for one in acting:
-                if one.efforts is not None and one.kind != "tie":
-                    own = one.efforts[joint.idx_v : joint.idx_v + joint.nv]
+            for source in acting:
+                if source.efforts is not None and source.kind != "tie":
+                    own = source.efforts[joint.idx_v : joint.idx_v + joint.nv]
                     held += own @ motions(row.mechanism, actions.links, body)[0]
-                if (one.name, one.kind) == (of, "joint"):
-                    held += one.wrenches[body]
+                if (source.name, source.kind) == (of, "joint"):
+                    held += source.wrenches[body]
             known = state.reactions.joints[0, body] - moved(held, -place)
         return float(component(self.wanted, state, row.q[0], known[None], place)[0])
 
@@ -367,7 +367,7 @@ UNNAMED = ("joint damping", "end stops and given efforts")
 
 def _size(acting: Sequence[Source], step: Step) -> float:
     """Return the size of the largest term of an equation, or of its parts."""
-    return max((one.size(step.twists[0]) for one in acting), default=0.0)
+    return max((source.size(step.twists[0]) for source in acting), default=0.0)
 
 
 def _rest(acting: Sequence[Source], step: Step, actions: Actions) -> float:

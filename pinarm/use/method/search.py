@@ -134,14 +134,14 @@ class Search(Record, frozen=True):
 
     def single(self) -> list[Step]:
         """Return the isolations that give the wanted unknown alone, those with the fewest bodies with mass first."""
-        found = []
+        steps = []
         for place in self.possible:
             rows = np.einsum("ckw,scw->sck", self._unknowns[place], self._twists)
             along = np.einsum("sck,ck->sc", rows, self._wanted)
             left = np.abs(rows - along[..., None] * self._wanted).max(axis=(1, 2))
             alone = (left < NOTHING) & (np.abs(along).min(axis=1) > NOTHING)
-            found += [self._step(place, int(k)) for k in np.flatnonzero(alone)]
-        return sorted(found, key=self.cost)
+            steps += [self._step(place, int(k)) for k in np.flatnonzero(alone)]
+        return sorted(steps, key=self.cost)
 
     def _step(self, place: int, screw: int) -> Step:
         group, motion = self.groups[place], self.landmarks.screws[screw]
@@ -167,9 +167,9 @@ class Search(Record, frozen=True):
         there, what is left is a tree.
         """
         free = [carrier for carrier in self.actions.carriers if carrier.kind in ("joint", "loop", "coupling")]
-        ordered = sorted(free, key=lambda one: (one.count, one.kind == "joint"))
-        ties = tuple(one for one in free if one.kind != "joint")
-        alone = [(one,) for one in ordered] if self.complete and self.mechanism.closure.size else []
+        ordered = sorted(free, key=lambda place: (place.count, place.kind == "joint"))
+        ties = tuple(place for place in free if place.kind != "joint")
+        alone = [(place,) for place in ordered] if self.complete and self.mechanism.closure.size else []
         for opened in (*alone, ties):
             if opened and (through := self._through(opened)):
                 return through
@@ -178,8 +178,8 @@ class Search(Record, frozen=True):
     def _through(self, opened: tuple[Carrier, ...]) -> Chain | None:
         """Return the equations with these unknowns and the wanted one that give the latter; ``None`` without such."""
         inner = np.zeros(self.wanted.shape[1], dtype=bool)
-        for one in opened:
-            inner[one.columns] = True
+        for place in opened:
+            inner[place.columns] = True
         steps = list(self._equations(inner))
         if not steps:
             return None
@@ -205,17 +205,17 @@ class Search(Record, frozen=True):
         values = np.linalg.svd(others, compute_uv=False)
         sizes = values.shape[-1]
         ranks = (values > NOTHING).sum(axis=-1).max(axis=1) if sizes else np.zeros(len(others), int)
-        found = []
+        equations = []
         for place in np.flatnonzero(ranks < 6).tolist():
             left = np.einsum("ckw,scw->sck", others[place], self._twists)
             row = np.einsum("ckw,scw->sck", self._unknowns[place], self._twists)
             size, any_left = np.abs(left).max(axis=(1, 2), initial=0.0), np.abs(row).max(axis=2).min(axis=1)
-            found += [self._step(place, int(k)) for k in np.flatnonzero((size < NOTHING) & (any_left > NOTHING))]
+            equations += [self._step(place, int(k)) for k in np.flatnonzero((size < NOTHING) & (any_left > NOTHING))]
         kept: list[Array] = []
-        for step in sorted(found, key=self.cost):
+        for step in sorted(equations, key=self.cost):
             row = self._reduced(step.rows, inner).ravel()
             row = row / np.linalg.norm(row)
-            if all(min(np.abs(row - one).max(), np.abs(row + one).max()) > NOTHING for one in kept):
+            if all(min(np.abs(row - twist).max(), np.abs(row + twist).max()) > NOTHING for twist in kept):
                 kept.append(row)
                 yield step
 
@@ -263,9 +263,9 @@ def _fewest(rows: Array, wanted: Array) -> list[int]:
 def _give(rows: Array, wanted: Array) -> bool:
     """Tell whether rows give the wanted one at all configurations."""
     missed = []
-    for k, one in enumerate(wanted):
-        weights = np.linalg.lstsq(rows[:, k].T, one, rcond=None)[0]
-        missed.append(np.abs(rows[:, k].T @ weights - one).max())
+    for k, unknown in enumerate(wanted):
+        weights = np.linalg.lstsq(rows[:, k].T, unknown, rcond=None)[0]
+        missed.append(np.abs(rows[:, k].T @ weights - unknown).max())
     return bool(max(missed) < NOTHING * 1e2 * max(1.0, float(np.abs(wanted).max())))
 
 
@@ -279,10 +279,10 @@ def connected_groups(mechanism: Mechanism, actions: Actions) -> Flags:
         subtrees = {sum(1 << bodies.index(k) for k in each if k in bodies) for each in beyond}
         masks = subtrees | {1 << k for k in range(len(bodies))}
     ordered = sorted(masks, key=lambda mask: (mask.bit_count(), mask))
-    found = np.zeros((len(ordered), mechanism.model.njoints), dtype=bool)
-    for row, mask in zip(found, ordered, strict=True):
+    groups = np.zeros((len(ordered), mechanism.model.njoints), dtype=bool)
+    for row, mask in zip(groups, ordered, strict=True):
         row[[body for k, body in enumerate(bodies) if mask >> k & 1]] = True
-    return found
+    return groups
 
 
 def _near(mechanism: Mechanism, actions: Actions) -> list[int]:
@@ -290,9 +290,9 @@ def _near(mechanism: Mechanism, actions: Actions) -> list[int]:
     near = [0] * len(actions.bodies)
     for pair in _ties(mechanism, actions):
         if 0 not in pair:
-            one, two = (actions.bodies.index(body) for body in pair)
-            near[one] |= 1 << two
-            near[two] |= 1 << one
+            first, two = (actions.bodies.index(body) for body in pair)
+            near[first] |= 1 << two
+            near[two] |= 1 << first
     return near
 
 
@@ -327,8 +327,8 @@ def configurations(mechanism: Mechanism, start: Array) -> Array:
     """Return closed configurations of no special kind, shape (c, nq), near one, shape (nq,)."""
     if mechanism.closure.size:
         return np.array(beside(mechanism, start)[-SPREAD:])
-    found, model = [], mechanism.model
+    states, model = [], mechanism.model
     for step in range(SPREAD):
         way = 2.0 * np.remainder(GOLDEN * np.arange(1 + step * model.nv, 1 + (step + 1) * model.nv), 1.0) - 1.0
-        found.append(pin.integrate(model, start, mechanism.closure.scale * way))
-    return np.array(found)
+        states.append(pin.integrate(model, start, mechanism.closure.scale * way))
+    return np.array(states)

@@ -105,18 +105,18 @@ class Landmarks(Record, frozen=True):
             )
             if all(np.abs(arm).max() > ALIKE * self.extent for arm in arms):
                 kept[rotation.direction].append(rotation)
-        return [one for each in kept.values() for one in each]
+        return [screw for each in kept.values() for screw in each]
 
     def twists(self, screws: list[Screw]) -> Array:
         """Return the twists [linear; angular] of screws at the world's origin, world axes, shape (s, c, 6)."""
-        found = np.zeros((len(screws), self.points.shape[1], 6))
+        twists = np.zeros((len(screws), self.points.shape[1], 6))
         for k, (way, point) in enumerate(screws):
             axis = self.directions[way]
             if point is None:
-                found[k, :, :3] = axis
+                twists[k, :, :3] = axis
             else:
-                found[k, :, :3], found[k, :, 3:] = crossed(self.points[point], axis), axis
-        return found
+                twists[k, :, :3], twists[k, :, 3:] = crossed(self.points[point], axis), axis
+        return twists
 
 
 def _distinct(vectors: Array, *, lines: bool = False) -> list[int]:
@@ -149,7 +149,7 @@ def motion_of_whole(
     still = np.zeros((len(q), model.nv))
     columns, supports = moving(model, q, still, still)[3], LinkTree.of(model).supports
     rows = {name: rows_along(mechanism, along, q) for name, along in efforts.items()}
-    found, alone = [], True
+    motions, alone = [], True
     for k, x in enumerate(q):
         free = closure.split(closure.rows(closure.state(x))).free if closure.size else np.eye(model.nv)
         asked = np.array([rows[name][k] for name in rows]) @ free
@@ -157,6 +157,6 @@ def motion_of_whole(
         part = np.linalg.lstsq(asked, unit, rcond=None)[0]
         if np.abs(asked @ part - unit).max() > ALIKE:
             return None
-        found.append((supports * (free @ part)) @ columns[k].T)
+        motions.append((supports * (free @ part)) @ columns[k].T)
         alone &= free.shape[1] == 1
-    return np.array(found), alone
+    return np.array(motions), alone

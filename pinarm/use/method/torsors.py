@@ -189,15 +189,17 @@ def shapes(mechanism: Mechanism, q: Array) -> dict[str, str]:
 
     At the joint's own point; in the axes of the child, or of the second frame of a loop joint.
     """
-    model, links, found = mechanism.model, LinkPlacements.at(mechanism.model, q[None]), {}
+    model, links, shapes_of_joints = mechanism.model, LinkPlacements.at(mechanism.model, q[None]), {}
     for body in bodies_of(mechanism):
-        found[str(model.names[body])] = _letters(held(model, links, body), links.turns[:, body], links.places[:, body])
+        shapes_of_joints[str(model.names[body])] = _letters(
+            held(model, links, body), links.turns[:, body], links.places[:, body]
+        )
     for constraint in mechanism.constraints:
         if isinstance(constraint, LoopJoint):
-            found[constraint.name] = _letters(
+            shapes_of_joints[constraint.name] = _letters(
                 per_unit(constraint, links)[_second(model, constraint)], *links.frame(constraint.second)
             )
-    return found
+    return shapes_of_joints
 
 
 def _second(model: pin.Model, loop: LoopJoint) -> int:
@@ -278,9 +280,9 @@ def _possible(run: Trajectory, of: str, place: Array, rows: Indices) -> Array:
     if joint is not None:
         wrenches = held(mechanism.model, links, joint.index)
     else:
-        one = next(constraint for constraint in mechanism.constraints if constraint.name == of)
-        acting = per_unit(one, links)
-        wrenches = acting[_second(mechanism.model, one) if isinstance(one, LoopJoint) else one.second]  # type: ignore[attr-defined]
+        tie = next(constraint for constraint in mechanism.constraints if constraint.name == of)
+        acting = per_unit(tie, links)
+        wrenches = acting[_second(mechanism.model, tie) if isinstance(tie, LoopJoint) else tie.second]  # type: ignore[attr-defined]
     return np.moveaxis(moved(wrenches, -place[rows, None]), 1, 0)
 
 

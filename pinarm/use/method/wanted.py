@@ -49,8 +49,8 @@ def wanted_of(quantities: Quantities, name: str) -> Wanted:
     Raises:
         InputError: It is nothing that an equation can give, or several such quantities.
     """
-    found = {leaf: kind for leaf, kind in _leaves(quantities, name, 0)}
-    unknown = {leaf: kind for leaf, kind in found.items() if kind[0] != "law"} or found
+    kinds = {leaf: kind for leaf, kind in _leaves(quantities, name, 0)}
+    unknown = {leaf: kind for leaf, kind in kinds.items() if kind[0] != "law"} or kinds
     if len(unknown) != 1:
         said = f"depends on {', '.join(unknown)}" if unknown else "is none of them"
         raise InputError(f"'{name}' {said}: an isolation is looked for {WHAT}", expected="one of them", hint=EXAMPLES)

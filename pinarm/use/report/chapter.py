@@ -263,7 +263,7 @@ def _names(result: Result) -> set[str]:
     mechanism, content = result.trajectory.mechanism, result.content
     named = (mechanism.joints, mechanism.balls, mechanism.coordinates, mechanism.drives, mechanism.forces,
              mechanism.symbols, mechanism.arguments, content.symbols, content.outputs)  # fmt: skip
-    parts = [*links_of(mechanism.model), *(one.name for one in mechanism.constraints)]
+    parts = [*links_of(mechanism.model), *(constraint.name for constraint in mechanism.constraints)]
     return {name for names in (*named, parts) for name in names}
 
 

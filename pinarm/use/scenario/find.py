@@ -161,8 +161,8 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         """Return the units of the numbers in its section, the objective's left open: see ``Numbered``."""
-        found = {path: one.unit.si if one.unit else None for path, one in self.unknown.items()}
-        return {**found, "objective": None} if self.objective else {}
+        units = {path: unknown.unit.si if unknown.unit else None for path, unknown in self.unknown.items()}
+        return {**units, "objective": None} if self.objective else {}
 
     def check_names(
         self, quantities: Quantities, sections: Mapping[str, Numbered], unit_at: Callable[[str], str]
@@ -200,25 +200,27 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
     def case(self, values: Array) -> dict[str, str | float]:
         """Return values, shape (k,) in SI, by their paths, as files have them: in the units of the starts."""
         given = zip(self.unknown.items(), values.tolist(), strict=True)
-        return {path: one.written(value) if one.unit else value for (path, one), value in given}
+        return {path: unknown.written(value) if unknown.unit else value for (path, unknown), value in given}
 
     @property
     def tried(self) -> dict[str, list[str]]:
         """Starts and bounds of its unknowns by their paths, as files write them."""
         return {
-            path: [one.written(value) for value in (float(one), one.low, one.high) if math.isfinite(value)]
-            for path, one in self.unknown.items()
+            path: [
+                unknown.written(value) for value in (float(unknown), unknown.low, unknown.high) if math.isfinite(value)
+            ]
+            for path, unknown in self.unknown.items()
         }
 
     def figures(self, values: Array) -> dict[str, float]:
         """Return values, shape (k,) in SI, by their paths with units, in the units of the starts."""
         named = zip(self.unknown.items(), values, strict=True)
-        return {f"{path} [{one.unit or '1'}]": float(value) / one.factor for (path, one), value in named}
+        return {f"{path} [{unknown.unit or '1'}]": float(value) / unknown.factor for (path, unknown), value in named}
 
     @property
     def start(self) -> Array:
         """Where to start from, in SI, shape (k,)."""
-        return np.array([float(one) for one in self.unknown.values()])
+        return np.array([float(unknown) for unknown in self.unknown.values()])
 
 
 def _check(value: Measured, measured: Unit | None) -> None:

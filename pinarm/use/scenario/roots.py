@@ -163,8 +163,8 @@ class _Search:
         barrier = BARRIER * np.maximum(np.abs(first), np.linalg.norm(first) or 1.0)
 
         def left(x: Array) -> Array:
-            (found,) = self._left([x])
-            return barrier if callable(found) else found
+            (row,) = self._left([x])
+            return barrier if callable(row) else row
 
         slopes, scale = self._slopes(start), self._sizes(start)
         if len(first) < len(start) or not slopes.any():
@@ -196,10 +196,10 @@ class _Search:
         from scipy.optimize import brentq
 
         def left(x: float) -> float:
-            (found,) = self._left([np.array([x])])
-            if callable(found):
+            (row,) = self._left([np.array([x])])
+            if callable(row):
                 raise _NoBracket
-            return float(found[0])
+            return float(row[0])
 
         try:
             ends = self._signs(left, start, first)

@@ -137,8 +137,10 @@ class Scenario(Record, frozen=True):
             return cls.of(Document.of_data(data, "scenario"), Path())
         if isinstance(given, Mechanism):
             refuse_changes(data)
-        found = cls.of(Document.of_data({**data, "mechanism": GIVEN}, "scenario"), Path())
-        return replace(found, given=mechanism_of_data(given, found.acted) if isinstance(given, Mapping) else given)
+        scenario = cls.of(Document.of_data({**data, "mechanism": GIVEN}, "scenario"), Path())
+        return replace(
+            scenario, given=mechanism_of_data(given, scenario.acted) if isinstance(given, Mapping) else given
+        )
 
     def __repr__(self) -> str:
         """Return its name, its kind, its mechanism and its outputs."""

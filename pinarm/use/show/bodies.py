@@ -149,11 +149,11 @@ def point_of(model: pin.Model, frame: int) -> BodyPoint:
 def connections(mechanism: Mechanism, forces: Mapping[str, ForceElement]) -> list[Connection]:
     """Return springs, cylinders, bushings and cables among the forces, and loop joints."""
     elements: list[ForceElement | Constraint] = [*forces.values(), *mechanism.constraints]
-    found = list[Connection]()
+    lines = list[Connection]()
     for kind, frames in map(_drawn_as, elements):
         points = [point_of(mechanism.model, frame) for frame in frames]
-        found += [Connection(kind, ends) for ends in pairwise(points)]
-    return found
+        lines += [Connection(kind, ends) for ends in pairwise(points)]
+    return lines
 
 
 def _drawn_as(element: ForceElement | Constraint) -> tuple[ConnectionKind, Sequence[int]]:

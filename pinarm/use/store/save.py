@@ -245,10 +245,10 @@ class LawTables:
             return [self.beside(value, folder) for value in data]
         if not isinstance(data, dict):
             return data
-        found = {key: self.beside(value, folder) for key, value in data.items()}
+        copies = {key: self.beside(value, folder) for key, value in data.items()}
         if data.get("law") == "table" and isinstance(data.get("file"), str):
-            found["file"] = self._name((folder / data["file"]).resolve(), root_of(folder))
-        return found
+            copies["file"] = self._name((folder / data["file"]).resolve(), root_of(folder))
+        return copies
 
     def _name(self, file: Path, root: Path) -> str:
         """Return the name of a file beside the others; numbers keep equal names of several folders apart.

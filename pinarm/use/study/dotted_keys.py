@@ -45,10 +45,10 @@ def dotted_keys(file: str | Path, prefix: str = "") -> list[str]:
     """
     parts = _parts(Path(file))
     while True:
-        found = [path for part in parts for path in _further(part, prefix)]
-        if len(found) != 1 or not found[0].endswith(".") or found[0] == prefix:
-            return found
-        prefix = found[0]  # the shell would put a blank behind it
+        paths = [path for part in parts for path in _further(part, prefix)]
+        if len(paths) != 1 or not paths[0].endswith(".") or paths[0] == prefix:
+            return paths
+        prefix = paths[0]  # the shell would put a blank behind it
 
 
 def _parts(file: Path) -> list[KeyPart]:

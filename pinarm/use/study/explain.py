@@ -195,12 +195,12 @@ class Explanation:
         """Return the shapes of the static torsors of joints, those of one shape in one line."""
         from pinarm.use.method.torsors import shapes
 
-        found = ((name, f": {shape}") for name, shape in shapes(self.mechanism, self.q).items())
-        return ["forces X Y Z and moments L M N that joints transmit, in their own axes:", *_together(found)]
+        words_of_joints = ((name, f": {shape}") for name, shape in shapes(self.mechanism, self.q).items())
+        return ["forces X Y Z and moments L M N that joints transmit, in their own axes:", *_together(words_of_joints)]
 
     def _counted(self) -> list[str]:
         """Return how the degree of hyperstatism follows from numbers of bodies, joints and freedoms, line by line."""
-        mechanism, model, found = self.mechanism, self.mechanism.model, self.mobility
+        mechanism, model, free = self.mechanism, self.mechanism.model, self.mobility.mobility
         idle = {tie.rotor.index for tie in joint_ties(mechanism.constraints)}
         moving = [model.joints[k].nv for k in range(1, model.njoints) if k not in idle]
         closing = [
@@ -216,7 +216,7 @@ class Explanation:
             f"independent loops: {joints} - {len(moving)} = {loops}",
             f"  freedoms of the joints: {freedoms}" + (f"; couplings: {ties}" if ties else ""),
             f"  degree of hyperstatism: mobility + 6 * loops - freedoms{' + couplings' if ties else ''} = "
-            f"{found.mobility} + {6 * loops} - {freedoms}{added} = {found.mobility + 6 * loops - freedoms + ties}",
+            f"{free} + {6 * loops} - {freedoms}{added} = {free + 6 * loops - freedoms + ties}",
         ]
 
     def _left_open(self) -> list[str]:
@@ -224,8 +224,8 @@ class Explanation:
         mechanism = self.mechanism
         couplings = [constraint for constraint in mechanism.constraints if isinstance(constraint, JointRelation)]
         return [
-            f"  {mechanism.model.names[joint]}: by {', '.join(coupling.name for coupling in found.couplings)}"
-            for joint, found in left_open(mechanism.model, couplings).items()
+            f"  {mechanism.model.names[joint]}: by {', '.join(coupling.name for coupling in reaction.couplings)}"
+            for joint, reaction in left_open(mechanism.model, couplings).items()
         ]
 
     def _acting(self) -> list[str]:
@@ -313,9 +313,9 @@ def explain(path: Subject, values: Values | None = None) -> Explanation:
     if isinstance(meant, Mechanism):
         return _structure(meant)
     removals = meant.simplification.removals
-    found = _explained(meant.mechanism, _positions(meant), "where the motion begins", removals)
+    explanation = _explained(meant.mechanism, _positions(meant), "where the motion begins", removals)
     modes = _modes(meant) if meant.problem.kind == "linear" else ()
-    return replace(found, control=getattr(meant.problem, "control", ()), modes=modes)
+    return replace(explanation, control=getattr(meant.problem, "control", ()), modes=modes)
 
 
 def isolate(path: Subject, wanted: str, values: Values | None = None, *, at: str = "") -> Isolation:
@@ -377,10 +377,10 @@ def _start(scenario: Scenario) -> Array:
 
 def _structure(mechanism: Mechanism) -> Explanation:
     """Return the structure of a mechanism near its zero position, or wherever its loops close."""
-    found = closed_drawing(mechanism.closure, start_configuration(mechanism, {}))
-    where = "in a closed position far from zero" if found.notes else "in the closed position nearest to zero"
+    drawing = closed_drawing(mechanism.closure, start_configuration(mechanism, {}))
+    where = "in a closed position far from zero" if drawing.notes else "in the closed position nearest to zero"
     where = "in the closed position nearest to the file's start" if mechanism.start else where
-    return _explained(mechanism, beside(mechanism, found.q), where)
+    return _explained(mechanism, beside(mechanism, drawing.q), where)
 
 
 def _explained(mechanism: Mechanism, q: Sequence[Array], where: str, removals: Sequence[Removal] = ()) -> Explanation:

@@ -56,9 +56,9 @@ def result(
     problem |= {"derivatives": derivatives, "loads": loads, **({"drives": list(drives)} if drives else {})}
     moving = [*mechanism.joints, *(f"joint.{name}.{angle}" for name in mechanism.balls for angle in ANGLES)]
     data = {"pinarm": 1, "title": mechanism.title, "outputs": moving, **keys, "mechanism": mechanism}
-    found = Scenario.of_data({**data, "problem": problem}).run()
-    found.numbers()  # so that those are refused at once that these rows do not have
-    return found
+    solved = Scenario.of_data({**data, "problem": problem}).run()
+    solved.numbers()  # so that those are refused at once that these rows do not have
+    return solved
 
 
 ANGLES = ("roll", "pitch", "yaw")

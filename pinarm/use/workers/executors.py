@@ -339,11 +339,11 @@ async def _identity(distributed: Any, address: str) -> None:
     given = distributed.Security().get_connection_args("client")
     async with distributed.rpc(address, timeout=TIMEOUT, connection_args=given) as scheduler:
         try:
-            found = await asyncio.wait_for(scheduler.identity(), TIMEOUT)
+            identity = await asyncio.wait_for(scheduler.identity(), TIMEOUT)
         except TimeoutError:
             raise OSError(f"no answer in {TIMEOUT:.0f} s") from None
-    if found.get("type") != "Scheduler":
-        raise OSError(f"it is a {found.get('type')}")
+    if identity.get("type") != "Scheduler":
+        raise OSError(f"it is a {identity.get('type')}")
 
 
 def _quieten() -> None:

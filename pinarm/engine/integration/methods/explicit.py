@@ -126,9 +126,9 @@ class Adaptive(ValueRecord, frozen=True):
         if interval.compiled is not None:
             from pinarm.engine.integration.compiled_steps import terms
 
-            found = terms(tableau, interval.compiled, *arrays)
-            if np.isfinite(found).all():
-                return found, interval
+            values = terms(tableau, interval.compiled, *arrays)
+            if np.isfinite(values).all():
+                return values, interval
             # Rows that the library cannot solve for in a further stage are solved for by singular values.
             interval = replace(interval, compiled=None)
         return dense_terms(tableau, partial(interval.slopes, manifold, steps.t), *arrays), interval

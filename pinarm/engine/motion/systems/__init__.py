@@ -57,9 +57,9 @@ class Initial(Record, frozen=True):
 
     def given_rates(self) -> Array:
         """Return the given velocities, not a number where none is given, shape (nv,)."""
-        found = np.full(len(self.v), np.nan)
-        found[list(self.velocities)] = self.v[list(self.velocities)]
-        return found
+        rates = np.full(len(self.v), np.nan)
+        rates[list(self.velocities)] = self.v[list(self.velocities)]
+        return rates
 
 
 class Follower(ValueRecord, frozen=True):

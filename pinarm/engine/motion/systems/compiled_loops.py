@@ -276,9 +276,9 @@ def _loops(measure: Regularity) -> CompiledLoops | None:
     """Return the loops for the library; ``None`` where it is missing, or does not know one, or rows are too rounded."""
     closure = measure.closure
     tied = [
-        one
+        record
         for constraint, part in zip(closure.constraints, closure.slices.values(), strict=True)
-        if (one := _tied(closure.model, constraint, measure.kept, part)) is None or len(one.along)
+        if (record := _tied(closure.model, constraint, measure.kept, part)) is None or len(record.along)
     ]
     known = [loop for loop in tied if loop is not None]
     if not known or len(known) < len(tied) or not measure.exact:
@@ -294,8 +294,8 @@ def _tied(model: pin.Model, constraint: Constraint, kept: Indices, part: slice) 
         return Tied.coupling(constraint.coordinate.weights[None][rows])
     if not isinstance(constraint, LoopJoint):
         return None
-    one, two = model.frames[constraint.first], model.frames[constraint.second]
-    frames, pair = ((one.parentJoint, two.parentJoint), (one.placement, two.placement)), constraint.pair
+    first, two = model.frames[constraint.first], model.frames[constraint.second]
+    frames, pair = ((first.parentJoint, two.parentJoint), (first.placement, two.placement)), constraint.pair
     if isinstance(pair, LowerPair):
         turn = pair.rotation
         axis = pair.axis if isinstance(turn, Tilt | Thread) else np.zeros(3)
@@ -311,9 +311,9 @@ def _tied(model: pin.Model, constraint: Constraint, kept: Indices, part: slice) 
 
 def _term(measure: Regularity, near: Array) -> float:
     """Return the proximal term by ``G M^-1 G^T`` [1/kg]; 0 where M is singular, or bodies differ too much."""
-    found = [_delassus(measure, q) for q in (*places(measure.closure), near)]
-    known = [delassus for delassus in found if delassus is not None]
-    if len(known) < len(found):
+    sizes = [_delassus(measure, q) for q in (*places(measure.closure), near)]
+    known = [delassus for delassus in sizes if delassus is not None]
+    if len(known) < len(sizes):
         return 0.0
     uneven = []
     for delassus in known[:-1]:
@@ -338,7 +338,7 @@ def _delassus(measure: Regularity, q: Array) -> Array | None:
 
 def closed_states(motion: LoopMotion, settled: Settled, near: Array, t: float) -> list[State]:
     """Return closed states near a configuration, of no special kind and the same every time."""
-    k, found, scale, (w, dw, _) = np.arange(len(motion.scale)), list[State](), motion.scale, motion.targets(t)
+    k, states, scale, (w, dw, _) = np.arange(len(motion.scale)), list[State](), motion.scale, motion.targets(t)
     for i in range(STATES):
         v = scale * np.cos(2.0 + 3.7 * i + 2.9 * k)
         for away in AWAY:
@@ -347,9 +347,9 @@ def closed_states(motion: LoopMotion, settled: Settled, near: Array, t: float) -
                 closed, rates, _ = settled(q[None], v[None], w[None], dw[None], np.array([t]))
             except (PinarmError, np.linalg.LinAlgError):
                 continue
-            found.append((closed[0], rates[0]))
+            states.append((closed[0], rates[0]))
             break
-    return found
+    return states
 
 
 def disagreement(flow: LoopFlow, dynamics: Dynamics, states: Sequence[State], t: float) -> float:

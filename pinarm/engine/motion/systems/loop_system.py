@@ -245,14 +245,14 @@ class LoopSystem(Record, frozen=True):
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
         k, most = len(self.prescribed.names), max(1, min(BLOCK, LARGE // max(1, self.rows.size * self.rows.model.nv)))
         w = np.array([grid.evaluate(law) for law in self.prescribed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
-        found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
+        states = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
         for part, local in parts(dynamics, grid):
             for begin in range(part.start, part.stop, most):
                 some = slice(begin, min(begin + most, part.stop))
                 solved = self._solved(local, grid.t[some], w[:, :, some].transpose(0, 2, 1), q[some], v[some])
-                for whole, values in zip(found, solved, strict=True):
+                for whole, values in zip(states, solved, strict=True):
                     whole[some] = values
-        return self._with_efforts(dynamics, grid, *found)
+        return self._with_efforts(dynamics, grid, *states)
 
     def _solved(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
         """Return closed states at n instants, their accelerations, and the efforts of what is prescribed."""

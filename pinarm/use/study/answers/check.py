@@ -120,10 +120,10 @@ def check(scenario: Given, values: Values | None = None, *, result: Result | Non
         PinarmError: A scenario cannot be solved.
     """
     findings = []
-    for one in scenarios(scenario, values):
-        solved = result or run(one)
-        for index, expectation in enumerate(one.content.expect):
-            with one.document.locating("expect", index):
+    for case in scenarios(scenario, values):
+        solved = result or run(case)
+        for index, expectation in enumerate(case.content.expect):
+            with case.document.locating("expect", index):
                 findings.append(finding_of(solved, expectation))
     return Findings(findings)
 
@@ -144,10 +144,14 @@ def finding_of(result: Result, expectation: Expectation) -> Finding:
     A place that the run does not come to is a miss, and so is what is not as accurate as the scenario wants it.
     """
     try:
-        found = compare(result, expectation)
+        difference = compare(result, expectation)
     except NotReached as error:
         return Finding(result.name, expectation, None, np.nan, None, None, None, "MISS", error.message)
-    return replace(found, verdict="MISS", reason=result.shortfall) if found.ok and result.shortfall else found
+    return (
+        replace(difference, verdict="MISS", reason=result.shortfall)
+        if difference.ok and result.shortfall
+        else difference
+    )
 
 
 def compare(result: Result, expectation: Expectation) -> Finding:
@@ -368,7 +372,7 @@ def verdicts(findings: Sequence[Finding], *, coloured: bool = False) -> str:
 
 def rows(findings: Sequence[Finding]) -> list[list[str]]:
     """Return a row for every finding, with the cells that ``HEADING`` names; a scenario is named once."""
-    found, previous = [], ""
+    lines, previous = [], ""
     for finding in findings:
         entry, unit = finding.expectation, finding.shown_in or finding.unit
         independent = _shown(finding.independent, unit, entry) if entry.value is not None else entry.formula or ""
@@ -377,9 +381,9 @@ def rows(findings: Sequence[Finding]) -> list[list[str]]:
             _place(entry.at), _shown(finding.computed, unit, entry), independent,
             entry.published or entry.published_formula or "", "" if finding.error is None else f"{finding.error:.1e}",
         )  # fmt: skip
-        found.append([_clip(printable(cell)) for cell in cells])
+        lines.append([_clip(printable(cell)) for cell in cells])
         previous = finding.scenario
-    return found
+    return lines
 
 
 def remarks(findings: Sequence[Finding]) -> list[str]:

@@ -211,10 +211,10 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
                 )
             return Axis((_column(path, [str(item) for item in items], unit_of),))
         given = given.strip()
-        if found := _DISTRIBUTION.fullmatch(given):
-            return _distribution(path, found, unit_of)
-        if found := _GRID.fullmatch(given):
-            return Axis((_grid(path, found, unit_of),))
+        if match := _DISTRIBUTION.fullmatch(given):
+            return _distribution(path, match, unit_of)
+        if match := _GRID.fullmatch(given):
+            return Axis((_grid(path, match, unit_of),))
         if "(" in given or ":" in given:
             raise InputError(
                 f"'{given[:SHOWN]}' are no values",
@@ -222,8 +222,8 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
                 hint="the unit once, at the end",
             )
         if re.fullmatch(r"0,[0-9]+\s*[^,]*", given):
-            one, two = given[:SHOWN].replace(",", "."), given[:SHOWN].replace(",", ", ")
-            raise InputError(f"'{given[:SHOWN]}' may be one number or two", expected=f"{one}, with a point; or {two}")
+            first, two = given[:SHOWN].replace(",", "."), given[:SHOWN].replace(",", ", ")
+            raise InputError(f"'{given[:SHOWN]}' may be one number or two", expected=f"{first}, with a point; or {two}")
         if _THOUSANDS.search(given):
             raise InputError(
                 f"'{given[:SHOWN]}' has a comma between thousands, or a number that begins with 0",
@@ -234,25 +234,25 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
         raise error.at(Location(f"--over {path}={given}"[:200])) from None
 
 
-def _distribution(path: str, found: re.Match[str], unit_of: UnitOf) -> Distribution:
-    kind, a, b = found[1], float(found[2]), float(found[3])
+def _distribution(path: str, match: re.Match[str], unit_of: UnitOf) -> Distribution:
+    kind, a, b = match[1], float(match[2]), float(match[3])
     if b <= (a if kind == "uniform" else 0.0):
         needed = {
             "normal": "a mean and a standard deviation above 0",
             "uniform": "a lower and an upper bound",
             "tolerance": "a value and a deviation above 0",
         }
-        raise InputError(f"'{found[0].strip()}' has no width", expected=needed[kind])
-    return Distribution(path, kind, a, b, _unit(path, found[4], unit_of))
+        raise InputError(f"'{match[0].strip()}' has no width", expected=needed[kind])
+    return Distribution(path, kind, a, b, _unit(path, match[4], unit_of))
 
 
-def _grid(path: str, found: re.Match[str], unit_of: UnitOf) -> Column:
-    start, end, count = float(found[1]), float(found[2]), int(found[3])
+def _grid(path: str, match: re.Match[str], unit_of: UnitOf) -> Column:
+    start, end, count = float(match[1]), float(match[2]), int(match[3])
     if not 2 <= count <= MOST or start == end:
-        raise InputError(f"'{found[0].strip()}' is no grid", expected=f"two different ends and 2 to {MOST:,} values")
+        raise InputError(f"'{match[0].strip()}' is no grid", expected=f"two different ends and 2 to {MOST:,} values")
     values = np.linspace(start, end, count)
-    measured = _unit(path, found[4], unit_of)
-    if not measured and is_whole(found[1]) and is_whole(found[2]) and (values == values.round()).all():
+    measured = _unit(path, match[4], unit_of)
+    if not measured and is_whole(match[1]) and is_whole(match[2]) and (values == values.round()).all():
         return Column(path, [round(value) for value in values.tolist()])
     return Column(path, array("d", values.tobytes()), measured)
 
@@ -263,12 +263,12 @@ def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = Fa
     if plain is not None:
         measured = _unit(path, "", unit_of)
         return Column(path, array("d", plain) if measured else plain, measured)
-    found = [_item(item) for item in items]
+    values = [_item(item) for item in items]
     words = [item.strip() for item in items]
-    if not any(found) and all(words):
+    if not any(values) and all(words):
         return Column(path, [_TRUTH.get(word, word) for word in words])
     numbers, units = [], []
-    for item, parts in zip(words, found, strict=True):
+    for item, parts in zip(words, values, strict=True):
         if parts is None:
             raise InputError(f"'{item[:SHOWN]}' is no number, as others are", expected="all numbers, or all words")
         number, written = parts

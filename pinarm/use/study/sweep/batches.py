@@ -120,10 +120,10 @@ def _instants(scenario: ScenarioRecord) -> Array:
 def _at_instants(result: ResultRecord, values: Array) -> Array:
     """Return values of the rows of a motion, shape (rows, ..), at the instants, shape (n, ..)."""
     t = _instants(result.scenario)
-    found = np.full((len(t), *values.shape[1:]), np.nan)
+    values_there = np.full((len(t), *values.shape[1:]), np.nan)
     rows, reached = _rows(result.trajectory.grid.t, t)
-    found[reached] = values[rows]
-    return found
+    values_there[reached] = values[rows]
+    return values_there
 
 
 def _rows(table: Array, t: Array) -> tuple[Indices, Indices]:

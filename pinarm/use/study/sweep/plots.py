@@ -69,8 +69,8 @@ def _kind(sweep: Sweep, series: Series) -> Draw:
 def _branches_of(sweep: Sweep, name: str) -> dict[str, Series]:
     """Return all branches of the measure of a mode that a name such as ``mode.1.damping`` tells: mode -> its column."""
     match = MEASURE.fullmatch(name)
-    found = {series.name: MEASURE.fullmatch(series.name) for series in sweep.results()} if match else {}
-    return {own[1]: sweep[text] for text, own in found.items() if match and own and own[2] == match[2]}
+    matches = {series.name: MEASURE.fullmatch(series.name) for series in sweep.results()} if match else {}
+    return {own[1]: sweep[text] for text, own in matches.items() if match and own and own[2] == match[2]}
 
 
 def _branches(axis: Axes, sweep: Sweep, series: Series) -> None:
@@ -228,12 +228,12 @@ def _named(axis: Axis, sweep: Sweep, *, measured: bool = True) -> str:
 
 def pictured(sweep: Sweep) -> list[Series]:
     """Return a column for each picture: all branches of a measure of modes are in one, their eigenvalues in another."""
-    found = dict[str, Series]()
+    columns = dict[str, Series]()
     for series in sweep.results():
         match = MEASURE.fullmatch(series.name) if len(sweep.cases.axes) == 1 else None
-        found.setdefault(match[2] if match else f"{series.name} ", series)
-    locus = {"growth", "damped_frequency"} <= found.keys()
-    return [*found.values(), *([Series(ROOT_LOCUS, None, np.zeros(0))] if locus else [])]
+        columns.setdefault(match[2] if match else f"{series.name} ", series)
+    locus = {"growth", "damped_frequency"} <= columns.keys()
+    return [*columns.values(), *([Series(ROOT_LOCUS, None, np.zeros(0))] if locus else [])]
 
 
 def pictures(sweep: Sweep) -> Iterator[tuple[str, Picture]]:
