@@ -41,7 +41,7 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
     Attributes:
         frame: Index of the frame at whose origin it acts.
         axes: Index of the frame in whose axes it is given.
-        wrench: [force; moment] [N, N*m], shape (6,).
+        wrench: force and moment [N, N*m], shape (6,).
         law: Factor over time, beside that of the condition.
     """
 
