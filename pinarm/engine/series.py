@@ -391,10 +391,10 @@ def _prepared(function: str, inputs: Sequence[Any], *, folded: bool) -> tuple[li
     if function in _LOGIC:
         return [_in(x, None) for x in inputs], _PLAIN
     if function in _ALIKE:
-        common = same([Measure(unit_of) for unit_of in units])
+        common = same([Measure(measured) for measured in units])
         return [_in(x, common.unit) for x in inputs], _ALIKE[function] or common
     if function in _TO_RADIANS:
-        pure([Measure(unit_of) for unit_of in units])
+        pure([Measure(measured) for measured in units])
         if not any(word in str(units[0]) for word in ANGLES):
             raise UnitError("whether this is an angle in degrees is not known", hint="np.asarray(series), if it is")
         return [_in(inputs[0], unit("deg"))], Measure(unit("rad"))

@@ -111,8 +111,8 @@ class MechanismPlant:
             if words[2] in ("position", "velocity"):
                 order = ("position", "velocity").index(words[2])
                 return lambda t, q, v: float(measured.measure(q, v)[order])
-        quantities = self._quantities(0.0, np.asarray(self._start), np.zeros(self.mechanism.model.nv))[name]
-        if not np.isfinite(quantities.values).all():
+        series = self._quantities(0.0, np.asarray(self._start), np.zeros(self.mechanism.model.nv))[name]
+        if not np.isfinite(series.values).all():
             raise InputError(f"'{name}' is not determined by positions and velocities")
         return lambda t, q, v: float(self._quantities(t, q, v)[name].values[0])
 

@@ -107,11 +107,11 @@ class EffortSharing(InputStruct, frozen=True):
         Raises:
             InputError: A name is no drive, a limit has another unit, or the model gives none of the drives a limit.
         """
-        model_limits = _model_limits(mechanism, drives) if isinstance(self.limits, str) else self.limits
+        limits = _model_limits(mechanism, drives) if isinstance(self.limits, str) else self.limits
         ranges = np.repeat([[-np.inf], [np.inf]], len(drives), axis=1)
         with within("limits"):
-            check_names(model_limits, drives, DRIVE)
-            for name, limit in model_limits.items():
+            check_names(limits, drives, DRIVE)
+            for name, limit in limits.items():
                 for side, bound in enumerate(limit.bounds):
                     if bound is not None:
                         with within(name):
@@ -215,14 +215,14 @@ def _model_limits(mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> dic
     """
     joints = {name: coordinate.joint for name, coordinate in drives.items() if isinstance(coordinate, LinearCoordinate)}
     limits = {name: float(mechanism.model.effortLimit[joint]) for name, joint in joints.items() if joint is not None}
-    model_limits = {name: EffortRange.read(limit) for name, limit in limits.items() if np.isfinite(limit)}
-    if not model_limits:
+    ranges = {name: EffortRange.read(limit) for name, limit in limits.items() if np.isfinite(limit)}
+    if not ranges:
         raise InputError(
             f"the model gives none of the drives {', '.join(drives)} an effort limit",
             expected="an effort limit of their joints in the model",
             hint=f"share: {{limits: {{{next(iter(drives))}: ...}}}}",
         )
-    return model_limits
+    return ranges
 
 
 def omitted_drives_remarks(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[str]) -> list[str]:

@@ -268,7 +268,7 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
 
     def _linearised(self, mechanism: Mechanism, begun: Prepared, state: SteadyState) -> Linearisation:
         """Return the motion linearised about a state."""
-        positions = {word.position for word in begun.inputs}
+        positions = {source.position for source in begun.inputs}
         driven = begun.driven
         prescribed = np.array([name in positions for name in driven.names], dtype=bool)
         drives = Drives(driven.names, driven.coordinates, state.efforts, prescribed)

@@ -314,26 +314,24 @@ def recorded_headings(mechanism: Mechanism, headings: Iterable[str]) -> Recorded
         UnitError: A unit does not fit.
     """
     known, aliases = state_columns(mechanism), _aliases(mechanism)
-    known_headings: dict[str, tuple[str, float]] = {}
+    headings_read: dict[str, tuple[str, float]] = {}
     unread, names = list[str](), list[str]()
     for heading in headings:
         with within(Key(heading)):
             name, measured = _split(heading)
             names.append(name)
             name = aliases.get(name, name)
-            if name in known_headings:
+            if name in headings_read:
                 raise InputError(f"two columns are '{name}'", expected="one for each")
             if name == "t" or name in known:
-                known_headings[name] = heading, _factor(name, measured, unit("s") if name == "t" else known[name].unit)
+                headings_read[name] = heading, _factor(name, measured, unit("s") if name == "t" else known[name].unit)
             else:
                 unread.append(heading)
-    if "t" not in known_headings:
+    if "t" not in headings_read:
         expected, hint = choices("t", names)
         raise InputError("there is no column 't'", expected=f"t [s] beside {expected}", hint=hint)
-    _require_complete(known, known_headings)
-    return RecordedHeadings(
-        known_headings, {known[name].array for name in known_headings if name != "t"}, tuple(unread)
-    )
+    _require_complete(known, headings_read)
+    return RecordedHeadings(headings_read, {known[name].array for name in headings_read if name != "t"}, tuple(unread))
 
 
 def recorded_rows(

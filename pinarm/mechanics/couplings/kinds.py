@@ -93,27 +93,29 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         """Return the strands: tangents of both wheels, with normals n where ``n . (O2 - O1) = r1 - r2``."""
         a, (r1, r2) = pair.first.axis, self._signed_radii(pair)
         height = plane_of(model, pair, self.plane)
-        first, two = (x.point + a * (height - a @ x.point) for x in (pair.first, pair.second))
-        distance = float(np.linalg.norm(two - first))
+        first, second = (x.point + a * (height - a @ x.point) for x in (pair.first, pair.second))
+        distance = float(np.linalg.norm(second - first))
         if distance <= abs(r1 - r2):
             raise InputError(
                 f"the axes are {distance:g} m apart: wheels of these radii leave no place for a belt",
                 expected=f"axes more than {abs(r1 - r2):g} m apart",
             )
-        along = (two - first) / distance
+        along = (second - first) / distance
         cosine = (r1 - r2) / distance
         sine = np.sqrt(1.0 - cosine * cosine)
-        pulls = [_pull(first, two, r1, r2, cosine * along + side * sine * np.cross(a, along)) for side in (1.0, -1.0)]
+        pulls = [
+            _pull(first, second, r1, r2, cosine * along + side * sine * np.cross(a, along)) for side in (1.0, -1.0)
+        ]
         sense = pair.sense * float(np.sign(a @ pair.second.axis))
         angle = float(np.arccos(cosine))  # from the line of centres to the points where the belt leaves the wheels
         wrap = min(2.0 * np.pi - 2.0 * angle, 2.0 * angle) if r2 > 0.0 else 2.0 * np.pi - 2.0 * angle
         members = pair.carrier, pair.first.body, pair.second.body
-        return Strands.between(members, two, np.array(pulls), sense / r2, pretension, wrap)
+        return Strands.between(members, second, np.array(pulls), sense / r2, pretension, wrap)
 
 
-def _pull(wrench: Array, two: Array, r1: float, r2: float, normal: Array) -> Array:
+def _pull(first: Array, second: Array, r1: float, r2: float, normal: Array) -> Array:
     """Return the wrench of a strand of unit tension on the second wheel [f; m] at the carrier's origin."""
-    start, end = wrench + r1 * normal, two + r2 * normal
+    start, end = first + r1 * normal, second + r2 * normal
     return at_origin(end, (start - end) / np.linalg.norm(start - end))
 
 

@@ -176,12 +176,12 @@ class Bearing(Record, frozen=True):
 def _radial(axis: Array, span: float) -> list[Array]:
     """Return the parts that carry what is normal to the axis: of one bearing, or of two."""
     across = np.eye(3) - np.outer(axis, axis)
-    rows = np.hstack([across, np.zeros((3, 3))])
+    forces = np.hstack([across, np.zeros((3, 3))])
     if not span:
-        return [rows]
+        return [forces]
     turned = np.cross(np.eye(3), axis).T  # M -> M x a
-    two = np.hstack([np.zeros((3, 3)), turned / span])
-    return [0.5 * rows + two, 0.5 * rows - two]
+    moments = np.hstack([np.zeros((3, 3)), turned / span])
+    return [0.5 * forces + moments, 0.5 * forces - moments]
 
 
 class FrictionLaw(ValueRecord, frozen=True):

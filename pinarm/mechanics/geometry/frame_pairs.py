@@ -160,15 +160,15 @@ class FramePairs(Record, frozen=True):
             turns: Rotations of all links, shape (3, 3, njoints, ..).
             arms: From the parent of every link to it, world axes [m], shape (3, njoints, ..).
         """
-        first, two = self.first.placed(turns, arms), self.second.placed(turns, arms)
-        way = (two.reach - first.reach) + (two.common - first.common)
-        branches = [first.beyond[:, ::-1] + way[:, None], two.beyond]
+        first, second = self.first.placed(turns, arms), self.second.placed(turns, arms)
+        way = (second.reach - first.reach) + (second.common - first.common)
+        branches = [first.beyond[:, ::-1] + way[:, None], second.beyond]
         reaches = np.concatenate([np.broadcast_to(x, (*x.shape[:2], *way.shape[1:])) for x in branches], axis=1)
         counts = np.diff(np.append(self.starts, len(self.velocities)))
         columns = self._columns(turns, np.repeat(reaches, counts, axis=1))
         back = first.rotation.swapaxes(0, 1)
         linear, angular = (turned(back[:, :, None], part) for part in columns)
-        return RelativeMotion(self, turned(back, way), product(back, two.rotation), linear, angular)
+        return RelativeMotion(self, turned(back, way), product(back, second.rotation), linear, angular)
 
     def _columns(self, turns: Array, arms: Array) -> tuple[Array, Array]:
         """Return what unit velocities do to the origin of frame 2, and to its rotation, in world axes."""

@@ -198,13 +198,13 @@ class TiedFrames(Record, frozen=True):
         fill the rows of a deep tree.
         """
         model, moves = state.model, LinkTree.of(state.model).supports
-        first, two = (
+        first, second = (
             pin.getFrameJacobian(model, state.data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
         )
         e, w = self.pair.directions(p, axes)
-        rows = e @ (axes.T @ two[:3] - first[:3] + pin.skew(p) @ first[3:])
+        rows = e @ (axes.T @ second[:3] - first[:3] + pin.skew(p) @ first[3:])
         if any(self.pair.about):
-            rows = rows + w @ (axes.T @ two[3:] - first[3:])
+            rows = rows + w @ (axes.T @ second[3:] - first[3:])
         return np.asarray(rows * (moves[self._body(model, self.first)] != moves[self._body(model, self.second)]))
 
     def _body(self, model: pin.Model, frame: int) -> int:
@@ -213,13 +213,13 @@ class TiedFrames(Record, frozen=True):
     def drift(self, state: Kinematics) -> Array:
         """Return ``G' v``, shape (m,): ``e . p'' + w . omega'`` for a = 0, seen from frame 1, and the bend."""
         model, data, (p, axes) = state.model, state.data, self._placed(state)
-        first, two = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (self.first, self.second))
+        first, second = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (self.first, self.second))
         own, other = (
             pin.getFrameClassicalAcceleration(model, data, frame, LOCAL) for frame in (self.first, self.second)
         )
         carried = first.angular
-        omega = axes.T @ two.angular - carried
-        dp = axes.T @ two.linear - first.linear - cross(carried, p)
+        omega = axes.T @ second.angular - carried
+        dp = axes.T @ second.linear - first.linear - cross(carried, p)
         swung = cross(own.angular, p) + cross(carried, cross(carried, p) + 2.0 * dp)
         ddp = axes.T @ other.linear - own.linear - swung
         domega = axes.T @ other.angular - own.angular - cross(carried, omega)

@@ -164,7 +164,9 @@ def contradiction(result: Result, other: Result | None) -> str:
         return f"of two solutions the other may have missed something, too: {missed[0]}"
     left = {name: (size, other.figures.get(name, 0.0)) for name, size in unexplained(result.figures).items()}
     kept = [
-        f"'{name}' {first:.2g} and {two:.2g}" for name, (first, two) in left.items() if BOUND * abs(first - two) < first
+        f"'{name}' {first:.2g} and {second:.2g}"
+        for name, (first, second) in left.items()
+        if BOUND * abs(first - second) < first
     ]
     return (
         f"two solutions have the same residual, {', '.join(kept)}: neither is the motion of the mechanism"
@@ -333,16 +335,16 @@ not show an error of its phase."""
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
-def common_rows(first: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
+def common_rows(first: Trajectory, second: Trajectory) -> tuple[Indices, Indices]:
     """Return the rows of two runs that belong together; none where that cannot be told.
 
     Rows at a jump belong together by the number of the jump, however far apart it occurs in both runs; other rows by
     their instants. Runs with other numbers of jumps have only those instants in common that both have as often.
     """
     if first.parameter != "t":
-        rows = np.arange(len(first) if len(first) == len(two) else 0)
+        rows = np.arange(len(first) if len(first) == len(second) else 0)
         return rows, rows
-    t1, t2 = first.grid.t, _moved(two.grid, first.grid.cuts)
+    t1, t2 = first.grid.t, _moved(second.grid, first.grid.cuts)
     order = np.argsort(t2, kind="stable")
     (at1, n1), (at2, n2) = (np.unique(t, return_counts=True) for t in (t1, t2))
     shared, k1, k2 = np.intersect1d(at1, at2, return_indices=True)
@@ -361,30 +363,30 @@ def _moved(grid: Grid, cuts: Sequence[float]) -> Array:
     return t
 
 
-def between_rows(first: Lookup, two: Lookup) -> Iterator[tuple[Quantities, Quantities]]:
+def between_rows(first: Lookup, second: Lookup) -> Iterator[tuple[Quantities, Quantities]]:
     """Yield the quantities of two motions at the same instants, interval by interval; none where these are others.
 
     Over the whole run, however many intervals it has, the instants are multiples of the golden ratio: they are not
     those of a period.
     """
-    if not first.motion or not two.motion or len(first.intervals) != len(two.intervals):
+    if not first.motion or not second.motion or len(first.intervals) != len(second.intervals):
         return
     low, high = sorted((float(first.run.grid.cuts[0]), float(first.run.grid.cuts[-1])))
     places = low + (high - low) * np.sort(GOLDEN * np.arange(1, BETWEEN + 1) % 1.0)
-    for number, bounds in enumerate(zip(first.intervals, two.intervals, strict=True)):
+    for number, bounds in enumerate(zip(first.intervals, second.intervals, strict=True)):
         start, end = max(min(own[:2]) for own in bounds), min(max(own[:2]) for own in bounds)
         t = places[(places >= start) & (places <= end)]
         if len(t):
-            yield first.quantities_at(number, t), two.quantities_at(number, t)
+            yield first.quantities_at(number, t), second.quantities_at(number, t)
 
 
-def different_course(one: Result, two: Result) -> str:
+def different_course(result: Result, other: Result) -> str:
     """Return how the courses of two runs differ: their ends, events, or changes of contact; empty where they do not."""
-    first, second = one.trajectory, two.trajectory
+    first, second = result.trajectory, other.trajectory
     if first.parameter != "t":
         return f"they have {len(first)} and {len(second)} rows" if len(first) != len(second) else ""
     ends = f"they end at t = {first.grid.t[-1]:.9g} s and {second.grid.t[-1]:.9g} s"
-    if different_events := _different_events(one.events, two.events):
+    if different_events := _different_events(result.events, other.events):
         return f"{different_events}; {ends}"
     if len(first.grid.cuts) != len(second.grid.cuts):
         counts = f"{len(first.grid.cuts) - 2} and {len(second.grid.cuts) - 2} times"
@@ -392,14 +394,14 @@ def different_course(one: Result, two: Result) -> str:
     return ""
 
 
-def _different_events(one: Sequence[EventRecord], two: Sequence[EventRecord]) -> str:
+def _different_events(events_of_one: Sequence[EventRecord], events_of_other: Sequence[EventRecord]) -> str:
     """Return in which event two sequences differ; empty where they do not."""
-    first, second = ([event.name for event in events] for events in (one, two))
+    first, second = ([event.name for event in events] for events in (events_of_one, events_of_other))
     counts = Counter(first), Counter(second)
     for name in dict.fromkeys((*first, *second)):
         if counts[0][name] != counts[1][name]:
             return f"'{name}' takes place {counts[0][name]} and {counts[1][name]} times"
-    for a, b in zip(one, two, strict=True):
+    for a, b in zip(events_of_one, events_of_other, strict=True):
         if a.name != b.name:
             return f"'{a.name}' takes place at t = {a.t:.9g} s, and '{b.name}' in its place at {b.t:.9g} s"
     return ""
@@ -424,7 +426,7 @@ FEW = 12
 """Rows below which nothing is said of growth."""
 
 
-def e_folding(first: Trajectory, two: Trajectory) -> float | None:
+def e_folding(first: Trajectory, second: Trajectory) -> float | None:
     """Return the time in which the difference of two motions grows e-fold [s]; ``None`` where it is not exponential.
 
     It is the reciprocal slope of ``ln d`` over t by least squares, with d the largest difference until t. Growth has to
@@ -433,7 +435,7 @@ def e_folding(first: Trajectory, two: Trajectory) -> float | None:
     """
     if first.parameter != "t":
         return None
-    t, difference = _differences(first, two)
+    t, difference = _differences(first, second)
     largest = np.maximum.accumulate(difference)
     rows = np.flatnonzero((largest > 0.0) & (largest < SATURATED))
     if len(rows) < FEW:
@@ -453,13 +455,13 @@ def _steady(grown: Array) -> bool:
     return bool(first + second >= GROWN and min(first, second) >= STEADY * GROWN)
 
 
-def _differences(one: Trajectory, two: Trajectory) -> tuple[Array, Array]:
+def _differences(run: Trajectory, other: Trajectory) -> tuple[Array, Array]:
     """Return times since the start [s] and the differences of the states there, relative to their sizes, shape (n,)."""
-    first, second = common_rows(one, two)
-    model = one.mechanism.model
+    first, second = common_rows(run, other)
+    model = run.mechanism.model
     apart = np.zeros((len(first), model.nv))
-    for row, (p, q) in enumerate(zip(one.q[first], two.q[second], strict=True)):
+    for row, (p, q) in enumerate(zip(run.q[first], other.q[second], strict=True)):
         apart[row] = pin.difference(model, p, q)
-    parts = (apart, one.q), (one.v[first] - two.v[second], one.v)
+    parts = (apart, run.q), (run.v[first] - other.v[second], run.v)
     differences = [np.abs(part).max(axis=1) / (np.abs(whole).max() or 1.0) for part, whole in parts if part.size]
-    return one.grid.t[first] - one.grid.t[0], np.max(differences, axis=0) if differences else np.zeros(len(first))
+    return run.grid.t[first] - run.grid.t[0], np.max(differences, axis=0) if differences else np.zeros(len(first))

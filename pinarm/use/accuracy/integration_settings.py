@@ -63,9 +63,9 @@ def other_method(method: MethodName) -> dict[str, Any]:
     return setting_keys("dopri5" if method == "dop853" else "dop853", TIGHTEST)
 
 
-def takes_other_steps(first: Result, two: Result) -> bool:
+def takes_other_steps(first: Result, second: Result) -> bool:
     """Tell whether of two solutions one takes more steps than the other; see ``GROWN``."""
-    fewer, more = sorted(each.figures["steps"] for each in (first, two))
+    fewer, more = sorted(each.figures["steps"] for each in (first, second))
     return more >= GROWN * (fewer + 1.0)
 
 

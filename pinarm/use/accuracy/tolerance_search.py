@@ -170,8 +170,8 @@ class _Search:
     def error(self, rung: int) -> float:
         """Return the bound of the error at a rung; infinite where there is none, or a solution failed."""
         if rung not in self.errors:
-            coarse, two = self.run(rung), self.finer(rung)
-            self.errors[rung] = max(error_bounds(coarse, two).values()) if coarse else np.inf
+            coarse, fine = self.run(rung), self.finer(rung)
+            self.errors[rung] = max(error_bounds(coarse, fine).values()) if coarse else np.inf
         return self.errors[rung]
 
     def best_rung(self, target: float) -> int:

@@ -290,9 +290,9 @@ def _near(mechanism: Mechanism, actions: Actions) -> list[int]:
     near = [0] * len(actions.bodies)
     for pair in _ties(mechanism, actions):
         if 0 not in pair:
-            first, two = (actions.bodies.index(body) for body in pair)
-            near[first] |= 1 << two
-            near[two] |= 1 << first
+            first, second = (actions.bodies.index(body) for body in pair)
+            near[first] |= 1 << second
+            near[second] |= 1 << first
     return near
 
 

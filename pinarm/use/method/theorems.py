@@ -100,8 +100,8 @@ class Landmarks(Record, frozen=True):
         kept: dict[int, list[Screw]] = {}
         for rotation in rotations:
             arms = (
-                crossed(self.points[rotation.point] - self.points[two.point], self.directions[rotation.direction])
-                for two in kept.setdefault(rotation.direction, [])
+                crossed(self.points[rotation.point] - self.points[other.point], self.directions[rotation.direction])
+                for other in kept.setdefault(rotation.direction, [])
             )
             if all(np.abs(arm).max() > ALIKE * self.extent for arm in arms):
                 kept[rotation.direction].append(rotation)

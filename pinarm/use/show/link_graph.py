@@ -47,16 +47,18 @@ def link_graph(mechanism: Mechanism) -> Picture:
         axis.set_ylim(-0.4, height / HIGH - 0.2)
         met: dict[tuple[int, int], int] = {}
         for ends, label, colour in edges:
-            start, two = (np.array(places[end]) for end in ends)
+            start, goal = (np.array(places[end]) for end in ends)
             pair = (min(ends), max(ends))
             met[pair] = met.get(pair, 0) + 1
-            between = [y for x, y in places.values() if abs(x - start[0]) < 0.1 and start[1] < y < two[1]]
-            bend = BENT * (met[pair] - 1 + bool(between and start[0] == two[0])) * (1 if ends[0] <= ends[1] else -1)
+            between = [y for x, y in places.values() if abs(x - start[0]) < 0.1 and start[1] < y < goal[1]]
+            bend = BENT * (met[pair] - 1 + bool(between and start[0] == goal[0])) * (1 if ends[0] <= ends[1] else -1)
             look = {"arrowstyle": "-", "color": colour, "lw": 1.5, "shrinkA": 0, "shrinkB": 0,
                     "connectionstyle": f"arc3,rad={bend}"}  # fmt: skip
-            axis.annotate("", tuple(two), tuple(start), arrowprops=look)
-            share = UPWARDS if start[1] < two[1] else 1.0 - UPWARDS if two[1] < start[1] else 0.5
-            middle = (1.0 - share) * start + share * two + 0.5 * bend * np.array([two[1] - start[1], start[0] - two[0]])
+            axis.annotate("", tuple(goal), tuple(start), arrowprops=look)
+            share = UPWARDS if start[1] < goal[1] else 1.0 - UPWARDS if goal[1] < start[1] else 0.5
+            middle = (
+                (1.0 - share) * start + share * goal + 0.5 * bend * np.array([goal[1] - start[1], start[0] - goal[0]])
+            )
             for text, up in zip(label, (LINE, -LINE), strict=True):
                 write(axis, Note(text, middle, colour), (0.0, up))
         for body, place in places.items():
@@ -89,8 +91,13 @@ def _places(edges: list[Edge]) -> dict[int, tuple[float, float]]:
     """Return the place of each body: above the ground by the number of ties to it, near those that it is tied to."""
     depth, border = {0: 0}, [0]
     while border:
-        ties = [(node, two) for edge in edges for node, two in (edge.ends, edge.ends[::-1]) if edge.colour != COUPLED]
-        border = list(dict.fromkeys(two for node, two in ties if node in border and two not in depth))
+        ties = [
+            (node, neighbour)
+            for edge in edges
+            for node, neighbour in (edge.ends, edge.ends[::-1])
+            if edge.colour != COUPLED
+        ]
+        border = list(dict.fromkeys(neighbour for node, neighbour in ties if node in border and neighbour not in depth))
         depth |= dict.fromkeys(border, max(depth.values()) + 1)
     places: dict[int, tuple[float, float]] = {}
     for level in range(max(depth.values()) + 1):

@@ -294,8 +294,8 @@ def _tied(model: pin.Model, constraint: Constraint, kept: Indices, part: slice) 
         return Tied.coupling(constraint.coordinate.weights[None][rows])
     if not isinstance(constraint, LoopJoint):
         return None
-    first, two = model.frames[constraint.first], model.frames[constraint.second]
-    frames, pair = ((first.parentJoint, two.parentJoint), (first.placement, two.placement)), constraint.pair
+    first, second = model.frames[constraint.first], model.frames[constraint.second]
+    frames, pair = ((first.parentJoint, second.parentJoint), (first.placement, second.placement)), constraint.pair
     if isinstance(pair, LowerPair):
         turn = pair.rotation
         axis = pair.axis if isinstance(turn, Tilt | Thread) else np.zeros(3)
