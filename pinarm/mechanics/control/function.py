@@ -97,17 +97,17 @@ def _copied_function(function: FunctionType, known: dict[int, Any]) -> FunctionT
     fresh = {id(cell): CellType() for cell in cells if id(cell) not in known}
     known.update(fresh)
     closure = tuple(known[id(cell)] for cell in cells)
-    function_type = FunctionType(function.__code__, function.__globals__, function.__name__, None, closure)
-    known[id(function)] = function_type
-    function_type.__defaults__, function_type.__kwdefaults__ = (
+    duplicate = FunctionType(function.__code__, function.__globals__, function.__name__, None, closure)
+    known[id(function)] = duplicate
+    duplicate.__defaults__, duplicate.__kwdefaults__ = (
         copied(function.__defaults__, known),
         copied(function.__kwdefaults__, known),
     )
-    function_type.__dict__.update(copied(function.__dict__, known))
+    duplicate.__dict__.update(copied(function.__dict__, known))
     for cell in cells:
         if id(cell) in fresh and _is_filled(cell):
             known[id(cell)].cell_contents = copied(cell.cell_contents, known)
-    return function_type
+    return duplicate
 
 
 def _is_filled(cell: CellType) -> bool:

@@ -68,11 +68,11 @@ class MemberPair(Record, frozen=True):
 
     def weights(self, inner_ratio: float) -> dict[Joint, float]:
         """Return the weights of ``s2 - inner_ratio s1``, that of the second joint being 1."""
-        fromkeys = dict.fromkeys([self.second.joint, self.first.joint], 0.0)
+        rates = dict.fromkeys([self.second.joint, self.first.joint], 0.0)
         for share, member in ((self.sense, self.second), (-self.sense * inner_ratio, self.first)):
             for joint, rate in member.rates.items():
-                fromkeys[joint] = fromkeys.get(joint, 0.0) + share * rate
-        return fromkeys
+                rates[joint] = rates.get(joint, 0.0) + share * rate
+        return rates
 
 
 def member_pair(

@@ -98,8 +98,7 @@ class TreeSystem(Record, frozen=True):
         here = dynamics.on(start, end)
         if self.reduction is None:
             return here.acceleration()
-        accelerations = self.reduction.accelerations(here, self.sums.along(start, end))
-        return lambda t, q, v: accelerations(np.array([t]), q[None], v[None])[0]
+        return self.reduction.acceleration(here, self.sums.on(start, end))
 
     def _compiled(
         self, dynamics: Dynamics, acceleration: Acceleration, start: float, end: float
