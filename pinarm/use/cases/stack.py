@@ -46,7 +46,6 @@ from pinarm.use.result.row_lookup import Lookup
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.use.result.result import Result
 
 
