@@ -129,9 +129,9 @@ def _summary(path: Path) -> dict[str, Any]:
             raw = stream.read(MOST_SUMMARY + 1)
         if len(raw) > MOST_SUMMARY:
             raise ValueError(f"it has more than {MOST_SUMMARY} bytes")
-        decode = msgspec.json.decode(raw)
-        accuracy = decode["accuracy"]
-        figures = {name: accuracy[name] for name in accuracy if name in MEASURES} | decode["cost"] | decode["findings"]
+        stored = msgspec.json.decode(raw)
+        accuracy = stored["accuracy"]
+        figures = {name: accuracy[name] for name in accuracy if name in MEASURES} | stored["cost"] | stored["findings"]
         errors, of_numbers = (
             {name: float("inf") if x is None else x for name, x in accuracy.get(f"error of {what}", {}).items()}
             for what in ("outputs", "numbers")
@@ -140,9 +140,9 @@ def _summary(path: Path) -> dict[str, Any]:
         if not all(isinstance(value, int | float) for value in told):
             raise ValueError("figures that are no numbers")
         doubts = ": least multipliers; ", ": not determined in "  # which the outputs bring along themselves
-        notes = [str(note) for note in decode["notes"] if not any(doubt in str(note) for doubt in doubts)]
-        removals = tuple(Removal(**removal) for removal in decode["not solved for"])
-        return {"scenario": decode["scenario"], "notes": notes, "removals": removals, "figures": figures,
+        notes = [str(note) for note in stored["notes"] if not any(doubt in str(note) for doubt in doubts)]
+        removals = tuple(Removal(**removal) for removal in stored["not solved for"])
+        return {"scenario": stored["scenario"], "notes": notes, "removals": removals, "figures": figures,
                 "errors": errors, "number_errors": of_numbers, "setting": str(accuracy.get("setting", "")),
                 "no_bound": str(accuracy.get("no bound", ""))}  # fmt: skip
     except OSError as error:
