@@ -62,6 +62,9 @@ LEAST_DAMPING, UNDAMPED = 1e-4, 1e-2
 STEPS = np.linspace(-85.0, 85.0, 34)
 """Steps about a resonance [deg], none at it: without damping the response there is infinite."""
 
+NAMED = "{:.9g}"
+"""Format of a frequency in the names of rows: the response is that at the frequency of its name."""
+
 
 class About(InputStruct, frozen=True):
     """The state about which the motion is linearised.
@@ -111,7 +114,8 @@ class Frequencies(InputStruct, frozen=True, rename={"start": "from", "end": "to"
         decay = np.where(decay > LEAST_DAMPING * sizes, decay, UNDAMPED * sizes)
         near = (eigenvalues.imag + decay * np.tan(np.radians(STEPS))[:, None]).ravel() / (2.0 * np.pi)
         low, high = float(self.start), float(self.end)
-        return distinct(np.concatenate([np.geomspace(low, high, self.samples), near[(near > low) & (near < high)]]))
+        near = np.concatenate([np.geomspace(low, high, self.samples), near[(near > low) & (near < high)]])
+        return distinct(np.array([float(NAMED.format(x)) for x in near]))
 
 
 class Prepared(Record, frozen=True):
@@ -248,8 +252,10 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
             driven=drives.driven,
             drives=(*self._driven,),
         )
-        figures = {"unstable modes": float((linear.modes.eigenvalues.real > linear.modes.errors).sum())}
+        figures = {"unstable modes": float((linear.modes.growths > 0.0).sum())}
         left = ["controllers are left open: their efforts stay those of the state"] if mechanism.control else []
+        lossy = ", ".join(name for name, drive in mechanism.drives.items() if drive.efficiency < 1.0)
+        left += [f"the small motion has no losses of gears: {lossy}"] if lossy else []
         return Outcome(rows, figures=figures, notes=(*near.notes, *_remarks(linear), *left), arrays=tables)
 
     def linearisation(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Linearisation:
@@ -303,7 +309,7 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
             shown = [(name, own, input_) for name, own in zip(self.outputs, units, strict=True) for input_ in inputs]
             arrays["response"] = LabelledArray(
                 response.reshape(len(f), -1),
-                [f"{x:.9g} Hz" for x in f],
+                [f"{NAMED.format(x)} Hz" for x in f],
                 [f"{name} / {input_.name}" for name, _, input_ in shown],
                 [ONE] * len(f),
                 [None if own is None else own / input_.unit for _, own, input_ in shown],
@@ -320,12 +326,11 @@ def _most(mechanism: Mechanism, row: Trajectory) -> int:
 def _measures(linear: Linearisation, count: int) -> Array:
     """Return the measures of modes, shape (count, measures); NaN beyond them, as conjugate pairs are one mode."""
     modes = linear.modes
-    growth = modes.eigenvalues.real
     with np.errstate(divide="ignore"):
-        constants = np.where(np.abs(growth) > modes.errors, -1.0 / growth, np.inf)
+        constants = np.where(modes.growths, -1.0 / modes.growths, np.inf)
     measures = np.full((count, len(MODE_UNITS)), np.nan)
-    measures[: len(growth)] = np.column_stack(
-        [modes.frequencies, modes.damped_frequencies, modes.damping_ratios, constants, growth, modes.errors]
+    measures[: len(constants)] = np.column_stack(
+        [modes.frequencies, modes.damped_frequencies, modes.damping_ratios, constants, modes.growths, modes.errors]
     )
     return measures
 
@@ -343,7 +348,7 @@ def _remarks(linear: Linearisation) -> list[str]:
     modes, size = linear.modes, np.abs(linear.modes.eigenvalues)
     notes = [linear.at.friction.note] if linear.at.friction.note else []
     notes += [] if len(size) else ["nothing is free to move: there are no modes"]
-    notes += _modes_that("unstable: {}", modes.eigenvalues.real > modes.errors)
+    notes += _modes_that("unstable: {}", modes.growths > 0.0)
     known = size > 0.0
     notes += rigid_modes(linear)
     twins = [(j, k) for j, k in modes.defective if known[j] and known[k]]

@@ -154,7 +154,7 @@ def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array |
         raise InputError(
             f"the equation of motion has no derivative where dry friction sticks: {joints}",
             expected="a mechanism without dry friction",
-            hint="friction: {} in the mechanism file, or linearise, which holds joints that stick",
+            hint="friction: none in the mechanism file, or linearise, which holds joints that stick",
         )
     held = dynamics.inverse(t, q[None], v[None], a[None]) - tau
     lam = Multipliers.least(mechanism.closure, q[None], held, np.zeros((1, 0)))

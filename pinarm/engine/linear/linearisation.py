@@ -177,10 +177,16 @@ class Modes(Record, frozen=True):
         return np.asarray(self.eigenvalues.imag / (2.0 * np.pi))
 
     @property
+    def growths(self) -> Array:
+        """``Re lambda`` [1/s], 0 where rounding explains it, shape (k,)."""
+        growths = self.eigenvalues.real
+        return np.where(np.abs(growths) <= self.errors, 0.0, growths)
+
+    @property
     def damping_ratios(self) -> Array:
-        """``-Re lambda / |lambda|``, shape (k,); 0 of an eigenvalue 0."""
+        """``-Re lambda / |lambda|``, shape (k,); 0 where rounding explains it."""
         size = np.abs(self.eigenvalues)
-        return np.asarray(0.0 - self.eigenvalues.real / np.where(size > 0.0, size, 1.0))
+        return np.asarray(0.0 - self.growths / np.where(size > 0.0, size, 1.0))
 
     @property
     def defective(self) -> list[tuple[int, int]]:

@@ -189,12 +189,9 @@ def _modes(result: Run) -> Section:
     """Return the table of the modes, what takes part in them, and their eigenvalues in the complex plane."""
     eigenvalues = _eigenvalues(result)
     numbers = range(1, len(eigenvalues) + 1)
-    errors = [float(result[f"mode.{k}.error"].values[0]) for k in numbers]
-    measured = [
-        [_cleared(result[f"mode.{k}.{name}"], value, error) for name in MEASURES]
-        for k, value, error in zip(numbers, eigenvalues, errors, strict=True)
-    ]
-    said = [_nature(value, error) for value, error in zip(eigenvalues, errors, strict=True)]
+    measured = [[result[f"mode.{k}.{name}"] for name in MEASURES] for k in numbers]
+    growths = np.array([row[-1].values[0] for row in measured])
+    said = [_nature(value, growth) for value, growth in zip(eigenvalues, growths, strict=True)]
     rows: list[Sequence[Cell]] = [
         (f"{k}", *(float(series.values[0]) for series in row), nature)
         for k, row, nature in zip(numbers, measured, said, strict=True)
@@ -203,7 +200,7 @@ def _modes(result: Run) -> Section:
     headings = ("mode", *(name.replace("_", " ") for name in MEASURES), "")
     table = SectionTable("modes", "Modes, by ascending frequency", headings, (None, *units, None), rows)
     plane = Graph("eigenvalues", "Eigenvalues", list(_plane(eigenvalues, said)), marks=[(0.0, "")])
-    parts = dict(_parts(result.arrays, np.abs(eigenvalues.real) <= errors))
+    parts = dict(_parts(result.arrays, growths == 0.0))
     tables = [_part_table(name, parts[name]) for name in parts]
     remarks = list(_leading(parts, said))
     return Section("modes", "Modes", [table, *tables], remarks=remarks, graphs=[plane] if measured else [])
@@ -243,17 +240,11 @@ def _leading(parts: Mapping[str, LabelledArray], said: Sequence[str]) -> Iterato
             yield f"mode {k + 1}: {', '.join(words)}"
 
 
-def _cleared(series: Series, eigenvalue: complex, error: float) -> Series:
-    """Return a measure of a mode, 0 where it is rounding: of what neither decays nor grows."""
-    rounding = abs(eigenvalue.real) <= error and series.name.endswith((".damping", ".growth"))
-    return replace(series, values=np.zeros(1)) if rounding else series
-
-
-def _nature(eigenvalue: complex, error: float) -> str:
+def _nature(eigenvalue: complex, growth: float) -> str:
     """Return a word for a mode whose table of numbers would be misread without it."""
     if not eigenvalue:
         return "rigid"
-    if eigenvalue.real > error:
+    if growth > 0.0:
         return "unstable"
     return "" if eigenvalue.imag else "no oscillation"
 
@@ -315,7 +306,7 @@ def _peak(response: Response, result: Run) -> tuple[float, float]:
     near = response.frequencies[max(top - 1, 0) : top + 2]
     for k, eigenvalue in enumerate(_eigenvalues(result), 1):
         place = eigenvalue.imag / (2.0 * np.pi)
-        if near[0] <= place <= near[-1] and abs(eigenvalue.real) <= result[f"mode.{k}.error"].values[0]:
+        if near[0] <= place <= near[-1] and result[f"mode.{k}.growth"].values[0] == 0.0:
             return np.inf, float(place)
     optimum = minimize_scalar(
         lambda x: -amplitude(x), bounds=(near[0], near[-1]), method="bounded", options={"xatol": FINE * near[-1]}
