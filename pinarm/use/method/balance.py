@@ -41,10 +41,16 @@ class Source(Record, frozen=True):
         """Return the power in the motions of bodies, shape (njoints, 6): a term of the equation."""
         return float((self.wrenches * twists).sum())
 
-    def size(self, twists: Array) -> float:
-        """Return the size of that term's parts: what its rounding is relative to."""
-        parts = np.abs(self.wrenches) if self.parts is None else self.parts
-        return float((parts * np.abs(twists)).sum(axis=1).max())
+    def size(self, twists: Array, extent: float) -> float:
+        """Return the size of that term's parts, whatever their directions: what its rounding is relative to.
+
+        A force has a moment by an arm of up to the extent [m].
+        """
+        parts = self.wrenches if self.parts is None else self.parts
+        force, moment, velocity, spin = (
+            np.linalg.norm(each, axis=1) for both in (parts, twists) for each in (both[:, :3], both[:, 3:])
+        )
+        return float((force * (velocity + extent * spin) + moment * spin).max())
 
 
 def sources(state: Quantities, actions: Actions, *, split: bool = False) -> list[Source]:

@@ -189,7 +189,7 @@ class Derivation(Record, frozen=True):
         """Return which component of an opened joint an equation has, in words, or its symbol."""
         place, actions = self.search.landmarks.place(carrier.name), self.search.actions
         if place is None:
-            return carrier.name
+            return said(WORDS[carrier.kind], name=carrier.name)
         body = next(body for body in reversed(carrier.bodies) if step.group[body])
         wrenches, twist = moved(actions.wrenches[0, body, carrier.columns], -place), step.twists[0, body]
         velocity = twist[:3] + np.cross(twist[3:], place)
@@ -241,7 +241,7 @@ class Derivation(Record, frozen=True):
         known = [
             Term(self._label(one.name, one.kind, step), "known")
             for one in self._known
-            if abs(one.power(step.twists[0])) > ROUNDED * one.size(step.twists[0])
+            if abs(one.power(step.twists[0])) > ROUNDED * one.size(step.twists[0], self.search.landmarks.extent)
         ]
         roles = ("weight", "inertia") if np.any(model.gravity.linear) else ("inertia",)
         return *unknown, *known, *(Term(said(WORDS[role], name=name), role, name) for role in roles for name in heavy)
@@ -249,7 +249,7 @@ class Derivation(Record, frozen=True):
     def _valued(self, step: Step, acting: Sequence[Source]) -> tuple[Term, ...]:
         """Return the terms of an equation with numbers: all that acts."""
         unknown = {(one.name, one.kind) for one in step.unknowns(self.search.actions)}
-        size = _size(acting, step)
+        size = self._size(acting, step)
         idle = unknown - {(one.name, one.kind) for one in acting}
         terms = [Term(self._label(*one, step), "unknown", value=0.0) for one in sorted(idle)]
         for one in acting:
@@ -264,13 +264,19 @@ class Derivation(Record, frozen=True):
         if kind in ("drive", "law"):
             own = self.wanted.symbol if (name, self.wanted.kind) == (self.wanted.of, "effort") else ""
             return own or self._symbols.get(f"joint.{name}.effort") or _named(kind, name)
-        function = self.search.wanted
+        function, carrier = self.search.wanted, self.search.actions.carrier(name, kind)
         along = (step.rows * function).sum(axis=1) / (function**2).sum(axis=1)
-        own_row = np.abs(step.rows - along[:, None] * function).max() < ALIKE * np.abs(step.rows).max()
-        if kind in ("joint", "loop", "coupling") and name == self.wanted.of and own_row:
+        if carrier is not None and name == self.wanted.of and self._is_multiple(step, carrier, along):
             sign = {1.0: "", -1.0: "-"}.get(round(float(along[0]), 9)) if np.ptp(along) < ALIKE else None
             return said(WORDS["lever"], of=self.wanted.symbol) if sign is None else sign + self.wanted.symbol
         return _named(kind, name)
+
+    def _is_multiple(self, step: Step, carrier: Carrier, along: Array) -> bool:
+        """Tell whether what a carrier does in an equation is the wanted unknown, ``along`` times, shape (c,)."""
+        own = np.any(self.search.wanted != 0.0, axis=0)
+        own[carrier.columns] = True
+        rest = (step.rows - along[:, None] * self.search.wanted)[:, own]
+        return bool(np.abs(rest).max() < ALIKE * np.abs(step.rows).max() and np.abs(along).min() > NOTHING)
 
     def _in_numbers(self, isolation: Isolation, chain: Chain, state: Quantities, where: str) -> Isolation:
         """Return a derivation with the terms of its equations in a state, and the unknown that follows from them."""
@@ -284,7 +290,7 @@ class Derivation(Record, frozen=True):
         weights = np.linalg.lstsq(rows.T, function, rcond=None)[0]
         rest = [_rest(acting, step, actions) for step in steps]
         solution, value = self._solution(state), float(weights @ rest) + self._offset(state, actions, acting)
-        scale = max(float(np.abs(weights) @ [_size(acting, step) for step in steps]), abs(solution), TINY)
+        scale = max(float(np.abs(weights) @ [self._size(acting, step) for step in steps]), abs(solution), TINY)
         if not abs(value - solution) <= AGREE * scale:
             raise InputError(
                 f"'{self.wanted.name}': the equations give {value:.9g}, the full solution {solution:.9g}: "
@@ -292,12 +298,18 @@ class Derivation(Record, frozen=True):
                 expected="the derivation without numbers: Mechanism.isolate(name)",
             )
         equations = tuple(
-            replace(equation, terms=self._valued(step, acting), unit=self._unit(step), scale=_size(acting, step))
+            replace(equation, terms=self._valued(step, acting), unit=self._unit(step), scale=self._size(acting, step))
             for equation, step in zip(isolation.equations, steps, strict=True)
         )
         measured = self._unit(None) if self.wanted.kind == "law" else str(state[self.wanted.quantity].unit)
+        asked = state[self.wanted.name] if self.wanted.formula else None
+        told = "" if asked is None else f"{asked.values[0]:.9g} {asked.unit}"
         isolation = replace(isolation, equations=equations, where=where, unit=measured)
-        return replace(isolation, value=value, solution=solution, scale=scale)
+        return replace(isolation, value=value, solution=solution, scale=scale, asked=told)
+
+    def _size(self, acting: Sequence[Source], step: Step) -> float:
+        """Return the size of the largest term of an equation, or of its parts."""
+        return max((source.size(step.twists[0], self.search.landmarks.extent) for source in acting), default=0.0)
 
     def _placed(self, step: Step, q: Array, marks: Landmarks) -> Step:
         """Return an equation with the motion of its bodies at another configuration, shape (1, nq)."""
@@ -363,11 +375,6 @@ def _named(kind: str, name: str) -> str:
 
 UNNAMED = ("joint damping", "end stops and given efforts")
 """Actions that have no name in a file."""
-
-
-def _size(acting: Sequence[Source], step: Step) -> float:
-    """Return the size of the largest term of an equation, or of its parts."""
-    return max((source.size(step.twists[0]) for source in acting), default=0.0)
 
 
 def _rest(acting: Sequence[Source], step: Step, actions: Actions) -> float:

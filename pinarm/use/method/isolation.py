@@ -132,6 +132,7 @@ class Isolation(Record, frozen=True):
         solution: The same in the full solution.
         unit: Its unit.
         scale: Largest term of the equations, in terms of the unknown.
+        asked: Value of the symbol or formula that was asked for, with its unit; empty where it is the unknown itself.
         language: Language of its words.
     """
 
@@ -145,6 +146,7 @@ class Isolation(Record, frozen=True):
     solution: float = float("nan")
     unit: str = ""
     scale: float = 1.0
+    asked: str = ""
     language: Language = field(default_factory=spoken)
 
     @property
@@ -162,7 +164,8 @@ class Isolation(Record, frozen=True):
 
     def _lines(self) -> list[str]:
         lines = [f"{self.title}{said(': ')}{self.verdict}"]
-        lines += [f"{self.wanted.name} = {self.wanted.formula}"] if self.wanted.formula else []
+        formula = [f"{self.wanted.name} = {self.wanted.formula}"] if self.wanted.formula != self.wanted.name else []
+        lines += formula if self.wanted.formula else []
         lines += [said("numbers {where}", where=self.where)] if self.where else []
         for number, equation in enumerate(self.equations, 1):
             lines += equation.lines(number)
@@ -170,6 +173,7 @@ class Isolation(Record, frozen=True):
             numbers = {"value": self.value, "unit": self.unit, "residual": self.residual}
             words = WORDS["holds" if self.wanted.kind == "law" else "hence"]
             lines.append(said(words, wanted=self.wanted.symbol, **numbers))
+            lines += [f"{self.wanted.name} = {decimals(self.asked)}"] if self.asked else []
         return [*lines, *(said(WORDS["or"], other=other) for other in self.alternatives)]
 
     def summary(self) -> dict[str, Any]:

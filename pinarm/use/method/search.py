@@ -211,12 +211,12 @@ class Search(Record, frozen=True):
             row = np.einsum("ckw,scw->sck", self._unknowns[place], self._twists)
             size, any_left = np.abs(left).max(axis=(1, 2), initial=0.0), np.abs(row).max(axis=2).min(axis=1)
             equations += [self._step(place, int(k)) for k in np.flatnonzero((size < NOTHING) & (any_left > NOTHING))]
-        kept: list[Array] = []
+        kept = np.zeros((0, len(self.wanted) * (1 + int(inner.sum()))))
         for step in sorted(equations, key=self.cost):
             row = self._reduced(step.rows, inner).ravel()
             row = row / np.linalg.norm(row)
-            if all(min(np.abs(row - twist).max(), np.abs(row + twist).max()) > NOTHING for twist in kept):
-                kept.append(row)
+            if all(np.abs(kept - way).max(axis=1).min(initial=1.0) > NOTHING for way in (row, -row)):
+                kept = np.vstack([kept, row])
                 yield step
 
     def _ordered(self, steps: Sequence[Step], inner: Flags) -> tuple[Step, ...]:
@@ -249,15 +249,23 @@ def _fewest(rows: Array, wanted: Array) -> list[int]:
     best: list[int] = []
     heads = np.flatnonzero(np.abs(rows[:, :, 0]).min(axis=1) > NOTHING).tolist()
     for head in heads or range(len(rows)):
-        basis = [head]
-        for k in range(len(rows)):
-            if k != head and np.linalg.matrix_rank(rows[[*basis, k], 0], tol=NOTHING) > len(basis):
-                basis.append(k)
+        basis = _independent(rows[:, 0], head)
         weights = np.linalg.lstsq(rows[basis, 0].T, wanted[0], rcond=None)[0]
         chosen = [place for place, weight in zip(basis, weights, strict=True) if abs(weight) > NOTHING]
         if chosen and (not best or len(chosen) < len(best)) and _give(rows[chosen], wanted):
             best = chosen
     return best
+
+
+def _independent(rows: Array, head: int) -> list[int]:
+    """Return the places of independent rows, shape (e, k): a first one, then each that those before do not span."""
+    rest, basis = rows, list[int]()
+    while len(new := np.flatnonzero(np.linalg.norm(rest, axis=1) > NOTHING)):
+        place = int(new[0]) if basis else head
+        unit = rest[place] / np.linalg.norm(rest[place])
+        rest = rest - np.outer(rest @ unit, unit)
+        basis.append(place)
+    return basis
 
 
 def _give(rows: Array, wanted: Array) -> bool:

@@ -175,3 +175,53 @@ def test_the_command_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", path, "--for", "C_B", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["wanted"]["quantity"] == "joint.B.effort"
     assert main(["explain", str(MODELS / "gen411_arm" / "mechanism.yaml"), "--for", "C_B", "--at", "t=1 s"]) == 2
+
+
+def ladder(folder: Path, bays: int) -> Path:
+    """Write uprights on the ground side by side, each tied to the next by a bar: as many loops as bays."""
+    names = [k for k in range(bays + 1)]
+    points = [f"O{k}: [{500 * k} mm, {10 * k} mm], A{k}: [{530 * k + 20} mm, {300 + 20 * k} mm]" for k in names]
+    links = [f"    c{k}: {{points: [O{k}, A{k}], mass: 1 kg}}\n" for k in names]
+    links += [f"    p{k}: {{points: [A{k - 1}, A{k}], mass: 1 kg}}\n" for k in names[1:]]
+    ground = ", ".join(f"O{k}" for k in names)
+    file = folder / "mechanism.yaml"
+    file.write_text(
+        f"pinarm: 1\nplanar:\n  points: {{{', '.join(points)}}}\n  ground: [{ground}]\n  links:\n{''.join(links)}"
+    )
+    return file
+
+
+@pytest.mark.parametrize("bays", [1, 2, 4])
+def test_each_loop_that_is_opened_at_a_pin_adds_two_equations(bays: int, tmp_path: Path) -> None:
+    found = pinarm.Mechanism.load(ladder(tmp_path, bays)).isolate("joint.O0.effort", drives=["O0"])
+    assert f"; {2 * bays + 1} equations with" in found.alternatives[0]
+
+
+def test_an_equation_of_several_names_what_is_wanted(tmp_path: Path) -> None:
+    found = pinarm.Mechanism.load(ladder(tmp_path, 1)).isolate("joint.O0.force.x", drives=["O0"])
+    assert [term.name for term in found.equations[-1].terms if term.role == "unknown"] == [
+        "joint.O0.force.x",
+        "action of A1",
+    ]
+
+
+def test_a_formula_that_is_asked_for_has_its_value() -> None:
+    """The gear of ratio 120 and efficiency 0.75 carries the torque of the knee, which its motor drives."""
+    found = run("exoskeleton_leg_knee").isolate("Cm", "t=1.4 s")
+    assert float(found.asked.removesuffix(" N*m")) == pytest.approx(found.value / 120 / 0.75, rel=1e-8)
+    assert str(found).splitlines()[-1] == f"Cm = {found.asked}"
+
+
+@pytest.mark.parametrize("angle", [-90.0, 90.0])
+def test_an_equation_of_which_only_rounding_is_left_holds(angle: float, tmp_path: Path) -> None:
+    """A rod above or below its pivot, at the world's origin: no weight has a moment there."""
+    (tmp_path / "mechanism.yaml").write_text(
+        "pinarm: 1\nplanar:\n  points: {O: [0, 0], A: [0.3 m, 0.1 m], B: [0.7 m, -0.2 m]}\n  ground: [O]\n"
+        "  links: {a: {points: [O, A], mass: 1 kg}, b: {points: [A, B], mass: 0.7 kg}}\n"
+    )
+    arm = pinarm.Mechanism.load(tmp_path / "mechanism.yaml")
+    inner, outer = np.arctan2(0.1, 0.3), np.arctan2(-0.3, 0.4)
+    q = arm.rates({"O": np.radians(angle) - inner, "A": inner - outer})
+    found = arm.isolate("joint.O.effort", q, drives=["O", "A"])
+    assert abs(found.value) < 1e-14
+    assert found.residual < 1e-14
