@@ -174,15 +174,18 @@ class _Form:
 
     def reduced(self, formula: sympy.Expr) -> sympy.Expr:
         """Return a formula without what is 0, linear in deviations where that is asked for."""
+        return shortest(self._plain(formula))
+
+    def _plain(self, formula: sympy.Expr) -> sympy.Expr:
         plain = sympy.sympify(formula).subs(self.zeros)
         if self.small is None:
-            return shortest(plain)
+            return plain
         size, values = sympy.Symbol("size"), {}
         for c in self.coordinates.chosen:
             values[c.value] = exact(self.small.get(c.name, 0.0)) + size * c.value
             values |= {c.rate: size * c.rate, c.second: size * c.second}
         moved = plain.subs(values, simultaneous=True)
-        return shortest(moved.subs(size, 0) + moved.diff(size).subs(size, 0))
+        return moved.subs(size, 0) + moved.diff(size).subs(size, 0)
 
     def motion(self, needed: Mapping[str, sympy.Expr]) -> tuple[Equation, ...]:
         """Return the equation of each coordinate: of its joint, or along it where no other effort is in it."""
@@ -198,11 +201,9 @@ class _Form:
         return tuple(equations)
 
     def _by_rates(self, formula: sympy.Expr) -> sympy.Expr:
-        if self.small is not None:
-            return self.reduced(formula)
-        seconds, rates = zip(*((c.second, c.rate) for c in self.coordinates.chosen), strict=True)
-        plain = formula.subs(self.zeros)
-        short = compact(plain, seconds, rates)
+        chosen, plain = self.coordinates.chosen, self._plain(formula)
+        deviations = () if self.small is None else (c.value for c in chosen)
+        short = compact(plain, [c.second for c in chosen], [*(c.rate for c in chosen), *deviations])
         require_same(plain, short)
         return short
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 import sympy
-from sympy.simplify.fu import TR8, TR10i
+from sympy.simplify.fu import TR8, TR9, TR10i
 
-LARGEST = 20
+LARGEST = 24
 """Largest denominator of a fraction that is printed as one; others are printed as decimals."""
 
 
@@ -16,10 +17,25 @@ def shortest(formula: sympy.Expr) -> sympy.Expr:
     plain = sympy.expand(formula)
     if not plain.free_symbols:
         return plain
-    reduced = sympy.trigsimp(plain)
+    reduced = _by_parameters(plain)
     ways = [plain, reduced, sympy.expand(TR8(plain)), TR10i(plain)]
     ways += [sympy.factor_terms(way) for way in ways] + [sympy.factor(reduced)]
-    return min(ways, key=lambda way: (way.count_ops(), len(str(way))))
+    return min(ways, key=_length)
+
+
+def _by_parameters(plain: sympy.Expr) -> sympy.Expr:
+    """Return an expanded formula with the functions of angles that lengths and masses multiply as simplified sums."""
+    parts = defaultdict[sympy.Expr, list[sympy.Expr]](list)
+    for term in sympy.Add.make_args(plain):
+        factor, angular = term.as_independent(sympy.sin, sympy.cos, sympy.tan, as_Add=False)
+        number, parameters = factor.as_coeff_Mul()
+        parts[parameters].append(number * angular)
+    sums = {parameters: sympy.trigsimp(sympy.Add(*terms)) for parameters, terms in parts.items()}
+    return sympy.Add(*(parameters * min(TR9(angular), angular, key=_length) for parameters, angular in sums.items()))
+
+
+def _length(formula: sympy.Expr) -> tuple[int, int]:
+    return formula.count_ops(), len(str(formula))
 
 
 def compact(formula: sympy.Expr, seconds: Sequence[sympy.Symbol], rates: Sequence[sympy.Symbol]) -> sympy.Expr:
