@@ -187,9 +187,9 @@ class ConstraintRows(Record, frozen=True):
                 _, _, frames, places = alike.setdefault(key, (part.pair, sense, [], []))
                 frames.append((part.first, part.second))
                 places.append(rows)
+        known = {tuple(frames): FramePairs.of(model, frames) for _, _, frames, _ in alike.values()}
         groups = [
-            (pair, sense, FramePairs.of(model, frames), np.array(places).T)
-            for pair, sense, frames, places in alike.values()
+            (pair, sense, known[tuple(frames)], np.array(places).T) for pair, sense, frames, places in alike.values()
         ]
         pattern = Pattern.of(model.nv, len(constants), groups, relations)
         pairs = (PairRows(*group, pattern.entries(group[3], group[2].velocities)) for group in groups)
@@ -274,11 +274,13 @@ class EvaluatedRows(Record, frozen=True):
         if not self.rows.pairs:
             return []
         tree, motions = LinkTree.of(self.rows.model), []
+        frames = {id(pairs.frames): pairs.frames for pairs in self.rows.pairs}  # one motion serves all they measure
         length = max(1, BLOCK // (len(tree.parents) * max(1, int(np.prod(self.q.shape[1:-1])))))
         for start in range(0, max(1, len(self.q)), length):
             part = slice(start, start + length)
             turns, arms = tree.placed(self.q[part])
-            motions.append((part, [pairs.frames.at(turns, arms) for pairs in self.rows.pairs]))
+            moved = {key: own.at(turns, arms) for key, own in frames.items()}
+            motions.append((part, [moved[id(pairs.frames)] for pairs in self.rows.pairs]))
         return motions
 
     def _pairs(self) -> Iterator[tuple[slice, PairRows, RelativeMotion]]:

@@ -138,16 +138,22 @@ class FreePull:
         return np.asarray(pin.integrate(self.path.model, q, self.units * step))
 
     def rates(self, q: Array, ways: Array) -> Array:
-        """Return the derivatives of J along ways, shape (k, nv), as an array of shape (k, m, nv)."""
-        steps = 1j * IMAGINARY * (ways * self.units) @ pin.tangentMap(self.path.model, q).T
+        """Return the derivatives of J along ways, shape (k, nv), as an array of shape (k, m, nv).
+
+        Args:
+            q: The configuration, shape (nq,), or one for each way, shape (k, nq).
+        """
+        maps = np.array([pin.tangentMap(self.path.model, row) for row in np.atleast_2d(q)])
+        steps = 1j * IMAGINARY * np.matvec(maps, ways * self.units)
         rows = np.imag(self.path.whole.constraint_rows.at(q + steps).matrices) / IMAGINARY
         return np.asarray(rows * (self.units / self.path.measure[:, None]))
 
     def _second(self, q: Array, way: Array) -> Array:
         """Return the second derivative of J along a way, shape (m, nv)."""
         h = STEP / max(float(np.abs(self.units * way / self.path.scale).max(initial=0.0)), TINY)
-        ends = [[self.rates(self.moved(q, s * k * h * way), way[None])[0] for s in (1, -1)] for k in (1, 2, 3)]
-        return np.asarray(np.tensordot(DIFFERENCES, [after - before for after, before in ends], 1) / h)
+        steps = h * np.array([1, 2, 3, -1, -2, -3])
+        after, before = np.split(self.rates(np.array([self.moved(q, s * way) for s in steps]), np.tile(way, (6, 1))), 2)
+        return np.asarray(np.tensordot(DIFFERENCES, after - before, 1) / h)
 
 
 class PullAt(Record, frozen=True):

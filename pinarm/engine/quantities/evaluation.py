@@ -12,7 +12,6 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.vectors import crossed, moved
 from pinarm.mechanics.joints import frame_of
 from pinarm.records import Record
@@ -79,22 +78,9 @@ class Evaluation(Record, frozen=True):
 
     def _derivatives(self, coordinate: Coordinate) -> Array:
         """Return a coordinate with its two derivatives, shape (n, 3)."""
-        run = self.run
-        if np.iscomplexobj(run.q):
-            return self._stepped(coordinate)
-        rows = np.empty((len(run), 3))
-        for i in range(len(run)):
-            state = Kinematics.at(run.mechanism.model, run.q[i], run.v[i])
-            row, drift = coordinate.row(state), coordinate.drift(state)
-            rows[i] = coordinate.value(state), row @ run.v[i], row @ run.a[i] + drift
-        return rows
-
-    def _stepped(self, coordinate: Coordinate) -> Array:
-        """Return the same of complex steps, which Pinocchio does not take."""
         here = ConstraintRows.of(self.run.mechanism.model, [coordinate]).at(self.run.q)
         row = here.matrices[:, 0]
-        rates = ((row * x).sum(axis=-1) for x in (self.run.v, self.run.a))
-        speed, growth = rates
+        speed, growth = ((row * x).sum(axis=-1) for x in (self.run.v, self.run.a))
         return np.stack([here.gaps[:, 0], speed, growth + here.drifts(self.run.v)[:, 0]], axis=1)
 
     def frame(self, name: str) -> Array:
