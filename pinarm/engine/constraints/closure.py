@@ -93,13 +93,13 @@ class Closure(Record, frozen=True):
         """
         moves, units = slides(self.model), iter(unit_of_length(self.loop_sizes.sizes).tolist())
         anywhere, whole = self._anywhere if moves.any() else None, float(unit_of_length(self.extent))
-        found: list[float] = []
+        sizes: list[float] = []
         for constraint in self.constraints:
             unit = next(units) if isinstance(constraint, LoopJoint) else whole
             if anywhere and not isinstance(constraint, LoopJoint):
                 unit = float(self.scale[moves & constraint.rows(anywhere).any(axis=0)].min(initial=whole))
-            found += [unit ** float(constraint.unit(row).dimension[0]) for row in range(constraint.size)]
-        return np.array(found)
+            sizes += [unit ** float(constraint.unit(row).dimension[0]) for row in range(constraint.size)]
+        return np.array(sizes)
 
     @cached_property
     def groups(self) -> Indices:
@@ -115,12 +115,12 @@ class Closure(Record, frozen=True):
 
         The velocities are those in its loops, or all of one without loops: what gears tie to a loop moves as it does.
         """
-        found: dict[int, list[tuple[Constraint, list[int]]]] = {}
+        groups: dict[int, list[tuple[Constraint, list[int]]]] = {}
         for constraint, tied in zip(self.constraints, self._tied, strict=True):
             if tied:
-                found.setdefault(int(self.groups[tied[0]]), []).append((constraint, tied))
+                groups.setdefault(int(self.groups[tied[0]]), []).append((constraint, tied))
         parts = []
-        for own in found.values():
+        for own in groups.values():
             looped = [tied for constraint, tied in own if isinstance(constraint, LoopJoint)] or [
                 tied for _, tied in own
             ]

@@ -239,20 +239,20 @@ class Pattern(Record, frozen=True):
         return np.searchsorted(self.rows * self.nv + self.columns, rows[:, None] * self.nv + columns)
 
 
-def parts_of(model: Model, one: Measured) -> Sequence[tuple[float, TiedFrames | JointRelation | LinearCoordinate]]:
+def parts_of(model: Model, element: Measured) -> Sequence[tuple[float, TiedFrames | JointRelation | LinearCoordinate]]:
     """Return the signed pairs of frames and relations whose rows, added up, are those of a constraint or coordinate."""
-    if isinstance(one, JointRelation | LinearCoordinate | LoopJoint):
-        return [(1.0, one)]
-    if isinstance(one, BallCoordinate) and isinstance(model, ModelVariants):
+    if isinstance(element, JointRelation | LinearCoordinate | LoopJoint):
+        return [(1.0, element)]
+    if isinstance(element, BallCoordinate) and isinstance(model, ModelVariants):
         raise VariantsDiffer("the placement of a ball joint")
-    if hasattr(one, "rotor"):
-        tie = cast("GearedRotor", one)
+    if hasattr(element, "rotor"):
+        tie = cast("GearedRotor", element)
         weights, places = np.zeros(model.nv), np.zeros(model.nv, dtype=np.intp)
         weights[tie.rotor.v], places[tie.rotor.v] = 1.0, tie.rotor.q
         turned = [(-sense, part) for sense, part in parts_of(model, tie.coordinate)]
         return [(1.0, LinearCoordinate(tie.coordinate.unit, weights, places)), *turned]
-    measured = one.path if isinstance(one, CableLoop) else one
-    assert isinstance(measured, PairCoordinate | PathLength), f"no rows of {type(one).__name__}"
+    measured = element.path if isinstance(element, CableLoop) else element
+    assert isinstance(measured, PairCoordinate | PathLength), f"no rows of {type(element).__name__}"
     return [(1.0, way) for way in measured.ways]
 
 

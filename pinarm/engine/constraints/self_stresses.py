@@ -155,12 +155,12 @@ class SelfStresses(Record, frozen=True):
 
     def _per_unit(self, constraint: Constraint, size: float) -> Acting:
         """Return what multipliers of a size, one after the other, do to links per unit."""
-        found = []
+        stresses = []
         for row in range(constraint.size):
             lam = np.zeros((*self.links.places.shape[:-2], constraint.size))
             lam[..., row] = size
-            found.append(constraint.wrenches(self.links, lam))
-        return {link: np.stack([wrenches[link] for wrenches in found], axis=-2) / size for link in found[0]}
+            stresses.append(constraint.wrenches(self.links, lam))
+        return {link: np.stack([wrenches[link] for wrenches in stresses], axis=-2) / size for link in stresses[0]}
 
     def _beyond_joints(self, parts: Mapping[str, Acting]) -> list[Mapping[str, Array]]:
         """Return what constraints do to the links beyond every joint, by their names."""
@@ -306,13 +306,13 @@ class Loosening(ValueRecord, frozen=True):
 
 def loosenings(stresses: SelfStresses) -> tuple[Loosening, ...]:
     """Return what leaves the mobility as it is and fewer redundant rows, the best first."""
-    found = list[Loosening]()
+    loose = list[Loosening]()
     for joint in (joint for joint in stresses.closure.constraints if isinstance(joint, LoopJoint)):
         for kind, given_up in looser(joint.pair):
             components = stresses.own(joint) @ given_up
             if components.size and _independent(stresses, components):
-                found.append(Loosening(((joint.name, kind),), stresses.degree - components.shape[-1]))
-    return tuple(sorted(found, key=lambda loosening: (loosening.degree, loosening.changes)))
+                loose.append(Loosening(((joint.name, kind),), stresses.degree - components.shape[-1]))
+    return tuple(sorted(loose, key=lambda loosening: (loosening.degree, loosening.changes)))
 
 
 def _independent(stresses: SelfStresses, components: Array) -> bool:

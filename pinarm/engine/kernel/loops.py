@@ -235,14 +235,14 @@ class CompiledLoops(Record, frozen=True):
     @cached_property
     def _weights(self) -> Array:
         """What the rows of each have of the unknowns that they pass, shape (sum of these, MOST_ROWS)."""
-        nv, found = self.tree.model.nv, list[Array]()
+        nv, factors = self.tree.model.nv, list[Array]()
         for tied, way in zip(self._ordered, self._ways, strict=True):
             weights = np.zeros((len(way.support), MOST_ROWS))
             if tied.weights is not None:
                 places = [k for k, unknown in enumerate(way.unknowns) if unknown < nv]
                 weights[places, : len(tied.weights)] = tied.weights[:, [way.unknowns[k] for k in places]].T
-            found.append(weights)
-        return np.concatenate(found)
+            factors.append(weights)
+        return np.concatenate(factors)
 
     @cached_property
     def _records(self) -> NDArray[np.void]:

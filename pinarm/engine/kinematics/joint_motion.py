@@ -248,7 +248,7 @@ class RolledMotion(JointMotion, frozen=True):
     def states(self, start: float, end: float, t: Array) -> tuple[Array, Array, Array]:
         """Return closed configurations, velocities and accelerations at instants of an interval, shape (n,)."""
         model, target = self.mechanism.model, self.prescribed.on(start, end)
-        way = min(self.ways, key=lambda one: abs(one.start - start) + abs(one.end - end))
+        way = min(self.ways, key=lambda span: abs(span.start - start) + abs(span.end - end))
         q, v, a = np.zeros((len(t), model.nq)), np.zeros((len(t), model.nv)), np.zeros((len(t), model.nv))
         for row, (instant, rough) in enumerate(zip(t.tolist(), way.at(t).T, strict=True)):
             w, dw, ddw = target(instant)

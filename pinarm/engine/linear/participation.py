@@ -33,11 +33,11 @@ WEIGHTS, CONSTRAINTS = "weights and velocities", "forces of constraints"
 
 def participations(linear: Linearisation) -> dict[str, LabelledArray]:
     """Return the parts of bodies, springs and dampers in each mode as tables: rows are their names."""
-    found = {"masses": _masses(linear), "springs": _stiffness_parts(linear)[0], "dampers": _dampings(linear)}
+    tables = {"masses": _masses(linear), "springs": _stiffness_parts(linear)[0], "dampers": _dampings(linear)}
     modes = [f"mode.{k}" for k in range(1, len(linear.modes.eigenvalues) + 1)]
     return {
         name: LabelledArray(_shares(parts), [*parts], modes, [DIMENSIONLESS] * len(parts), [DIMENSIONLESS] * len(modes))
-        for name, parts in found.items()
+        for name, parts in tables.items()
         if parts
     }
 

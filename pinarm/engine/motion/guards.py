@@ -194,9 +194,9 @@ def acting_on_angles(
         measured = [signal.coordinate for signal in controller.signals if hasattr(signal, "coordinate")]
         measured += [coordinates[name] for name in names if name in coordinates]
         acting += [(f"the controller of {', '.join(controller.drives)}", coordinate) for coordinate in measured]
-    found = [Acting(f"'{tie.name}'", tie.coordinate, counted=tie.coordinate.wraps) for tie in joint_ties(constraints)]
-    found += [Acting(user, angle, names_of.get(id(angle), "NAME")) for user, angle in acting]
-    return [some for some in found if _leaps(some.angle) or (some.angle.wraps and not some.counted)]
+    angles = [Acting(f"'{tie.name}'", tie.coordinate, counted=tie.coordinate.wraps) for tie in joint_ties(constraints)]
+    angles += [Acting(user, angle, names_of.get(id(angle), "NAME")) for user, angle in acting]
+    return [some for some in angles if _leaps(some.angle) or (some.angle.wraps and not some.counted)]
 
 
 def _leaps(angle: Coordinate) -> bool:

@@ -343,8 +343,8 @@ def varied(document: Document, values: Values, declared: Callable[[str], str] = 
 def require_apart(data: Any, values: Values, others: Iterable[str]) -> None:
     """Refuse values that lead to, or below, what other paths replace, and two of these paths that are the same."""
     replaced = [(other, steps_of(other, data, Location(other))) for other in others]
-    for (first, one), (second, two) in combinations(replaced, 2):
-        if one == two:
+    for (first, start), (second, end) in combinations(replaced, 2):
+        if start == end:
             raise InputError(f"'{first}' and '{second}' are one path, and varied twice", expected="each path once")
     for path, _, place in _assignments(values):
         steps = steps_of(path, data, place)

@@ -298,7 +298,7 @@ def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
     from the axes to the point, for outer teeth, inner teeth and cones alike.
     """
     members = (pair.first, pair.second)
-    radii = [_across(one.axis, at - one.point) for one in members]
+    radii = [_across(wheel.axis, at - wheel.point) for wheel in members]
     sizes = [float(np.linalg.norm(radius)) for radius in radii]
     if min(sizes) <= IN_LINE * max(sizes):
         member = members[int(np.argmin(sizes))]

@@ -54,9 +54,9 @@ def cached_by_model(compute: Callable[[pin.Model], T]) -> Callable[[pin.Model], 
         try:
             return known[id(model)]
         except KeyError:
-            known[id(model)] = found = compute(model)
+            known[id(model)] = answer = compute(model)
             weakref.finalize(model, known.pop, id(model), None)
-            return found
+            return answer
 
     return update_wrapper(value, compute)
 

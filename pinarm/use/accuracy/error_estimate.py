@@ -113,10 +113,10 @@ def _with_other_steps(
     method = scenario.content.accuracy.method
     while not takes_other_steps(result, other) and setting["method"] == method:
         finer = finer_setting(setting, other) or other_method(method)
-        found = _other(scenario, finer, most)
-        if found is None:
+        solved = _other(scenario, finer, most)
+        if solved is None:
             break
-        other, setting = found, finer
+        other, setting = solved, finer
     return other, setting
 
 
@@ -252,8 +252,8 @@ def output_differences(result: Result, other: Result) -> dict[str, float]:
     elsewhere = list(between_rows(result.lookup, other.lookup))
     for name, scale in output_scales(result).items():
         pairs = [(result[name].values[first], other[name].values[second])]
-        pairs += [(one[name].values, two[name].values) for one, two in elsewhere]
-        difference = float(np.max([np.abs(one - two).max() for one, two in pairs]))
+        pairs += [(outputs[name].values, others[name].values) for outputs, others in elsewhere]
+        difference = float(np.max([np.abs(values - others).max() for values, others in pairs]))
         differences[name] = max(difference / scale, moved, LEAST) if np.isfinite(difference) else np.inf
     return differences
 

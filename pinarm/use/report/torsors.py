@@ -39,8 +39,8 @@ def joint_torsors(result: Result) -> ReportTable:
     headings = [said("Joint"), said("first body"), said("second body"), said("kind")]
     headings += [with_unit(letter, scales[k // 3][1]) for k, letter in enumerate(letters)]
     rows = []
-    for *words, found in _torsors(result) if not result.trajectory.no_efforts else ():
-        rows.append([*words, *(_range(found, k, scales[k // 3][0]) for k in range(6))])
+    for *words, acting in _torsors(result) if not result.trajectory.no_efforts else ():
+        rows.append([*words, *(_range(acting, k, scales[k // 3][0]) for k in range(6))])
     return ReportTable(headings, rows, range(4), TITLE, REMARK)
 
 
@@ -48,24 +48,24 @@ def _torsors(result: Result) -> Iterator[tuple[str, str, str, str, Torsor]]:
     """Yield name, bodies and kind of each joint with its torsor."""
     mechanism, model = result.trajectory.mechanism, result.trajectory.mechanism.model
     ties = [(str(model.names[k]), joint_kind(model, k), int(model.parents[k]), k) for k in bodies_of(mechanism)]
-    for one in mechanism.constraints:
-        if isinstance(one, LoopJoint):
-            first, second = (int(model.frames[frame].parentJoint) for frame in (one.first, one.second))
-            ties.append((one.name, one.kind, first, second))
+    for constraint in mechanism.constraints:
+        if isinstance(constraint, LoopJoint):
+            first, second = (int(model.frames[frame].parentJoint) for frame in (constraint.first, constraint.second))
+            ties.append((constraint.name, constraint.kind, first, second))
     for name, kind, *bodies in ties[:MOST_JOINTS]:
         before, after = (moved_links(model, body)[0] if body else "" for body in bodies)
-        found = torsor(result, name, "", after, "static")
-        yield name, before or said("ground"), after or said("ground"), said(kind), found
+        acting = torsor(result, name, "", after, "static")
+        yield name, before or said("ground"), after or said("ground"), said(kind), acting
 
 
-def _range(found: Torsor, k: int, scale: float) -> str:
+def _range(acting: Torsor, k: int, scale: float) -> str:
     """Return the range of a component, one number where it is constant; 0 where the joint does not transmit it."""
-    if found.shape[k] == "0":
+    if acting.shape[k] == "0":
         return "0"
-    if found.undetermined[k]:
+    if acting.undetermined[k]:
         return said("undetermined")
-    values, size = found.components[:, k], np.nanmax(np.abs(found.resultant), initial=0.0)
-    size *= found.extent if k >= 3 else 1.0
+    values, size = acting.components[:, k], np.nanmax(np.abs(acting.resultant), initial=0.0)
+    size *= acting.extent if k >= 3 else 1.0
     values = np.where(np.abs(values) > SOLVED * max(size, np.abs(values).max()), values * scale, 0.0)
     least, greatest = rounded(float(values.min())), rounded(float(values.max()))
     return least if least == greatest else f"{least} … {greatest}"

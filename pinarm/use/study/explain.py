@@ -187,8 +187,13 @@ class Explanation:
             best.setdefault(loosening.changes[0][0], loosening)
         if opened:
             lines += ["left open by couplings:", *opened]
-        alone = {name: str(one).removeprefix(name) for name, one in best.items() if len(one.changes) == 1}
-        looser = [*_together(alone.items()), *(f"  {one}" for name, one in best.items() if name not in alone)]
+        alone = {
+            name: str(loosening).removeprefix(name) for name, loosening in best.items() if len(loosening.changes) == 1
+        }
+        looser = [
+            *_together(alone.items()),
+            *(f"  {loosening}" for name, loosening in best.items() if name not in alone),
+        ]
         return [*lines, *(["what could be loosened without more mobility, one at a time:", *looser] if best else [])]
 
     def _transmitted(self) -> list[str]:
@@ -240,7 +245,7 @@ class Explanation:
         lines += [f"friction of {name.replace('.', ' ', 1)}: {law}" for name, law in frictions.items()]
         lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
         acting = [*mechanism.control, *self.control]
-        lines += [f"controller of {', '.join(one.drives)}: {one.description}" for one in acting]
+        lines += [f"controller of {', '.join(control.drives)}: {control.description}" for control in acting]
         return [*lines, *(f"note: {note}" for note in counted(mechanism.notes))]
 
     def _pulling(self, element: ForceElement) -> str:

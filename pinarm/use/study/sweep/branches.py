@@ -102,8 +102,8 @@ class ModeValues(Taken):
         order, notes = _branches(cases, values, shapes)
         values = np.take_along_axis(values, order, axis=1)
         errors = np.take_along_axis(table[..., 2], order, axis=1)
-        found = [series for name in self.asked if (series := _measure(name, values, errors)) is not None]
-        return [*found, *others], notes
+        measures = [series for name in self.asked if (series := _measure(name, values, errors)) is not None]
+        return [*measures, *others], notes
 
 
 def _measure(name: str, values: Complex, errors: Array) -> Series | None:
