@@ -80,6 +80,16 @@ def test_mistakes_are_located(governor, about, error, message):
     assert "about" in str(caught.value.path) or "about" in str(caught.value)
 
 
+def test_two_drives_on_one_freedom_are_refused():
+    """Whether the crank or the rocker holds a four-bar, its frequencies differ: 1.6 and 2.1 Hz."""
+    held = {"theta2": "1 rad", "theta4": "1.7166977177865481 rad"}
+    with pytest.raises(InputError, match="not determine the efforts of theta2, theta4"):
+        pinarm.run("scenarios/crank_rocker_turning.yaml", {
+            "problem": {"kind": "linear", "about": {"hold": held, "equilibrium": {"A": "-0.51 rad"}}}, "expect": [],
+            "symbols": {}, "outputs": ["mode.1.frequency"],
+        })  # fmt: skip
+
+
 def test_a_crank_at_constant_speed_is_no_steady_motion():
     with pytest.raises(DynamicsError, match="does not stay closed at these velocities"):
         pinarm.run("scenarios/crank_rocker_turning.yaml", {

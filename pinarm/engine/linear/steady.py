@@ -51,6 +51,9 @@ BALANCED = 1e-12
 LASTING = 1e-7
 """Forces left after some of the motion, relative to their terms: rounding of configurations explains as much."""
 
+SHARED = 1e-9
+"""Effort of a drive in a self-stress of length 1 that is rounding."""
+
 TURNED = 0.7, 2.1
 """Angles [rad] by which the fastest joint turns on, at which a steady motion is still one."""
 
@@ -194,7 +197,7 @@ def steady_state(mechanism: Mechanism, dynamics: Dynamics, driven: Driven, q: Ar
     Raises:
         AssemblyError: Newton's method reaches none.
         DynamicsError: Loops do not allow the velocity, or not without acceleration.
-        InputError: Rates do not determine the velocity.
+        InputError: Rates do not determine the velocity, or the load not the efforts of the drives.
     """
     balance, smallest, length = _Balance(mechanism, dynamics, driven), np.inf, 1.0
     best, step = q, np.zeros(mechanism.model.nv)
@@ -209,6 +212,7 @@ def steady_state(mechanism: Mechanism, dynamics: Dynamics, driven: Driven, q: Ar
         slopes = balance.slopes(best, forces)
         if smallest <= BALANCED * (forces.terms() + np.abs(slopes).sum()):
             _require_steady(mechanism, best, forces.v)
+            _require_own_efforts(balance, best)
             _require_lasting(balance, best, forces, LASTING * (forces.terms() + float(np.abs(slopes).sum())))
             drives = slice(mechanism.closure.size, balance.closure.size)
             return SteadyState(best, forces.v, forces.carried[drives])
@@ -227,6 +231,23 @@ def advanced(mechanism: Mechanism, q: Array, v: Array) -> list[Array]:
     """Return configurations later in a steady motion, shape (nq,) each; none of one at rest."""
     speed = float(np.abs(v).max(initial=0.0))
     return [pin.integrate(mechanism.model, q, angle / speed * v) for angle in TURNED] if speed else []
+
+
+def _require_own_efforts(balance: _Balance, q: Array) -> None:
+    """Raise where drives may work against each other: their efforts, and so the small motion, are then undetermined.
+
+    Raises:
+        InputError: Names them.
+    """
+    stresses = balance.closure.split_at(q).stresses[balance.mechanism.closure.size :]
+    shared = np.abs(stresses).max(axis=1, initial=0.0) > SHARED
+    if shared.any():
+        names = ", ".join(name for name, shares in zip(balance.driven.names, shared, strict=True) if shares)
+        raise InputError(
+            f"the load does not determine the efforts of {names}, on which the small motion depends",
+            expected="coordinates in hold and steady that move independently of each other",
+            hint="one of them left out, or a load of its effort in loads",
+        )
 
 
 def _require_lasting(balance: _Balance, q: Array, forces: _Forces, most: float) -> None:
