@@ -140,11 +140,7 @@ def _failure(index: int, error: AssemblyError) -> str:
 
 
 def _equilibrium(balance: ForceBalance, q: Array, start: str) -> Equilibrium:
-    """Return the equilibrium that a start leads to, or a position that friction holds, with NaN for its modes.
-
-    Raises:
-        AssemblyError: There is neither.
-    """
+    """Return the equilibrium that a start leads to, or a position that friction holds, with NaN for its modes."""
     try:
         return balance.equilibrium(q, start)
     except AssemblyError:

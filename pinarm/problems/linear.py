@@ -212,11 +212,7 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         return Driven(self._driven, coordinates, prescribed, np.array(held), rates)
 
     def _inputs(self, mechanism: Mechanism, forces: Mapping[str, ForceElement], place: Place) -> list[Input]:
-        """Return the inputs by name; efforts at all joints where none is named.
-
-        Raises:
-            InputError: There is none of a name, or a position is not held.
-        """
+        """Return the inputs by name; efforts at all joints where none is named."""
         inputs = list[Input]()
         for index, name in enumerate(self.inputs or [*mechanism.joints]):
             with place("inputs", index):
@@ -325,13 +321,8 @@ def _most(mechanism: Mechanism, row: Trajectory) -> int:
 
 def _measures(linear: Linearisation, count: int) -> Array:
     """Return the measures of modes, shape (count, measures); NaN beyond them, as conjugate pairs are one mode."""
-    modes = linear.modes
-    with np.errstate(divide="ignore"):
-        constants = np.where(modes.growths, -1.0 / modes.growths, np.inf)
     measures = np.full((count, len(MODE_UNITS)), np.nan)
-    measures[: len(constants)] = np.column_stack(
-        [modes.frequencies, modes.damped_frequencies, modes.damping_ratios, constants, modes.growths, modes.errors]
-    )
+    measures[: len(linear.modes.errors)] = np.column_stack([*linear.modes.measures.values()])
     return measures
 
 

@@ -138,11 +138,7 @@ def measured(contact: FrictionContact) -> Coordinate:
 
 
 def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
-    """Return the loads N of k bearings in units of their friction, shape (n, k); 0 of friction that has none.
-
-    Raises:
-        InputError: A normal force vanishes in the state and not beside it.
-    """
+    """Return the loads N of k bearings in units of their friction, shape (n, k); 0 of friction that has none."""
     loads = np.zeros((len(run), len(contacts)), run.q.dtype)
     if not any(contact.law.loaded for contact in contacts):
         return loads

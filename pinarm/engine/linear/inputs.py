@@ -85,11 +85,7 @@ def added_name(coordinate: str) -> str:
 
 
 def _torque(mechanism: Mechanism, name: str, drive: str) -> Input:
-    """Return the torque of a motor: ``ratio`` times that at its joint, or at its rotor.
-
-    Raises:
-        InputError: Its gear has losses, which have a kink.
-    """
+    """Return the torque of a motor: ``ratio`` times that at its joint, or at its rotor."""
     definition, joint = mechanism.drives[drive], mechanism.driven_joint(drive)
     if definition.efficiency < 1.0:
         raise InputError(
@@ -110,7 +106,7 @@ def with_inputs(mechanism: Mechanism, forces: Mapping[str, ForceElement], names:
     for name in names:
         key = name.partition(".")[2] if name.startswith("force.") else ""
         if key in forces and not all(isinstance(law, Constant) for law in forces[key].laws()):
-            elements[key] = with_law(forces[key], Constant(value=0.0))
+            elements[key] = replace(forces[key], law=Constant(value=0.0))
         key = name.removeprefix("coordinate.").removeprefix("joint.").removesuffix(".effort")
         along = mechanism.coordinates.get(name) or mechanism.coordinates.get(key)
         if along is not None and not isinstance(along, LinearCoordinate) and not name.endswith(".position"):
@@ -119,11 +115,7 @@ def with_inputs(mechanism: Mechanism, forces: Mapping[str, ForceElement], names:
 
 
 def _amplitude_unit(mechanism: Mechanism, force: ForceElement, name: str) -> Unit:
-    """Return the unit of the amplitude of a force element; see ``_factor``.
-
-    Raises:
-        InputError: The element follows no law.
-    """
+    """Return the unit of the amplitude of a force element; see ``_factor``."""
     if isinstance(force, AppliedWrench) and force.condition is None:
         pushes, turns = force.wrench[:3].any(), force.wrench[3:].any()
         return DIMENSIONLESS if pushes and turns else unit("N*m" if turns else "N")
@@ -165,15 +157,10 @@ class SteppedLaw(Record, frozen=True):
         return stepped
 
 
-def with_law(force: ForceElement, law: object) -> ForceElement:
-    """Return a force element with another law."""
-    return replace(force, law=law)
-
-
 def stepped_force(force: ForceElement) -> ForceElement:
     """Return a force element with an imaginary step of its amplitude, on any interval."""
     assert isinstance(force, AppliedWrench | EffortAlong | AppliedEffort)
-    return with_law(force, SteppedLaw(force.law, 1j * STEP * _factor(force)))
+    return replace(force, law=SteppedLaw(force.law, 1j * STEP * _factor(force)))
 
 
 def force_load(state: Trajectory, name: str) -> Array:

@@ -260,11 +260,7 @@ def _completed(state: Trajectory, drives: Drives) -> Trajectory:
 
 
 def _require_pushes(mechanism: Mechanism, lam: Array) -> None:
-    """Raise where a constraint that pulls or pushes only carries nothing, or would have to do the other.
-
-    Raises:
-        InputError: Names it.
-    """
+    """Raise where a constraint that pulls or pushes only carries nothing, or would have to do the other."""
     for constraint in one_sided(mechanism.constraints):
         if constraint.side * lam[mechanism.closure.slices[constraint.name].start] <= AT_KINK * np.abs(lam).max():
             raise InputError(
@@ -288,11 +284,7 @@ def require_same(linear: Linearisation, later: Linearisation) -> None:
 
 
 def _one_state(mechanism: Mechanism, q: Array, **given: Array | None) -> list[Array]:
-    """Return q, v, a and tau of one state as arrays, shapes (nq,) and (nv,); 0 where nothing is given.
-
-    Raises:
-        InputError: The shapes do not fit.
-    """
+    """Return q, v, a and tau of one state as arrays, shapes (nq,) and (nv,); 0 where nothing is given."""
     leading, rows = states_of(mechanism, q, **given)
     if leading.shape:
         raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({mechanism.model.nq},)")
@@ -302,11 +294,7 @@ def _one_state(mechanism: Mechanism, q: Array, **given: Array | None) -> list[Ar
 def _require_smooth(
     mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, slopes: EquationDerivatives
 ) -> None:
-    """Raise where a load or the profile of a cam has a kink.
-
-    Raises:
-        InputError: Says which.
-    """
+    """Raise where a load or the profile of a cam has a kink."""
     least = max(float(terms.max(initial=0.0)) for terms in (slopes.terms_q, slopes.terms_v))
     if name := load_at_kink(dynamics, t, q, v, mechanism.closure.scale, least):
         raise InputError(

@@ -166,27 +166,30 @@ class Modes(Record, frozen=True):
         vectors /= np.linalg.norm(vectors, axis=0)
         return cls(eigenvalues[kept], vectors, conditions[kept], errors[kept])
 
+    @cached_property
+    def measures(self) -> dict[str, Array]:
+        """Frequency, damping and other numbers of the modes by name, shape (k,); see ``mode_measures``."""
+        return mode_measures(self.eigenvalues, self.errors)
+
     @property
     def frequencies(self) -> Array:
         """Undamped natural frequencies ``|lambda| / (2 pi)`` [Hz], shape (k,)."""
-        return np.asarray(np.abs(self.eigenvalues) / (2.0 * np.pi))
+        return self.measures["frequency"]
 
     @property
     def damped_frequencies(self) -> Array:
         """Frequencies of the damped oscillations ``Im lambda / (2 pi)`` [Hz], shape (k,)."""
-        return np.asarray(self.eigenvalues.imag / (2.0 * np.pi))
-
-    @property
-    def growths(self) -> Array:
-        """``Re lambda`` [1/s], 0 where rounding explains it, shape (k,)."""
-        growths = self.eigenvalues.real
-        return np.where(np.abs(growths) <= self.errors, 0.0, growths)
+        return self.measures["damped_frequency"]
 
     @property
     def damping_ratios(self) -> Array:
         """``-Re lambda / |lambda|``, shape (k,); 0 where rounding explains it."""
-        size = np.abs(self.eigenvalues)
-        return np.asarray(0.0 - self.growths / np.where(size > 0.0, size, 1.0))
+        return self.measures["damping"]
+
+    @property
+    def growths(self) -> Array:
+        """``Re lambda`` [1/s], shape (k,); 0 where rounding explains it."""
+        return self.measures["growth"]
 
     @property
     def defective(self) -> list[tuple[int, int]]:
@@ -195,6 +198,27 @@ class Modes(Record, frozen=True):
         apart = np.abs(self.eigenvalues[:, None] - self.eigenvalues)
         first, second = np.nonzero(np.triu(alike & (apart <= self.errors[:, None] + self.errors), 1))
         return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
+def mode_measures(eigenvalues: Complex, errors: Array) -> dict[str, Array]:
+    """Return the numbers of modes by name; NaN where an eigenvalue is.
+
+    Args:
+        eigenvalues: lambda [1/s], shape (k,).
+        errors: Their errors by rounding [1/s], shape (k,).
+    """
+    sizes, growths = np.abs(eigenvalues), eigenvalues.real
+    growths = np.where(np.abs(growths) <= errors, 0.0, growths)
+    with np.errstate(divide="ignore"):
+        constants = np.where(growths, -1.0 / growths, np.inf)
+    return {
+        "frequency": sizes / (2.0 * np.pi),
+        "damped_frequency": eigenvalues.imag / (2.0 * np.pi),
+        "damping": 0.0 - growths / np.where(sizes > 0.0, sizes, 1.0),
+        "time_constant": constants,
+        "growth": growths,
+        "error": errors,
+    }
 
 
 def _errors(eigenvalues: Complex, conditions: Array, a: Array, terms: Array, left: Array, right: Array) -> Array:
@@ -274,11 +298,7 @@ class _Ways(Record, frozen=True):
 
 
 def _prescribed(rows: Array, prescribed: Indices, independent: Indices, allowed: Array) -> Array:
-    """Return P: the motion of all joints per prescribed coordinate, independent joints at rest, shape (nv, p).
-
-    Raises:
-        InputError: Constraints hold a coordinate.
-    """
+    """Return P: the motion of all joints per prescribed coordinate, independent joints at rest, shape (nv, p)."""
     wanted = np.zeros((len(rows), len(prescribed)))
     wanted[prescribed, np.arange(len(prescribed))] = 1.0
     moved = np.linalg.lstsq(rows, wanted, rcond=DEPENDENT)[0]
@@ -329,11 +349,7 @@ def _state_space(whole: Array, independent: Indices, turning: Array) -> tuple[Ar
 
 
 def _eliminated(motion: LinearMotion, slopes: Array, count: int) -> LinearMotion:
-    """Return the motion with friction that follows from it, ``f = slopes [x; u; f]``.
-
-    Raises:
-        DynamicsError: Friction raises its own load without end.
-    """
+    """Return the motion with friction that follows from it, ``f = slopes [x; u; f]``."""
     known = slopes.shape[1] - count
     matrix = np.eye(count) - slopes[:, known:]
     if count and np.linalg.cond(matrix) > 1.0 / DEPENDENT:
@@ -373,11 +389,7 @@ def independent_joints(rows: Array) -> tuple[Indices, Array]:
 
 
 def _require_sizes(at: EquationDerivatives, scale: Array) -> None:
-    """Raise where a row is small in this position only: loops that close to rounding leave it undetermined.
-
-    Raises:
-        DynamicsError: The position is singular.
-    """
+    """Raise where a row is small in this position only: loops that close to rounding leave it undetermined."""
     sizes = np.linalg.norm(at.rows * scale, axis=1)
     changes = np.linalg.norm(at.rows_q * np.multiply.outer(scale, scale)[:, None], axis=2).max(axis=0, initial=0.0)
     if ((sizes > ROUNDING * sizes.max(initial=0.0)) & (sizes < SINGULAR * changes)).any():
@@ -389,9 +401,6 @@ def _require_regular(at: EquationDerivatives, allowed: Array) -> None:
 
     With ``mu^T G = 0`` in all positions nearby, ``mu^T G_q[n] n = 0`` for all allowed velocities n, as ``G n = 0`` is
     differentiated along the motion. Rows of one position, such as those of bars in one line, do not have that.
-
-    Raises:
-        DynamicsError: The position is singular.
     """
     rank = at.rows.shape[1] - allowed.shape[1]
     if rank == len(at.rows):
@@ -411,11 +420,7 @@ def _singular() -> DynamicsError:
 
 
 def _solved(mass: Array, force: Array) -> Array:
-    """Return ``mass^-1 force``.
-
-    Raises:
-        DynamicsError: Something without mass is free.
-    """
+    """Return ``mass^-1 force``."""
     from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
     try:

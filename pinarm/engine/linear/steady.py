@@ -138,11 +138,7 @@ class _Balance:
         return np.asarray(rows[drives].T @ carried[drives])
 
     def _velocity(self, rows: Array) -> Array:
-        """Return the velocity at which the drives turn, all else still, shape (nv,).
-
-        Raises:
-            InputError: The rates do not determine how joints turn.
-        """
+        """Return the velocity at which the drives turn, all else still, shape (nv,)."""
         driven = self.driven
         if not driven.rates.any():
             return np.zeros(rows.shape[1])
@@ -234,11 +230,7 @@ def advanced(mechanism: Mechanism, q: Array, v: Array) -> list[Array]:
 
 
 def _require_own_efforts(balance: _Balance, q: Array) -> None:
-    """Raise where drives may work against each other: their efforts, and so the small motion, are then undetermined.
-
-    Raises:
-        InputError: Names them.
-    """
+    """Raise where drives may work against each other: their efforts, and so the small motion, are then undetermined."""
     stresses = balance.closure.split_at(q).stresses[balance.mechanism.closure.size :]
     shared = np.abs(stresses).max(axis=1, initial=0.0) > SHARED
     if shared.any():
@@ -251,11 +243,7 @@ def _require_own_efforts(balance: _Balance, q: Array) -> None:
 
 
 def _require_lasting(balance: _Balance, q: Array, forces: _Forces, most: float) -> None:
-    """Raise where the forces do not balance later in the motion, with the same efforts, but for ``most``.
-
-    Raises:
-        DynamicsError: They do not.
-    """
+    """Raise where the forces do not balance later in the motion, with the same efforts, but for ``most``."""
     own, size = balance.mechanism.closure.size, balance.closure.size
     for later in advanced(balance.mechanism, q, forces.v):
         then = balance.at(later)
@@ -269,11 +257,7 @@ def _require_lasting(balance: _Balance, q: Array, forces: _Forces, most: float) 
 
 
 def _require_steady(mechanism: Mechanism, q: Array, v: Array) -> None:
-    """Raise where loops do not allow a velocity, or not without acceleration.
-
-    Raises:
-        DynamicsError: Names the loops.
-    """
+    """Raise where loops do not allow a velocity, or not without acceleration."""
     closure: Closure = mechanism.closure
     state = closure.state(q, v)
     rate, drift = closure.rows(state) @ v, closure.drift(state)

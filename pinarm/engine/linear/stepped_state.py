@@ -206,11 +206,7 @@ class SteppedState(Record, frozen=True):
         return _slopes(self._stepped(still, still, a, still, lam, slipping, dynamics=changed), names)[:, 0]
 
     def _require_shared(self, names: Sequence[str]) -> None:
-        """Raise where an output depends on how joints that friction holds share a load with constraints.
-
-        Raises:
-            InputError: Names the output.
-        """
+        """Raise where an output depends on how joints that friction holds share a load with constraints."""
         held = self._own + int(self.drives.prescribed.sum())
         if not self.friction.stuck.any() or not names:
             return
@@ -233,11 +229,7 @@ class SteppedState(Record, frozen=True):
 
 
 def _slopes(steps: Trajectory, names: Sequence[str]) -> Array:
-    """Return the derivatives of quantities along imaginary steps, shape (p, c).
-
-    Raises:
-        InputError: A quantity does not exist, or takes no imaginary steps.
-    """
+    """Return the derivatives of quantities along imaginary steps, shape (p, c)."""
     values, slopes = Quantities(steps), np.zeros((len(names), len(steps)))
     for k, name in enumerate(names):
         try:

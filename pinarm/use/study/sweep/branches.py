@@ -10,13 +10,14 @@ Source: Allemang, The modal assurance criterion: twenty years of use and abuse, 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, Complex, Flags, Indices
+from pinarm.engine.linear.linearisation import mode_measures
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.input.units import DIMENSIONLESS
@@ -111,20 +112,9 @@ def _measure(name: str, values: Complex, errors: Array) -> Series | None:
     match = MEASURE.fullmatch(name)
     assert match is not None
     branch, measure = int(match[1]) - 1, match[2]
-    value, error = values[:, branch], errors[:, branch]
-    if np.isnan(value).all():
+    if np.isnan(values[:, branch]).all():
         return None
-    size, decay = np.abs(value), np.where(np.abs(value.real) > error, value.real, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        computed: Mapping[str, Array] = {
-            "frequency": size / (2.0 * np.pi),
-            "damped_frequency": value.imag / (2.0 * np.pi),
-            "damping": np.where(size > 0.0, -decay / size, 0.0 * size),
-            "growth": decay + 0.0 * size,
-            "time_constant": np.where(decay != 0.0, -1.0 / decay, np.nan),
-            "error": error,
-        }
-    return Series(name, MODE_UNITS[measure], computed[measure])
+    return Series(name, MODE_UNITS[measure], mode_measures(values[:, branch], errors[:, branch])[measure])
 
 
 def _branches(cases: Cases, values: Complex, shapes: Complex) -> tuple[Indices, list[str]]:
