@@ -27,7 +27,7 @@ from pinarm.use.show.replay.arrows import ARROWS
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import report as terminal
 from pinarm.use.study.answers.check import LOOKS
-from pinarm.use.study.answers.mistakes import FACTORS, WEIGHTS
+from pinarm.use.study.answers.mistakes import FACTOR_IN, FACTORS, SIGN_IN
 from pinarm.use.study.lab import PARTLY
 
 PACKAGE = Path(pinarm.__file__).parent
@@ -38,7 +38,7 @@ TREES = [ast.parse(path.read_text()) for path in PACKAGE.rglob("*.py")]
 TABLES = (
     WORDS.values(), (kind.question for kind in KINDS.values()), KINDS, LABELS.values(), MEASURES, MEASURES.values(),
     COSTS, ERRORS.values(), ARROWS.values(), FACTORS, LETTERS, (look for look, _ in LOOKS.values()),
-    (HEADING, TITLE, REMARK, IN_PLANE, LAW, PROJECTED, OPEN, WEIGHTS, PARTLY), re.findall(r"\[\[([^0-9]*?)\]\]", PAGE),
+    (HEADING, TITLE, REMARK, IN_PLANE, LAW, PROJECTED, OPEN, SIGN_IN, FACTOR_IN, PARTLY), re.findall(r"\[\[([^0-9]*?)\]\]", PAGE),
 )  # fmt: skip
 """Texts that are translated by a name of the table that they are in."""
 

@@ -31,6 +31,9 @@ RANDOM, SPREAD = 2, 0.1
 """Runs with random arguments in which a formula must hold too, and how far these are from the file's, relatively."""
 
 
+NUMBER_TEXT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*([^\W\d].*)|\s+([\w%°].*))?")
+"""A number with a unit, or without one."""
+
 COMPUTED = ("effort", "force", "moment", "torque", "energy", "power")
 """Words of quantities that are no answer, but what is asked for."""
 
@@ -109,7 +112,10 @@ class Sheet:
         from IPython.display import display
 
         def plotted(**numbers: float) -> None:
-            display(self._changed(numbers).solve().plot(*names))  # type: ignore[no-untyped-call]
+            try:
+                display(self._changed(numbers).solve().plot(*names))  # type: ignore[no-untyped-call]
+            except PinarmError as error:  # such as a mechanism that does not close with these lengths
+                print(told(error.message))
 
         sliders = {name: ipywidgets.FloatSlider(**_slider(name, value)) for name, value in self._numbers.items()}
         return ipywidgets.interactive(plotted, **sliders)
@@ -131,9 +137,12 @@ class Sheet:
         )
 
     def _judged(self, entry: Expectation, text: str) -> str:
-        is_number = text[0] in "+-.0123456789" and " " in text and not set("*/()") & set(text.split(" ", 1)[0])
-        if not is_number:
+        number = NUMBER_TEXT.fullmatch(text)
+        is_number = number is not None
+        if number is None:
             self._require_derived(entry, text)
+        else:
+            text = " ".join(filter(None, number.groups()))
         answer = replace(entry, value=text if is_number else None, formula=None if is_number else text, published=None,
                          published_formula=None, because=None, verdict="agrees", erratum="", atol=None,
                          rtol=NUMBER if is_number else FORMULA)  # fmt: skip
@@ -192,7 +201,7 @@ def _question(result: Result, entry: Expectation) -> str:
     if entry.at == "all":
         place = ""
     elif isinstance(entry.at, dict):
-        values = ", ".join(f"{name} = {decimals(str(value))}" for name, value in entry.at.items())
+        values = ", ".join(f"{told(name)} = {told(str(value))}" for name, value in entry.at.items())
         place = said(" at {values}", values=values)
     else:
         place = said(", {place} of the run", place=told(entry.at))
