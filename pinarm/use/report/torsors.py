@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.constraints.self_stresses import joint_kind
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
@@ -38,9 +39,9 @@ def joint_torsors(result: Result) -> ReportTable:
     scales = [result.presentation.scale(Series("", unit(each), np.zeros(0))) for each in units]
     headings = [said("Joint"), said("first body"), said("second body"), said("kind")]
     headings += [with_unit(letter, scales[k // 3][1]) for k, letter in enumerate(letters)]
-    rows = []
-    for *words, acting in _torsors(result) if not result.trajectory.no_efforts else ():
-        rows.append([*words, *(_range(acting, k, scales[k // 3][0]) for k in range(6))])
+    torsors = [*_torsors(result)] if not result.trajectory.no_efforts else []
+    largest = max((_largest(acting.resultant) for *_, acting in torsors), default=0.0)
+    rows = [[*words, *(_range(acting, k, scales[k // 3][0], largest) for k in range(6))] for *words, acting in torsors]
     return ReportTable(headings, rows, range(4), TITLE, REMARK)
 
 
@@ -58,14 +59,24 @@ def _torsors(result: Result) -> Iterator[tuple[str, str, str, str, Torsor]]:
         yield name, before or said("ground"), after or said("ground"), said(kind), acting
 
 
-def _range(acting: Torsor, k: int, scale: float) -> str:
-    """Return the range of a component, one number where it is constant; 0 where the joint does not transmit it."""
+def _largest(values: Array) -> float:
+    return float(np.nanmax(np.abs(values), initial=0.0))
+
+
+def _range(acting: Torsor, k: int, scale: float, largest: float) -> str:
+    """Return the range of a component, one number where it is constant; 0 where the joint does not transmit it.
+
+    Args:
+        acting: The torsor.
+        k: The component.
+        scale: From SI to the unit of the table.
+        largest: Largest force in any joint [N].
+    """
     if acting.shape[k] == "0":
         return "0"
     if acting.undetermined[k]:
         return said("undetermined")
-    values, size = acting.components[:, k], np.nanmax(np.abs(acting.resultant), initial=0.0)
-    size *= acting.extent if k >= 3 else 1.0
-    values = np.where(np.abs(values) > SOLVED * max(size, np.abs(values).max()), values * scale, 0.0)
+    values, size = acting.components[:, k], largest * (acting.extent if k >= 3 else 1.0)
+    values = np.where(np.abs(values) > SOLVED * max(size, _largest(values)), values * scale, 0.0)
     least, greatest = rounded(float(values.min())), rounded(float(values.max()))
     return least if least == greatest else f"{least} … {greatest}"

@@ -15,7 +15,7 @@ import numpy as np
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.yaml.document import Values
-from pinarm.language import decimals, document, in_language, said, spoken, told
+from pinarm.language import document, in_language, said, spoken, told
 from pinarm.records import replace
 from pinarm.use.facade import Scenario, load
 from pinarm.use.result.expectation import Expectation
