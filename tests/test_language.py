@@ -167,6 +167,14 @@ def test_no_english_word_is_left_in_a_replay_a_sketch_and_a_plot() -> None:
     assert "début" in drawn[1].svg()
 
 
+def test_numbers_of_a_notebook_are_french() -> None:
+    result = pinarm.run(ROOT / "scenarios/manipulator_motion.yaml", {"lang": "fr"})
+    page = result._repr_html_()
+    assert english(page, result.content.title, *result.content.outputs) == set()
+    assert '<td style="text-align:right">-39,99921</td>' in page
+    assert "en t" in page
+
+
 def test_torsors_and_isolations_are_written_in_french() -> None:
     path = ROOT / "scenarios/gen411_arm_dynamic.yaml"
     french, plain = pinarm.run(path, {"lang": "fr"}), pinarm.run(path)

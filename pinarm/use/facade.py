@@ -20,6 +20,7 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, NumericsError, PinarmError
 from pinarm.input.yaml.document import Values
+from pinarm.language import decimals, in_language, said, told
 from pinarm.records import public_face, replace
 from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.result import result as results
@@ -205,6 +206,7 @@ class Result(results.Result, frozen=True):
 
         return save(self, Path(folder), plots=plots, dpi=dpi)
 
+    @in_language
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
         from pinarm.use.show.notebook import (
@@ -220,7 +222,10 @@ class Result(results.Result, frozen=True):
         )
         from pinarm.use.show.terminal import ranges, remarks
 
-        parts = [heading(self.content.title or self.name), table(ranges(self)), lines(remarks(self))]
+        first, *rows = ranges(self)
+        numbers = [first, *([*row[:2], *map(decimals, row[2:])] for row in rows)]
+        words = [told(line) for line in remarks(self)]
+        parts = [heading(self.content.title or self.name), table(numbers), lines(words)]
         parts += [section_html(section, self.presentation) for section in self.shown_sections.values()]
         short = {name: array for name, array in self.arrays.items() if len(array.rows) <= MOST_LINES}
         parts += [folded(name, table(array.cells())) for name, array in short.items()]
@@ -230,7 +235,7 @@ class Result(results.Result, frozen=True):
         try:
             parts.append(frame(self.replay(plots=()).html, height=FRAME_HEIGHT))
         except PinarmError as error:
-            parts.append(lines([f"no replay: {error}"]))
+            parts.append(lines([said("no replay: {why}", why=error)]))
         return blocks(*parts)
 
 

@@ -161,8 +161,8 @@ def _ranges(result: Result) -> ReportTable:
     (_, _, *columns), *rows = ranges(result, rounded)
     run, remark = result.trajectory, ""
     headings = [said("Quantity") if run.numbered else said("Quantity, at {count} rows", count=len(run)), said("unit")]
-    places = (with_unit(name, run.unit) if name == f"at {run.parameter}" else name for name in columns)
-    headings += [_place(name) for name in places]
+    along = said("at {place}", place=run.parameter)
+    headings += [with_unit(name, run.unit) if name == along else name for name in columns]
     cells = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
     if result.errors:
         headings.append(said("error"))
@@ -172,12 +172,6 @@ def _ranges(result: Result) -> ReportTable:
             "error: bound of the global error relative to the largest value of the quantity, in 99 of 100 cases"
         )
     return ReportTable(headings, cells, range(2), remark=remark)
-
-
-def _place(heading: str) -> str:
-    """Return ``at t``, or ``row 1``, in the language of the document."""
-    word, _, of = heading.partition(" ")
-    return said("at {place}", place=of) if word == "at" else said("row {number}", number=of) if of else heading
 
 
 def _bound(error: float | None) -> str:

@@ -69,7 +69,7 @@ def ranges(result: Result, written: Callable[[float], str] = seven_digits) -> li
     outputs = [presentation.shown(series) for series in result.columns()[1:]]
     names = [_heading(presentation.label(series.name), series.unit) for series in outputs]
     if run.numbered and len(run) <= FEW:
-        rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
+        rows = [["", said("unit"), *(said("row {number}", number=f"{number:g}") for number in run.grid.t)]]
         rows += [
             [*name, *(written(_cleared(number, _finest(result, series, zeros))) for number in series.values)]
             for name, series in zip(names, outputs, strict=True)
@@ -77,8 +77,8 @@ def ranges(result: Result, written: Callable[[float], str] = seven_digits) -> li
         return rows
     along = presentation.unit(result.parameter)
     factor = along.factor if along is not None else 1.0
-    at = f"at {run.parameter}" + (f" [{along}]" if factor != 1.0 else "")
-    rows = [["", "unit", "min", at, "max", at]]
+    at = said("at {place}", place=run.parameter) + (f" [{along}]" if factor != 1.0 else "")
+    rows = [["", said("unit"), "min", at, "max", at]]
     for name, series in zip(names, outputs, strict=True):
         entry = result.headline(series)
         finest = _finest(result, series, zeros)
