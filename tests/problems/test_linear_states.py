@@ -71,6 +71,14 @@ def test_a_pendulum_turned_about_a_level_axis_is_steady_for_an_instant_only(solv
         solve(xml, {"steady": {"turn": "5 rad/s"}, "equilibrium": {"swing": "1 deg"}})
 
 
+def test_a_bushing_across_a_joint_that_turns_on_makes_no_steady_motion(solve):
+    xml, description = rotor()
+    damper = {"kind": "bushing", "between": ["base", "z_link"], "damping": {"translation": ["9 N*s/m"] * 3}}
+    across = {"gravity": "none", "forces": {**description["forces"], "damper": damper}}
+    with pytest.raises(DynamicsError, match=r"part of a turn only; force 'damper': its frames .* acts up to 170 deg"):
+        solve(xml, {"steady": {"z": "100 rad/s"}}, across)
+
+
 def test_the_rate_of_a_sum_and_a_held_joint_determine_both(solve):
     """A governor whose ball turns with the sum of two joints about one axis, the first of them held."""
     xml = robot(

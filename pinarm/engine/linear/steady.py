@@ -31,6 +31,7 @@ from pinarm.errors import AssemblyError, DynamicsError, InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.friction.contact import slip_rows_at
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws.motion_law import Grid
@@ -54,8 +55,8 @@ LASTING = 1e-7
 SHARED = 1e-9
 """Effort of a drive in a self-stress of length 1 that is rounding."""
 
-TURNED = 0.7, 2.1
-"""Angles [rad] by which the fastest joint turns on, at which a steady motion is still one."""
+TURNED = 0.7, 2.1, 3.1
+"""Angles [rad] by which the fastest joint turns on, at which a steady motion is still one: almost half a turn too."""
 
 
 class Driven(Record, frozen=True):
@@ -246,6 +247,8 @@ def _require_lasting(balance: _Balance, q: Array, forces: _Forces, most: float) 
     """Raise where the forces do not balance later in the motion, with the same efforts, but for ``most``."""
     own, size = balance.mechanism.closure.size, balance.closure.size
     for later in advanced(balance.mechanism, q, forces.v):
+        if reason := refusals(balance.dynamics.forces, later):
+            raise DynamicsError(f"the motion is steady for a part of a turn only{reason}")
         then = balance.at(later)
         changed = np.abs(then.carried[own:size] - forces.carried[own:size]).max(initial=0.0)
         left, slower = np.abs(then.left).max(initial=0.0), np.abs(then.v - forces.v).max(initial=0.0)

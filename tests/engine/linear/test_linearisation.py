@@ -57,6 +57,34 @@ def test_springs_and_dampers_in_a_row(mechanism):
     assert moved[:, 0].real == pytest.approx([1.0 / 70.0, 0.0], abs=1e-15)  # 1 N on the first carriage
 
 
+def test_two_gears_and_an_elastic_belt_between_them(mechanism):
+    """``M x'' + D x' + K x = 0``: inertias by the squares of the ratios, ``k e e^T`` of the belt's stretch ``e x``."""
+    inertias, first, last, radii = [0.002, 0.03, 0.05, 0.4], -0.25, 0.2, np.array([0.04, -0.11])
+    xml = robot(*(link(f"s{k}", "base", "0 0 1", at=f"{0.3 * k} 0 0", mass=1.0, inertia=(0.3, 0.3, inertia))
+                  for k, inertia in enumerate(inertias, 1)))  # fmt: skip
+    made = mechanism(
+        xml,
+        gravity="none",
+        couplings={
+            "first": {"kind": "gear", "joints": ["s1", "s2"], "ratio": first, "pressure_angle": "20 deg"},
+            "last": {"kind": "gear", "joints": ["s3", "s4"], "ratio": last},
+        },
+        coordinates={"stretch": {"kind": "sum", "of": dict(zip(["s2", "s3"], radii.tolist(), strict=True))}},
+        forces={
+            "belt": {"kind": "coordinate_spring", "coordinate": "stretch", "stiffness": "2e5 N*m/rad",
+                     "damping": "30 N*m*s/rad"},
+            "load": {"kind": "joint_spring", "joint": "s4", "stiffness": "150 N*m/rad"},
+        },
+    )  # fmt: skip
+    mass = np.diag([inertias[0] / first**2 + inertias[1], inertias[2] + inertias[3] * last**2])
+    belt = np.outer(radii, radii)
+    terms = (2e5 * belt + np.diag([0.0, 150.0 * last**2]), 30.0 * belt)
+    state = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(mass, term) for term in terms]])
+    expected = sorted((x for x in np.linalg.eigvals(state) if x.imag > 0.0), key=abs)
+    found = made.linearise(np.zeros(4)).modes
+    assert np.abs(found.eigenvalues - expected).max() < 1e-11 * abs(expected[1])  # rounding of the largest entries
+
+
 @pytest.mark.parametrize("part", [1e-12, 1e-14, 1e-16, 1e-18])
 @pytest.mark.parametrize("parent", ["base", "a_link"])
 def test_a_mode_slower_by_nine_digits_is_no_rigid_one(part, parent, mechanism):
