@@ -101,7 +101,8 @@ class Mechanism(mechanism.Mechanism, frozen=True):
             t: Instant at which forces that follow laws are taken [s].
 
         Returns:
-            Efforts at the joints [N*m or N], shape (..., nv).
+            Efforts at the joints [N*m or N], shape (..., nv). Drives along other coordinates, such as distances, count
+            with what they do at the joints; ``at(q, v, a, drives=["leg"])["coordinate.leg.effort"]`` is that of each.
 
         Raises:
             InputError: The shapes do not fit, a state tears a loop or a coupling, the drives cannot carry the load, or

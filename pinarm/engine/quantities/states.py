@@ -21,7 +21,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.state_arrays import LeadingAxes, instant, states_of
 from pinarm.engine.series import Series
-from pinarm.engine.statics.actuation import actuation, everywhere
+from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.laws.motion_law import Grid
@@ -182,12 +182,18 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
     _check_closed(mechanism.closure, leading, q, v, a)
     sided = one_sided(mechanism.constraints)
     if not mechanism.frictions and not sided:
-        return leading.unfold(acting.efforts(np.full(len(q), float(t)), q, demand)[0])
+        return leading.unfold(_at_joints(acting, q, *acting.efforts(np.full(len(q), float(t)), q, demand)))
     beside = Beside(row_paces(mechanism, v, a), np.ones(len(q)), np.zeros_like(v))
     run = with_efforts(replace(_rows(mechanism, t, q, v, a), closure=acting.closure), acting, beside)
     if sided:
         _check_sides(dynamics, leading, run, demand)
-    return leading.unfold(run.tau)
+    return leading.unfold(_at_joints(acting, q, run.tau, run.lam))
+
+
+def _at_joints(acting: Actuation, q: Array, tau: Array, lam: Multipliers) -> Array:
+    """Return what all drives do at the joints, shape (n, nv): those along points, distances and the like by ``J^T``."""
+    along = lam.along
+    return tau + np.vecmat(along, acting.closure.at(q)[1][:, -along.shape[-1] :]) if along.size else tau
 
 
 def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: float) -> Array:

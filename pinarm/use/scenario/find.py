@@ -138,8 +138,8 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
             with within("for", path):
                 if (unknown.high < math.inf) != (self.wanted is None):
                     bounded = f"an optimum is searched between bounds, such as {BOUNDS}"
-                    rooted = "so_that is solved from one start, such as 100 kg, without bounds"
-                    raise InputError(rooted if self.wanted else bounded)
+                    rooted = "so_that is solved from one start, without bounds, such as "
+                    raise InputError(f"{rooted}{unknown.written(unknown)}" if self.wanted else bounded)
 
     @property
     def objective(self) -> AnyNumber | None:

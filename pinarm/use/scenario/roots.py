@@ -31,6 +31,9 @@ BARRIER = 1e3
 PROBE, FARTHER, PROBES = 0.1, 4.0, 12
 """First step that looks for a bracket, relative to the size of the number; largest growth of a step; most steps."""
 
+NEAR = 1e-3
+"""Remainder, relative to that at the start, below which it is compared with the noise of the run: that costs one."""
+
 MET, BARRED = 1e-9, 1e-3
 """Largest remainder of a wanted quantity that is met, relative to its change from the start to the end; remainder,
 relative to that at the start, above which a refused run is reported as what stopped the search."""
@@ -93,14 +96,20 @@ Refused = Callable[[], PinarmError]
 Residuals = Callable[[Sequence[Mapping[str, str | float]]], Iterable["dict[str, Array] | Refused"]]
 """Several sets of values by path -> for each every wanted quantity less its target, at all rows."""
 
+Noise = Callable[[Array], float]
+"""Values in SI, shape (k,) -> remainder of one wanted number that the tolerance of a run there explains, in SI."""
 
-def find_root(search: Find, residuals: Residuals, angles: Collection[str] = ()) -> FoundValues:
+
+def find_root(
+    search: Find, residuals: Residuals, angles: Collection[str] = (), noise: Noise = lambda _: 0.0
+) -> FoundValues:
     """Return the values that a search finds.
 
     Args:
         search: Unknown numbers and wanted quantities.
         residuals: Remainders of the wanted quantities.
         angles: Wanted quantities that are angles.
+        noise: Remainder of one wanted number that the tolerance of a run explains.
 
     Raises:
         InputError: An unknown has no effect on the wanted quantities, or several have the same.
@@ -110,7 +119,7 @@ def find_root(search: Find, residuals: Residuals, angles: Collection[str] = ()) 
     ends, failures = list[FoundValues](), list[PinarmError]()
     for turning in [angles, ()] if angles else [()]:
         try:
-            end = _Search(search, residuals, turning).solved()
+            end = _Search(search, residuals, noise, turning).solved()
         except PinarmError as error:
             failures.append(error)
             continue
@@ -133,17 +142,19 @@ class _Search:
     Attributes:
         search: Unknown numbers and wanted quantities.
         residuals: Remainders of the wanted quantities.
+        noise: Remainder of one wanted number that the tolerance of a run explains.
         turning: Angles whose whole turns do not count.
         largest: Largest sizes of the numbers so far, shape (k,).
         known: What came of runs, by the bytes of their values.
-        refusals: Errors of runs, in their order.
+        refusals: Values and errors of runs that are refused, in their order.
     """
 
     search: Find
     residuals: Residuals
+    noise: Noise
     turning: Collection[str] = ()
     largest: Array | float = 0.0
-    refusals: list[Refused] = field(default_factory=list)
+    refusals: list[tuple[Array, Refused]] = field(default_factory=list)
     known: dict[bytes, dict[str, Array] | Refused] = field(default_factory=dict)
 
     def solved(self) -> FoundValues:
@@ -180,9 +191,17 @@ class _Search:
         after = self._parts(ended.x)
         missed = self._missed(after, self._joined(after) - first, slopes * scale)
         if self.refusals and np.sqrt(2.0 * ended.cost) > BARRED * np.linalg.norm(first):
-            raise self.refusals[0]()
+            raise self._stopped(*self.refusals[0])
         turned = [name for name in self._turned(after) if name not in missed]
         return FoundValues(ended.x, _worst(after), _worst(before), missed, turned)
+
+    def _stopped(self, x: Array, refused: Refused) -> PinarmError:
+        """Return the error of a refused run with the values of the search there."""
+        error = refused()
+        values = ", ".join(f"{path} = {value:.6g}" for path, value in self.search.figures(x).items())
+        error.message = f"the search is stopped by a run that is refused, at {values}: {error.message}"
+        error.hint = error.hint or "another start, or a wish that runs on this side can meet"
+        return error
 
     def _turned(self, parts: Mapping[str, Array]) -> list[str]:
         """Return the angles of which whole turns are left."""
@@ -199,7 +218,8 @@ class _Search:
             (row,) = self._left([np.array([x])])
             if callable(row):
                 raise _NoBracket
-            return float(row[0])
+            size = abs(float(row[0]))
+            return 0.0 if size <= NEAR * abs(first) and size <= self.noise(np.array([x])) else float(row[0])
 
         try:
             ends = self._signs(left, start, first)
@@ -254,7 +274,7 @@ class _Search:
     def _left(self, points: Sequence[Array]) -> list[Array | Refused]:
         """Return the remainders at points, or why they cannot be run."""
         left = [parts if callable(parts) else self._joined(parts) for parts in self._run(points)]
-        self.refusals += [each for each in left if callable(each)]
+        self.refusals += [(x, row) for x, row in zip(points, left, strict=True) if callable(row)]
         return left
 
     def _sizes(self, x: Array) -> Array:

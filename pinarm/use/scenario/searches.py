@@ -96,6 +96,7 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
     taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
     task = Task.of(bare, taken, search.case(search.start))
     of_rows, runs, sizes = sum(number is None for number in numbers.values()), count(1), list[int]()
+    noises = list[float]()
 
     def left(row: Row) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
@@ -113,9 +114,18 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
                     yield partial(failure, task, case, row)
                     continue
                 sizes.append(len(row.taken))
+                if "energy" not in row.figures:
+                    noises.append(0.0)
                 yield left(row) if sizes[-1] == sizes[0] else _of_other_rows
 
-        return find_root(search, residuals, _angles(search, numbers))
+        def floor(values: Array) -> float:
+            """Return the noise of a motion that is integrated, by its first run that is asked; of others 0."""
+            if not noises:
+                tell(f"find: run {next(runs)}")
+                noises.extend(_noise(bare.varied(search.case(values)).solve(), search, list(wanted)).values())
+            return noises[0]
+
+        return find_root(search, residuals, _angles(search, numbers), floor)
 
 
 def _noise(result: Result, search: Find, wanted: Sequence[str]) -> dict[str, float]:
@@ -364,6 +374,7 @@ def check_paths(scenario: Scenario, values: Mapping[str, Sequence[str]], *at: st
             continue
         error, known = failures[0], _number_paths(scenario)
         near = get_close_matches(path, known, n=NEAREST, cutoff=0.4) if path not in known else []
+        near = [f"arguments.{path}"] if path in scenario.mechanism.arguments else near
         error.message = f"{path}: {error.message}"
         error.hint = f"a number of the scenario or its mechanism, such as {', '.join(near)}" if near else error.hint
         raise error

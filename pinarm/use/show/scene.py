@@ -232,7 +232,7 @@ class Name(ValueRecord, frozen=True):
     """A name at a point of a body.
 
     Attributes:
-        text: A label, see ``labels``.
+        text: The name; of names at one place their label, see ``labels``.
         kind: Whether it names a body, a point on a body, or a joint.
         at: Its place.
     """
@@ -294,7 +294,7 @@ def names_of(mechanism: Mechanism, shown: Scene, how: Presentation) -> list[Name
     A link with a mass or a shape is a part, any other a point. A part's name is in the middle of its longest stick,
     away from its joints; the ground has no such name. Of long series the first and the last remain.
     """
-    names = _ends_of_series(list(_all_names(mechanism, shown.nodes, how)))
+    names = _ends_of_series(list(_all_names(mechanism, shown.nodes)))
     groups: list[tuple[Array, list[Name]]] = []
     for name in sorted(names, key=lambda name: ("part", "point", "joint").index(name.kind)):
         path = name.at.path(shown.places)
@@ -304,10 +304,10 @@ def names_of(mechanism: Mechanism, shown: Scene, how: Presentation) -> list[Name
             groups.append((path, [name]))
         elif name.text not in [known.text for known in group]:
             group.append(name)
-    return sorted((_as_one(group) for _, group in groups), key=lambda name: name.kind == "part")
+    return sorted((_as_one(group, how) for _, group in groups), key=lambda name: name.kind == "part")
 
 
-def _all_names(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -> Iterator[Name]:
+def _all_names(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Name]:
     from pinarm.mechanics.planar_drawing import GROUND
 
     model, reached = mechanism.model, reaches(mechanism.model, nodes)
@@ -317,19 +317,19 @@ def _all_names(mechanism: Mechanism, nodes: Sequence[Node], how: Presentation) -
         at = point_of(model, frames.pop(name))
         if link.find("inertial") is None and link.find("visual") is None:
             if at.node or name != GROUND:  # the ground of a drawing is seen by its mounts
-                yield Name(plain(name), "point", at)
+                yield Name(name, "point", at)
         elif at.node:
-            yield Name(plain(name), "part", _middle(model, reached[at.node], at))
+            yield Name(name, "part", _middle(model, reached[at.node], at))
     for name, frame in frames.items():  # points of the mechanism file, and the frame of the world
         at = point_of(model, frame)
         if at.node or at.place.any():
-            yield Name(plain(name), "point", at)
+            yield Name(name, "point", at)
     for index in range(1, model.njoints):
         if nodes[index].carries:
-            yield Name(name_label(model.names[index], how), "joint", BodyPoint(index, np.zeros(3)))
+            yield Name(model.names[index], "joint", BodyPoint(index, np.zeros(3)))
     for joint in mechanism.constraints:
         if isinstance(joint, LoopJoint):
-            yield Name(plain(joint.name), "joint", point_of(model, joint.second))
+            yield Name(joint.name, "joint", point_of(model, joint.second))
 
 
 def _ends_of_series(names: Sequence[Name]) -> list[Name]:
@@ -356,8 +356,9 @@ def _middle(model: pin.Model, reached: Array, origin: BodyPoint) -> BodyPoint:
     return BodyPoint(origin.node, origin.place + 0.5 * ends[int(np.linalg.norm(ends, axis=1).argmax())])
 
 
-def _as_one(group: Sequence[Name]) -> Name:
-    """Return names at one place as one, without ``O_crank`` beside O, which is that point of a drawing on a link."""
+def _as_one(group: Sequence[Name], how: Presentation) -> Name:
+    """Return names at one place as one label, without ``O_crank`` beside O, the same point on a link."""
     texts = [name.text for name in group]
     apart = [text for text in texts if not any(text.startswith(f"{other}_") for other in texts)]
-    return replace(group[0], text=", ".join(apart[:MOST]) + (", ..." if len(apart) > MOST else ""))
+    labels = [plain(text) if group[0].kind == "part" else name_label(text, how) for text in apart[:MOST]]
+    return replace(group[0], text=", ".join(labels) + (", ..." if len(apart) > MOST else ""))

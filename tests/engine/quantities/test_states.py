@@ -31,6 +31,19 @@ def states():
     return np.random.default_rng(8).normal(size=(3, 40, 2))
 
 
+def test_drives_along_a_distance_and_a_height_move_the_joints():
+    """Their efforts at the joints give the accelerations back, by forward dynamics, and are those of virtual work."""
+    arm = Mechanism.load(ROOT / "docs" / "kind_examples" / "coordinates" / "arm.yaml")
+    q, v, a = np.random.default_rng(3).normal(size=(3, 20, 2))
+    tau = arm.inverse(q, v, a, drives=["reach", "height"])
+    assert arm.forward(q, v, tau) == pytest.approx(a, rel=1e-9, abs=1e-9)
+    states = arm.at(q, v, a, drives=["reach", "height"])
+    work = sum(
+        states[f"coordinate.{name}.effort"].values[:, None] * arm.jacobian(name, q) for name in ("reach", "height")
+    )
+    assert tau == pytest.approx(work, rel=1e-9, abs=1e-9)
+
+
 @pytest.mark.parametrize("name", ["magic_arms_cycle", "gyroscope_free"])
 def test_every_quantity_of_a_run_is_that_of_its_states(name):
     run = pinarm.load(ROOT / "scenarios" / f"{name}.yaml").run().trajectory

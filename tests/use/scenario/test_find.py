@@ -146,6 +146,7 @@ def test_a_number_without_unit_is_read_alike_wherever_it_is_varied(tmp_path: Pat
     ("path", "near"),
     [
         ("mechanism.arguments.m_A", "arguments.m_A"), ("problem.hold.phii", "problem.hold.phi"),
+        ("m_A", "such as arguments.m_A"),
     ],
 )  # fmt: skip
 def test_a_path_that_leads_nowhere_is_refused_by_validation_and_run_alike(tmp_path, path, near):

@@ -16,6 +16,7 @@ from pinarm.use.scenario.roots import FoundValues, find_root
 def found(
     starts: Mapping[str, str], left: Callable[..., float | Sequence[float]],
     runs: Callable[[float], bool] = lambda x: True, angles: Sequence[str] = (),
+    noise: Callable[[np.ndarray], float] = lambda x: 0.0,
 ) -> FoundValues:  # fmt: skip
     """Look for numbers for which a function of them in SI vanishes; not all of them can be run."""
     search = Find({path: Unknown.read(text) for path, text in starts.items()}, {"q": AnyQuantity.read("0 N")})
@@ -26,7 +27,7 @@ def found(
             bad = [each for each in x if not runs(each)]
             yield (lambda bad=bad: InputError(f"{bad} cannot be")) if bad else {"q": np.atleast_1d(left(*x))}
 
-    return find_root(search, residuals, angles)
+    return find_root(search, residuals, angles, noise)
 
 
 def positive(x: float) -> bool:
@@ -113,3 +114,23 @@ def test_one_number_is_bracketed(start: str) -> None:
 def test_a_jump_is_no_root() -> None:
     """The remainder changes its sign at 2 and is 1 on both sides."""
     assert not found({"m": "1.9 kg"}, lambda m: math.copysign(1.0, m - 2.0) + 0.1 * (m - 2.0)).met
+
+
+def test_a_search_ends_in_the_noise_of_its_runs() -> None:
+    """The real root of m^3 + m = 10, with changes of 1e-6 from run to run that no search can get below."""
+    runs = list[float]()
+
+    def left(m: float) -> float:
+        runs.append(m)
+        return m**3 + m - 10.0 + 1e-6 * math.sin(1e9 * m)
+
+    result = found({"m": "1.5 kg"}, left, noise=lambda _: 2e-6)
+    assert result.met
+    assert result.values == pytest.approx([2.0], rel=1e-6)
+    assert len(runs) <= 12
+
+
+def test_a_refused_run_that_stops_a_search_is_told_with_its_values() -> None:
+    """m^2 falls towards 0 and is to be -1: the search runs against the masses that are refused."""
+    with pytest.raises(InputError, match=r"stopped by a run that is refused, at m \[kg\] = -\d.*cannot be"):
+        found({"m": "1 kg"}, lambda m: m + 1.0, runs=positive)
