@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import STEP, Array, Flags, length
-from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.linear.derivatives import complex_kept
 from pinarm.engine.motion.trajectory import Trajectory
@@ -43,10 +42,6 @@ class FrictionState(Record, frozen=True):
     contacts: Sequence[FrictionContact]
     f: Array
     stuck: Flags
-
-    def rows(self, model: pin.Model) -> list[Measured]:
-        """Return the slips, as coordinates or rows of loop joints."""
-        return [measured(contact) for contact in self.contacts]
 
     @property
     def note(self) -> str:

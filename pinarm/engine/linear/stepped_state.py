@@ -17,7 +17,7 @@ from pinarm.arrays import STEP, Array, Flags
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.linear.derivatives import EquationDerivatives, complex_kept, equation_derivatives
-from pinarm.engine.linear.friction import FrictionState, friction_slopes, friction_state, with_friction
+from pinarm.engine.linear.friction import FrictionState, friction_slopes, friction_state, measured, with_friction
 from pinarm.engine.linear.inputs import force_load, stepped_force
 from pinarm.engine.linear.linearisation import DEPENDENT, LinearMotion, Rows, linear_motion
 from pinarm.engine.motion.trajectory import Trajectory
@@ -99,8 +99,7 @@ class SteppedState(Record, frozen=True):
     @cached_property
     def _measured(self) -> list[Measured]:
         """Constraints, coordinates of drives, and slips."""
-        mechanism = self.state.mechanism
-        return [*mechanism.constraints, *self.drives.coordinates, *self.friction.rows(mechanism.model)]
+        return [*self.state.mechanism.constraints, *self.drives.coordinates, *map(measured, self.friction.contacts)]
 
     @cached_property
     def derivatives(self) -> EquationDerivatives:
