@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.records import Record, ValueRecord
 from pinarm.use.letters.bodies import lettered_tree
@@ -23,9 +25,6 @@ from pinarm.use.letters.writing import compact, latex, shortest, written
 
 if TYPE_CHECKING:
     from pinarm.use.facade import Scenario
-
-FREE = ("forward", "equilibria", "linear")
-"""Kinds of problems in which only prescribed coordinates carry efforts."""
 
 AT_REST = ("statics", "equilibria")
 """Kinds of problems in which nothing moves."""
@@ -104,12 +103,16 @@ class Question(ValueRecord, frozen=True):
     @classmethod
     def of(cls, scenario: Scenario) -> Question:
         problem: Any = scenario.problem
-        laws, driven = getattr(problem, "motion", None) or {}, None
-        if problem.kind in FREE:
-            about = getattr(problem, "about", None)
-            driven = frozenset((*laws, *about.hold, *about.steady) if about else laws)
-        elif scenario.mechanism.constraints and getattr(problem, "drives", ()):
-            driven = frozenset(problem.drives)
+        laws, mechanism = getattr(problem, "motion", None) or {}, scenario.mechanism
+        row = problem.schema_row(mechanism)
+        for name in row.drives:
+            if not isinstance(mechanism.coordinates[name], LinearCoordinate):
+                raise InputError(f"the drive along '{name}' is not written in letters", expected="drives of joints")
+        driven = (
+            None
+            if row.driven is None
+            else frozenset(name for name, joint in mechanism.joints.items() if row.driven[joint.v])
+        )
         constant: dict[str, tuple[float | None, float]] = {}
         for name, law in laws.items():
             if isinstance(law, Constant | ConstantSpeed):

@@ -10,7 +10,7 @@ import sympy
 
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.assembly import closed_generic
-from pinarm.errors import DynamicsError
+from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.forces.kinds import bound
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.use.letters.forces import LetteredForce
@@ -64,6 +64,7 @@ class Proof:
 
         Raises:
             DynamicsError: It is no rounding.
+            InputError: All terms are 0.
         """
         function = sympy.lambdify([*self.numbers, *self.moving], [*needed.values()], "numpy", cse=True)
         random, model, worst = np.random.default_rng(0), self.mechanism.model, 0.0
@@ -73,6 +74,9 @@ class Proof:
             inertial, load = pin.rnea(model, model.createData(), q, v, a), self._load(q, v)
             masses = np.abs(pin.crba(model, model.createData(), q)).max()
             scale = np.abs(inertial).max() + np.abs(load).max() + masses
+            if not scale:
+                raise InputError("no body has a mass here: equations have nothing to be compared with",
+                                 expected="other masses than 0")  # fmt: skip
             values = function(*self.numbers.values(), *self._moving(q, v, a))
             difference = np.array(values, float) - (inertial - load)[self.order]
             worst = max(worst, float(np.abs(difference).max() / scale))

@@ -268,7 +268,8 @@ class Derivation(Record, frozen=True):
         along = (step.rows * function).sum(axis=1) / (function**2).sum(axis=1)
         if carrier is not None and name == self.wanted.of and self._is_multiple(step, carrier, along):
             sign = {1.0: "", -1.0: "-"}.get(round(float(along[0]), 9)) if np.ptp(along) < ALIKE else None
-            return said(WORDS["lever"], of=self.wanted.symbol) if sign is None else sign + self.wanted.symbol
+            part = "lever" if step.screw is None or step.screw.point is not None else "projection"
+            return said(WORDS[part], of=self.wanted.symbol) if sign is None else sign + self.wanted.symbol
         return _named(kind, name)
 
     def _is_multiple(self, step: Step, carrier: Carrier, along: Array) -> bool:

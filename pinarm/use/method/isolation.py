@@ -39,6 +39,7 @@ WORDS = {
     "force of": "force of {of} along {direction}",
     "moment of": "moment of {of} along {direction}",
     "lever": "moment of {of}",
+    "projection": "projection of {of}",
     "relation": "a relation between the unknowns of {of}",
     **dict.fromkeys(("joint", "loop", "coupling"), "action of {name}"),
     **dict.fromkeys(("drive", "law"), "effort at {name}"),

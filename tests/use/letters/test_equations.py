@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy
+import yaml
 
 import pinarm
 from pinarm.use.letters import equations as equations_module
@@ -151,6 +152,16 @@ def test_small_motions_have_the_frequencies_of_the_linear_analysis():
     )
 
 
+def test_a_joint_of_a_loop_without_a_drive_has_no_effort():
+    """In statics of a four-bar one joint carries a drive, though the scenario names none."""
+    text = "{kind: statics, over: {upright_0: {from: 10 deg, to: 60 deg, samples: 3}}}"
+    bars = pinarm.load(
+        scenario("four_bar_equal_rods"), {"problem": yaml.safe_load(text), "outputs": ["theta"], "expect": []}
+    )
+    efforts = {equation.of: str(equation.left) for equation in pinarm.equations(bars).motion}
+    assert sorted(efforts.values()) == ["0", "0", "tau_upright_0"]
+
+
 def test_a_load_over_a_coordinate_has_a_letter():
     moment = {"law": "piecewise_linear", "points": [["0 deg", "1 N*m"], ["180 deg", "5 N*m"]]}
     diagram = {"kind": "joint_effort", "joint": "B", "over": "O", "effort": moment, "while": {"B": "increasing"}}
@@ -186,6 +197,8 @@ def test_a_shortened_form_that_differs_is_not_printed(monkeypatch):
     [
         ("panda", None, "joints are too long"),
         (scenario("rotor_horizontal"), None, "'B' is not written in letters"),
+        (scenario("manipulator_operator"), None, "the drive along 'P_height' is not written"),
+        (scenario("magic_arms_kinematics"), None, "no body has a mass here"),
         (scenario("gen411_arm_swing"), {"psi": 0.0}, "there is no coordinate 'psi'"),
         (scenario("gen411_arm_swing"), {"phi": "2 m"}, "is no value of 'phi'"),
     ],
