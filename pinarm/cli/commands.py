@@ -505,6 +505,7 @@ FORMS = (
     output(FORMS, metavar="FILE"),
     arg("--title", default="", help="its heading (default: that of the first scenario)"),
     flag("--student", "leave the answer key out: neither print nor draw expected and published values"),
+    flag("--equations", "add the equations of the mechanism in letters; needs SymPy"),
     LANG,
 )
 def _report(options: Namespace) -> int:
@@ -512,7 +513,7 @@ def _report(options: Namespace) -> int:
 
     folder = options.results[0] if len(options.results) == 1 else Path()
     target: Path = options.output or folder / "report.html"
-    report(options.results, target, title=options.title, student=options.student)
+    report(options.results, target, title=options.title, student=options.student, equations=options.equations)
     show(options, {"file": str(target), "bytes": target.stat().st_size}, f"written to {target}")
     return OK
 

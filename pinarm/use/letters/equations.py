@@ -21,7 +21,7 @@ from pinarm.use.letters.forces import LetteredForce, joint_damping, lettered_for
 from pinarm.use.letters.projection import LetteredLoop, Letters
 from pinarm.use.letters.proof import STATES, Proof, require_same
 from pinarm.use.letters.traced_model import exact, letter
-from pinarm.use.letters.writing import compact, latex, shortest, written
+from pinarm.use.letters.writing import compact, latex, mathml, shortest, written
 
 if TYPE_CHECKING:
     from pinarm.use.facade import Scenario
@@ -47,7 +47,7 @@ class Equations(Record, frozen=True):
         closure: What closes the loops.
         motion: An equation for each joint or coordinate.
         momenta: Momenta that stay as they are.
-        dots: Symbol of a velocity or an acceleration -> its LaTeX.
+        dots: Symbol of a velocity or an acceleration -> that of the position, and ``dot`` or ``ddot``.
         difference: Largest difference from the numeric equations, relative to the largest term.
     """
 
@@ -56,29 +56,34 @@ class Equations(Record, frozen=True):
     closure: tuple[Equation, ...]
     motion: tuple[Equation, ...]
     momenta: tuple[Equation, ...]
-    dots: Mapping[sympy.Symbol, str]
+    dots: Mapping[sympy.Symbol, tuple[sympy.Symbol, str]]
     difference: float
 
     def __str__(self) -> str:
         """Return them as text."""
         width = max(map(len, self.symbols), default=0)
         lines = [f"Equations of {self.title}", *(f"  {name:{width}}  {words}" for name, words in self.symbols.items())]
-        for heading, equations in self._parts():
+        for heading, equations in self.parts():
             lines += [heading, *(f"  {e.of}:  {written(e.left)} = {written(e.right)}" for e in equations)]
         lines.append(f"at {STATES} random states they differ from the numeric ones by {self.difference:.1e}")
         return "\n".join(lines)
 
     def _repr_latex_(self) -> str:
         """Return them for notebooks."""
-        rows = [f"{latex(e.left, self.dots)} &= {latex(e.right, self.dots)}" for _, some in self._parts() for e in some]
+        rows = [f"{latex(e.left, self.dots)} &= {latex(e.right, self.dots)}" for _, some in self.parts() for e in some]
         return r"$\begin{aligned}" + r"\\ ".join(rows) + r"\end{aligned}$"
 
     def summary(self) -> dict[str, Any]:
         """Return them as plain data."""
-        parts = {heading: [[e.of, written(e.left), written(e.right)] for e in some] for heading, some in self._parts()}
+        parts = {heading: [[e.of, written(e.left), written(e.right)] for e in some] for heading, some in self.parts()}
         return {"title": self.title, "symbols": dict(self.symbols), **parts, "difference": self.difference}
 
-    def _parts(self) -> list[tuple[str, tuple[Equation, ...]]]:
+    def mathml(self, equation: Equation) -> str:
+        """Return an equation for pages, in MathML whose lines break between terms."""
+        return f"{mathml(equation.left, self.dots)} <math><mo>=</mo></math> {mathml(equation.right, self.dots)}"
+
+    def parts(self) -> list[tuple[str, tuple[Equation, ...]]]:
+        """Return headings with the equations below them."""
         parts = (("closure", self.closure), ("motion", self.motion), ("constant momenta", self.momenta))
         return [(heading, equations) for heading, equations in parts if equations]
 
@@ -240,8 +245,8 @@ def _meanings(letters: Letters, forces: Sequence[LetteredForce], loops: Sequence
     return meanings | {str(force): loop.meaning for loop in loops for force in loop.forces}
 
 
-def _dots(coordinates: LetteredCoordinates) -> dict[sympy.Symbol, str]:
-    dots: dict[sympy.Symbol, str] = {}
+def _dots(coordinates: LetteredCoordinates) -> dict[sympy.Symbol, tuple[sympy.Symbol, str]]:
+    dots: dict[sympy.Symbol, tuple[sympy.Symbol, str]] = {}
     for c in coordinates.chosen:
-        dots |= {c.rate: rf"\dot{{{sympy.latex(c.value)}}}", c.second: rf"\ddot{{{sympy.latex(c.value)}}}"}
+        dots |= {c.rate: (c.value, "dot"), c.second: (c.value, "ddot")}
     return dots

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import sympy
 from sympy.simplify.fu import TR8, TR9, TR10i
@@ -64,6 +65,39 @@ def written(formula: sympy.Expr) -> str:
     return str(sympy.sstr(decimals(formula), full_prec=False))
 
 
-def latex(formula: sympy.Expr, names: Mapping[sympy.Symbol, str]) -> str:
-    """Return a formula in LaTeX, some symbols under other names."""
-    return str(sympy.latex(decimals(formula), symbol_names=dict(names)))
+Dots: TypeAlias = Mapping[sympy.Symbol, tuple[sympy.Symbol, str]]
+"""Symbol of a velocity or an acceleration -> that of the position, and ``dot`` or ``ddot``."""
+
+ACCENTS = {"dot": "\u02d9", "ddot": "\u00a8"}
+
+
+def latex(formula: sympy.Expr, dots: Dots) -> str:
+    """Return a formula in LaTeX, velocities and accelerations with dots."""
+    names = {symbol: rf"\{mark}{{{sympy.latex(value)}}}" for symbol, (value, mark) in dots.items()}
+    return str(sympy.latex(decimals(formula), symbol_names=names))
+
+
+def mathml(formula: sympy.Expr, dots: Dots) -> str:
+    """Return a formula in MathML, an element for each term: lines of a page break between them."""
+    marks = {sympy.Symbol("DOTTED" + chr(ord("A") + k)): place for k, place in enumerate(dots.items())}
+    placed = decimals(formula).xreplace({symbol: mark for mark, (symbol, _) in marks.items()})
+    page = " ".join(_term(term, first=not k) for k, term in enumerate(placed.as_ordered_terms()))
+    for mark, (_, (value, accent)) in marks.items():
+        dotted = f'{_presentation(value)}<mstyle scriptlevel="0"><mtext>{ACCENTS[accent]}</mtext></mstyle>'
+        page = page.replace(f"<mi>{mark}</mi>", f"<mover>{dotted}</mover>")
+    return page
+
+
+def _term(term: sympy.Expr, *, first: bool) -> str:
+    """Return a term of a sum with its sign."""
+    minus = bool(term.could_extract_minus_sign())
+    sign = "\u2212" if minus else "" if first else "+"
+    content = _presentation(-term if minus else term)
+    drawn = f"<mo>{sign}</mo><mtext>&#8201;</mtext>{content}" if sign else content
+    return f'<math displaystyle="true">{drawn}</math>'
+
+
+def _presentation(formula: sympy.Expr) -> str:
+    from sympy.printing.mathml import mathml as printed
+
+    return str(printed(formula, printer="presentation")).replace("<mo>&InvisibleTimes;</mo>", "<mtext>&#8201;</mtext>")

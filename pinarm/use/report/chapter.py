@@ -7,7 +7,7 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from importlib import import_module
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec import field
@@ -75,7 +75,9 @@ def keyless(result: Result) -> Result:
 
 
 @in_language
-def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool, student: bool = False) -> Chapter:
+def chapter_on(
+    result: Result, folder: Path | None, date: str, *, moving: bool, student: bool = False, equations: bool = False
+) -> Chapter:
     """Return the chapter on a result.
 
     Args:
@@ -84,6 +86,7 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool, 
         date: When the report is made.
         moving: Whether the replay is wanted, which paper does not show.
         student: Whether the torsors of joints are among the answers, not in the appendix.
+        equations: Whether the equations of the mechanism are in it.
 
     Raises:
         PinarmError: The motion of a saved result cannot be solved again, which numbers between its rows need.
@@ -105,6 +108,7 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool, 
         part("Answers", _ranges(result), _numbers(result), _findings(result)),
         part("Actions in the joints", torsors) if student else "",
         part("Mechanism", figure(sketch(result, titled=False).svg(), "sketch"), tag("p", text(mobility_words(result)))),
+        part("Equations in letters", *_equations(result, folder)) if equations else "",
         part("Motion and curves", replay, *map(figure, _curves(result))),
         *(_part(section, result.presentation, own) for section in result.shown_sections.values()),
         part("Free-body diagrams", *map(figure, _free_bodies(result))),
@@ -121,6 +125,29 @@ def chapter_on(result: Result, folder: Path | None, date: str, *, moving: bool, 
     ]
     title, subtitle = result.content.title or result.name, f"{mechanism.title}, {told(result.kind)}"
     return Chapter(title, subtitle, "\n".join(filter(None, parts)))
+
+
+def _equations(result: Result, folder: Path | None) -> Iterator[ReportTable | str]:
+    """Yield the equations below their headings, what their symbols are, and how they were proved.
+
+    A folder has the numbers of the model; its scenario leads to the file with the letters, while this is there.
+    """
+    from pinarm.use.study.equations import equations
+
+    scenario: Any = result.scenario
+    try:
+        lettered = equations(folder / "scenario.yaml" if folder else scenario)
+    except PinarmError:
+        lettered = equations(scenario)
+    for heading, equations_of in lettered.parts():
+        yield tag("p", text(said(heading)))
+        for equation in equations_of:
+            yield tag(
+                "p", f"{text(told(equation.of))}{text(said(': '))}{decimals(lettered.mathml(equation))}", "equation"
+            )
+    meanings = [(symbol, told(words)) for symbol, words in lettered.symbols.items()]
+    yield ReportTable([said("symbol"), said("meaning")], meanings, range(2))
+    yield sentences([str(lettered).rpartition("\n")[2]])
 
 
 def appendix(*parts: str) -> str:

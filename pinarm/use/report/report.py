@@ -71,6 +71,7 @@ def report(
     *,
     title: str = "",
     student: bool = False,
+    equations: bool = False,
     lang: str = "",
 ) -> Report:
     """Return one document on results: question, answers and accuracy, mechanism, curves, sections, what was left out.
@@ -83,6 +84,7 @@ def report(
         title: Its heading; that of the first scenario where it is left out.
         student: Whether the answer key, ``expect``, is left out: values that are expected or published are neither
             printed nor drawn.
+        equations: Whether the equations of the mechanism in letters are in it; they need SymPy.
         lang: Language, ``en`` or ``fr``; that of each scenario where it is left out.
 
     Raises:
@@ -93,7 +95,7 @@ def report(
     moving = path is None or kind_of(Path(path)) == HTML
     date = time.strftime("%Y-%m-%d %H:%M %z")
     with writing(lang):
-        chapters = [_chapter(source, date, moving, student) for source in sources]
+        chapters = [_chapter(source, date, moving, student, equations) for source in sources]
         if not chapters:
             raise InputError("there is no result to report on", expected="at least one")
         heading = title or chapters[0].title
@@ -116,13 +118,14 @@ def kind_of(path: Path) -> str:
     return path.suffix
 
 
-def _chapter(source: Result | Sweep | str | Path, date: str, moving: bool, student: bool) -> Chapter:
+def _chapter(source: Result | Sweep | str | Path, date: str, moving: bool, student: bool, equations: bool) -> Chapter:
     if not isinstance(source, Result | Sweep) and (Path(source) / "sweep.yaml").is_file():
         source = stored_sweep(Path(source))
     if isinstance(source, Sweep):
         return chapter_on_sweep(source, date)
     folder, result = (None, source) if isinstance(source, Result) else (Path(source), restore(source))
-    return chapter_on(keyless(result) if student else result, folder, date, moving=moving, student=student)
+    shown = keyless(result) if student else result
+    return chapter_on(shown, folder, date, moving=moving, student=student, equations=equations)
 
 
 def _told_apart(chapters: Sequence[Chapter], sources: Sequence[Result | Sweep | str | Path]) -> list[Chapter]:

@@ -1,5 +1,6 @@
 """Equations in letters: published formulas, runs of the engine, linear motions, and what is refused."""
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -160,6 +161,18 @@ def test_a_joint_of_a_loop_without_a_drive_has_no_effort():
     )
     efforts = {equation.of: str(equation.left) for equation in pinarm.equations(bars).motion}
     assert sorted(efforts.values()) == ["0", "0", "tau_upright_0"]
+
+
+def test_reports_have_the_equations_in_mathml():
+    """Each velocity and acceleration has its dots over the letter of the position, and signs are those of the text."""
+    page = pinarm.report(pinarm.run(scenario("handling_arm_c1")), equations=True, lang="fr").html
+    (line,) = re.findall(r'<p class="equation">theta.*?</p>', page)
+    text = str(right_of(written("handling_arm_c1"), "C1"))
+    assert line.count("\u02d9</mtext>") == len(re.findall(r"\b(?:thd|phd)\b", text))
+    assert line.count("\u00a8</mtext>") == len(re.findall(r"\b(?:thdd|phdd)\b", text))
+    assert line.count("<mo>\u2212</mo>") == len(re.findall(r"(?:^| )-", text))
+    assert "Équations littérales" in page
+    assert "accélération thdd" in page
 
 
 def test_a_load_over_a_coordinate_has_a_letter():
