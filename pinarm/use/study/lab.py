@@ -242,9 +242,10 @@ def _cells(sheet: Sheet, shown: str, values: Values | None) -> list[tuple[str, s
     cells = [
         ("markdown", f"# {sheet._scenario.content.title or sheet._scenario.name}"),
         ("code", f'import pinarm\n\nsheet = pinarm.Sheet("{shown}"{changes})'),
-        ("markdown", said("Move the sliders: how do the results depend on the numbers of the model?")),
-        ("code", "sheet.explore()"),
     ]
+    if sheet._numbers:
+        words = said("Move the sliders: how do the results depend on the numbers of the model?")
+        cells += [("markdown", words), ("code", "sheet.explore()")]
     for number, question in enumerate(sheet.questions, 1):
         heading = said("**Question {number}.** {question}", number=number, question=question)
         cells += [("markdown", heading), ("code", f'sheet.check({number}, "...")')]

@@ -110,6 +110,20 @@ def test_the_notebook_runs_and_holds_no_key(tmp_path):
     assert any("FloatSlider" in str(output) for output in outputs)
 
 
+@pytest.mark.parametrize(("parameters", "shown"), [("", False), ("parameters: {m: 1 kg}\n", True)])
+def test_numbers_of_a_drawing_have_sliders_where_they_are_parameters(tmp_path, parameters, shown):
+    (tmp_path / "mechanism.yaml").write_text(
+        f"pinarm: 1\n{parameters}planar:\n  points: {{O: [0, 0], A: [250 mm, 0]}}\n  ground: [O]\n"
+        f"  links: {{rod: {{points: [O, A], mass: {'m' if parameters else '1 kg'}}}}}\n"
+    )
+    (tmp_path / "scenario.yaml").write_text(
+        "pinarm: 1\nmechanism: mechanism.yaml\noutputs: [joint.O.effort]\n"
+        "problem: {kind: statics, over: {O: {from: 0 deg, to: 60 deg, samples: 3}}}\n"
+        "expect: [{quantity: joint.O.effort, at: max, value: 1.22625 N*m, source: m g l/2}]\n"
+    )
+    assert ("explore" in pinarm.lab(tmp_path / "scenario.yaml", tmp_path / "sheet.ipynb").read_text()) == shown
+
+
 def test_a_scenario_without_a_key_makes_no_sheet(tmp_path):
     (tmp_path / "plain.yaml").write_text(
         "pinarm: 1\ntitle: Plain\nmechanism: panda\nproblem: {kind: forward, time: {end: 1 s, samples: 3}}\n"
