@@ -15,7 +15,7 @@ KNOWN = {
     "m": (1, LENGTH), "mm": (0.001, LENGTH), "cm": (0.01, LENGTH), "km": (1000, LENGTH), "um": (1e-6, LENGTH),
     "kg": (1, MASS), "g": (0.001, MASS), "mg": (1e-6, MASS), "t": (1000, MASS),
     "s": (1, TIME), "ms": (0.001, TIME), "us": (1e-6, TIME), "min": (60, TIME), "h": (3600, TIME),
-    "N": (1, FORCE), "mN": (0.001, FORCE), "kN": (1000, FORCE), "MN": (1e6, FORCE),
+    "N": (1, FORCE), "mN": (0.001, FORCE), "daN": (10, FORCE), "kN": (1000, FORCE), "MN": (1e6, FORCE),
     "Pa": (1, PRESSURE), "kPa": (1e3, PRESSURE), "MPa": (1e6, PRESSURE), "bar": (1e5, PRESSURE),
     "J": (1, ENERGY), "mJ": (1e-3, ENERGY), "kJ": (1e3, ENERGY), "MJ": (1e6, ENERGY),
     "W": (1, POWER), "mW": (1e-3, POWER), "kW": (1e3, POWER),

@@ -39,7 +39,7 @@ OPENED = 1e-9
 PER_TIME = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
 SINGULAR = ", whatever the efforts: the position is singular, or so near one that it is not told from it"
 
-CLOSING = "q, v, a = mechanism.close({'knee': 0.5}, {'knee': 1.0}), which closes the loops"
+CLOSING = "q, v, a = mechanism.close({'knee': 0.5}, {'knee': 1.0}, {'knee': 0.0}), which closes the loops"
 
 NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
 

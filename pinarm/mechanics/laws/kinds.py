@@ -111,7 +111,7 @@ class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=F
     def check(self) -> None:
         if (self.pulsation is None) == (self.frequency is None):
             raise InputError(
-                "an oscillation is as fast as its pulsation or its frequency says",
+                "an oscillation has either a pulsation or a frequency",
                 expected="one of both, such as pulsation: 2 rad/s, or frequency: 2 Hz",
             )
 

@@ -535,7 +535,8 @@ class Scenario(Record, frozen=True):
         quantities, presentation = self.quantities(), self.content.presentation
         for name in self.content.labels:
             with self.document.locating("labels", Key(name)):
-                if value_at(self.document.data, name) is None and not name.startswith("changes."):  # of a sweep's axes
+                of_axis = name.startswith("changes.") or argument_of(name) in self.mechanism.arguments  # of a sweep
+                if not of_axis and value_at(self.document.data, name) is None:
                     quantities[name]
         for name in presentation.units:
             with self.document.locating("units", Key(name)):

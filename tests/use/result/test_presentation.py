@@ -91,6 +91,17 @@ def test_mistakes_are_told_with_their_place(
     assert "inverse.yaml:8:" in str(caught.value)
 
 
+def test_an_axis_of_a_sweep_has_a_label_where_its_number_stands_in_the_mechanism_alone() -> None:
+    arm = {
+        "pinarm": 1, "mechanism": str(Path(pinarm.__file__).parents[1] / "models/five_bar/mechanism.yaml"),
+        "problem": {"kind": "statics", "hold": {"A": "0 deg", "E": "0 deg"}}, "outputs": ["P_x"],
+        "symbols": {"P_x": "point.P.position.x"}, "labels": {"arguments.l1": "$l_1$"},
+    }  # fmt: skip
+    assert pinarm.run(arm)["P_x"].values == pytest.approx([0.125])
+    with pytest.raises(InputError, match=r"no quantity 'arguments\.l9'"):
+        pinarm.run({**arm, "labels": {"arguments.l9": "l"}})
+
+
 KINDS = "units: {length: mm, angle: rad, torque: kN*m, speed: rpm, time: ms, mass: g, alpha: deg}\n"
 
 
