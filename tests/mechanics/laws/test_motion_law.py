@@ -254,7 +254,7 @@ def test_an_oscillation_is_as_fast_as_its_frequency_says() -> None:
     t = np.linspace(0.0, 1.0, 9)
     assert np.allclose(law.on(0.0, 1.0)(t), same.on(0.0, 1.0)(t), atol=1e-14)
     for both in ({}, {"pulsation": 1.0, "frequency": 2.0}):
-        with pytest.raises(InputError, match="its pulsation or its frequency"):
+        with pytest.raises(InputError, match="either a pulsation or a frequency"):
             Harmonic(amplitude=0.3, **both)
     with pytest.raises(InputError, match="cycles over time"):
         law.check_units(unit("m"), unit("rad"))
