@@ -452,6 +452,7 @@ class Lookup(Record, frozen=True):
                 raise InputError(
                     f"{name} jumps at {text}: {left:.9g} before, {right:.9g} after",
                     expected="side: left or side: right",
+                    hint="such as {t: 1.5 s, side: left}, or 't=1.5 s, side=left' in a text",
                 )
         return chosen[0 if side == "left" else -1]
 

@@ -73,6 +73,12 @@ def test_every_output_is_printed_as_the_summary_has_it(scenario: Callable[..., A
         assert [float(cell) for cell in row(page, name, unit)[2:]] == pytest.approx(numbers, rel=5e-4)
 
 
+def test_a_joint_that_carries_nothing_has_zeros_beside_others_that_do() -> None:
+    """The air pushes cylinder and rod, which have no mass, apart: their slide carries no force, other joints 20 kN."""
+    page = report(pinarm.run(Path(pinarm.__file__).parents[1] / "scenarios/manipulator_motion.yaml"), student=True).html
+    assert row(page, "y", "cylinder", "rod")[4:] == ["0", "0", "undetermined", "0", "0", "0"]
+
+
 def test_numbers_and_sections_are_printed_as_the_result_has_them(shaken: Any, shaken_page: str) -> None:
     """Angles in degrees."""
     result, page = shaken, shaken_page
