@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cached_property
 from os.path import relpath
 from pathlib import Path
@@ -92,6 +93,9 @@ class Sheet:
         try:
             return self._judged(entry, text)
         except PinarmError as error:
+            with suppress(PinarmError):
+                if self._judged(entry, f"g*({text})") == said("Right."):
+                    return said("Not right: {mistake}.", mistake=said("a mass stands where its weight belongs"))
             return said("This cannot be compared: {why}", why=told(error.message)) + (
                 f" ({told(error.expected)})" if error.expected else ""
             )

@@ -53,7 +53,8 @@ FORMULAS = [
     ("g*l2*cos(phi)*(m_A + m_BA/2)", "Right."),
     ("g*(0.25 m)*cos(phi)*(m_A + m_BA/2)", "for others"),
     ("g*l2*cos(phi)*m_BA/2", "m_A is forgotten"),
-    ("l2*cos(phi)*(m_A + m_BA/2)", "cannot be compared"),
+    ("l2*cos(phi)*(m_A + m_BA/2)", "mass stands where its weight"),
+    ("l2*cos(phi)*m_A", "cannot be compared"),
     ("C_B", "what the program computes"),
     ("g*l2*cos(", "cannot be compared"),
 ]
