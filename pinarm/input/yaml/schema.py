@@ -105,7 +105,7 @@ class Measured(float):
     above: ClassVar[float | None] = None
     within: ClassVar[float] = LARGEST
     forms: ClassVar[Sequence[Mapping[str, Any]]] = ({"type": "number"}, {"type": "string"})
-    examples: ClassVar[str] = "30 deg; 50 % or 0.5 1 for one without"
+    examples: ClassVar[str] = "30 deg; a number without a unit is 50 % or 0.5 1"
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
