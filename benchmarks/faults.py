@@ -78,7 +78,7 @@ FAULTS = [
           "(self.damping * rates * rates).sum(axis=-1)", "(0.5 * self.damping * rates * rates).sum(axis=-1)",
           "tests/mechanics/forces/test_force_element.py tests/mechanics/forces"),
     Fault("bearings that share a moment without a couple", "mechanics/friction/contact.py",
-          "[0.5 * one + two, 0.5 * one - two]", "[0.5 * one + two, 0.5 * one + two]",
+          "[0.5 * forces + moments, 0.5 * forces - moments]", "[0.5 * forces + moments, 0.5 * forces + moments]",
           "tests/mechanics/friction/test_bearing.py"),
     Fault("transverse pressure angle of helical teeth", "mechanics/friction/coupling_friction.py",
           "np.tan(self.surfaces.pressure_angle) / np.cos(self.surfaces.helix_angle)",

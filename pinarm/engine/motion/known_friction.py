@@ -142,10 +142,14 @@ class KnownFriction:
             expected="a smaller mu, a longer span of the guide, or a drive along another coordinate",
         )
 
-    def solved(self) -> Trajectory:
-        """Return the motion with its friction and efforts, and the columns ``joint.J.effort.lower`` and ``.upper``."""
+    def moving(self) -> Trajectory:
+        """Return the motion with its friction and efforts, without friction in joints at rest."""
         friction = [self._friction(i, direction, at_rest=False) for i, direction in enumerate(self.directions)]
-        run = self.under(np.reshape(friction, self.directions.shape))
+        return self.under(np.reshape(friction, self.directions.shape))
+
+    def solved(self) -> Trajectory:
+        """Return the same with the columns ``joint.J.effort.lower`` and ``.upper``."""
+        run = self.moving()
         return replace(run, columns={**run.columns, **self._bands(self.drives.coordinates(run.mechanism))})
 
     def _bands(self, coordinates: Mapping[str, Coordinate]) -> dict[str, Series]:

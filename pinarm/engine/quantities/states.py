@@ -183,8 +183,15 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
     sided = one_sided(mechanism.constraints)
     if not mechanism.frictions and not sided:
         return leading.unfold(_at_joints(acting, q, *acting.efforts(np.full(len(q), float(t)), q, demand)))
-    beside = Beside(row_paces(mechanism, v, a), np.ones(len(q)), np.zeros_like(v))
-    run = with_efforts(replace(_rows(mechanism, t, q, v, a), closure=acting.closure), acting, beside)
+    run = replace(_rows(mechanism, t, q, v, a), closure=acting.closure)
+    if mechanism.frictions:
+        from pinarm.engine.motion.known_friction import KnownFriction
+
+        beside = Beside(row_paces(mechanism, v, a), np.ones(len(q)), np.zeros_like(v))
+        run = KnownFriction(run, acting, demand, beside).moving()
+    else:
+        tau, lam = acting.efforts(run.grid.t, q, demand)
+        run = replace(run, tau=tau, lam=lam)
     if sided:
         _check_sides(dynamics, leading, run, demand)
     return leading.unfold(_at_joints(acting, q, run.tau, run.lam))
