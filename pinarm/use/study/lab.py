@@ -32,7 +32,7 @@ RANDOM, SPREAD = 2, 0.1
 """Runs with random arguments in which a formula must hold too, and how far these are from the file's, relatively."""
 
 
-NUMBER_TEXT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*([^\W\d].*)|\s+([\w%°].*))?")
+NUMBER_TEXT = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*([^\W\d].*)|\s+([\w%°].*))?")
 """A number with a unit, or without one."""
 
 COMPUTED = ("effort", "force", "moment", "torque", "energy", "power")

@@ -17,7 +17,7 @@ def test_a_mechanism_is_drawn_with_its_names() -> None:
     found = pinarm.explain(MODELS / "slider_crank" / "mechanism.yaml")
     [axis] = found.sketch().axes
     names = {text.get_text(): text.xy for text in axis.texts}
-    [piston] = [xy for text, xy in names.items() if text.startswith("B3, B")]
+    [piston] = [xy for text, xy in names.items() if text.startswith("$B_{3}$, B")]
     [pin] = [xy for text, xy in names.items() if text.split(", ")[0] == "A"]
     assert np.hypot(*np.subtract(piston, pin)) == pytest.approx(0.145, abs=1e-9)
     assert np.hypot(*pin) == pytest.approx(0.045, abs=1e-12)
