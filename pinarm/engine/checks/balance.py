@@ -1,4 +1,4 @@
-"""What a run is worth, measured in the run itself: balances by routes that the solver did not use."""
+"""Residuals of energy and power, independent of the solver."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def _carried(links: LinkPlacements, tree: LinkTree, wrenches: Array, sizes: Arra
 
 
 class EnergyAccount(Record, frozen=True):
-    """What the energy of an integrated motion is balanced from."""
+    """Energy balance of an integrated motion, from its steps and the dynamics of every interval."""
 
     solution: Solution
     dynamics: list[Dynamics]
@@ -151,7 +151,7 @@ class EnergyAccount(Record, frozen=True):
 
     @classmethod
     def each(cls, motion: SegmentedMotion) -> list[EnergyAccount]:
-        """Return those of the segments of a motion."""
+        """Return the energy balances of the segments of a motion."""
         return [
             cls(part.solution, [part.dynamics.on(x.start, x.end) for x in part.solution.intervals], part.system.whole)
             for part in motion.segments

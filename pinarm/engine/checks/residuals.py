@@ -1,6 +1,6 @@
-"""What the rows of a table say of themselves: how well loops are closed, how regular positions are, and the way back.
+"""Residuals of a table: closure of loops, regularity of positions, condition of masses, and forward dynamics.
 
-A fixed, even choice of rows is looked at, so that the cost of large tables stays bounded.
+A fixed, even choice of rows is checked, so that the cost of large tables stays bounded.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ LARGEST = 2000
 
 
 def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, Any]:
-    """Return what the rows of a run are worth.
+    """Return the residuals of the rows of a run, with its regularity and condition.
 
     Args:
         run: The table of states.
-        motion: What they are states of: regularity is looked for between rows too where it is given.
-        most: Largest number of rows that are looked at.
+        motion: The motion of these states; if given, regularity is sought between rows too.
+        most: Largest number of rows to check.
 
     Returns:
         Of rows at which all constraints hold: ``closure``, ``closure rate`` and ``closure acceleration``: largest gap
         of a loop [m or rad], and of its two derivatives. ``regularity``: smallest singular value of the constraints'
-        rows relative to the largest, of as many as are independent at any row, looked for between rows where it becomes
-        small; 0 at a singular position. ``least regular at``: where that is. ``relative regularity``: the smallest
+        rows relative to the largest, of as many as are independent at any row, sought between rows where it becomes
+        small; 0 at a singular position. ``least regular at``: its place. ``relative regularity``: the smallest
         singular value there relative to its largest value in the run. ``condition``: largest condition number of the
         mass matrix of the free motions, scaled to a diagonal of ones. ``return trip``: largest difference of the
         accelerations that the efforts give by forward dynamics to those of the table, relative to the largest
@@ -78,7 +78,7 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
 
 
 def _bounded(mechanism: Mechanism, most: int) -> int:
-    """Return how many rows are looked at: fewer of a mechanism whose matrices are large."""
+    """Return the number of rows to check: fewer of a mechanism with large matrices."""
     nv, m = int(mechanism.model.nv), mechanism.closure.size
     return max(FEWEST, min(most, NUMBERS // max(1, nv * max(nv, m))))
 
@@ -296,11 +296,11 @@ def _between(run: Trajectory, motion: SolvedMotion, rank: int, largest: float, t
 
 
 ROUNDED = 1e-13
-"""What rounding of numbers leaves open, relative to the length that a row can have: with 64 bits 1e-16 in each step."""
+"""Gap of a row by rounding, relative to the length that it can have: 64-bit numbers round by 1e-16 in each step."""
 
 
 def unclosed(run: Trajectory) -> list[str]:
-    """Return what is to be said of loops that stay open by more than the rounding of numbers; nothing if all close."""
+    """Return a note on loops that stay open by more than the rounding of numbers; empty if all close."""
     closure = run.mechanism.closure
     if not closure.size:
         return []

@@ -1,4 +1,4 @@
-"""What ties the coordinates of one mechanism: loop joints, couplings and guided coordinates, as rows ``G v = 0``.
+"""Constraints of one mechanism: loop joints, couplings and guided coordinates, as rows ``G v = 0``.
 
 An open chain has no rows; nothing else distinguishes it.
 """
@@ -66,7 +66,7 @@ class Closure(Record, frozen=True):
 
     @cached_property
     def loop_sizes(self) -> LoopSizes:
-        """How large the loops are that joints close."""
+        """Sizes of the loops that joints close."""
         return LoopSizes.of(
             self.model, [constraint for constraint in self.constraints if isinstance(constraint, LoopJoint)]
         )
@@ -153,7 +153,7 @@ class Closure(Record, frozen=True):
 
     @cached_property
     def slack(self) -> Array:
-        """Return what every row may leave open where it repeats others [m or rad], shape (m,); nothing of guides."""
+        """Tolerated gap of every row where it repeats others [m or rad], shape (m,); 0 of guided coordinates."""
         own = [not isinstance(constraint, GuidedCoordinate) for constraint, _ in self.owners()]
         return np.asarray(UNCLOSED * self.reach * np.array(own, dtype=np.float64))
 
@@ -222,7 +222,7 @@ class Closure(Record, frozen=True):
 
     @cached_property
     def holonomic(self) -> Closure:
-        """The same without the rows that bind velocities alone: what positions have to meet."""
+        """The constraints on positions: the closure without the rows that bind velocities alone."""
         return Closure.of(self.model, [*filter(None, map(_holding, self.constraints))]) if self.rolls else self
 
     @cached_property
@@ -306,20 +306,20 @@ class Closure(Record, frozen=True):
         return int((values > least).sum(axis=-1).max())
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> Array:
-        """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).
+        """Return the wrenches of multipliers, shape (n, m), on the links, shape (n, njoints, 6).
 
-        [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known do nothing to them.
+        [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known are left out.
         """
         joints, wrenches, _ = self._acting(links, lam)
         return self._summed(joints, wrenches)
 
     def acting(self, links: LinkPlacements, q: Array, lam: Array) -> tuple[Array, Array, Array]:
-        """Return what multipliers do to the links, and G^T lam of couplings whose forces are not known.
+        """Return the wrenches of multipliers on the links, and G^T lam of couplings whose forces are not known.
 
         Returns:
             [f; m] at the origins of the links, world axes [N, N*m], shape (n, njoints, 6); the sums of the sizes of
-            these forces and moments, with what the forces could do about the origins of the links if they stood
-            crosswise, shape (n, njoints, 2); and loads [N*m or N], shape (n, nv).
+            these forces and moments, to the latter added the forces times the longest arm of a loop joint on the link,
+            shape (n, njoints, 2); and loads [N*m or N], shape (n, nv).
         """
         states = np.broadcast_shapes(q.shape[:-1], lam.shape[:-1])
         joints, wrenches, idle = self._acting(links, lam)
@@ -392,7 +392,7 @@ class LoopSizes(Record, frozen=True):
 
     @classmethod
     def of(cls, model: Model, loops: Sequence[LoopJoint]) -> LoopSizes:
-        """Return those of the loops that joints close."""
+        """Return the sizes of the loops that joints close."""
         if not loops:
             return cls((), np.zeros(0))
         parents, places, along = list(model.parents), placements_of(model)[1], _distances(model)
@@ -465,7 +465,7 @@ def extent(model: pin.Model) -> float:
 
 @cached_by_model
 def slides(model: pin.Model) -> Flags:
-    """Return which velocities are translations, shape (nv,)."""
+    """Return a mask of the translational velocities, shape (nv,)."""
     sliding = np.zeros(model.nv, dtype=bool)
     for joint in model.joints[1:]:
         kind = joint.shortname().removeprefix("JointModel")

@@ -57,7 +57,7 @@ class Constraint(Protocol):
         """Return the unit of the gap in a row: m or rad."""
 
     def gap(self, state: Kinematics) -> Array:
-        """Return what is not closed [m or rad], shape (m,)."""
+        """Return the gaps [m or rad], shape (m,)."""
 
     def rows(self, state: Kinematics) -> Array:
         """Return G, shape (m, nv)."""
@@ -66,7 +66,7 @@ class Constraint(Protocol):
         """Return G' v, shape (m,)."""
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
+        """Return the wrenches on links of lam, shape (n, m): joint index -> [f; m] at the world's origin, (n, 6)."""
 
 
 class GuidedCoordinate(HeldCoordinate, frozen=True):
@@ -82,7 +82,7 @@ class OneSidedConstraint(Constraint, Protocol):
 
     @property
     def opens(self) -> str:
-        """What happens where it opens, in words."""
+        """Effect of the opening, in words, such as "the follower lifts off"."""
 
     def push(self, q: Array, lam: Array) -> Array:
         """Return with what it acts [N, or N*m], negative against its sense; shape (n,).
@@ -95,11 +95,11 @@ class OneSidedConstraint(Constraint, Protocol):
         """Return the unit of that."""
 
     def whereabouts(self, q: Array) -> str:
-        """Return what tells a configuration, shape (nq,), apart for it, in words; may be empty."""
+        """Return the place of a configuration, shape (nq,), along the constraint, in words; may be empty."""
 
 
 class JointTie(Constraint, Protocol):
-    """What ties a joint without a body to a coordinate: that of a rotor, or one that counts turns."""
+    """Tie of a joint without a body to a coordinate: the joint of a rotor, or a joint that counts turns."""
 
     @property
     def rotor(self) -> Joint:
@@ -107,7 +107,7 @@ class JointTie(Constraint, Protocol):
 
     @property
     def coordinate(self) -> Coordinate:
-        """What it moves as."""
+        """The coordinate that the joint follows."""
 
 
 def one_sided(constraints: Iterable[Constraint]) -> list[OneSidedConstraint]:
@@ -124,7 +124,7 @@ BLOCK = 4000
 """Links times states that are worked on at once: arrays of more would not stay in the processor's cache."""
 
 Measured = Constraint | Coordinate
-"""What has rows of G, or rows like those."""
+"""Constraint or coordinate: an object with rows of G, or with rows of the same form."""
 
 
 class PairRows(Record, frozen=True):
@@ -144,14 +144,14 @@ class PairRows(Record, frozen=True):
 
 
 class ConstraintRows(Record, frozen=True):
-    """What constraints and coordinates measure, their rows numbered through.
+    """Rows of constraints and coordinates, numbered through: gaps, G and drifts.
 
     Attributes:
-        model: The model, or variants of one.
-        constants: What the gaps are measured from, such as the length of a cable [m or rad], shape (m,).
+        model: The model, or variants of a model.
+        constants: Constants that the gaps are measured from, such as the length of a cable [m or rad], shape (m,).
         relations: First row of each relation of joint coordinates, and the relation.
-        turning: Row of each angle that is known but for whole turns, and the coordinate or rotor that counts them.
-        pattern: Where G has entries.
+        turning: Row of each angle that is known up to whole turns, and the coordinate or rotor that counts them.
+        pattern: Places of the entries of G.
     """
 
     model: Model

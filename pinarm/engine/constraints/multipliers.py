@@ -103,7 +103,7 @@ class Multipliers(Record, frozen=True):
 
     @cached_property
     def _every(self) -> Array:
-        """Those of all rows, shape (n, m + g): loads of joints and the files of a result both ask for them."""
+        """Multipliers of all rows, shape (n, m + g), kept for the loads of joints and the files of a result."""
         return np.concatenate([self.own(np.arange(len(self))), self.along], axis=-1)
 
     def at(self, rows: Indices) -> Array:

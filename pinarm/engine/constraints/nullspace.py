@@ -206,7 +206,7 @@ class SplitRows(Record, frozen=True):
         )
 
     def _joined(self, width: int, parts: Sequence[tuple[Indices, Array]]) -> Array:
-        """Return what groups have at their places, shape (.., width); 0 elsewhere."""
+        """Return the values of groups at their places in one array, shape (.., width), 0 elsewhere."""
         whole = np.zeros((*np.broadcast_shapes(self.shape[:-2], *(x.shape[:-1] for _, x in parts)), width))
         for places, x in parts:
             whole[..., places] = x
@@ -387,10 +387,10 @@ NOTHING = 1e-12
 
 
 def coupled_joints(rows: Array, right: Array, v: Array) -> Flags:
-    """Return which joints move or are coupled to such, row by row, shape (nv,).
+    """Return a mask of the joints that ``G v = b`` moves, or couples to moving ones row by row, shape (nv,).
 
-    The others can stay at rest: ``G v = b`` asks nothing of them. They would not if what is nearest to rest were chosen
-    by the masses alone, as the weight of a pendulum pulls it along with what carries it.
+    The others can stay at rest. The velocities nearest to rest in the measure of the masses alone would move them, as
+    a pendulum is pulled along with its carrier.
     """
     sizes = np.abs(rows)
     touched = sizes > NOTHING * sizes.max(axis=1, initial=0.0)[:, None]

@@ -62,11 +62,11 @@ class SelfStresses(Record, frozen=True):
         return self.closure.size - self.splits.rank if self.closure.size and len(self.q) else 0
 
     def on(self, functions: Array) -> Array:
-        """Return what they add to functions of the multipliers, shape (n, m, k) to (s, n, k)."""
+        """Return the changes of functions of the multipliers by self-stresses, shape (n, m, k) to (s, n, k)."""
         return np.moveaxis(self.splits.stresses.swapaxes(-1, -2) @ functions, -2, 0)
 
     def on_loop(self, joint: LoopJoint) -> Array:
-        """Return what they add to the wrench of a loop joint, see ``LoopJoint.wrench``, shape (s, n, 6)."""
+        """Return the changes of the wrench of a loop joint, see ``LoopJoint.wrench``, shape (s, n, 6)."""
         if not self.degree:
             return self._nothing
         second, arm = self.closure.model.frames[joint.second].parentJoint, -self.links.frame(joint.second)[1]
@@ -74,10 +74,10 @@ class SelfStresses(Record, frozen=True):
         return self.on(self._functions({joint.name: held}))
 
     def on_joint(self, joint: int) -> Array:
-        """Return what they add to the wrench of the parent on the child of a joint, see ``transmitted``, (s, n, 6).
+        """Return the changes of the wrench of the parent on the child of a joint, see ``transmitted``, shape (s, n, 6).
 
-        Each coupling that pushes its members apart both ways, or pulls them together, adds on its own: of two that
-        share a load what one pushes less the other does not push more.
+        Each coupling that pushes its members apart both ways, or pulls them together, adds a change of its own: if two
+        couplings share a load, the push that one loses is not gained by the other.
         """
         if not self.degree:
             return self._nothing
@@ -85,7 +85,7 @@ class SelfStresses(Record, frozen=True):
         return np.concatenate([self.on(self.transmitted(joint)), *both_ways])
 
     def on_multipliers(self, weights: Mapping[str, Array]) -> Array:
-        """Return what they add to a sum of multipliers, shape (s, n)."""
+        """Return the changes of a weighted sum of multipliers, shape (s, n)."""
         if not self.degree or not weights:
             return self._nothing[..., 0]
         return self.on(self._functions({name: weight[:, None, None] for name, weight in weights.items()}))[..., 0]
@@ -102,7 +102,7 @@ class SelfStresses(Record, frozen=True):
         return self._about(joint, self._beyond[joint])
 
     def _about(self, joint: int, beyond: Mapping[str, Array]) -> Array:
-        """Return what balances wrenches at the world's origin, by constraint, at a joint's origin, shape (n, m, 6)."""
+        """Return wrenches at a joint's origin that balance wrenches at the world's, by constraint, shape (n, m, 6)."""
         arm = -self.links.places[..., joint, None, :]
         return self._functions({name: moved(-part, arm) for name, part in beyond.items()})
 
@@ -121,7 +121,7 @@ class SelfStresses(Record, frozen=True):
 
     @cached_property
     def _acting(self) -> Mapping[str, Acting]:
-        """What unit multipliers of every constraint do to links: what changes its sense with them."""
+        """Wrenches on links per unit multiplier of every constraint, without the part that keeps its sense."""
         one_way = {
             constraint.name: self._per_unit(constraint, 1.0)
             for constraint in self.closure.constraints
@@ -132,18 +132,18 @@ class SelfStresses(Record, frozen=True):
 
     @cached_property
     def _beyond(self) -> list[Mapping[str, Array]]:
-        """What unit multipliers do to the links beyond every joint, as in ``_acting``, by constraint."""
+        """Wrenches of ``_acting`` on the links beyond every joint, by constraint."""
         return self._beyond_joints(self._acting)
 
     @cached_property
     def _both_ways(self) -> list[Mapping[str, Array]]:
-        """What they do in the same sense both ways, as teeth push wheels apart and strands pull them together."""
+        """Wrenches beyond every joint that keep their sense both ways: teeth push apart, strands pull together."""
         both = {name: {k: 0.5 * (up[k] + down[k]) for k in up} for name, (up, down) in self._pushed.items()}
         return self._beyond_joints({name: acting for name, acting in both.items() if any(map(np.any, acting.values()))})
 
     @cached_property
     def _pushed(self) -> Mapping[str, tuple[Acting, Acting]]:
-        """What large multipliers of every coupling do to links per unit, and what opposite ones do."""
+        """Wrenches on links per unit of large multipliers of every coupling, and of opposite ones."""
         pushes = {}
         for constraint in self.closure.constraints:
             if isinstance(constraint, JointRelation):
@@ -154,7 +154,7 @@ class SelfStresses(Record, frozen=True):
         return pushes
 
     def _per_unit(self, constraint: Constraint, size: float) -> Acting:
-        """Return what multipliers of a size, one after the other, do to links per unit."""
+        """Return the wrenches on links per unit of each multiplier of a constraint, computed at a size."""
         stresses = []
         for row in range(constraint.size):
             lam = np.zeros((*self.links.places.shape[:-2], constraint.size))
@@ -163,7 +163,7 @@ class SelfStresses(Record, frozen=True):
         return {link: np.stack([wrenches[link] for wrenches in stresses], axis=-2) / size for link in stresses[0]}
 
     def _beyond_joints(self, parts: Mapping[str, Acting]) -> list[Mapping[str, Array]]:
-        """Return what constraints do to the links beyond every joint, by their names."""
+        """Return the wrenches of constraints, by name, on the links beyond every joint."""
         supports = [set(path.tolist()) for path in self.closure.model.supports]
         wrenches: list[dict[str, Array]] = [{} for _ in supports]
         for name, acting in parts.items():
@@ -183,7 +183,7 @@ COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z
 
 
 class Mobility(Record, frozen=True):
-    """What the constraints of a mechanism do in one configuration.
+    """Mobility and degree of hyperstatism of a mechanism in one configuration.
 
     Attributes:
         regularity: Smallest singular value of the rows that counts, relative to the largest; 0 at singular positions.
@@ -224,19 +224,19 @@ class Mobility(Record, frozen=True):
 
     @cached_property
     def loosenings(self) -> tuple[Loosening, ...]:
-        """What could be loosened, with the degree of hyperstatism that it leaves and the mobility as it is."""
+        """Loosenings that keep the mobility, with the degree of hyperstatism that each leaves."""
         return loosenings(self.stresses) if self.degree else ()
 
     @property
     def shared(self) -> str:
-        """What joints share in a way that rigid bodies do not determine, and what to loosen, in one sentence."""
+        """Sentence on the loads of joints that rigid bodies do not determine, and on the best loosening."""
         parts = [f"{name} ({', '.join(components)})" for name, components in self.undetermined.items()]
         held = f"hyperstatic of degree {self.degree}{f', shared by {several(parts)}' if parts else ''}"
         return f"{held}; looser: {self.loosenings[0]}" if self.loosenings else held
 
 
 def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
-    """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
+    """Return the mobility and degree of hyperstatism of a mechanism at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
     stresses, values = SelfStresses(closure, q[None]), closure.values(q[None])[0]
     rank = closure.size - stresses.degree
@@ -282,7 +282,7 @@ def _acting(turn: Array, wrenches: Array) -> list[str]:
 
 
 def joint_kind(model: pin.Model, index: int) -> str:
-    """Return what kind a joint of the tree is, in the words of mechanisms."""
+    """Return the kind of a joint of the tree, as mechanism files call it."""
     name = str(model.joints[index].shortname()).removeprefix("JointModel")
     return next((kind for start, kind in KINDS.items() if name.startswith(start)), name)
 
@@ -291,7 +291,7 @@ KINDS = {
     "Planar": "planar", "Revolute": "revolute", "R": "revolute", "P": "prismatic", "Spherical": "spherical",
     "FreeFlyer": "free", "Translation": "translation", "Mimic": "mimic",
 }  # fmt: skip
-"""How Pinocchio's names of joints begin, the longer ones first, and the words for them."""
+"""Prefixes of Pinocchio's names of joints, longer ones first -> kinds of joints."""
 
 
 class Loosening(ValueRecord, frozen=True):
@@ -305,7 +305,7 @@ class Loosening(ValueRecord, frozen=True):
 
 
 def loosenings(stresses: SelfStresses) -> tuple[Loosening, ...]:
-    """Return what leaves the mobility as it is and fewer redundant rows, the best first."""
+    """Return the loosenings that keep the mobility and reduce the redundant rows, the best first."""
     loose = list[Loosening]()
     for joint in (joint for joint in stresses.closure.constraints if isinstance(joint, LoopJoint)):
         for kind, given_up in looser(joint.pair):

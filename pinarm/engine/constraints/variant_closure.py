@@ -37,7 +37,7 @@ class VariantClosure(Closure, frozen=True):
 
     @property
     def groups(self) -> Indices:
-        """Those of the first variant: the joints of all are tied alike."""
+        """The groups of the first variant: constraints tie the joints of all variants alike."""
         return self.first.groups
 
     @property
@@ -51,17 +51,17 @@ class VariantClosure(Closure, frozen=True):
 
     @cached_property
     def alike_in_size(self) -> Flags:
-        """Which variants are measured in the same units of length as the first, shape (k,) or (1,)."""
+        """Mask of the variants with the same units of length as the first, shape (k,) or (1,)."""
         whole = extents(self.model, [frame for frame in self.model.frames if frame.placed is not None])
         same = unit_of_length(self.loop_sizes.sizes) == unit_of_length(self.first.loop_sizes.sizes)
         return np.asarray((unit_of_length(whole) == unit_of_length(self.extent)) & same.all(axis=-1))
 
     @cached_property
     def constraint_rows(self) -> ConstraintRows:
-        """What the constraints measure.
+        """Rows of the constraints.
 
         Raises:
-            VariantsDiffer: It cannot be had of many states at once.
+            VariantsDiffer: The rows cannot be computed of many states at once.
         """
         if self.model.nv > WIDE:
             raise VariantsDiffer("loops or couplings of many joints")

@@ -247,14 +247,14 @@ class FrictionBalance:
 
 
 def decided(balance: FrictionBalance, moving: Array, broken: Array, yielding: Array | float = 0.0) -> Slip:
-    """Return which joints stick and which slip from a state on.
+    """Return the slipping joints and the stuck groups from a state on.
 
     Args:
         balance: The state.
         moving: Directions of the joints that slip, 0 of those at rest, shape (k,).
         broken: Directions of joints at rest that begin to slip in any case, 0 of others, shape (k,).
-        yielding: Those of joints whose friction is at its bound, 0 of others, shape (k,): they begin to slip unless the
-            others that do so relieve them.
+        yielding: Directions of joints whose friction is at its bound, 0 of others, shape (k,): they begin to slip
+            unless others that begin to slip relieve them.
     """
     contacts, resting, alpha = balance.contacts, sizes(balance.contacts, moving) == 0.0, balance.response.acceleration
     driven = balance.response.driven & resting

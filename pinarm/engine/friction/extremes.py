@@ -131,7 +131,7 @@ def _ends(
 
 
 def _last(holds: Callable[[float], bool], size: float) -> float:
-    """Return how far from 0 on a condition holds without a break, in the direction of ``size``; infinite for ever."""
+    """Return the last value, from 0 on towards ``size``, up to which a condition holds; infinite if no end is found."""
     steps = [2.0 * size * k / PARTS for k in range(1, PARTS + 1)]
     steps += [2.0 * size * 2.0**k for k in range(1, FAR + 1)]
     beyond = next((k for k, s in enumerate(steps) if not holds(s)), None)
@@ -184,7 +184,7 @@ def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[tuple[SlipG
 
 
 def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
-    """Return how far from one friction to another, by the multipliers, one-sided constraints only hold, (n,)."""
+    """Return the part of the step between two frictions, by multipliers, on which one-sided constraints hold, (n,)."""
     part, slices = np.ones(len(lam)), closure.slices
     for constraint in one_sided(closure.constraints):
         row = slices[constraint.name].start
@@ -194,7 +194,7 @@ def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
 
 
 def pushing_part(push: Array, other: Array) -> Array:
-    """Return how far from one push to another one it does not become a pull, shape (n,)."""
+    """Return the part of the step from one push to another before it becomes a pull, shape (n,)."""
     gone = (other < 0.0) & (push >= 0.0)
     return np.divide(push, push - other, out=np.ones_like(push), where=gone)
 

@@ -78,13 +78,13 @@ the time since the last switch: the instant is known to the tolerance of the int
 
 
 class SlipSwitch(NamedTuple):
-    """What changes where a joint comes to rest, turns its slip or breaks loose.
+    """State after a switch, at which a joint comes to rest, turns its slip or breaks loose.
 
     Attributes:
-        v: The velocity after it, shape (nv,).
+        v: Velocity after the switch, shape (nv,).
         moving: Directions of the joints that slip, 0 of those at rest, shape (k,).
-        broken: Those of joints at rest that begin to slip in any case, shape (k,).
-        yielding: Those of joints whose friction is at its bound, shape (k,); see ``decided``.
+        broken: Directions of joints at rest that begin to slip in any case, shape (k,).
+        yielding: Directions of joints whose friction is at its bound, shape (k,); see ``decided``.
     """
 
     v: Array
@@ -230,17 +230,17 @@ class JointFriction(ForceElement):
         return replace(self, span=(start, end))
 
     def start(self, q: Array, v: Array) -> Slip:
-        """Return what joints do from the start of the interval on."""
+        """Return the slipping joints and the stuck groups from the start of the interval on."""
         slips, balance = self.slips(q, v), self.balance(self.span[0], q, v)
         fast = sizes(self.contacts, slips) > self.resting_speed(v, self._rest(balance))
         moving, none = unit_vectors(self.contacts, np.where(fast, slips, 0.0)), np.zeros(len(slips))
         return self.after(q, SlipSwitch(v, moving, none, none))
 
     def switch(self, q: Array, v: Array, index: int) -> SlipSwitch:
-        """Return what changes at a switch, at which the interval begins.
+        """Return the state after the switch at which the interval begins.
 
-        ``index`` tells which joint comes to rest, or has turned its slip, or which group of stuck joints breaks loose:
-        the complement of its number.
+        ``index`` is the number of the slip that comes to rest or has turned, or the complement of the number of the
+        stuck group that breaks loose.
         """
         t, slips, none = self.span[0], self.slips(q, v), np.zeros(len(self.contacts))
         speeds, slipping = sizes(self.contacts, slips), sizes(self.contacts, self.direction) > 0.0
@@ -263,7 +263,7 @@ class JointFriction(ForceElement):
         return SlipSwitch(v, moving, broken, yielding)
 
     def after(self, q: Array, switch: SlipSwitch) -> Slip:
-        """Return what joints do from a switch on, which may be one that took place while other stops held."""
+        """Return the slipping joints and the stuck groups after a switch, at which other stops may have held."""
         balance = self.balance(self.span[0], q, switch.v)
         try:
             slip = decided(balance, switch.moving, switch.broken, switch.yielding)

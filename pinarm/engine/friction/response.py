@@ -115,7 +115,7 @@ class SlipEquation:
         return self._last[0]
 
     def at(self, t: float, q: Array, v: Array) -> SlipResponse:
-        """Return how slips and loads respond to friction in a state, shapes (nq,) and (nv,)."""
+        """Return the response of slips and loads to friction in a state, shapes (nq,) and (nv,)."""
         here, k = self._in_state(q, v), len(self.contacts)
         force, ddw = self.efforts + self.dynamics.loads(t, q, v) - here.nle, self.targets(t)[2]
         right = here.right.copy()
@@ -214,7 +214,7 @@ class BearingReactions:
         return CarriedLoads(smooth[0], response.swapaxes(0, 1), distances[0], rate.T, fold)
 
     def _kinks(self, links: LinkPlacements, lam: Array, f: Array) -> tuple[Array, Array]:
-        """Return how far multipliers and frictions are from their kinks, shape (n, p), and K, shape (k, p, 6)."""
+        """Return the distances of multipliers and frictions from their kinks, shape (n, p), and K, shape (k, p, 6)."""
         model, slices = self.closure.model, self.closure.slices
         relations = [relation for relation in self.closure.constraints if isinstance(relation, JointRelation)]
         own = [(lam[:, slices[relation.name].start], kink) for relation in relations for kink in relation.kinks(links)]
@@ -232,7 +232,7 @@ class BearingReactions:
         return np.array([x - kink.at for x, kink in own]).reshape(len(own), len(lam)).T, fold
 
     def _acting(self, links: LinkPlacements, t: float, q: Array, v: Array, lam: Array, f: Array) -> Array:
-        """Return what loads, constraints and friction do to links, [f; m] at the world's origin, (n, njoints, 6)."""
+        """Return wrenches [f; m] of loads, constraints and friction on links at the world's origin, (n, njoints, 6)."""
         acting = self.closure.wrenches(links, lam)
         own = [
             force.wrenches(links.some(np.zeros(1, dtype=np.intp)), np.array([t]), v[None])

@@ -182,10 +182,10 @@ def acting_on_angles(
     controllers: Iterable[Controller] = (),
     coordinates: Mapping[str, Coordinate] = MappingProxyType({}),
 ) -> list[Acting]:
-    """Return what acts along angles that may leap: those of loops do not where a joint counts their turns.
+    """Return the forces, drives and controllers that act along an angle that may leap.
 
-    ``constraints`` have ties of drives, and of joints that count turns, among them; ``controllers`` are those of a
-    run that has been made: functions have asked for what they need.
+    A loop angle whose turns a joint counts does not leap. ``constraints`` include ties of drives and of joints that
+    count turns; ``controllers`` are those of a run already built: their functions have named the coordinates they read.
     """
     names_of = {id(coordinate): name for name, coordinate in coordinates.items()}
     acting = [(f"'{name}'", force.coordinate) for name, force in forces.items() if hasattr(force, "coordinate")]

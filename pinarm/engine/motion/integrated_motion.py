@@ -119,7 +119,7 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
 
 
 def push_columns(mechanism: Mechanism, stopped: Iterable[str], pushed: Array) -> dict[str, Series]:
-    """Return what end stops push along joints [N*m or N], shape (n, nv), as columns ``joint.J.stop``."""
+    """Return the columns ``joint.J.stop`` from the pushes of end stops along joints [N*m or N], shape (n, nv)."""
     joints = {f"joint.{name}.stop": mechanism.joints[name] for name in stopped}
     return {name: Series(name, effort_unit(joint), pushed[:, joint.v]) for name, joint in joints.items()}
 

@@ -79,7 +79,7 @@ class KnownFriction:
 
     @cached_property
     def resting(self) -> Flags:
-        """Which joints are at rest, shape (n, k)."""
+        """Mask of the slips whose joints are at rest, shape (n, k)."""
         return np.asarray(sizes(self.run.mechanism.frictions, self.directions) == 0.0)
 
     def under(self, friction: Array) -> Trajectory:
@@ -148,7 +148,7 @@ class KnownFriction:
         return self.under(np.reshape(friction, self.directions.shape))
 
     def solved(self) -> Trajectory:
-        """Return the same with the columns ``joint.J.effort.lower`` and ``.upper``."""
+        """Return the motion of ``moving`` with the columns ``joint.J.effort.lower`` and ``.upper``."""
         run = self.moving()
         return replace(run, columns={**run.columns, **self._bands(self.drives.coordinates(run.mechanism))})
 
@@ -249,7 +249,7 @@ class KnownFriction:
 
 
 def standing(run: Trajectory, rows: Array, pace: Array) -> Flags:
-    """Return which joints, with J of the k slips, have no velocity but for rounding, shape (n, k)."""
+    """Return a mask of the slips, with J in ``rows``, whose joints have no velocity beyond rounding, shape (n, k)."""
     slips, rounding = np.matvec(rows, run.v), STANDSTILL * np.matvec(np.abs(rows), pace[..., 0, :])
     return np.asarray(sizes(run.mechanism.frictions, np.where(np.abs(slips) > rounding, slips, 0.0)) == 0.0)
 

@@ -102,7 +102,7 @@ class Decision(ValueRecord, frozen=True):
 
     @property
     def words(self) -> str:
-        """What is decided, when, with which margin and error."""
+        """Sentence on the decision: event, instant, margin, error, and the outcome in this run."""
         outcome = "happens" if self.happens else "does not happen"
         return (
             f"not decided: whether {self.what} at t = {self.t:.6g} s: margin {self.margin:.2g} {self.unit}, "
@@ -120,16 +120,16 @@ def open_notes(decisions: Iterable[Decision]) -> list[str]:
 
 
 class Outcome(Record, frozen=True):
-    """What a problem gives back.
+    """Result of a problem: states, motion, figures, events and notes.
 
     Attributes:
-        rows: The states that were asked for.
-        motion: The motion, or the path, that they are states of; ``None`` where each is a state of its own.
-        figures: What was measured of accuracy and cost, by name.
+        rows: The requested states.
+        motion: The motion or path through these states; ``None`` of separate states.
+        figures: Measures of accuracy and cost, by name.
         events: Events and impacts, in order of time.
-        notes: What to know of the solution, such as that its integrator was a poor choice.
-        decisions: For everything that happens or not, the decision that is the least certain.
-        arrays: Results that are no columns over the rows, such as mode shapes, by name.
+        notes: Remarks on the solution, such as a poor choice of integrator.
+        decisions: Least certain decision of each event, contact or switch that happens or not.
+        arrays: Results other than columns over the rows, such as mode shapes, by name.
     """
 
     rows: Trajectory

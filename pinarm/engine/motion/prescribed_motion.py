@@ -156,7 +156,7 @@ class Prescription(Record, frozen=True):
         )  # fmt: skip
 
     def _pace(self, rows: Trajectory) -> Array | None:
-        """Return what rounding is judged against, shape (2, nv); ``None`` where there is none."""
+        """Return the scale of rounding of v and a, shape (2, nv); ``None`` of separate states or without directions."""
         if not self.directed or self.rates is not None:
             return None
         followed = zip(self.motion.coordinates, self.motion.laws, strict=True)
@@ -288,7 +288,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return states.q[0], states.v[0]
 
     def _joint_laws(self) -> dict[int, MotionLaw]:
-        """Return how joints of one coordinate move, by index in v: by laws that they follow, or as has come out."""
+        """Return the laws of joints with one coordinate, by index in v: the prescribed law, else the solved motion."""
         known = self.prescription
         laws: dict[int, MotionLaw] = {joint.v: _Way(self, joint) for joint in known.mechanism.joints.values()}
         return {**laws, **known.motion.prescribed.joint_laws}
@@ -302,7 +302,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return states.q[back, joint.q], states.v[back, joint.v], states.a[back, joint.v]
 
     def _rests(self, start: float, end: float) -> Array:
-        """Return the same of one interval, shape (m,)."""
+        """Return instants of rest, slip reversal and least slip on one interval, and both its ends, shape (m,)."""
         ends = np.array([start, end])
         grid = Grid(ends, (start, end), (0, 2))
         sizes = np.array([law_size(law, grid) for law in self.prescription.motion.laws]).reshape(-1, 2)
@@ -321,7 +321,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
 
 
 class _Way(MotionLaw, frozen=True):
-    """How a joint moves in a ``PrescribedMotion``, solved where it is asked for."""
+    """Motion law of a joint in a ``PrescribedMotion``, solved on request."""
 
     motion: Any
     joint: Any

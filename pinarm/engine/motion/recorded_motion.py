@@ -86,7 +86,7 @@ class RecordedRows:
 
     @property
     def unknown(self) -> str:
-        """What of the motion is not known, in words; empty where all is."""
+        """Sentence on missing velocities or accelerations; empty if both are known."""
         if self.v is None:
             return "the velocities of this motion are not given"
         return "the accelerations of this motion are not given" if self.a is None else ""
@@ -248,7 +248,7 @@ class QuinticSpline:
 
     @cached_property
     def _paces(self) -> Array:
-        """What ``STANDSTILL`` of is the error of velocities and accelerations near the rows, shape (n, 2, nv)."""
+        """Scale of rounding of v and a, shape (n, 2, nv): ``STANDSTILL`` times it covers their errors near the rows."""
         fine, errors = (np.swapaxes(x, 0, 1) for x in self._known)
         around = ((NEAR, NEAR), (0, 0), (0, 0))
         near = np.lib.stride_tricks.sliding_window_view(np.pad(np.abs(errors), around, "edge"), 2 * NEAR + 1, axis=0)
@@ -260,7 +260,7 @@ class QuinticSpline:
         return np.asarray(np.maximum(paces, errors / STANDSTILL))
 
     def paces(self, t: Array) -> Array:
-        """Return the same at instants of shape (n,): what is larger of the rows before and after."""
+        """Return the scale of rounding at instants, shape (n,): the larger of the rows before and after, (n, 2, nv)."""
         after = self._after(t)
         return np.asarray(np.maximum(self._paces[after - 1], self._paces[after]))
 
@@ -269,13 +269,13 @@ class QuinticSpline:
         return np.asarray(np.clip(np.searchsorted(self.t, t, side="right"), 1, len(self.t) - 1))
 
     def beside(self, grid: Grid) -> Beside:
-        """Return what tells the directions at the rows of a grid; velocities inside are those half a row away."""
+        """Return the data on directions at the rows of a grid, with velocities half a row inside the interval."""
         after = self._after(grid.t)
         inside = self.at(grid.moved_inside(0.5 * (self.t[after] - self.t[after - 1])).t)[1]
         return Beside(self.paces(grid.t), grid.sides(), inside)
 
     def figures(self) -> dict[str, float]:
-        """Return how much velocities and accelerations change where every second row is left out, relative."""
+        """Return the relative change of velocities and accelerations when every second row is left out."""
         names = ("spline velocity", "spline acceleration")
         return {name: _relative(self.mechanism, x, y) for name, y, x in zip(names, *self._known, strict=True)}
 
@@ -303,7 +303,7 @@ class SplinedMotion(SolvedMotion):
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
 
     def _rests(self, low: float, high: float) -> Array:
-        """Return the same of one interval, shape (m,)."""
+        """Return instants of rest, slip reversal and least slip on one interval, and both its ends, shape (m,)."""
         inside = self.t[(self.t > low) & (self.t < high)]
         bounds = np.array([low, *inside, high])
         parts = np.arange(LOOKS) / LOOKS
@@ -317,11 +317,11 @@ class SplinedMotion(SolvedMotion):
 
 
 def consistency(mechanism: Mechanism, rows: RecordedRows) -> dict[str, float]:
-    """Return how well given derivatives belong to the rows, relative to the largest of joints with the same unit.
+    """Return the residuals of given velocities and accelerations, relative to the largest of joints with the same unit.
 
     From one row to the next, h apart, positions change by ``h (v0 + v1) / 2 - h^2 (a1 - a0) / 12``, without the second
-    term where accelerations are not given, and velocities by ``h (a0 + a1) / 2``. What is left is told per h. Beside
-    errors of the rows it holds those of these rules, ``O(h^4)`` and ``O(h^2)``, and for ball joints ``O(h^2)``.
+    term where accelerations are not given, and velocities by ``h (a0 + a1) / 2``. The residual is given per h. It
+    contains errors of the rows and of these rules, ``O(h^4)`` and ``O(h^2)``, and for ball joints ``O(h^2)``.
     """
     model, h = mechanism.model, np.diff(rows.t)[:, None]
     some = np.flatnonzero(h[:, 0] > 0.0)

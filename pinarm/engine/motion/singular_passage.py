@@ -72,7 +72,7 @@ def followed(motion: JointMotion, grid: Grid, start: Array) -> tuple[JointTrajec
 
 
 def _row_near(t: Array, kept: Flags, at: float) -> int:
-    """Return which of the rows that are left, at t, shape (n,), is next to a singular position; 0 for none of them."""
+    """Return the index of the kept row, at t, shape (n,), close to a singular position at ``at``; 0 if none is."""
     left = np.flatnonzero(kept)
     place = int(np.argmin(np.abs(t[left] - at))) if np.isfinite(at) else 0
     close = place and abs(t[left[place]] - at) <= BESIDE * abs(t[left[place]] - t[left[place - 1]])
@@ -271,7 +271,7 @@ def lost_digits(rows: Trajectory, regular: Array) -> list[str]:
 
 
 def unbounded_notes(rows: Trajectory) -> list[str]:
-    """Return what is to be said of interpolated rows that no forces of the loops balance."""
+    """Return a note on interpolated rows that no finite forces of the loops balance."""
     times = [float(t) for row, t in enumerate(rows.grid.t) if _residual(rows.some(np.array([row]))) > UNBOUNDED]
     if not times:
         return []
@@ -310,6 +310,6 @@ def _residual(row: Trajectory) -> float:
 
 
 def _balance(row: Trajectory) -> tuple[Array, Array]:
-    """Return what a row's efforts and forces leave of ``M a + nle - loads``, and the sizes of all terms, both (nv,)."""
+    """Return the residual ``M a + nle - loads - tau - G^T lam`` of a row, and the sizes of its terms, both (nv,)."""
     demand, lam, rows = row.demand()[0], np.asarray(row.lam)[0], row.closure.at(row.q)[1][0]
     return demand - row.tau[0] - lam @ rows, np.abs(demand) + np.abs(row.tau[0]) + np.abs(lam) @ np.abs(rows)

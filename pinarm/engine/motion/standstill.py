@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 
 class Beside(NamedTuple):
-    """What tells the directions of n rows beside their velocities and accelerations.
+    """Data on the directions of n rows beside their velocities and accelerations.
 
     Attributes:
-        pace: Scale of rounding of both, shape (2, nv) of one motion, (n, 2, nv) of separate states.
-        side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
-        inside: Velocities a little later or earlier, looked at where v and a are zero, shape (n, nv).
+        pace: Scale of rounding of v and a, shape (2, nv) of one motion, (n, 2, nv) of separate states.
+        side: 1 where the motion after the row counts, -1 where the motion before it counts, shape (n,).
+        inside: Velocities a little later or earlier, used where v and a are zero, shape (n, nv).
     """
 
     pace: Array
@@ -64,7 +64,7 @@ def row_paces(mechanism: Mechanism, v: Array, a: Array) -> Array:
 def pace_of(
     mechanism: Mechanism, v: Array, a: Array, followed: Iterable[tuple[Coordinate, MotionLaw]], grid: Grid
 ) -> Array:
-    """Return the same for a motion, shape (2, nv): over the rows of a grid, and the laws that it follows."""
+    """Return the scale of rounding of one motion, shape (2, nv), over the rows of a grid and the laws followed."""
     sliding, pace = _sliding(mechanism), np.asarray(row_paces(mechanism, v, a).max(axis=0))
     for coordinate, law in followed:
         alike = sliding == (coordinate.unit == METRE)
@@ -156,7 +156,7 @@ def _significant(x: Array, scale: Array) -> Array:
 
 
 def _sliding(mechanism: Mechanism) -> Flags:
-    """Return which velocities are those of sliding joints, shape (nv,)."""
+    """Return a mask of the velocities of sliding joints, shape (nv,)."""
     sliding = np.zeros(mechanism.model.nv, dtype=bool)
     sliding[[joint.v for joint in mechanism.joints.values() if joint.unit == METRE]] = True
     return sliding

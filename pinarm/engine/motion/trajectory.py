@@ -137,7 +137,7 @@ class Trajectory(Record, frozen=True):
 
     @cached_property
     def demands(self) -> Array:
-        """What this motion demands of the links in all rows; see ``LinkPlacements.demands``."""
+        """Wrenches that the motion of the links demands in all rows; see ``LinkPlacements.demands``."""
         links, twists, rates, _ = self.link_motion
         return links.demands(twists, rates)
 
@@ -185,7 +185,7 @@ class Trajectory(Record, frozen=True):
 
     @cached_property
     def friction_loads(self) -> Array:
-        """The same as generalised loads [N*m or N], shape (n, nv)."""
+        """Friction at the contacts as generalised loads [N*m or N], shape (n, nv)."""
         if not self.mechanism.frictions:
             return np.zeros_like(self.v)
         from pinarm.mechanics.friction.contact import slip_rows
@@ -239,7 +239,7 @@ class Trajectory(Record, frozen=True):
         return effort + self._friction_in(acting, joint) if self.mechanism.frictions else effort
 
     def _friction_in(self, couplings: Collection[str], joint: int) -> Array:
-        """Return what friction between the members of couplings does along a joint, by its index in v, shape (n,)."""
+        """Return the effort along a joint, by its index in v, of friction between members of couplings, shape (n,)."""
         from pinarm.mechanics.friction.contact import slip_rows
 
         contacts, names = self.mechanism.frictions, {f"coupling.{name}" for name in couplings}
@@ -290,7 +290,7 @@ class Trajectory(Record, frozen=True):
 
     @cached_property
     def supplied(self) -> Array:
-        """What drives supply at joints: all efforts but what end stops push [N*m or N], shape (n, nv)."""
+        """Efforts of the drives at joints: all efforts less the pushes of end stops [N*m or N], shape (n, nv)."""
         pushed = {name: column for name, column in self.columns.items() if name.endswith(".stop")}
         if not pushed:
             return self.tau

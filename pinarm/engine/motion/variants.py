@@ -63,7 +63,7 @@ class PrescribedVariants:
         return self._solved(self._each_alone() if self._open else self._followed())
 
     def at(self, near: Array) -> tuple[Trajectory, Flags]:
-        """Return the same at rows each of which is a state of its own, near configurations of shape (n, k, nq).
+        """Return states and mask as ``rows`` does, at rows of separate states near configurations of shape (n, k, nq).
 
         Raises:
             VariantsDiffer: See ``rows``.
@@ -159,7 +159,7 @@ def _determined(table: PrescribedTable) -> DeterminedMotion:
 
 
 def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
-    """Return the same drives on variants."""
+    """Return the drives under the constraints of the variants."""
     if isinstance(drives, DriveAtEveryJoint) and not drives.followers:
         return DriveAtEveryJoint(closure)
     if not isinstance(drives, SelectedDrives) or drives.tasks or drives.distribution is not UNIQUE:

@@ -186,20 +186,20 @@ def pressed(
     ties: Callable[[Held, int], Mapping[int, float]],
     slight: Callable[[], float],
 ) -> Held:
-    """Return which of several stops that are touched push: none that does pulls, and none that does not is entered.
+    """Return the touched stops that push: none of them pulls, and the motion enters none of the others.
 
-    The solution of a linear complementarity problem, found by exchanging the first stop that contradicts itself (Murty,
-    Note on a Bard-type scheme for solving the complementarity problem, 1974). One that moves only with those that push
-    takes the place of the first of these that it would relieve (the criss-cross method of den Hertog, Roos and Terlaky,
-    The linear complementarity problem, sufficient matrices, and the criss-cross method, 1993): only the sum of their
-    pushes is determined. Where rounding or friction let sets come again, stops that pull are let go one by one.
+    This linear complementarity problem is solved by exchanging the first stop that contradicts itself (Murty, Note on a
+    Bard-type scheme for solving the complementarity problem, 1974). A stop that moves only with pushing stops replaces
+    the first of these that it would relieve (the criss-cross method of den Hertog, Roos and Terlaky, The linear
+    complementarity problem, sufficient matrices, and the criss-cross method, 1993): only the sum of their pushes is
+    determined. If sets recur by rounding or friction, stops that pull are released one by one.
 
     Args:
-        touched: The stops.
-        away: Stops that push -> their pushes, and how fast the motion leaves the others.
-        ties: Stops that push, and another one -> by how much its coordinate changes with theirs, each counted away from
-            the stop; nothing where it moves by itself as well.
-        slight: How fast one that moves only with others may seem to be entered by rounding.
+        touched: Indices of the touched stops.
+        away: Stops that push -> their pushes, and the rates at which the motion leaves the others.
+        ties: Stops that push, and another stop -> changes of its coordinate with theirs, each counted away from the
+            stop; empty where it moves by itself as well.
+        slight: Rate at which, by rounding, the motion may seem to enter a stop that moves only with others.
     """
     known, seen, first = sorted(touched), set[Held](), frozenset[int]()
     for k in known:
@@ -245,10 +245,10 @@ class Contacts(Record, frozen=True):
         return float(self.bounds[k].row(q) @ v)
 
     def freedom(self, k: int, q: Array) -> float:
-        """Return how much of the row of a stop the loops and laws leave free, 1 for all of it, 0 at a dead point.
+        """Return the freedom that loops and laws leave to a stop's row: 1 for all of it, 0 at a dead point; no unit.
 
-        With the row n, and the accelerations ``a`` that it gives as a force to the mechanism and ``M^-1 n`` to its
-        bodies without loops, ``(n a / n M^-1 n)^(1/2)``: a number without a unit.
+        ``(n a / n M^-1 n)^(1/2)`` of the row n: as a force, n gives the mechanism the accelerations ``a``, and its
+        bodies without loops ``M^-1 n``.
         """
         rows, row = self.guided, self.bounds[k].row(q)
         mass, split = mass_matrix(rows.model, q), split_rows(rows.rows(rows.state(q)), rows.reach)
@@ -357,10 +357,10 @@ def _impact_remark(stops: Sequence[str], count: int, t: float, energy: float, wo
 
 
 def frictionless_remarks(frictions: Sequence[FrictionContact], events: Iterable[EventRecord]) -> list[str]:
-    """Return that impacts have no impulse of friction, where there are any and friction depends on loads.
+    """Return a remark that impacts omit impulses of friction, if a run has impacts and friction that depends on loads.
 
-    In an impact mu times the impulses of reactions would be of its size. Where a slip reverses meanwhile it depends on
-    the course of the impact, of which a restitution tells nothing.
+    Such an impulse would be mu times the impulses of the reactions. If a slip reverses during the impact, the impulse
+    depends on the course of the impact, which a restitution does not give.
     """
     names = dict.fromkeys(friction.name for friction in frictions if friction.law.loaded)
     if not names or all(event.before is None for event in events):

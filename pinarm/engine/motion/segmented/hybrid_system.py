@@ -83,9 +83,9 @@ class HybridSystem(Record, frozen=True):
     _shares: dict[Held, StopShares] = {}
 
     def of_size(self, size: float, max_steps: int) -> HybridSystem:
-        """Return the same for a motion of another size.
+        """Return the system for a motion of another size.
 
-        Contact with a stop is judged by it as well, but in loops, whose positions are right to the size of their links.
+        Contact with a stop is judged by it too, except in loops, whose positions are right to the size of their links.
         """
         bounds = self.bounds
         if not self.closure.size:
@@ -128,7 +128,7 @@ class HybridSystem(Record, frozen=True):
         return Closure.of(self.closure.model, [part for part in self.closure.constraints if part.name not in opened])
 
     def holding(self, held: Held) -> Flags:
-        """Return which rows of the mechanism's constraints hold, shape (m,)."""
+        """Return a mask of the rows that hold of the mechanism's constraints, shape (m,)."""
         holding = np.ones(self.closure.size, dtype=bool)
         for k in self.separations - held:
             holding[self.closure.slices[self.bounds[k].name]] = False
@@ -154,7 +154,7 @@ class HybridSystem(Record, frozen=True):
         )
 
     def rubs(self, held: Held) -> Flags:
-        """Return which frictions there are, shape (k,): not that of a cam that is open, whose follower flies."""
+        """Return a mask of the active frictions, shape (k,): an open cam, whose follower flies, has none."""
         opened = {f"coupling.{self.bounds[k].name}" for k in self.separations - held}
         return np.array([contact.name not in opened for contact in self.frictions], dtype=bool)
 
@@ -375,7 +375,7 @@ class HybridSystem(Record, frozen=True):
 def system_of(
     closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, initial: Initial
 ) -> TreeSystem | LoopSystem:
-    """Return what has to be integrated while the prescribed coordinates follow their laws."""
+    """Return the equations to integrate while the prescribed coordinates follow their laws."""
     if prescribed.linear_in(closure):
         from pinarm.engine.motion.systems.tree_system import TreeSystem
 

@@ -212,7 +212,7 @@ def _motor_remarks(controller: MotorController, part: dict[str, Array], nodes: _
 
 
 def _at_limit(words: str, stretches: list[tuple[float, float]]) -> str:
-    """Return how long a drive is at a limit, by the words for it."""
+    """Return a sentence on the stretches of time at a limit; ``words`` name the drive and the limit."""
     (start, end), total = stretches[0], sum(end - start for start, end in stretches)
     if len(stretches) == 1:
         return f"{words} from t = {start:.6g} s to {end:.6g} s"

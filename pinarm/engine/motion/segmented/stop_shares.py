@@ -78,7 +78,7 @@ class StopShares(Record, frozen=True):
         return np.reshape(linear, (-1, self.closure.model.nv))
 
     def pushes(self, states: CompletedStates) -> Array:
-        """Return what stops and separations push [N*m or N], shape (n, K)."""
+        """Return the pushes of stops and separations [N*m or N], shape (n, K)."""
         efforts = (states.tau @ np.linalg.pinv(self._weights))[:, len(self._weights) - len(self.stops) :]
         if self.separations:
             lam = np.asarray(states.lam)[:, self._places[len(self.stops) :]]

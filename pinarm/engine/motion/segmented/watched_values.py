@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Turn
 
 Cause = tuple[str, int]
-"""What ends a segment, and its number: ``hit`` and ``released`` stops, ``slip`` of a joint that comes to rest, or the
-complement of a group of stuck joints that breaks loose, ``control`` of a controller, ``edge`` of a load."""
+"""Cause of a segment end, with its number: ``hit`` and ``released`` stops, ``slip`` of a joint that comes to rest, or
+the complement of a group of stuck joints that breaks loose, ``control`` of a controller, ``edge`` of a load."""
 
 STOP: Cause = ("stop", -1)
 """An event of the user that ends the run."""

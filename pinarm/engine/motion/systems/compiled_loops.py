@@ -49,11 +49,11 @@ of the rows [m/s^2 or rad/s^2], and most iterations. Next to singular positions 
 the term, and each iteration leaves the term, over the sum of both, of what is missing."""
 
 INDEPENDENT = 1e-15
-"""The same term in regular steps, of rows that repeat no others: it keeps pivots from 0; one iteration is enough."""
+"""Relative proximal term in regular steps with independent rows: it keeps pivots from 0; one iteration is enough."""
 
 TOLERANT, REPEATS = 1e-3, 8
-"""The same where rows repeat others only where loops are closed, relative to the least eigenvalue of S that is not 0,
-and iterations: what contradicts itself within steps is not magnified."""
+"""Proximal term where rows are dependent only if loops are closed, relative to the least eigenvalue of S that is not 0,
+and most iterations: rows that contradict one another within steps do not magnify errors."""
 
 UNEVEN = 1e6
 """Condition number of S, scaled to a diagonal of ones, in the better of two positions of no special kind, above which
@@ -66,8 +66,8 @@ ALIKE = 1e-4
 """Relative accuracy of squares of singular values: the limits of the regularity have two digits."""
 
 AWAY, STATES = (0.1, 0.01, 0.0), 2
-"""How far from the initial position the states begin in which the library is judged, in the unit of every velocity: the
-first that closes is taken; and the number of these states."""
+"""Distances from the initial position at which test states of the library start, in the unit of every velocity: the
+first that closes is used; and the number of these states."""
 
 
 class ClosingSystem(Record, frozen=True):
@@ -92,7 +92,7 @@ class ClosingSystem(Record, frozen=True):
         return cls(structure, loops, kept)
 
     def flow(self, functions: tuple[Any, Any]) -> FlowStructure:
-        """Return what is integrated, with the functions of the library for rates and for accepted states."""
+        """Return the integrated system, with the functions of the library for rates and for accepted states."""
         place = ctypes.addressof(self.structure)
         return FlowStructure(len(self.kept[-1]), *map(address, functions), place + ClosingStructure.floor.offset, place)
 
@@ -108,11 +108,11 @@ class JudgedLoops(Record, frozen=True):
 
     @property
     def exact(self) -> ProximalStructure:
-        """How accelerations of closed states are solved for."""
+        """Proximal iteration for accelerations of closed states."""
         return ProximalStructure(self.term, SOLVED, BESIDE)
 
     def tolerant(self, q: Array, rank: int) -> ProximalStructure:
-        """Return how accelerations within regular steps are solved for, given a closed position and its rank."""
+        """Return the proximal iteration for accelerations within regular steps from a closed position and its rank."""
         if rank == len(self.measure.kept):
             return ProximalStructure(INDEPENDENT / PROXIMAL * self.term, 0.0, 1)
         delassus = _delassus(self.measure, q) if rank and len(q) else None
@@ -288,7 +288,7 @@ def _loops(measure: Regularity) -> CompiledLoops | None:
 
 
 def _tied(model: pin.Model, constraint: Constraint, kept: Indices, part: slice) -> Tied | None:
-    """Return what the library has to know of the rows that are kept of a constraint; ``None`` where it does not."""
+    """Return the record of a constraint's kept rows for the library; ``None`` of a kind that the library lacks."""
     rows = kept[(kept >= part.start) & (kept < part.stop)] - part.start
     if isinstance(constraint, Coupling):
         return Tied.coupling(constraint.coordinate.weights[None][rows])
@@ -353,12 +353,11 @@ def closed_states(motion: LoopMotion, settled: Settled, near: Array, t: float) -
 
 
 def disagreement(flow: LoopFlow, dynamics: Dynamics, states: Sequence[State], t: float) -> float:
-    """Return how well the library's a and lam satisfy Pinocchio's equations in the worst of some states.
+    """Return the residual of Pinocchio's equations for the library's a and lam, the largest over some states.
 
-    ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors; in a the motion of the
-    free tree and ``M^-1 G^T lam`` have cancelled, so that what G makes of the latter counts too. The condition of the
-    equations, which grows without bound near singular positions, has no part in it. Nor have the efforts of joints that
-    follow laws.
+    ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors. The motion of the free
+    tree and ``M^-1 G^T lam`` cancel in a, so G times the latter is a term as well. The condition of the equations,
+    which grows without bound near singular positions, does not enter; nor do efforts of joints that follow laws.
     """
     measure, model, worst = flow.judged.measure, dynamics.model, 0.0
     closure, free = measure.closure, np.delete(np.arange(model.nv), measure.driven)

@@ -1,7 +1,7 @@
-"""What is integrated with friction that sticks: joints that it holds follow constant laws, those that slip have a load.
+"""Equations of motion with stick-slip: a stuck joint is held, a slipping one carries the friction as a load.
 
-Its rows are completed with the friction of all joints; where several at rest hold one motion, with the extremes of what
-they may hold of it as well.
+A stuck joint follows a constant law. Rows are completed with the friction of all joints, and with the extremes of their
+shares where several joints at rest hold one motion.
 """
 
 from __future__ import annotations
@@ -63,11 +63,11 @@ class SolvedRows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FrictionalSystem:
-    """What is integrated while some joints with friction slip and others are stuck.
+    """Equations of motion while some joints with friction slip and others are stuck.
 
     Attributes:
-        friction: The joints with friction, and what they do.
-        inner: What is integrated, the stuck joints following constant laws.
+        friction: The joints with friction, slipping and stuck.
+        inner: The equations in which the stuck joints follow constant laws.
         cuts: Bounds of the intervals on which no law jumps [s].
     """
 
@@ -107,7 +107,7 @@ class FrictionalSystem:
         return self.inner.whole(t, q, v)
 
     def watches(self) -> list[tuple[int, Watch]]:
-        """Return what ends a stretch of the motion: number of a joint whose slip ends, or complement of a group's."""
+        """Return the watches that end a stretch, by number of a slip that ends, or complement of a stuck group's."""
         friction, watches = self.friction, list[tuple[int, Watch]]()
         slip, same = friction.slip, same_joint(friction.contacts)
         held = {i for group in slip.stuck for i in group.members}
@@ -170,7 +170,7 @@ class FrictionalSystem:
         return replace(states, others=tuple(others))
 
     def tried(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
-        """Return the same in states in which what holds a joint may exceed its bound, as beyond a switch."""
+        """Return completed states in which the friction of a stuck joint may exceed its bound, as beyond a switch."""
         inner, solved = self._solved(dynamics, grid, q, v)
         return self._under(inner, grid.t, _demand(dynamics, grid, inner), self._friction(solved))
 
@@ -214,7 +214,7 @@ class FrictionalSystem:
 
     @cached_property
     def _driven(self) -> Flags:
-        """Which joints follow laws or rest on stops, alone or with others, shape (nv,)."""
+        """Mask of the joints that follow laws or rest on stops, alone or with others, shape (nv,)."""
         return driven_along(self.friction.prescribed.coordinates, self.friction.closure.model.nv)
 
     def _require_within_bounds(self, solution: FrictionSolution, t: float) -> None:
@@ -229,7 +229,7 @@ class FrictionalSystem:
                 )
 
     def _beyond(self, solution: FrictionSolution) -> Flags:
-        """Return which stuck groups are held by more than their friction can be, shape (g,)."""
+        """Return a mask of the stuck groups held by more than their largest friction, shape (g,)."""
         slack = 2.0 * np.array(self.friction.slip.slack)
         return np.asarray(np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED) + slack)
 
@@ -257,7 +257,7 @@ def _demand(dynamics: Dynamics, grid: Grid, states: CompletedStates) -> Array:
 
 
 def remarks_on_rest(systems: Iterable[System]) -> list[str]:
-    """Return what is to be said of joints that friction holds together: only the sum of what it does is determined."""
+    """Return remarks on joints that friction holds together: only the sum of their friction is determined."""
     together = dict[str, None]()
     for system in systems:
         inner = getattr(system, "inner", None)  # controllers wrap what friction makes of a motion

@@ -64,17 +64,17 @@ NOISE = 1e-11
 
 
 class Regularity(Record, frozen=True):
-    """How far the rows of a mechanism are from losing rank, relative to positions of no special kind.
+    """Distance of a mechanism's rows from a loss of rank, relative to generic positions.
 
-    With the singular values s of G in descending order, in units that suit the loops, and the rank r it is ``s_r /
-    s_1 / usual``. Rows that repeat others everywhere are left out, and columns of joints that follow laws.
+    The regularity is ``s_r / s_1 / usual``, with the singular values s of G in descending order, in units that suit the
+    loops, and the rank r. Rows that repeat others everywhere are left out, and columns of joints that follow laws.
 
     Attributes:
         driven: Indices in v of joints that follow laws.
         kept: The rows that repeat no others, shape (k,).
-        exact: Whether the others repeat them but for rounding.
-        rank: Rank at positions of no special kind.
-        usual: The larger ``s_r / s_1`` of two of them.
+        exact: Whether the other rows repeat these within rounding.
+        rank: Rank at generic positions.
+        usual: The larger ``s_r / s_1`` of two generic positions.
     """
 
     closure: Closure
@@ -99,11 +99,11 @@ class Regularity(Record, frozen=True):
 
     @cached_property
     def bare(self) -> list[Any]:
-        """What is known of the loops in compiled code without loads, once they have been judged."""
+        """Compiled loops without loads and the note on them; empty until they have been judged."""
         return []
 
     def scaled(self, rows: Array) -> Array:
-        """Return what counts of the first of some rows, which are those of the closure, in its units, shape (k, nv)."""
+        """Return the kept rows of the closure, which lead ``rows``, in its units, driven columns 0, shape (k, nv)."""
         units = self.closure.scale / self.closure.measure[self.kept, None]
         units[:, self.driven] = 0.0
         return np.asarray(rows[self.kept] * units)
@@ -125,9 +125,9 @@ def places(closure: Closure) -> list[Array]:
 
 
 def _independent(places: Sequence[Array], parts: Sequence[slice]) -> tuple[Indices, bool, int]:
-    """Return which rows add to those before them in one of several places, whether the others do not, and the rank.
+    """Return rows independent of earlier rows in any of several places, whether the others are dependent, and the rank.
 
-    ``places`` has the rows in each place, shape (m, nv), ``parts`` those of every constraint.
+    ``places`` has the rows in each place, shape (m, nv), ``parts`` the slices of every constraint.
     """
     bases, kept, exact = [np.zeros((0, rows.shape[1])) for rows in places], list[int](), True
     largest = max(float(np.abs(rows).max(initial=0.0)) for rows in places)
@@ -148,7 +148,7 @@ def _independent(places: Sequence[Array], parts: Sequence[slice]) -> tuple[Indic
 
 
 def _beyond(basis: Array, rows: Array) -> Array:
-    """Return what rows have beyond those of an orthonormal basis; twice, as little may be left."""
+    """Return the parts of rows orthogonal to an orthonormal basis; projected twice, as little may be left."""
     left = rows - rows @ basis.T @ basis
     return np.asarray(left - left @ basis.T @ basis)
 
