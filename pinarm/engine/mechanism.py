@@ -98,9 +98,9 @@ class Mechanism(Record, frozen=True):
         return f"<Mechanism '{self.title}': {count} joints, {len(self.constraints)} constraints, nv {self.model.nv}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same mechanism: from its fields, with the forces bound anew (functions).
+        """Return the fields for pickling; another process binds the forces, which are functions, again.
 
-        What was computed of the fields stays behind.
+        Results computed from the fields are left out.
         """
         own = {name: getattr(self, name) for name in self.__struct_fields__}
         own["forces"] = {name: force for name, force in self.forces.items() if name not in self.description.forces}

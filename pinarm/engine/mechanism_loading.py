@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 def mechanism_document(file: Path) -> Document:
-    """Return what a mechanism file says; of a model's file, or a robot's name, what such a file would say at least."""
+    """Return the document of a mechanism file; for a model's file or a robot's name, a document that names it alone."""
     if file.suffix in (".yaml", ".yml"):
         return Document.read(file)
     return Document(str(file), file, {"pinarm": 1, "robot": file.name if file.suffix else str(file)}, {}, {})
@@ -126,7 +126,7 @@ def _described(
 def _validated(
     document: Document, arguments: Mapping[str, float | str], caller: Place
 ) -> tuple[MechanismDescription, Mapping[str, Any], Mapping[str, float | str]]:
-    """Return what a mechanism file says, the same as plain data without parameters, and arguments that are none."""
+    """Return the description of a file, its plain data without parameters, and the arguments that are no parameters."""
     parameters = parameters_of(document, arguments, caller)
     if not parameters:
         return document.validate(MechanismDescription), document.data, arguments

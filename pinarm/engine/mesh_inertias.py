@@ -32,7 +32,7 @@ MEMORY, SECONDS = 1_000_000_000, 10
 """
 
 MEMORY_PER_BYTE, SECONDS_PER_BYTE = 60, 1e-6
-"""What it may need more for a byte of mesh or model."""
+"""Additional memory [bytes] and processor time [s] for each byte of mesh or model."""
 
 KEPT = ("compiler", "default", "asset", "worldbody")
 """Sections that inertias depend on."""

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.planar_drawing import PlanarDrawing
 
 MESH_MASSES = "masses of meshes are those of MuJoCo's compiler"
-"""What is said of a model whose meshes have masses."""
+"""Note on a model with masses from meshes."""
 
 
 class Source(ValueRecord, frozen=True):
@@ -129,7 +129,7 @@ def _built(xml: str, path: Path, root: Path, build: Callable[[str], RobotModel])
 def _drawn(
     description: MechanismDescription, drawing: PlanarDrawing, data: Mapping[str, Any], folder: Path
 ) -> tuple[RobotModel, Mapping[str, str], Source]:
-    """Return what a drawing expands to, with gravity in its plane; the source is that of the expansion."""
+    """Return the model of a planar drawing, with gravity in its plane; the source is that of the expansion."""
     from pinarm.mechanics.planar_drawing import expanded  # not paid for by others
 
     model, defects = expanded(drawing), description.defects or "refused"
@@ -151,7 +151,7 @@ RobotReader = Callable[
     [MechanismDescription, Mapping[str, Any], Path, Mapping[str, float | str]],
     tuple[RobotModel, Mapping[str, str], Source],
 ]
-"""What reads the model of a mechanism; see ``read_robot``."""
+"""Reader of the model of a mechanism; see ``read_robot``."""
 
 _NAMED = r"(link|joint|body) '([^']+)'"
 

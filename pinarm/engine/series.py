@@ -61,7 +61,7 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
 
     @property
     def known(self) -> Flags:
-        """Which values are numbers, of an ``unbounded`` series infinite ones too, shape (n,)."""
+        """Mask of the values that are numbers, shape (n,); infinite values count in an ``unbounded`` series."""
         return ~np.isnan(self.values) if self.unbounded else np.isfinite(self.values)
 
     __dir__ = public_face()
@@ -83,7 +83,7 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         return self.name if text == "1" else f"{self.name} [{text}]"
 
     def to(self, other: str | Unit) -> Series:
-        """Return the same quantity in another unit: ``series.to("deg")``, or that of another one, ``other.unit``.
+        """Return the quantity in another unit: ``series.to("deg")``, or the unit of a series, ``other.unit``.
 
         Raises:
             UnitError: There is no such unit, or it is of another dimension.
@@ -94,7 +94,7 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         return replace(self, unit=wanted, values=self.values * factor, terms=self.terms * factor)
 
     def without_rounding(self) -> Series:
-        """Return the same, and 0 everywhere where all values are rounding of the terms."""
+        """Return the series; with zeros if all its values are rounding of the terms."""
         size, terms = (float(np.max(np.abs(x), initial=0.0)) for x in (self.values, self.terms))
         return replace(self, values=np.zeros_like(self.values)) if size < ROUNDING * terms else self
 
@@ -119,7 +119,7 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
 
     @property
     def T(self) -> Series:
-        """The same with its axes reversed."""
+        """The series with its axes reversed."""
         return replace(self, values=self.values.T, terms=np.transpose(self.terms))
 
     def tolist(self) -> Any:
@@ -353,7 +353,7 @@ _COMPILED: Mapping[str, Sequence[str]] = {"concatenate": ("arrays", "axis", "out
 """Parameters of functions that do not tell them before numpy 2.4."""
 
 _TURN = Series("turn", unit("rad"), np.array(2.0 * np.pi))
-"""What angles are unwrapped by, unless another period is said."""
+"""Period of ``unwrap`` where no other is given."""
 
 
 def _parameters(function: Any) -> Sequence[str]:
@@ -370,7 +370,7 @@ def _alike(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _quantities(x: Any) -> Iterator[Series]:
-    """Yield what is a ``Series`` in an argument, which may be a list."""
+    """Yield every ``Series`` in an argument, which may be a list."""
     if isinstance(x, Series):
         yield x
     elif isinstance(x, list | tuple):
@@ -461,7 +461,7 @@ def _name(x: Any) -> str:
 
 
 def _extent(values: Array) -> str:
-    """Return how many values there are, and between which bounds."""
+    """Return the number or shape of the values, and their finite bounds, as text; a scalar as its value."""
     if not values.ndim:
         return f"{values[()]:.5g}" if values.dtype.kind in "fiu" else str(values[()])
     count = str(values.size) if values.ndim == 1 else str(values.shape)

@@ -88,7 +88,7 @@ class Problem(Protocol):
         ...
 
     def declaration(self) -> Declaration | None:
-        """Return what the problem says about coordinates; ``None`` where the mechanism is not to be simplified."""
+        """Return the declaration about coordinates; ``None`` where the mechanism is not to be simplified."""
         ...
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Any:
@@ -110,7 +110,7 @@ class PrescribingProblem(Problem, Protocol):
     """A question about a mechanism whose motion laws determine."""
 
     def table(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> PrescribedTable:
-        """Return what is prescribed at which rows, with nothing solved; see ``solve``."""
+        """Return the prescribed motion and its rows, with nothing solved; see ``solve``."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""How accurately a motion is integrated."""
+"""Accuracy of the integration: method, tolerance or step, and bounds on the number of steps."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Accuracy(InputStruct, frozen=True):
 
     @property
     def setting_keys(self) -> dict[str, Any]:
-        """Return what decides the error of the integration, as the keys of a file."""
+        """Return the setting of the integration, as the keys of a file."""
         return setting_keys(self.method, self.setting[1])
 
 

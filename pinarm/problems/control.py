@@ -47,7 +47,7 @@ class ControlOfRun(Protocol):
 
     @property
     def description(self) -> str:
-        """What it is and when it acts, for people."""
+        """Text for people: the kind of the controller and the instants at which it acts."""
         ...
 
     def bind(self, plant: Plant) -> Controller:
@@ -90,7 +90,7 @@ class MechanismPlant:
         return drive.motor.command if drive is not None and drive.motor else effort_unit(self.drive(name))
 
     def motor_inverse(self, name: str) -> CommandOfEffort | None:
-        """Return what command of a drive gives an effort at its joint; see ``Plant``."""
+        """Return the command of a drive as a function of the effort at its joint; see ``Plant``."""
         drive = self.mechanism.drives.get(name)
         return CommandOfEffort(1.0, 0.0) if drive is None or drive.motor is None else drive.motor.inverse(drive.ratio)
 
@@ -187,7 +187,7 @@ def bind_controls(
 
 
 def _places(mechanism: Mechanism, place: Place) -> Callable[[int], AbstractContextManager[None]]:
-    """Return what gives the mistakes of a controller their place, by its number: those of the mechanism come first."""
+    """Return a map from the number of a controller to the place of its errors; the mechanism's come first."""
     own, written = len(mechanism.control), len(mechanism.description.control)
 
     def places(number: int) -> AbstractContextManager[None]:

@@ -1,4 +1,4 @@
-"""What a problem says about the coordinates of a mechanism: all that simplification knows of the problem."""
+"""Declaration of the coordinates that a problem needs: all that simplification knows of the problem."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ ValueT = TypeVar("ValueT")
 
 
 class Declaration(ValueRecord, frozen=True):
-    """What a problem says about the coordinates of a mechanism.
+    """Declaration of the coordinates that a problem holds, moves, drives and watches.
 
     Attributes:
         without: Names -> the problem on a mechanism that lacks these coordinates: all that it says about them is left
             out, and so are its loads, which are forces of that mechanism.
-        held: Coordinate -> the value at which it stands still.
+        held: Coordinate -> its constant value.
         moved: Coordinates that are prescribed and not known before: swept over a range, or with given rates.
         laws: Coordinate -> the law that it follows.
-        watched: Coordinates that the problem looks at, and that have to be there.
+        watched: Coordinates that the problem looks at, so that they are kept.
         drives: Coordinates along which the drives act; empty for those that the kind of problem chooses.
         loads: Applied forces of the run.
         integrated: Whether coordinates that nothing imposes move under the forces.
@@ -59,5 +59,5 @@ class Declaration(ValueRecord, frozen=True):
 
 
 def others(values: Mapping[str, ValueT], names: Collection[str]) -> dict[str, ValueT]:
-    """Return what is given for coordinates that are not among some names."""
+    """Return the values of the coordinates that are not among some names."""
     return {name: value for name, value in values.items() if name not in names}

@@ -1,4 +1,4 @@
-"""How drives share a load where there are more of them than degrees of freedom: ``share`` in files."""
+"""Sharing of a load by more drives than degrees of freedom: ``share`` in files."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ Share = Literal["least_squares", "bounded"] | EffortSharing
 """A choice of efforts, or the name of one."""
 
 DRIVE = "drive of this run"
-"""What names in ``share`` are."""
+"""Meaning of the names in ``share``, for messages."""
 
 SHARES = {"least_squares": EffortSharing(), "bounded": EffortSharing(limits="model")}
 """The choices that have a name."""
@@ -198,7 +198,7 @@ def _require_told_apart(joints: Mapping[str, LinearCoordinate], efforts: SharedE
 
 
 def _incomparable(units: Mapping[str, Unit]) -> InputError:
-    """Return that torques and forces cannot be added without weights."""
+    """Return the error that torques and forces cannot be added without weights."""
     weights = ", ".join(f"{name}: 0.01 {reciprocal(measured)}" for name, measured in units.items())
     return InputError(
         "torques and forces have no common sum of squares: shares would depend on the unit of length",

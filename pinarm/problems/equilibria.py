@@ -80,7 +80,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         return replace(row, columns=columns, separate=True)
 
     def declaration(self) -> None:
-        """Return that the mechanism is not to be simplified: all joints that are free have a part in its modes."""
+        """Return ``None``, so that the mechanism is not simplified: all free joints have a part in its modes."""
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         """Check all names and units; return the balance of forces, and the configuration of every start."""
@@ -134,7 +134,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
 
 
 def _failure(index: int, error: AssemblyError) -> str:
-    """Return what is to be said of a start that leads nowhere, beside others that do not."""
+    """Return the note on a start that leads to no equilibrium, while another start does."""
     said = error.message if error.data.get("start") else f"starts[{index}] leads to no equilibrium: {error.message}"
     return f"{said}; expected {error.expected}"
 
@@ -151,7 +151,7 @@ def _equilibrium(balance: ForceBalance, q: Array, start: str) -> Equilibrium:
 
 
 def _friction_hold(balance: ForceBalance, q: Array) -> FrictionHold | None:
-    """Return what tells where friction holds; ``None`` without friction, and where several motions are free."""
+    """Return the hold by friction; ``None`` without friction, and where several motions are free."""
     if not balance.mechanism.frictions or balance.basis(q).shape[1] > 1:
         return None
     from pinarm.problems.position_bands import FrictionHold  # with all that known motions with friction need
@@ -208,7 +208,7 @@ def _bands(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> list[Pos
 
 
 def _weightless(equilibria: Sequence[Equilibrium]) -> list[str]:
-    """Return what is to be said of directions without mass."""
+    """Return notes on directions without mass."""
     return [
         f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
         for row, equilibrium in enumerate(equilibria, 1)
@@ -217,7 +217,7 @@ def _weightless(equilibria: Sequence[Equilibrium]) -> list[str]:
 
 
 def _edges(equilibria: Sequence[Equilibrium]) -> list[str]:
-    """Return what is to be said of loads that have an edge where the forces balance."""
+    """Return notes on loads that have an edge where the forces balance."""
     return [
         f"row {row}: '{equilibrium.modes.edge}' has an edge here, to either side of which its stiffness is another "
         "one, as where a cable becomes taut: neither stability nor small motions are told"
@@ -227,7 +227,7 @@ def _edges(equilibria: Sequence[Equilibrium]) -> list[str]:
 
 
 def _slacks(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> list[str]:
-    """Return what is to be said of positions that rounding leaves uncertain, as a stiffness is 0 there."""
+    """Return notes on positions that rounding leaves uncertain, as a stiffness is 0 there."""
     notes, joints = [], [*balance.mechanism.joints.values()]
     for row, equilibrium in enumerate(equilibria, 1):
         if equilibrium.slack is not None:
@@ -243,7 +243,7 @@ def _slacks(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> list[st
 def _friction_notes(
     balance: ForceBalance, equilibria: Sequence[Equilibrium], bands: Sequence[PositionBand]
 ) -> list[str]:
-    """Return what is to be said of friction that sticks."""
+    """Return notes on friction that sticks."""
     contacts = balance.mechanism.frictions
     if not contacts:
         return []

@@ -1,4 +1,4 @@
-"""What may happen on the way of a forward motion: events of coordinates, and end stops of joints."""
+"""Events of a forward motion: values that coordinates reach, and end stops of joints."""
 
 from __future__ import annotations
 
@@ -96,10 +96,10 @@ def watches_of(mechanism: Mechanism, events: Mapping[str, Event], begins: float,
 
 
 def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: float) -> Watch:
-    """Return what is watched of a coordinate.
+    """Return the watch of an event of a coordinate.
 
-    Of an angle that may be told between -180 and 180 deg it is the sine of the difference to the value, which does not
-    jump there; that it is 0 half a turn from the value, too, does not count.
+    The watch of an angle, which may be limited to -180 to 180 deg, uses the sine of the difference to the value: it
+    does not jump there. The zero of the sine half a turn from the value does not count.
     """
     half = abs(abs(float(event.reaches)) - np.pi) < REACHED
     distance = _distance(closure, coordinate, float(event.reaches))

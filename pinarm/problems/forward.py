@@ -302,7 +302,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
 
 def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
-    """Return what is to be said of joints that stops or friction hold together."""
+    """Return notes on joints that stops or friction hold together."""
     remarks = shares_remarks(segment.shares for segment in motion.segments)
     if not hybrid.frictions:
         return remarks
@@ -312,7 +312,7 @@ def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
 
 
 def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
-    """Return what is to be said of the limits of motors."""
+    """Return notes on the limits of motors."""
     if hybrid.controls is None:
         return []
     from pinarm.engine.motion.segmented.recorded_control import motor_remarks
@@ -321,7 +321,7 @@ def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
 
 
 def _changed(mechanism: Mechanism, values: Array, v: Array) -> list[str]:
-    """Return what is to be said of given velocities that loops do not allow; v are those of the start."""
+    """Return notes on given velocities that loops do not allow; v are the velocities at the start."""
     changes = []
     if len(v) < len(values):  # laws and couplings have been eliminated: what contradicts them is refused
         return []
@@ -335,7 +335,7 @@ def _changed(mechanism: Mechanism, values: Array, v: Array) -> list[str]:
 
 
 def _uncertain(closure: Closure, q: Array, v: Array) -> list[str]:
-    """Return what is to be said of a start next to a singular position: rounding leaves 1e-16 over s^2 of velocities.
+    """Return notes on a start next to a singular position: rounding leaves 1e-16 over s^2 of velocities.
 
     Args:
         closure: The constraints, and the coordinates that follow laws.

@@ -36,7 +36,7 @@ else:  # imported where a file has loads, see LOADS
     Force = Any
 
 Prepared = tuple[JointMotion, Actuation, dict[str, ForceElement]]
-"""How the joints follow the laws, the drives and the forces."""
+"""Motion of the joints by the laws, the drives, and the forces."""
 
 
 class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
@@ -76,9 +76,9 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
 
     def declaration(self) -> Declaration | None:
-        """Return what the problem says about coordinates.
+        """Return the declaration about coordinates.
 
-        Nothing where drives share, or a posture chooses: each effort, or each joint, depends on all.
+        ``None`` where drives share, or a posture chooses: each effort, or each joint, depends on all.
         """
         if self.share is not None or self.resolve is not None:
             return None

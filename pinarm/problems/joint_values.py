@@ -33,7 +33,7 @@ def check_rates(mechanism: Mechanism, rates: Mapping[str, float], place: Place, 
 
 
 def rates_of_coordinates(mechanism: Mechanism, rates: Mapping[str, float]) -> dict[str, float]:
-    """Return those of given rates that are of coordinates, and not simply velocities of joints."""
+    """Return the given rates of coordinates that are not simply velocities of joints."""
     own = places_of(mechanism.joints, mechanism.balls)
     return {name: rate for name, rate in rates.items() if name not in own and name in mechanism.coordinates}
 

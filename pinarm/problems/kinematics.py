@@ -56,7 +56,7 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
         return replace(Trajectory.schema_row(mechanism, q, "t", unit("s")), no_efforts=KINEMATIC)
 
     def declaration(self) -> Declaration | None:
-        """Return what the problem says about coordinates; nothing where a posture chooses: joints depend on all."""
+        """Return the declaration about coordinates; ``None`` where a posture chooses: joints depend on all."""
         if self.resolve is not None:
             return None
         return Declaration(self._without, laws=self.motion)

@@ -117,7 +117,7 @@ def grid_of(
 
 
 def profile_remarks(mechanism: Mechanism, motion: Mapping[str, Motion]) -> list[str]:
-    """Return what efforts along profiles mean: each has a drive of its own, which a cam has not."""
+    """Return notes on efforts along profiles: each profile has a drive of its own, which a cam has not."""
     remarks = []
     for name, law in motion.items():
         if isinstance(law, Over):
@@ -223,12 +223,12 @@ class NearestPosture(InputStruct, frozen=True):
 def joint_motion(
     mechanism: Mechanism, motion: Mapping[str, MotionLaw], resolve: NearestPosture | None, place: Place
 ) -> JointMotion:
-    """Return how the joints of a mechanism follow laws.
+    """Return the motion of the joints of a mechanism by laws.
 
     Args:
         mechanism: The mechanism.
         motion: Coordinate -> its law.
-        resolve: What chooses among the motions where there are fewer laws than degrees of freedom; ``None`` where
+        resolve: Posture that chooses a motion where there are fewer laws than degrees of freedom; ``None`` where
             there are as many.
         place: Gives errors their place.
 

@@ -119,7 +119,7 @@ class Frequencies(InputStruct, frozen=True, rename={"start": "from", "end": "to"
 
 
 class Prepared(Record, frozen=True):
-    """What a solution begins with.
+    """Checked input of a solution, near the state.
 
     Attributes:
         dynamics: The equation of motion with the loads of the run.
@@ -180,7 +180,7 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         return [*self.about.hold, *self.about.steady]
 
     def declaration(self) -> None:
-        """Return that the mechanism is not to be simplified: all joints that are free have a part in its modes."""
+        """Return ``None``, so that the mechanism is not simplified: all free joints have a part in its modes."""
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         """Check all names and units; return the state to begin with."""

@@ -38,7 +38,7 @@ else:  # imported where a file has loads, see LOADS
     Force = Any
 
 Prepared = tuple[Recording, RecordedRows, tuple[str, ...]]
-"""What makes the table, the rows, and the headings that are not read."""
+"""Recording, which makes the table, its rows, and the headings that are not read."""
 
 
 class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
@@ -202,7 +202,7 @@ def _apart(columns: Mapping[str, list[float] | str]) -> Iterator[tuple[str, Sequ
 
 
 def _doubts(mechanism: Mechanism, figures: Mapping[str, float]) -> tuple[str, ...]:
-    """Return what given derivatives seem to be, where they are no rates of the rows."""
+    """Return notes on given derivatives that are not the rates of the rows, with a likely cause."""
     doubts = []
     for derivative, of in (("velocity", "positions"), ("acceleration", "velocities")):
         left = figures.get(f"{derivative} consistency", 0.0)
@@ -282,7 +282,7 @@ def names_read(mechanism: Mechanism) -> frozenset[str]:
 
 
 def _aliases(mechanism: Mechanism) -> dict[str, str]:
-    """Return what else the columns of positions may be called -> their names."""
+    """Return other headings of the columns of positions -> their names."""
     return {
         alias: f"joint.{name}.position" for name in mechanism.joints for alias in (name, f"coordinate.{name}.position")
     }
@@ -303,14 +303,14 @@ class RecordedHeadings(NamedTuple):
 
 
 def recorded_headings(mechanism: Mechanism, headings: Iterable[str]) -> RecordedHeadings:
-    """Return what headings say, such as ``joint.knee.velocity [deg/s]``; a joint's own name is its position.
+    """Return the columns of headings such as ``joint.knee.velocity [deg/s]``; a joint's own name is its position.
 
     Args:
         mechanism: What moves.
         headings: Of the columns.
 
     Raises:
-        InputError: A column is missing or stands twice.
+        InputError: A column is missing or occurs twice.
         UnitError: A unit does not fit.
     """
     known, aliases = state_columns(mechanism), _aliases(mechanism)
@@ -426,7 +426,7 @@ def _split(heading: str) -> tuple[str, str | None]:
 
 
 def _factor(name: str, written: str | None, wanted: Unit) -> float:
-    """Return what a number in the unit of a heading is in SI.
+    """Return the factor from the unit of a heading to SI.
 
     Raises:
         UnitError: It has no unit, or one of another dimension.

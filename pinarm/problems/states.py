@@ -88,7 +88,7 @@ class StateByState:
         return with_friction_columns(replace(row, separate=True), drives)
 
     def declaration(self) -> Declaration | None:
-        """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
+        """Return the declaration about coordinates; ``None`` where drives share: each effort depends on all."""
         if self.share is not None:
             return None
         rates = [value for rates_of_order in self.rates for value in rates_of_order.items()]

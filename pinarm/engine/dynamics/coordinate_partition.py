@@ -28,7 +28,7 @@ Targets = Callable[[float], tuple[Array, Array, Array]]
 """``t -> w, w', w''``, each of shape (k,)."""
 
 ManyTargets = Callable[[Array], tuple[Array, Array, Array]]
-"""The same at many instants, shape (n,) to (n, k)."""
+"""``Targets`` at many instants, shape (n,) to (n, k) each."""
 
 
 IMMOVABLE = 1e20

@@ -312,10 +312,10 @@ class Dynamics(Record, frozen=True):
 
     @cached_property
     def exchanging(self) -> Dynamics | None:
-        """The same with only those force elements that exchange energy and are neither steady nor held; or ``None``.
+        """Dynamics with only the force elements that exchange energy and are not steady or held; or ``None``.
 
-        On mechanisms with quaternions or (cos, sin) pairs these are among them: no difference of their configurations
-        tells the work.
+        On mechanisms with quaternions or (cos, sin) pairs steady and held elements are included: the work does not
+        follow from a difference of configurations.
         """
         simple = self.model.nq == self.model.nv
         forces = {

@@ -57,7 +57,7 @@ def solve(rows: SplitRows, mass: Array, force: Array, right: Array) -> Array:
 
 
 def solve_each(rows: RowDecompositions, mass: Array, force: Array, right: Array) -> Array:
-    """Return what ``solve`` does at n configurations, whose ranks may differ, shape (n, nv)."""
+    """Return the accelerations of ``solve`` at n configurations, whose ranks may differ, shape (n, nv)."""
     return rows.each(rows.shape[-1], solve, mass, force, right)
 
 

@@ -23,7 +23,7 @@ PROBED = 20
 """Part of the largest number of steps after which the driver looks whether the rest can come to the end."""
 
 HOPELESS = 1000.0
-"""How many times the steps allowed the rest would take, with steps ten times as long, where the driver gives up."""
+"""Remaining time, over the time of all steps allowed at ten times their length, above which the driver gives up."""
 
 
 NEAR = 0.1

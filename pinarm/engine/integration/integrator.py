@@ -338,7 +338,7 @@ class Turn(NamedTuple):
 
 
 class SolutionMethod(Protocol):
-    """What a solution knows of the method that made it; see ``methods.Method``."""
+    """Interface of the method that made a solution; see ``methods.Method``."""
 
     @property
     def tolerance(self) -> float: ...
@@ -380,7 +380,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     begun_with: float = 0.0
     nearest: dict[int, Turn] = {}
     _known: Flags = field(default_factory=lambda: np.zeros(0, bool))
-    """Which steps have a dense output, and more rows than there are steps."""
+    """Mask of the steps with a dense output; it is longer than the number of steps."""
     _terms: Array = field(default_factory=lambda: np.empty(0))
     _divided: dict[int, tuple[Array, Array]] = {}
 

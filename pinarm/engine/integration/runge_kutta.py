@@ -90,15 +90,15 @@ class Tableau(Record, frozen=True):
 
     @cached_property
     def dense_rows(self) -> list[tuple[Array, float]]:
-        """The same of the stages that only the dense output needs."""
+        """Weights and times of the stages that only the dense output needs; see ``rows``."""
         known = self.stages + 1
         return [(row[: known + k], float(c)) for k, (row, c) in enumerate(zip(self.dense_a, self.dense_c, strict=True))]
 
     @cached_property
     def examined(self) -> Tableau:
-        """The same with a further stage and a last term: the defect ``h (f(u) - u')`` of the dense output u.
+        """Tableau with a further stage and a last term: the defect ``h (f(u) - u')`` of the dense output u.
 
-        It is taken in the middle of the step, where ``u = y + h w @ k`` and ``u' = w' @ k``.
+        The defect is taken in the middle of the step, where ``u = y + h w @ k`` and ``u' = w' @ k``.
         """
         s, width = self.stages + 1, self.stages + 1 + len(self.dense_c)
         unit = np.eye(width)

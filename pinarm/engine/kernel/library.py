@@ -32,7 +32,7 @@ RATES, SETTLE = ctypes.PYFUNCTYPE(None, *PLACES), ctypes.PYFUNCTYPE(ctypes.c_int
 
 
 class Flow(Record, frozen=True):
-    """What the library integrates: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``."""
+    """Differential equation for the library: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``."""
 
     unshown: ClassVar[tuple[str, ...]] = ("system",)
 

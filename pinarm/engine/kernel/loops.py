@@ -75,13 +75,13 @@ class Tied(Record, frozen=True):
 
 
 class Way(Record, frozen=True):
-    """What the rows of a loop joint pass on their way to the link at which it ends.
+    """Path of the rows of a loop joint, over links and unknowns, to the link at which it ends.
 
     Attributes:
         end: The last link that moves all that its rows hold; -1 for the world.
         passed: Links, children before their parents, and ``~k`` where loop joint k is eliminated.
         unknowns: The unknowns there: velocities, and multipliers behind all velocities.
-        before: How many of the unknowns are not eliminated at the link at which it ends.
+        before: Number of unknowns that are not eliminated at the link at which it ends.
     """
 
     end: int
@@ -228,13 +228,13 @@ class CompiledLoops(Record, frozen=True):
 
     @cached_property
     def _ways(self) -> list[Way]:
-        """What the rows of each loop joint pass."""
+        """Ways of the loop joints, from the tips."""
         model, pairs = self.tree.model, zip(self._ordered, self._rows, strict=True)
         return ways_of(model, [(tied.ends(model), tied.moving(model), count) for tied, count in pairs])
 
     @cached_property
     def _weights(self) -> Array:
-        """What the rows of each have of the unknowns that they pass, shape (sum of these, MOST_ROWS)."""
+        """Weights of couplings on the unknowns of all ways, 0 of loop joints, shape (unknowns, MOST_ROWS)."""
         nv, factors = self.tree.model.nv, list[Array]()
         for tied, way in zip(self._ordered, self._ways, strict=True):
             weights = np.zeros((len(way.support), MOST_ROWS))

@@ -65,7 +65,7 @@ LAW = np.dtype(
     ],
     align=True,
 )
-"""What follows a law over time: an effort, or a coordinate."""
+"""A law over time, of an effort or a coordinate."""
 
 LINK_STATE = np.dtype([
     ("in_parent", float, 12), ("rotation", float, (3, 3)), ("translation", float, 3), ("velocity", float, 6),
@@ -111,7 +111,7 @@ class SkylineStructure(ctypes.Structure):
 
 
 class ProximalStructure(ctypes.Structure):
-    """How multipliers are found."""
+    """Settings of the proximal iteration for multipliers."""
 
     _fields_ = [("term", REAL), ("accuracy", REAL), ("repeats", INT)]
 
@@ -180,7 +180,7 @@ class RadauStructure(ctypes.Structure):
 
 
 class NewtonStructure(ctypes.Structure):
-    """What implicit steps keep from one to the next."""
+    """The state of Newton's method that implicit steps keep from one to the next."""
 
     _fields_ = [
         *((name, POINTER) for name in ("slope", "jacobian", "system", "pivot", "right", "last", "change")),
@@ -192,7 +192,7 @@ class NewtonStructure(ctypes.Structure):
 
 
 class FlowStructure(ctypes.Structure):
-    """What is integrated."""
+    """A differential equation to integrate."""
 
     _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "system"))]
 

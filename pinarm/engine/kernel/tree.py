@@ -108,7 +108,7 @@ MOST_CUBICS = 10_000
 
 
 class Followed(NamedTuple):
-    """What follows a law.
+    """An effort or a coordinate that follows a law.
 
     Attributes:
         q: Index in q of the coordinate, whose joint's armature outweighs the tree; ``EFFORT`` where an effort does.
@@ -141,7 +141,7 @@ def laws_of(followed: Sequence[Followed], steady: Array) -> NDArray[np.void] | N
 
 
 def _parts(function: Callable[[Array], Values] | None) -> NDArray[np.void] | None:
-    """Return what a function is on its intervals, shape (k,), of ``LAW``; ``None`` where it is another one."""
+    """Return the laws of a function on its intervals, of ``LAW``, shape (k,); ``None`` for functions of other kinds."""
     if isinstance(function, ClampedSpline):
         return _cubics(function)
     if isinstance(function, Wave):
@@ -204,14 +204,14 @@ class LoadedTree(Record, frozen=True):
         return cls(TreeStructure(*sizes, *map(pointer, arrays)), (*arrays, world)).copied()
 
     def copied(self) -> LoadedTree:
-        """Return the same tree with buffers of its own; efforts that follow laws are written to one of them."""
+        """Return the tree with buffers of its own; efforts that follow laws are written to one of them."""
         copy = self.with_unknowns(self.structure.nv)
         degrees = copy.arrays[DEGREES].copy()
         copy.structure.degree = pointer(degrees)
         return LoadedTree(copy.structure, (*copy.arrays[:DEGREES], degrees, *copy.arrays[DEGREES + 1 :]))
 
     def with_unknowns(self, count: int) -> LoadedTree:
-        """Return the same tree with buffers of its own, for velocities and the multipliers behind them."""
+        """Return the tree with buffers of its own, for velocities and the multipliers behind them."""
         structure, (*known, links) = TreeStructure.from_buffer_copy(self.structure), self.arrays[: WORLD + 1]
         links = np.concatenate([links[:1], np.zeros(structure.links, LINK_STATE)])
         unknowns = np.zeros(count, DEGREE_STATE), np.zeros(count)
@@ -236,7 +236,7 @@ class HeldFlow(Flow, frozen=True):
 
     @cached_property
     def _efforts(self) -> Array:
-        """What acts along each velocity, where the library reads it, shape (nv,)."""
+        """Efforts along the velocities, in the array that the library reads, shape (nv,)."""
         efforts: Array = self.tree.arrays[DEGREES]["effort"]
         return efforts
 

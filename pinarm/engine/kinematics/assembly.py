@@ -337,7 +337,7 @@ class _Part:
         return f" at {several(told, LISTED)}" if told else ""
 
     def _apart(self, q: Array, other: Array) -> float:
-        """Return how far two configurations are apart, but for whole turns [rad, or units of length]."""
+        """Return the largest difference of two configurations, without whole turns [rad, or units of length]."""
         apart = pin.difference(self.model, other, q) / self.closure.scale
         turned = np.where(slides(self.model), apart, np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi)
         return float(np.abs(turned[self.moving]).max(initial=0.0))
@@ -372,7 +372,7 @@ class _Part:
 
 
 def _distance(start: Array, way: Array) -> StateFunction:
-    """Return how far a configuration is from another one, shape (nq,), along a way d, shape (nv,): ``d . (q - q0)``."""
+    """Return the distance from a configuration q0, shape (nq,), along a direction d, shape (nv,): ``d . (q - q0)``."""
     return StateFunction(
         lambda state: float(way @ pin.difference(state.model, start, state.q)),
         lambda state: np.asarray(way @ pin.dDifference(state.model, start, state.q)[1]),
@@ -412,7 +412,7 @@ def generic_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
 
 
 def closed_generic(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
-    """Return the same, shape (nq,), of a mechanism that has to close; see ``closed_near``."""
+    """Return a closed configuration of no special kind, shape (nq,), near a start; errors as ``closed_near``."""
     q = closed_near(mechanism, start)
     return generic(mechanism, beside(mechanism, q)) if mechanism.closure.size else q
 

@@ -265,7 +265,7 @@ class Ahead:
         return self._chosen
 
     def _leading(self, chosen: BatchClosing, rates: Rates, good: Flags) -> int:
-        """Return how many rows precede the first one that is not good; forget chosen rows that serve no longer."""
+        """Return the number of good rows at the beginning; drop chosen rows that no longer determine the motion."""
         served = (rates.sense == chosen.sense) & (rates.size <= WORSE * chosen.size)
         if not served.all():
             self._chosen = None
@@ -373,7 +373,7 @@ def _predicted(h: Array, q: Array, v: Array, t: Array, a: Array) -> tuple[Array,
 
 
 def _next_length(n: int, correction: Array, order: int) -> int:
-    """Return how many rows to try next, n having been good; errors of predictions grow with a power of time."""
+    """Return the number of rows to try after n good ones; errors of predictions grow with a power of time."""
     last = float(correction[n - 1]) if n else np.inf
     growth = min(max((WANTED / max(last, 1e-300)) ** (1.0 / order), 0.5), 2.0)
     return min(max(int(n * growth), SHORTEST), BLOCK)

@@ -67,7 +67,7 @@ class Posture(Record, frozen=True):
     names: tuple[str, ...]
 
     def margins(self, positions: Array) -> Array:
-        """Return how far positions, shape (.., nv), are within lower and upper limits, shape (.., 2, nv)."""
+        """Return the margins of positions, shape (.., nv), to the lower and upper limits, shape (.., 2, nv)."""
         return np.stack([positions - self.lower, self.upper - positions], axis=-2)
 
     def limit(self, joint: int, side: int) -> float:
@@ -76,7 +76,7 @@ class Posture(Record, frozen=True):
 
     @cached_property
     def slack(self) -> Array:
-        """How near to a limit counts as at it [rad or m], shape (2, nv)."""
+        """Distance from a limit within which a joint counts as at it [rad or m], shape (2, nv)."""
         limits = np.stack([self.lower, self.upper])
         return np.asarray(AT_LIMIT * (1.0 + np.where(np.isfinite(limits), np.abs(limits), 0.0)))
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class JointMotion(AbstractRecord, frozen=True):
-    """How the joints of a mechanism follow prescribed coordinates."""
+    """Motion of the joints of a mechanism by prescribed coordinates."""
 
     mechanism: Mechanism
     prescribed: PrescribedCoordinates
@@ -68,7 +68,7 @@ class JointMotion(AbstractRecord, frozen=True):
         """Return velocities and accelerations at configurations of the motion, each of shape (n, nv)."""
 
     def figures(self, states: JointTrajectory) -> Mapping[str, float]:
-        """Return how well the rows keep to what is prescribed, by name; nothing where they do to rounding."""
+        """Return the errors of the rows against the prescribed motion, by name; empty where they are rounding."""
         return {}
 
 

@@ -155,11 +155,11 @@ class NewtonSolver:
         return self._polish(self.close(q, w, t), w)
 
     def close(self, q: Array, w: Array, t: float) -> Array:
-        """Return the same, closed to ``CLOSED``.
+        """Return the configuration of ``assemble``, closed to ``CLOSED`` only.
 
         Nuts first slide to their places, then turn to the nearest thread: to turn all the way would take many steps.
-        Joints without a body follow what they are tied to once all else is closed, which is where it is without them;
-        those that count turns begin on the turn that is nearest to where they start.
+        Joints without a body do not move the other joints, and follow them once these are closed. Joints that count
+        turns begin on the turn nearest to their start.
         """
         if not self.sliding.all():
             q, _ = self.closest(q, w, self.sliding * self.untied)
@@ -347,7 +347,7 @@ class NewtonSolver:
         return float(values[rows.shape[1] - 1] / values[0]) if len(rows) >= rows.shape[1] else 0.0
 
     def unreachable(self, q: Array, gap: Array, t: float, followed: str = "") -> AssemblyError:
-        """Return that a position is out of reach."""
+        """Return the error of a position out of reach, with the largest gap and the closest configuration."""
         owners = list(zip(self.names, self.units, strict=True))
         sizes = {owner: float(np.linalg.norm(gap[[other == owner for other in owners]])) for owner in owners}
         worst = max(sizes, key=sizes.__getitem__)
@@ -370,7 +370,7 @@ class NewtonSolver:
         )
 
     def _beyond(self) -> str:
-        """Return what else to try where a law may pass half a turn of an angle that nothing counts."""
+        """Return the hint on angles without counted turns, whose laws may pass half a turn; empty without any."""
         told = [
             name
             for name, coordinate in zip(self.names[self.closure.size :], self.coordinates, strict=True)
@@ -379,7 +379,7 @@ class NewtonSolver:
         return f"; beyond 180 deg, turns: [{', '.join(told)}] in the mechanism file" if told else ""
 
     def _out_of_line(self, gap: Array) -> str:
-        """Return what else to try where a small gap may be that of redundant joints."""
+        """Return the hint on redundant joints, which may cause a small gap; empty for a large gap."""
         if (np.abs(gap) > SMALL * self.whole.reach).any():
             return ""
         return (

@@ -103,7 +103,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
             raise self.miscounted(mechanism, mobility)
 
     def miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
-        """Return that they are not as many as the degrees of freedom: which could be added, or how many are wanted."""
+        """Return the error of too few or too many laws for the degrees of freedom, with joints that could be added."""
         missing = mobility - len(self.names)
         if missing > 0:
             own = [*mechanism.joints, *(f"{name}.{part}" for name in mechanism.balls for part in ROTATIONS)]
@@ -139,7 +139,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         return PrescribedCoordinates(names, coordinates, tuple(self.laws[k] for k in places if self.laws))
 
     def linear_last(self) -> tuple[PrescribedCoordinates, int]:
-        """Return the same coordinates with those of joints, and sums of them, last; and how many others there are."""
+        """Return the coordinates with joints and sums of joints last, and the number of the other coordinates."""
         is_linear = [isinstance(coordinate, LinearCoordinate) for coordinate in self.coordinates]
         return self.picked(sorted(range(len(is_linear)), key=is_linear.__getitem__)), is_linear.count(False)
 
@@ -154,7 +154,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         return target
 
     def along(self, start: float, end: float) -> Callable[[Array], tuple[Array, Array, Array]]:
-        """Return the same at many instants: ``t -> w, w', w''``, shape (n,) to (n, k)."""
+        """Return ``t -> w, w', w''`` at many instants, shape (n,) to (n, k) each; see ``on``."""
         functions = [law.on(start, end) for law in self.laws]
 
         def targets(t: Array) -> tuple[Array, Array, Array]:

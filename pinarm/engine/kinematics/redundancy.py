@@ -51,7 +51,7 @@ CLOSE = 1e-6
 """Largest gap of the rough minimum: differences of the constraints leave 1e-8."""
 
 TURN = 3.0
-"""How far a joint may be moved from the rough configuration [rad, or units of length], as far as limits let it."""
+"""Largest move of a joint from the rough configuration, within its limits [rad, or units of length]."""
 
 AtLimits = tuple[tuple[int, int], ...]
 """Joints at limits, by their index in v, and 0 for the lower or 1 for the upper limit; sorted."""
@@ -133,13 +133,13 @@ class LimitedPath(NewtonSolver):
         return margins.reshape(*margins.shape[:-2], -1)
 
     def pressing(self, q: Array) -> Array:
-        """Return how hard limits press on the joints that they hold, negative where one would come off, shape (h,)."""
+        """Return the pull of held joints against their limits, negative where a joint would come off, shape (h,)."""
         lam = self.pull.at(q).lam
         signs = np.array([1.0 if side == 0 else -1.0 for _, side in self.held])
         return np.asarray(signs * lam[len(lam) - len(self.held) :])
 
     def rounding(self, q: Array) -> Array:
-        """Return how far margins, and then pressings, may be below 0, shape (2 nv + h,)."""
+        """Return the rounding by which margins, and then ``pressing``, may be below 0, shape (2 nv + h,)."""
         pull = float(np.abs(self.pull.at(q).whole).max(initial=0.0))
         return np.concatenate([self.posture.slack.ravel(), np.full(len(self.held), LIFTED * (1.0 + pull))])
 
@@ -458,7 +458,7 @@ def _joint_states(motion: NearestMotion, grid: Grid, states: list[PathState]) ->
 
 
 def _words(motion: NearestMotion, limit: tuple[int, int], before: PathState, after: PathState, *, reached: bool) -> str:
-    """Return what happens where a joint reaches its limit or leaves it."""
+    """Return the note on a joint that reaches or leaves its limit, with the largest jump of velocity."""
     posture, coordinates = motion.posture, motion.mechanism.coordinates
     jump = np.abs(after.v - before.v)
     fastest, joint = posture.names[int(jump.argmax())], posture.names[limit[0]]

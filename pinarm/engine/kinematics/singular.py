@@ -88,7 +88,7 @@ STRAIGHT = 1e-6
 
 
 def on_branch(turned: Array, correction: Array) -> Flags:
-    """Tell which solutions are on the branch of their predictions: one on another branch has another velocity.
+    """Return a mask of the solutions on the branch of their predictions: other branches have other velocities.
 
     With an error of the predicted position ``h^3 j / 6`` that of the velocity is three times as much, over h.
 
@@ -100,11 +100,11 @@ def on_branch(turned: Array, correction: Array) -> Flags:
 
 
 def part_of_leap(rows: Array, there: Array) -> float:
-    """Return how much of a step may be taken, from J before and after it: all, unless it leads past a singularity.
+    """Return the part of a step to take, from J before and after it: 1, unless the step passes a singularity.
 
-    The least singular value is taken to change evenly, through 0: a shorter step aims at a position nearer to that, and
-    from very near one of twice the way goes through it. Where branches only all but meet, the shorter steps follow
-    their own.
+    The least singular value is taken to change linearly, through 0. A shorter step aims at a position nearer to the
+    singularity; a step that begins very near it goes through, over twice the distance. Where branches come close but
+    do not meet, the shorter steps follow their branch.
     """
     nv = rows.shape[1]
     if np.linalg.slogdet(rows.T @ there)[0] > 0.0:
@@ -118,7 +118,7 @@ def part_of_leap(rows: Array, there: Array) -> float:
 
 
 def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
-    """Return what depends on each other: the names of the rows with a part in a combination that all but vanishes."""
+    """Return the names of dependent rows: rows with a part in a combination that nearly vanishes."""
     size = np.linalg.norm(rows, axis=1)
     units = np.where(size > RANK * size.max(), size, 1.0)  # a part does not hang on the unit of its row
     weak = np.linalg.svd(rows / units[:, None])[0][:, rank - 1]
@@ -146,7 +146,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], st
 
 
 def end_of_travel(solver: NewtonSolver, q: Array) -> str:
-    """Return which coordinates are at the end of their travel at a singular position; empty where none is.
+    """Return a text on the coordinates at the end of their travel at a singular position; empty without any.
 
     There a coordinate cannot move, and the mechanism moves while it rests: with J the rows of the constraints and
     coordinates, ``y^T J = s x^T`` with a part of y on the row of the coordinate, and s all but 0. Along x the

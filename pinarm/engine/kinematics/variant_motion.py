@@ -60,11 +60,11 @@ class VariantStates(NamedTuple):
 
 
 class VariantMotion(Record, frozen=True):
-    """How variants of a mechanism follow prescribed coordinates.
+    """Motion of variants of a mechanism by prescribed coordinates.
 
     Attributes:
-        solver: Newton's method on one of them: which rows are curved, and the units of all.
-        closing: Newton's method on these and the prescribed coordinates.
+        solver: Newton's method on one variant, for the curved rows and the units of all variants.
+        closing: Newton's method on all variants and the prescribed coordinates.
     """
 
     solver: NewtonSolver

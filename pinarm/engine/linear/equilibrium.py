@@ -326,9 +326,9 @@ class ForceBalance(Record, frozen=True):
         return Equilibrium(q, modes, slack=None if modes.stability else self._slack(q, basis, inner))
 
     def _slack(self, q: Array, basis: Array, stiffness: Array) -> Array | None:
-        """Return how far along its weakest motion all balances to rounding, shape (nv,); ``None`` where that is far.
+        """Return the extent of balance to rounding along the weakest motion, shape (nv,); ``None`` where it is far.
 
-        Where a stiffness vanishes forces grow with the square or cube of the way, and steps end far from their zero.
+        Where a stiffness vanishes, forces grow with the square or cube of the distance, and steps end far from 0.
         """
         way = basis @ np.linalg.svd(stiffness)[2][-1]
         way /= np.abs(way / self.closure.scale).max()

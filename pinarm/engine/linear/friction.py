@@ -45,13 +45,13 @@ class FrictionState(Record, frozen=True):
 
     @property
     def note(self) -> str:
-        """What is said of joints that stick; empty where none does."""
+        """Note on joints that stick; empty where none does."""
         names = dict.fromkeys(contact.name for contact, stuck in zip(self.contacts, self.stuck, strict=True) if stuck)
         return f"held by dry friction in the small motion: {', '.join(names)}" if names else ""
 
 
 def at_rest(contacts: Sequence[FrictionContact], slips: Array, v: Array) -> Flags:
-    """Return which contacts stick, if they are held: they have dry friction and no slip, shape (k,)."""
+    """Return a mask of the contacts that stick if they are held, with dry friction and no slip, shape (k,)."""
     dry = np.array([any(contact.law.resting) for contact in contacts], dtype=bool)
     return np.asarray(dry & (sizes(contacts, slips) <= AT_REST * (1.0 + np.abs(v).max(initial=0.0))))
 

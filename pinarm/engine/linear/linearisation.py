@@ -54,17 +54,17 @@ RIGID = 10.0
 """Size of an eigenvalue, relative to its error by rounding, up to which it is 0: less than one digit of it holds."""
 
 DEFECTIVE = 1e-6
-"""How far the cosine of the angle between two mode shapes may be from 1 where they are one shape."""
+"""Largest difference from 1 of the cosine of the angle between two mode shapes that count as one shape."""
 
 
 class Rows(Record, frozen=True):
-    """Which rows of the derivatives hold, move as prescribed, or slip with friction.
+    """Rows of the derivatives: rows that hold, rows with prescribed values, and slips with friction.
 
     Attributes:
         holding: Rows that hold, shape (m,).
-        prescribed: Which of these have prescribed values, places in ``holding``, shape (p,).
+        prescribed: Rows with prescribed values, places in ``holding``, shape (p,).
         slipping: Rows H of slips with friction, shape (k,).
-        rolling: Which of those that hold bind velocities alone, places in ``holding``, shape (r,).
+        rolling: Rows that bind velocities alone, places in ``holding``, shape (r,).
     """
 
     holding: Indices

@@ -28,7 +28,7 @@ NONE = 1e-9
 """Sum of parts, relative to the sum of their sizes, that is rounding of none."""
 
 WEIGHTS, CONSTRAINTS = "weights and velocities", "forces of constraints"
-"""What stiffens beside force elements."""
+"""Parts of the stiffness beside force elements."""
 
 
 def participations(linear: Linearisation) -> dict[str, LabelledArray]:
@@ -43,7 +43,7 @@ def participations(linear: Linearisation) -> dict[str, LabelledArray]:
 
 
 def rigid_modes(linear: Linearisation) -> list[str]:
-    """Return which modes have the eigenvalue 0, and why, in words."""
+    """Return notes on the modes with the eigenvalue 0, with the reason."""
     modes, shapes = linear.modes, np.abs(linear.shapes())
     parts, sizes = _stiffness_parts(linear)
     rigid: dict[str, list[str]] = {}

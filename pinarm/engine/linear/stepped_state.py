@@ -85,7 +85,7 @@ class SteppedState(Record, frozen=True):
 
     @cached_property
     def rows(self) -> Rows:
-        """Which rows of constraints, drives and slips, in this order, hold, move or slip."""
+        """Rows of constraints, drives and slips, in this order, that hold, move or slip."""
         drives, slips = self._own + np.arange(len(self.drives.names)), self._own + len(self.drives.names)
         prescribed, stuck = drives[self.drives.prescribed], self.friction.stuck
         holding = np.concatenate([np.arange(self._own), prescribed, slips + np.flatnonzero(stuck)])

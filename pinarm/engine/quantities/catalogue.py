@@ -99,7 +99,7 @@ class NamedQuantity(NamedTuple):
 
 @dataclass(frozen=True)
 class QuantityCatalogue:
-    """What can be asked by name."""
+    """Quantities that can be asked by name."""
 
     title: str
     entries: tuple[NamedQuantity, ...]
@@ -128,7 +128,7 @@ class QuantityCatalogue:
 
 
 def catalogue(quantities: Quantities, title: str, like: str = "") -> QuantityCatalogue:
-    """Return what can be asked of a trajectory."""
+    """Return the quantities of a trajectory with ``like`` in their name or meaning."""
     wanted = like.casefold()
     asked = (meaning for meaning in _meanings(quantities) if wanted in f"{meaning[0]} {meaning[1]}".casefold())
     with one_blas_thread(quantities.trajectory.mechanism.model.nv):
@@ -136,7 +136,7 @@ def catalogue(quantities: Quantities, title: str, like: str = "") -> QuantityCat
 
 
 def catalogue_of(mechanism: Mechanism, like: str = "") -> QuantityCatalogue:
-    """Return what can be asked of a mechanism in motion, in a position of no special kind; see ``catalogue``."""
+    """Return the quantities of a mechanism in motion, in a position of no special kind; see ``catalogue``."""
     q = generic_near(mechanism, mechanism.start)
     row = Trajectory.schema_row(mechanism, q, "t", unit("s"), mechanism.closure)
     return catalogue(Quantities(row), mechanism.title, like)

@@ -42,16 +42,16 @@ COMPONENT = re.compile(r"point\.(.+)\.position\.([xyz])")
 """Name of a component of the position of a point, as a quantity has it."""
 
 RATES = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
-"""What is given, and what its unit has behind that of positions."""
+"""Given arrays -> suffix of their unit behind that of positions."""
 
 
 class Target(Record, frozen=True):
-    """What one name prescribes in n states: a coordinate, the position of a point, or the placement of a frame.
+    """Prescribed values of one name in n states: a coordinate, the position of a point, or the placement of a frame.
 
     Attributes:
         coordinates: Name in messages -> coordinate.
         given: Positions, velocities and accelerations, shape (n, *shapes[k]) each; empty where nothing is given yet.
-        shapes: Their shapes in one state.
+        shapes: Shapes of the given arrays in one state.
     """
 
     shapes: ClassVar[Sequence[tuple[int, ...]]] = (), (), ()
@@ -63,15 +63,15 @@ class Target(Record, frozen=True):
         return np.array([x.reshape(len(x), -1) for x in self.given])
 
     def far(self) -> Flags:
-        """Tell which states are to be measured from ``halfway``, shape (n,)."""
+        """Return a mask of the states to be measured from ``halfway``, shape (n,)."""
         return np.zeros(len(self.given[0]), dtype=bool)
 
     def some(self, rows: Indices) -> Target:
-        """Return what it prescribes in some states."""
+        """Return the target in some states."""
         return replace(self, given=tuple(x[rows] for x in self.given))
 
     def halfway(self) -> Target:
-        """Return what it prescribes in one state, measured from halfway to it."""
+        """Return the target in one state, measured from the orientation halfway to it."""
         return self
 
 
@@ -139,7 +139,7 @@ def _position(name: str, frame: int) -> dict[str, Coordinate]:
 
 
 def target_of(mechanism: Mechanism, name: str, start: Kinematics) -> Target:
-    """Return what a name prescribes.
+    """Return the target of a name, without values.
 
     Args:
         mechanism: The mechanism.

@@ -56,7 +56,7 @@ class Evaluation(Record, frozen=True):
 
     @cached_property
     def friction_doubts(self) -> Mapping[str, str]:
-        """What is in doubt about frictions whose loads rest on a rule, by quantity; see ``friction_law``."""
+        """Doubts about frictions with undetermined loads, by quantity; see ``friction_law``."""
         if not any(contact.shared for contact in self.run.mechanism.frictions):
             return {}
         from pinarm.engine.quantities.friction_law import friction_doubts

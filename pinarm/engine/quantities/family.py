@@ -1,4 +1,4 @@
-"""What every family of quantities promises, and the components of vectors that their names ask for."""
+"""Base class of the families of quantities, and components of vectors by the last word of a name."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Asked(ValueRecord, frozen=True):
 
     @property
     def part(self) -> str:
-        """What is asked of it: the second word; empty where there is none."""
+        """Part that is asked, such as ``moment``: the second word; empty where there is none."""
         return self.words[1] if len(self.words) > 1 else ""
 
     @property
@@ -183,7 +183,7 @@ def _split(vectors: Array, axes: Array, part: str) -> Array:
 WRENCH = ("force", "moment")
 
 SAY_HOW = "in couplings: a gear or rack with its pressure_angle, a belt with its pretension, gears with planets"
-"""What makes the forces of a coupling known."""
+"""Hint: entries that make the forces of a coupling known."""
 
 
 class WrenchFamily(Family, frozen=True):
@@ -216,7 +216,7 @@ class WrenchFamily(Family, frozen=True):
         return self.component(asked, wrench[..., 3:] + crossed(arm, wrench[..., :3]))
 
     def doubt(self, asked: Asked, added: list[Array]) -> str:
-        """Return what is in doubt about a component; nothing where self-stresses add nothing to it."""
+        """Return the doubt about a component; empty where self-stresses add nothing to it."""
         if not any(acts(part) for part in added):
             return ""
         doubt = f"hyperstatic of degree {self.evaluation.reactions.degree}: rigid bodies do not determine it"

@@ -1,6 +1,6 @@
-"""How well the friction of a run obeys its law, by the reactions of the run: a route that no solver takes.
+"""Residual of the friction law, from the reactions of a run: a route that no solver takes.
 
-And which friction rests on a rule, as rigid bodies do not determine the load that it depends on.
+Also doubts about friction whose load rigid bodies do not determine: a rule chooses the load.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ accelerations of the rows make in that interval: all rows may be at switches."""
 
 
 def friction_doubts(run: Trajectory) -> dict[str, str]:
-    """Return what is in doubt about frictions whose loads are those of the least multipliers, by their quantity.
+    """Return the doubts about frictions whose loads follow from the least multipliers, by their quantity.
 
-    The first row stands for all. What follows from such a friction, ``power.friction`` and the bands of efforts, is
-    among them.
+    The first row decides for all. ``power.friction`` and the bands of efforts, which follow from such a friction, are
+    included.
     """
     contacts = run.mechanism.frictions
     if not len(run) or not any(contact.shared and contact.law.loaded for contact in contacts):

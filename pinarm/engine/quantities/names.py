@@ -71,21 +71,21 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     @cached_property
     def evaluation(self) -> Evaluation:
-        """What they are computed from."""
+        """Evaluation of the trajectory, from which quantities are computed."""
         return Evaluation(self.trajectory, self.undetermined, judged=self.whole is None)
 
     @property
     def _judged(self) -> Evaluation:
-        """That of the whole run, which tells what is determined."""
+        """Evaluation of the whole run, which decides whether quantities are determined."""
         return (self.whole or self).evaluation
 
     @property
     def reactions(self) -> Reactions:
-        """What the joints transmit."""
+        """Wrenches that the joints transmit."""
         return self.evaluation.reactions
 
     def figures(self) -> dict[str, Array]:
-        """Return what the quantities that have been asked are worth, beside what is told of the motion."""
+        """Return the residuals of the reactions computed so far."""
         return self.reactions.figures() if "reactions" in vars(self.evaluation) else {}
 
     @cached_property
@@ -103,7 +103,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     @property
     def parameter(self) -> Series:
-        """What runs along the rows, whatever else has its name."""
+        """Parameter of the rows, such as time, whatever else has its name."""
         run = self.trajectory
         return Series(run.parameter, run.unit, run.parameters)
 
@@ -137,7 +137,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     @cached_property
     def others(self) -> list[Quantities]:
-        """Those of the same motion with other frictions that hold it as well."""
+        """Quantities of the same motion with other frictions that hold it as well."""
         others = self.trajectory.others
         return [Quantities(other, self.symbols, self.undetermined, self.whole) for other in others]
 
@@ -197,7 +197,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return series
 
     def _left_open(self, name: str, series: Series) -> str:
-        """Return what is in doubt about a quantity that joints at rest leave open; nothing elsewhere."""
+        """Return the doubt about a quantity that joints at rest leave open; empty where it is determined."""
         if not self.others:
             return ""
         values, self._known[name] = self._values(series, name), series

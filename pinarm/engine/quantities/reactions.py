@@ -131,7 +131,7 @@ class Reactions:
         return run.gather(joints)
 
     def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
-        """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6)."""
+        """Return the wrenches of loads, constraints and friction on the links at k rows, shape (k, njoints, 6)."""
         run, links, states = self.run, self.links.some(rows), self.run.q[rows].shape[:-1]
         wrenches = states_first(np.zeros((6, self.model.njoints, *states), run.q.dtype))
         for force in dynamics.forces.values():
@@ -145,12 +145,12 @@ class Reactions:
         return wrenches
 
     def figures(self) -> dict[str, Array]:
-        """Return how well the wrenches of the tree's joints keep every body in balance; nothing where none was asked.
+        """Return the residual of the balance of every body under the tree's joints; empty where none was asked.
 
-        ``bodies``: what Newton's and Euler's equations of a body miss at most, at a sample of the rows, relative to the
-        largest sum of the terms of one body: the wrenches of its joints, loads, weight, and the rate of its momentum,
-        by forward kinematics, about the origin of its joint. Forces and moments each on their own. Shape (), or (k,) of
-        variants.
+        ``bodies``: the largest residual of Newton's and Euler's equations of a body, at a sample of the rows, relative
+        to the largest sum of the terms of a body: the wrenches of its joints, loads, weight, and the rate of its
+        momentum, by forward kinematics, about the origin of its joint. Forces and moments are compared separately.
+        Shape (), or (k,) of variants.
         """
         if "joints" not in vars(self) or not len(self.run):
             return {}
@@ -166,7 +166,7 @@ class Reactions:
         return float(self.run.gather(self._balances)[:, 1, :, :3].max(initial=0.0))
 
     def _balances(self, dynamics: Dynamics, part: slice) -> Array:
-        """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
+        """Return residuals and sums of absolute terms of the balance of each body, shape (k, 2, njoints - 1, 6)."""
         run, parents = self.run, self.model.parents.tolist()
         checked = sampled(len(run))
         rows = checked[(checked >= part.start) & (checked < part.stop)]
@@ -296,15 +296,15 @@ class Reactions:
         return max(stresses.degree for _, stresses in self.stresses)
 
     def stressed_joint(self, joint: int) -> list[Array]:
-        """Return what each self-stress adds to the wrench of a joint of the tree, shape (n, 6); see ``_at_sample``."""
+        """Return the wrench that each self-stress adds at a joint of the tree, shape (n, 6); see ``_at_sample``."""
         return self._at_sample([stresses.on_joint(joint) for _, stresses in self.stresses])
 
     def stressed_loop(self, name: str) -> list[Array]:
-        """Return what each self-stress adds to the wrench of a loop joint, shape (n, 6); see ``_at_sample``."""
+        """Return the wrench that each self-stress adds at a loop joint, shape (n, 6); see ``_at_sample``."""
         return self._at_sample([stresses.on_loop(self.loops[name]) for _, stresses in self.stresses])
 
     def stressed_multipliers(self, weights: Mapping[str, Array]) -> list[Array]:
-        """Return what each self-stress adds to a sum of multipliers, shape (n,); see ``_at_sample``."""
+        """Return the addition of each self-stress to a sum of multipliers, shape (n,); see ``_at_sample``."""
         added = []
         for rows, stresses in self.stresses:
             holding = {name: weight[rows] for name, weight in weights.items() if name in stresses.closure.slices}
@@ -312,7 +312,7 @@ class Reactions:
         return self._at_sample(added)
 
     def _at_sample(self, added: Sequence[Array]) -> list[Array]:
-        """Return what self-stresses of length 1 add at a sample of the rows, shape (s, ..), with 0 at the others."""
+        """Return the additions of self-stresses of length 1 at a sample of the rows, 0 at the others, s arrays."""
         samples = np.zeros((max(map(len, added)), len(self.run), *added[0].shape[2:]))
         for (rows, _), part in zip(self.stresses, added, strict=True):
             samples[: len(part), rows] = part
@@ -385,7 +385,7 @@ def _demand(model: pin.Model, body: pin.Inertia, carrier: int, q: Array, v: Arra
 
 
 def _loads(reactions: Reactions, dynamics: Dynamics, rows: Indices, name: str) -> Array:
-    """Return what loads do to the links beyond a fixed joint, [f; m] at the world's origin, shape (k, 6)."""
+    """Return the wrench of loads on the links beyond a fixed joint, [f; m] at the world's origin, shape (k, 6)."""
     run, model, total = reactions.run, reactions.model, np.zeros((len(rows), 6))
     frame, links = fixed_joints(model)[name], reactions.links.some(rows)
     carrier, beyond = model.frames[frame].parentJoint, _beyond(model, frame)

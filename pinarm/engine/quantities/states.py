@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 CLOSED = 1e-8
-"""How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
+"""Largest gap of a loop in a given state, relative to ``1 +`` the terms of the row: typed digits explain as much."""
 
 OPENED = 1e-9
 """Part of the loads by which a cable may push, or a cam pull: rounding of what they cancel explains as much."""
@@ -198,7 +198,7 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
 
 
 def _at_joints(acting: Actuation, q: Array, tau: Array, lam: Multipliers) -> Array:
-    """Return what all drives do at the joints, shape (n, nv): those along points, distances and the like by ``J^T``."""
+    """Return the efforts of all drives at the joints, shape (n, nv); task drives act by ``J^T``, as along a point."""
     along = lam.along
     return tau + np.vecmat(along, acting.closure.at(q)[1][:, -along.shape[-1] :]) if along.size else tau
 
@@ -265,7 +265,7 @@ def _is_shared(rows: Array, lam: Array, sides: Mapping[int, float]) -> bool:
 
 
 class _Tear(NamedTuple):
-    """What of a state tears a loop or a coupling, and in words which, in which row, and by how much."""
+    """Gap of a loop or coupling in a state: positions or a rate, and a text with the constraint, row and size."""
 
     what: str
     said: str
@@ -290,7 +290,7 @@ def check_found(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: A
 
 
 def _tears(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> Iterator[_Tear]:
-    """Yield what tears a loop or a coupling, state by state: positions before rates."""
+    """Yield the gaps of loops and couplings, state by state: positions before rates."""
     for i in range(len(q) if closure.size else 0):
         state = closure.state(q[i], v[i])
         rows, gap, drift = closure.rows(state), closure.gap(state), closure.drift(state)

@@ -1,1 +1,1 @@
-"""Which efforts of the drives hold a mechanism, and where it is in equilibrium without any."""
+"""Efforts of the drives of a mechanism, and the distribution of a load over redundant drives."""

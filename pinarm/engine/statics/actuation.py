@@ -70,7 +70,7 @@ class DriveAtEveryJoint(Record, frozen=True):
         return tau, Multipliers.known(lam, self.closure.size)
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        """Return those of the joints that mimic no other."""
+        """Return the coordinates of the joints that mimic no other."""
         leaders = (name for name, joint in mechanism.joints.items() if joint.v not in self.followers)
         return {name: mechanism.coordinates[name] for name in leaders}
 

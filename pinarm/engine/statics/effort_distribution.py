@@ -103,7 +103,7 @@ class SharedEfforts(Record, frozen=True):
         return np.clip(effort, *self.limits), good
 
     def _within(self, effort: Array) -> Flags:
-        """Return which rows of efforts, shape (.., d), are within the limits, but for rounding."""
+        """Return a mask of the rows of efforts, shape (.., d), within the limits, but for rounding."""
         slack = ROUNDING * np.maximum(np.abs(self._finite).max(axis=0), np.abs(effort))
         return np.asarray(((effort >= self.limits[0] - slack) & (effort <= self.limits[1] + slack)).all(axis=-1))
 
@@ -122,7 +122,7 @@ class SharedEfforts(Record, frozen=True):
         return held, bool(self._within(held) and _carried(ways[None], held[None], load[None], rounding)[0])
 
     def _active(self, free: Array, unlimited: Array) -> Array:
-        """Return which drives are at their limits: -1 at the least effort, 1 at the largest, 0 of others, shape (d,).
+        """Return the active limits of drives, shape (d,): -1 at the least effort, 1 at the largest, 0 within.
 
         Arguments are N and x_0.
 
@@ -164,14 +164,14 @@ class SharedEfforts(Record, frozen=True):
 
 
 EffortDistribution = UniqueEfforts | SharedEfforts
-"""How the efforts of d drives follow from the load on f free motions."""
+"""Rule for the efforts of d drives under a load on f free motions."""
 
 
 def _undetermined(
     t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float, rounding: float,
     motions: Mapping[str, Array],
 ) -> DynamicsError | DrivesError:  # fmt: skip
-    """Return that drives are at a dead point, or too few to carry the load; shapes (f, d) and (f,)."""
+    """Return the error of drives at a dead point, or too few to carry the load; shapes (f, d) and (f,)."""
     u, s, vt = np.linalg.svd(ways)
     r, freedom = int((s >= least).sum()), len(load)
     uncarried = load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))
@@ -256,7 +256,7 @@ class SelectedDrives(Record, frozen=True):
         return {**self.joints, **self.tasks}
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        """Return the same; see ``Actuation``."""
+        """Return the coordinates that drives act along; see ``Actuation``."""
         return self.named
 
     @property

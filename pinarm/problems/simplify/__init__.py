@@ -1,1 +1,1 @@
-"""What a question does not require of a mechanism is locked or dropped, and the answer put back into the whole."""
+"""Simplified mechanisms: joints that a problem does not need are locked, and the outcome is that of the whole."""

@@ -1,8 +1,8 @@
-"""Which joints of a mechanism a question may lock. Joints are named by their index in v.
+"""Locked joints of a mechanism, by problem. Joints are named by their index in v.
 
-A joint that stands still, by a law, by a value of ``hold`` or through a coupling, is locked, unless a loop or a sum of
-coordinates has it in it, or a force is asked at it; none is, where drives are named that act along other coordinates
-than those that follow laws.
+A joint at rest, by a law, by a value of ``hold`` or through a coupling, is locked, unless it is part of a loop or a sum
+of coordinates, or a force is asked at it. No joint is locked where named drives act along other coordinates than those
+that follow laws.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ WORD = re.compile(r"[^\W\d][\w.]*")
 JOINT, DRIVE, POINT = re.compile(r"\b(?:joint|coordinate)\."), re.compile(r"\bdrive\."), re.compile(r"\.")
 
 MOTION = re.compile(r"(?:position|velocity|acceleration)\b")
-"""What is asked of a joint and is no force."""
+"""Quantities of a joint that are no forces."""
 
 
 def requested_joints(texts: Iterable[str], symbols: Mapping[str, Expression], mechanism: Mechanism) -> set[str]:
@@ -58,7 +58,7 @@ def requested_joints(texts: Iterable[str], symbols: Mapping[str, Expression], me
 
 
 def _asked(text: str, family: re.Pattern[str]) -> Iterator[tuple[str, str]]:
-    """Yield what may be a name behind the word of a family, with what follows behind a point: names may hold points."""
+    """Yield possible names behind the word of a family, each with the text behind its point: names may hold points."""
     for word in family.finditer(text):
         for point in POINT.finditer(text, word.end()):
             yield text[word.end() : point.start()], text[point.end() :]
@@ -79,7 +79,7 @@ class Locking(Record, frozen=True):
 
 
 def locking(declared: Declaration, mechanism: Mechanism, requested: Collection[str]) -> Locking | None:
-    """Return what a question may lock, where forces are asked at some joints by name; ``None`` where that is nothing.
+    """Return the joints that a problem may lock, with forces asked at some joints by name; ``None`` without any.
 
     Raises:
         KeyError: A coordinate does not exist.
@@ -99,7 +99,7 @@ def locking(declared: Declaration, mechanism: Mechanism, requested: Collection[s
 
 
 class _KnownMotion(Record, frozen=True):
-    """What is known of the motion of a mechanism before anything is solved."""
+    """Known motion of a mechanism before anything is solved."""
 
     declared: Declaration
     mechanism: Mechanism

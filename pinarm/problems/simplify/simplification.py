@@ -84,7 +84,7 @@ class LockedMechanism(Record, frozen=True):
         return whole_q, whole_v
 
     def restored(self, outcome: Outcome) -> Outcome:
-        """Return what came out for the part as what comes out for the whole."""
+        """Return the outcome of the part as that of the whole."""
         motion = outcome.motion and RestoredMotion(self, outcome.motion, outcome.rows.grid.cuts)
         events = [self._event(event) for event in outcome.events]
         return replace(outcome, rows=self.restored_rows(outcome.rows), motion=motion, events=events)
@@ -334,7 +334,7 @@ class Simplification(Record, frozen=True):
     def required(
         cls, problem: Problem, mechanism: Mechanism, accuracy: Accuracy, place: Place, requested: Collection[str]
     ) -> Simplification:
-        """Return what a problem requires.
+        """Return the simplification of a problem; its part is ``None`` where nothing can be locked.
 
         Args:
             problem: The problem.
@@ -369,9 +369,9 @@ class Simplification(Record, frozen=True):
         return cls(problem, mechanism, accuracy, place, declared.without(removed), part)
 
     def solve(self) -> tuple[Outcome, Outcome]:
-        """Return what came out for the mechanism that was solved, and the same of the whole mechanism.
+        """Return the outcome of the mechanism that was solved, and that of the whole mechanism.
 
-        Where the part cannot be solved the whole is tried, so that what is wrong is told in its terms.
+        Where the part cannot be solved, the whole is tried, so that an error refers to the whole.
 
         Raises:
             PinarmError: As the problem itself.
@@ -407,7 +407,7 @@ class Simplification(Record, frozen=True):
 
     @property
     def removals(self) -> tuple[Removal, ...]:
-        """What is removed and why, joint by joint."""
+        """Removed joints, each with the reason."""
         if self.part is None:
             return ()
         positions, joints = self.part.locking.positions, self.mechanism.joints.values()
@@ -419,6 +419,6 @@ class Simplification(Record, frozen=True):
 
 
 def removal_lines(removals: Sequence[Removal]) -> list[str]:
-    """Return what is removed in a line, many joints counted."""
+    """Return a line on the removed joints, many joints counted; empty without any."""
     names = [removal.joint for removal in removals]
     return [f"locked: {listed('joint', names)} (held still)"] if names else []

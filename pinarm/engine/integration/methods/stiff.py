@@ -204,7 +204,7 @@ class RadauStepper:
         self.before = (0.0, 1.0)
 
     def compiled(self, solution: Solution) -> CompiledRadau | None:
-        """Return the same steps by the compiled library; ``None`` where states need settling or are large."""
+        """Return the steps of the compiled library; ``None`` where states need settling or are large."""
         settles = any(interval.compiled and interval.compiled.settles for interval in solution.intervals)
         return None if settles or len(self.y) > LARGEST else CompiledRadau(solution, self)
 

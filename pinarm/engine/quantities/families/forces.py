@@ -17,7 +17,7 @@ from pinarm.mechanics.joints import Joint, effort_unit
 
 
 def _measures_of(element: ForceElement, joints: Mapping[str, Joint]) -> Mapping[str, ElementQuantity]:
-    """Return what can be asked of an element: its own measures, of one that acts at a single joint the effort there."""
+    """Return the quantities of an element: its measures, or else the effort where it acts at a single joint."""
     if own := element.measures():
         return own
     acts_at = np.atleast_1d(getattr(element, "v", ())).tolist()
