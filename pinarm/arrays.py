@@ -121,14 +121,14 @@ def distinct(x: ArrayLike) -> NDArray[Any]:
 
 
 def others(places: Indices, count: int) -> Indices:
-    """Return those of the places 0 to count - 1 that are not among the given ones, ascending."""
+    """Return the places 0 to count - 1 that are not among the given places, ascending."""
     left = np.ones(count, dtype=bool)
     left[places] = False
     return np.flatnonzero(left)
 
 
 def constants_of(x: Any) -> Hashable:
-    """Return what two records have the same of if they are alike: the numbers in arrays and in fields."""
+    """Return a key of the numbers in arrays and fields of a record: alike records have equal keys."""
     if isinstance(x, np.ndarray):
         return x.shape, (x + 0.0).tobytes()  # of -0 those of 0
     if isinstance(x, Record):

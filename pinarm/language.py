@@ -40,7 +40,7 @@ class _Shown(Protocol):
 
 
 class _Subject(Protocol):
-    """What documents are written on: a result, a sweep, a sheet."""
+    """Subject of a document: a result, a sweep, a sheet."""
 
     @property
     def presentation(self) -> _Shown: ...

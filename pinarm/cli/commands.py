@@ -215,10 +215,10 @@ def _validate(options: Namespace) -> int:
 
 
 def _validated(path: Path, values: Sequence[str]) -> str:
-    """Return what has been checked of a scenario, or a mechanism file, that is valid.
+    """Return the checks that a valid scenario or mechanism file has passed, in words.
 
     Raises:
-        PinarmError: It is not; the message says where.
+        PinarmError: The file is not valid; the message says where.
     """
     from pinarm.use.study.run import is_mechanism_file
 
@@ -396,10 +396,10 @@ def _sweep(options: Namespace) -> int:
 
 
 def _assignments(texts: Sequence[str]) -> dict[str, str]:
-    """Return what is left and right of the first equals sign of each text.
+    """Return path -> values, the texts before and after the first equals sign of each text.
 
     Raises:
-        InputError: There is none, or the same is left twice.
+        InputError: The path or the equals sign is missing, or a path is given twice.
     """
     assigned: dict[str, str] = {}
     for text in texts:

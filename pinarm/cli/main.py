@@ -35,7 +35,7 @@ EXAMPLES = """examples:
   python -m pinarm new my_robot.urdf
   python -m pinarm COMMAND -h
 """
-"""What ``-h`` shows at its end."""
+"""Examples at the end of ``-h``."""
 
 INNERMOST = 30
 """Calls that a bug report shows: of a recursion without end all would be 180 kB."""

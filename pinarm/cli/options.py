@@ -52,7 +52,7 @@ def workers(processes: str) -> Option:
 
 
 def sources(prefix: str, **_: object) -> list[str]:
-    """Return how the source of ``new`` may go on: templates, folders and model files."""
+    """Return completions of the source of ``new``: templates, folders and model files."""
     from argcomplete.completers import FilesCompleter
 
     from pinarm.input.robots import ENDINGS
@@ -76,7 +76,7 @@ def names(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
 
 
 def keys(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
-    """Return how a path of keys may go on, on a line which has the file that it leads into already."""
+    """Return completions of a path of keys into the file that the line already has."""
     from pinarm.use.study.dotted_keys import dotted_keys
 
     file = _file(parsed_args)

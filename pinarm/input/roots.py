@@ -1,8 +1,8 @@
-"""Which files a file may refer to: those under its root, and those of packages that the user names.
+"""Files that a file may refer to: under its root, or in packages that the user names.
 
-A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``; without one the working folder for
-a file under it, else the file's own folder. ``file_root`` gives another. Symbolic links are followed before a path is
-compared with it, and nothing is opened here.
+The root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``; without such a folder the
+working folder for a file under it, else the file's own folder. ``file_root`` sets another root. Symbolic links are
+followed before a path is compared with the root; no file is opened here.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
 
 
 def stamp_of(state: os.stat_result) -> Stamp:
-    """Return what tells whether a file has changed: programs that copy keep the time of its content."""
+    """Return a stamp of a file's state: both times, as copying keeps that of the content, size and inode."""
     return state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
 
 

@@ -261,7 +261,7 @@ def is_foreign(name: str) -> bool:
 
 
 def counted(unread: Mapping[str, int]) -> str:
-    """Return what is not read in words, such as ``<transmission> (3), <gazebo>``; of many names the first."""
+    """Return names not read, with counts, such as ``<transmission> (3), <gazebo>``; of many names the first."""
     names = [name[:SHOWN] + f" ({number})" * (number > 1) for name, number in sorted(unread.items())]
     return several(names, LISTED)
 
@@ -276,7 +276,7 @@ def meant_by(name: str, known: Iterable[str]) -> str:
 
 
 def _mistakes(name: str, other: str) -> int:
-    """Return how many letters to change, add, drop, or swap with their neighbour make one name of the other."""
+    """Return the edit distance of two names: letters to change, add, drop, or swap with their neighbour."""
     before, above = list[int](), list(range(len(other) + 1))
     for i, letter in enumerate(name, 1):
         row = [i]

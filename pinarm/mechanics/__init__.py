@@ -4,8 +4,8 @@ import os
 import sys
 
 SLEEPING = {"OMP_WAIT_POLICY": "passive", "GOMP_SPINCOUNT": "20000", "OPENBLAS_THREAD_TIMEOUT": "18"}
-"""How threads wait for work: OpenMP's, of calls on many states, for 20,000 turns of a loop (0.1 to 0.4 ms), OpenBLAS's,
-of linear algebra, for 2^18 ticks of the processor's clock (0.1 ms); then asleep."""
+"""Busy waiting of idle threads before they sleep. OpenMP (calls on many states): 20,000 turns of a loop, 0.1 to 0.4 ms;
+OpenBLAS (linear algebra): 2^18 ticks of the processor's clock, 0.1 ms."""
 
 
 def _load_pinocchio() -> None:

@@ -166,13 +166,13 @@ def indices_of(name: str, joints: Mapping[str, Joint], balls: Mapping[str, Ball]
 
 
 def positions_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, Unit]:
-    """Return what a configuration can be given by, with units: see ``configuration``."""
+    """Return the names of values that give a configuration, with their units: see ``configuration``."""
     turns = (f"{name}.{part}" for name in balls for part in (*ROTATIONS, *ANGLES))
     return {**{name: joint.unit for name, joint in joints.items()}, **dict.fromkeys(turns, RADIAN)}
 
 
 def velocities_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, Unit]:
-    """Return what velocities can be given by, with units: see ``velocity``."""
+    """Return the names of values that give velocities, with their units: see ``velocity``."""
     measures = {METRE: unit("m/s"), RADIAN: unit("rad/s")}
     rates = {name: measures[joint.unit] for name, joint in joints.items()}
     return {**rates, **{f"{name}.{spin}": measures[RADIAN] for name in balls for spin in SPINS}}

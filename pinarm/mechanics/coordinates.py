@@ -335,7 +335,7 @@ def coordinate_of(model: pin.Model, coordinates: Mapping[str, Coordinate], name:
 
 
 def _definition_of(model: pin.Model, name: str) -> str:
-    """Return how to define the coordinate that ``hand.y`` or ``point.hand.position.y`` means; empty of other names."""
+    """Return a hint that defines the coordinate meant by ``hand.y`` or ``point.hand.position.y``; else empty."""
     point, dot, axis = name.rpartition(".")
     point = point.removeprefix("point.").removesuffix(".position")
     if not dot or axis not in ("x", "y", "z") or point not in links_of(model):

@@ -51,7 +51,7 @@ class Joint(ValueRecord, frozen=True):
 
 
 class Measured(Protocol):
-    """What has a unit: a joint, or a coordinate."""
+    """Joint or coordinate with a unit."""
 
     @property
     def unit(self) -> Unit: ...

@@ -26,13 +26,13 @@ from pinarm.records import Record
 
 
 class MotorInput(NamedTuple):
-    """What a motor gets, in any number of states (...).
+    """Inputs of a motor, in any number of states (...).
 
     Attributes:
         command: Voltages [V] or torques [N*m], shape (...).
-        state: Its own states, shape (..., s).
+        state: States of the motor, shape (..., s).
         v: Velocities of the joint that it drives [rad/s or m/s], shape (...).
-        mode: Its modes, see ``mechanics.limited_states``, shape (...).
+        mode: Modes of the motor, see ``mechanics.limited_states``, shape (...).
     """
 
     command: Array

@@ -1,4 +1,4 @@
-"""What links have beside the model: points, which are frames without mass, and payloads, such as a tool or a load."""
+"""Points and payloads on links: frames without mass, and bodies added to the model, such as a tool or a load."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ ENDLESS = np.array([np.inf])
 
 
 class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
-    """What ties a rotor, or another joint without a body, to a coordinate; the multiplier is the effort that moves it.
+    """Constraint between a rotor, or another joint without a body, and a coordinate; its multiplier acts on the rotor.
 
     Attributes:
         name: ``gear of D``, ``shaft of D``, or ``turns of L.angle``.
@@ -262,7 +262,7 @@ class DriveTrain(NamedTuple):
     def ties(
         self, drive: Drive, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate]
     ) -> Iterator[GearedRotor]:
-        """Yield what ties the joints to each other, and to what the drive acts along."""
+        """Yield the constraints of these joints to each other and to the coordinate of the drive."""
         driven, gear = coordinates[drive.coordinate], gear_name(self.drive)
         if drive.elasticity is None:
             yield GearedRotor(gear, driven, rotor=joints[rotor_name(self.drive)])

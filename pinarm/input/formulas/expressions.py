@@ -144,7 +144,7 @@ class _Values(ValueRecord, frozen=True):
 
 
 class _Switches(_Values, frozen=True):
-    """The same algebra, which notes where results go from one smooth part to another."""
+    """Algebra of values that records functions whose zeros separate smooth parts of the result."""
 
     met: list[Any] = field(default_factory=list)
 

@@ -67,10 +67,10 @@ class Algebra(Protocol[T]):
     """Meaning of numbers, names and operations; operations are named by their symbols."""
 
     def constant(self, value: Any, /) -> T:
-        """Return what a literal means."""
+        """Return the meaning of a literal."""
 
     def name(self, name: str, /) -> T:
-        """Return what a name means."""
+        """Return the meaning of a name."""
 
     def unary(self, symbol: str, operand: T, /) -> T:
         """Apply ``+``, ``-`` or ``not``."""
@@ -231,7 +231,7 @@ _LANGUAGE = "numbers, names, + - * / // % **, comparisons, and, or, not, 'a if t
 
 
 def _syntax_hint(text: str, at: int) -> str:
-    """Return what to try where the text cannot be read at a place."""
+    """Return a hint for a text that cannot be read at a place."""
     words = [match for match in _KEYWORD.finditer(text) if match.start() <= at and not text[match.end() : at].strip()]
     if words:
         return f"'{words[-1][0]}' is a word of formulas: coordinate.{words[-1][0]}.position for a joint of that name"
@@ -257,7 +257,7 @@ def _check(tree: ast.expr, grammar: Grammar, text: str) -> None:
 
 
 def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
-    """Return what a node is made of; a node that is not allowed is an error."""
+    """Return the operands of a node; a node that is not allowed is an error."""
     match node:
         case ast.Constant():
             _check_literal(node.value, grammar)

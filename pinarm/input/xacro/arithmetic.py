@@ -141,7 +141,7 @@ def _count(values: Sequence[Any]) -> None:
 
 
 def entry(holder: Any, key: Any) -> Any:
-    """Return what a list has at an index, or a map at a key."""
+    """Return the entry of a list or text at an index, or of a map at a key."""
     if isinstance(holder, Column) or isinstance(key, Column):
         raise NotByRows
     if isinstance(holder, dict) and isinstance(key, str | int | float):

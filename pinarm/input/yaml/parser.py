@@ -178,7 +178,7 @@ class Builder:
 
 
 def _size(value: Any, most: int) -> int:
-    """Return how many values a value holds, itself included; a number above ``most`` where there are more."""
+    """Return the number of values in a value, itself included; if above ``most``, any number above it."""
     waiting, count = [value], 0
     while waiting and count <= most:
         value, count = waiting.pop(), count + 1
@@ -188,7 +188,7 @@ def _size(value: Any, most: int) -> int:
 
 
 def _width(event: Any) -> int:
-    """Return how many characters of its first line an event takes; 0 where a value is left out."""
+    """Return the width of an event on one line, 0 without a value; of several lines, the length of its value."""
     begin, end = event.start_mark, event.end_mark
     return int(end.column - begin.column if end.line == begin.line else len(str(getattr(event, "value", ""))))
 

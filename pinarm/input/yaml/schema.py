@@ -153,7 +153,7 @@ class Measured(float):
         return measured
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same number: the class with its bounds has no name there."""
+        """Pickle as number and unit: the class with its bounds has no name in another process."""
         return _plain, (float(self), self.unit)
 
     def check(self, expected: Unit) -> None:

@@ -1,4 +1,4 @@
-"""What every controller promises: a command for its drives, from references and measurements.
+"""Interface of controllers: commands for drives from references and measurements.
 
 The effort of a drive is its command within its limits. A continuous controller acts at every instant. A sampled one
 measures at ``t_k = t_0 + k T``; its effort changes at ``t_k + delay`` and is held until the next change (zero-order
@@ -67,7 +67,7 @@ class Plant(Protocol):
         ...
 
     def motor_inverse(self, name: str) -> CommandOfEffort | None:
-        """Return what command of a drive gives an effort at its joint; ``None`` where commands do not determine it."""
+        """Return the command of a drive for an effort at its joint; ``None`` where commands do not fix the effort."""
         ...
 
     def signal(self, name: str) -> Signal:
@@ -87,19 +87,19 @@ NOTHING = np.zeros(0)
 
 
 class Given(NamedTuple):
-    """What a controller knows, at one instant or at many; k drives, s signals, m integrals.
+    """Inputs of a controller, at one instant or at many; k drives, s signals, m integrals.
 
     Attributes:
         t: Instants [s], shape (...).
         q: Configurations, shape (..., nq).
         v: Velocities, shape (..., nv).
         measured: Values and rates of the signals, shape (..., s, 2).
-        reference: What they should be, with first and second derivative, shape (..., s, 3).
+        reference: Set points of the signals, with first and second derivative, shape (..., s, 3).
         integral: Integrals of the errors, shape (..., m).
         mode: State of a controller that switches, shape (...).
         applied: Commands of all sampled controllers in force, within their limits, shape (..., k of these).
-        excess: What limits of motors keep of the commands of this controller from their effect, shape (..., k); empty
-            where its drives have no motors.
+        excess: Part of the commands of this controller that limits of motors cut off, shape (..., k); empty where its
+            drives have no motors.
     """
 
     t: Array | float
@@ -161,7 +161,7 @@ class Controller(ABC):
         """Begin an integration, of which nothing is known: where a controller remembers by itself."""
 
     def parts(self, given: Given) -> dict[str, Array]:
-        """Return what a continuous controller does: ``effort`` of its drives, and what else is told, (..., k) each."""
+        """Return quantities of a continuous controller by name, with ``effort`` of its drives, shape (..., k) each."""
         command = self.command(given)
         return {"command": command, "effort": self.limited(command)}
 

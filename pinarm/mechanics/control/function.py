@@ -148,7 +148,7 @@ class FunctionControl:
 
     @cached_property
     def called(self) -> ControlFunction:
-        """What is called: the function, or it afresh in every integration."""
+        """The user's function; that of a sampled controller is reset at the beginning of every integration."""
         return self.function if self.period is None else FreshFunction(self.function)
 
     def __reduce__(self) -> tuple[Any, ...]:

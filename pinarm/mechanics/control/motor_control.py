@@ -82,14 +82,14 @@ class MotorController(Controller):
         return zip(self.actuators, self.inputs(given), strict=True)
 
     def excess(self, given: Given) -> Array:
-        """Return what limits of the motors keep of the commands from their effect, shape (..., k)."""
+        """Return the part of the commands that limits of the motors cut off, shape (..., k)."""
         return np.stack([motor.excess(own) for motor, own in self._pairs(given)], axis=-1)
 
     def command(self, given: Given) -> Array:
         return np.stack([motor.effort(own) for motor, own in self._pairs(given)], axis=-1)
 
     def parts(self, given: Given) -> dict[str, Array]:
-        """Return what the motors do, and the command of a continuous controller, shape (..., k) each."""
+        """Return quantities of the motors by name, and the command of a continuous controller, shape (..., k) each."""
         each = [motor.parts(own) for motor, own in self._pairs(given)]
         names = dict.fromkeys(name for part in each for name in part)
         unknown = np.full(np.shape(given.t), np.nan)

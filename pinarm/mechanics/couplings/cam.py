@@ -305,7 +305,7 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @cached_property
     def outline(self) -> Touch:
-        """How they touch all along the profile; the contact must be known."""
+        """Contact of cam and follower along the whole profile; ``contact`` must not be ``None``."""
         return self.known_contact.touch(self.profile(sample_range(self.profile)))
 
     @property
@@ -336,7 +336,7 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return [Edge(partial(self._beside, place)) for place in self.profile.starts]
 
     def _beside(self, place: float, t: Array, q: Array, v: Array) -> Array:
-        """Return what vanishes where the cam is at a place, in every period."""
+        """Return values that vanish where the cam is at a place, in every period, shape (n,)."""
         away, period = q[:, self.cam_joint.q] - place, self.profile.period
         return away if period == np.inf else np.sin(np.pi * away / period)
 

@@ -61,7 +61,7 @@ class JointRelation(ABC):
         return np.zeros(len(q), dtype=bool)
 
     def whereabouts(self, q: Array) -> str:
-        """Return what tells a configuration, shape (nq,), apart for it, in words; may be empty."""
+        """Return the place of the coupling at a configuration, shape (nq,), such as ``cam = 30 deg``; may be empty."""
         return ""
 
     def has_kink(self, q: Array) -> bool:
@@ -123,7 +123,7 @@ class JointRelation(ABC):
 
     @abstractmethod
     def gaps_at(self, q: Array) -> Array:
-        """Return what is not closed [m or rad] at configurations, shape (n, nq), as an array of shape (n,)."""
+        """Return the gaps [m or rad] at configurations, shape (n, nq), as an array of shape (n,)."""
 
     @abstractmethod
     def rows_at(self, q: Array) -> Array:
@@ -135,10 +135,10 @@ class JointRelation(ABC):
 
     @abstractmethod
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return what multipliers, shape (n, 1), do to links: joint index -> [f; m] at the world's origin, (n, 6).
+        """Return wrenches of multipliers, shape (n, 1), on links: joint index -> [f; m] at the world's origin, (n, 6).
 
-        Their virtual power is lam times the row. Nothing where they are not known: the multipliers are then efforts at
-        the coupled joints only.
+        Their virtual power is lam times the row. Empty where the wrenches are not known: the multipliers are then
+        efforts at the coupled joints only.
         """
 
     @abstractmethod
@@ -159,7 +159,7 @@ class JointRelation(ABC):
     @property
     @abstractmethod
     def description(self) -> str:
-        """What transmits it, in words."""
+        """Transmitting parts, in words, such as ``two strands, pretension 50 N``."""
 
 
 class Coupling(AbstractRecord, JointRelation, frozen=True):

@@ -155,12 +155,12 @@ class _AxesAtNeutral:
 
 
 class Teeth(NamedTuple):
-    """What files say of teeth.
+    """Geometry of teeth, as given in files.
 
     Attributes:
         pressure_angle: alpha, in the section normal to the teeth [rad].
         helix_angle: beta on the pitch cylinder of the first member, positive for a right-handed helix [rad].
-        plane: Link whose origin lies in the middle of the width of the teeth; none for that of the joints' origins.
+        plane: Link whose origin is in the middle of the teeth's width; empty for the plane of the joints' origins.
     """
 
     pressure_angle: float

@@ -1,8 +1,8 @@
-"""What holds a coupling, as wrenches on its bodies: teeth, threads, the strands of a belt, or pure moments.
+"""Wrenches of couplings on their bodies: contact of teeth and threads, strands of a belt, pure moments.
 
-A multiplier lam is the effort at the second joint. The wrenches are those bodies' share, ``sum_k wrench_k . twist_k``
-being lam times the row of the coupling in every motion of the tree, as contact without friction does no work. They are
-constant in the carrier, the body in which both members have fixed axes.
+A multiplier lam is the effort at the second joint. In every motion v of the tree ``sum_k wrench_k . twist_k = lam G v``
+with the row G of the coupling, as contact without friction does no work. The wrenches are constant in the carrier, the
+body in which both members have fixed axes.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Transmission(Record, frozen=True):
     back: Array | None = None
 
     def wrenches(self, lam: Array) -> dict[int, Array]:
-        """Return what multipliers, shape (n,), do to bodies: joint index -> [f; m] at the carrier's origin, (n, 6)."""
+        """Return the wrenches of multipliers, shape (n,): joint index -> [f; m] at the carrier's origin, (n, 6)."""
         second = np.multiply.outer(lam, self.wrench)
         for at, fold in self.folds:
             second = second + np.multiply.outer(magnitude(lam - at), fold)
@@ -86,7 +86,7 @@ class Transmission(Record, frozen=True):
         return {self.second: second, self.first: first, self.carrier: -second - first}
 
     def on_links(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return the same at the world's origin, world axes."""
+        """Return the wrenches of multipliers at the world's origin, world axes: joint index -> [f; m], (n, 6)."""
         return {body: outwards(links, self.carrier, wrench) for body, wrench in self.wrenches(lam).items()}
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:
@@ -95,7 +95,7 @@ class Transmission(Record, frozen=True):
         return [Kink(at, {self.second: fold, self.first: -fold}) for at, fold in folds]
 
     def scaled(self: TransmissionT, factor: float) -> TransmissionT:
-        """Return what acts where ``factor`` times a size is the multiplier."""
+        """Return the transmission of a size x that gives the multiplier ``factor x``; the factor is positive."""
         folds = tuple((at / factor, factor * fold) for at, fold in self.folds)
         return replace(self, wrench=factor * self.wrench, folds=folds)
 
@@ -110,7 +110,7 @@ class Transmission(Record, frozen=True):
 
 
 class PitchSurfaces(Record, frozen=True):
-    """How two members with teeth roll on each other at their pitch point.
+    """Rolling contact of two toothed members at their pitch point.
 
     Attributes:
         line: l, unit vector along the pitch line in the carrier, shape (3,).

@@ -39,7 +39,7 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The components of a deflection: displacements along the axes, then those of the rotation vector."""
 
 NEAR = math.radians(5.0)
-"""How close to ``REACH`` the last state of a motion is that ends because of it, unless its steps are coarse [rad]."""
+"""Largest distance to ``REACH`` of the last state of a motion that ends there, unless its steps are coarse [rad]."""
 
 SEMIDEFINITE = 1e-9
 """Negative eigenvalue that rounding of typed digits explains, of a matrix scaled to a diagonal of ones."""
@@ -85,7 +85,7 @@ class Deflection(Record, Generic[Number], frozen=True):
 
     @classmethod
     def one(cls, placement: pin.SE3) -> Deflection[float]:
-        """Return that of a placement of frame 2 in frame 1; not numbers beyond ``REACH``."""
+        """Return the deflection of a placement of frame 2 in frame 1; NaN beyond ``REACH``."""
         x, y, z = pin.log3(placement.rotation).tolist()
         theta = math.sqrt(x * x + y * y + z * z)
         half = 0.5 * (theta or TINY) if theta <= REACH else math.nan
@@ -94,7 +94,7 @@ class Deflection(Record, Generic[Number], frozen=True):
 
     @classmethod
     def many(cls, p: Array, axes: Axes) -> Deflection[Array]:
-        """Return those of n placements.
+        """Return the deflections of n placements; NaN beyond ``REACH``.
 
         Args:
             p: Origin of frame 2 [m], axes of frame 1, shape (3, n) or (3, 1).
@@ -270,7 +270,7 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         return rotation(self.frames[1], 0, self.frames[0])
 
     def measures(self) -> Mapping[str, ElementQuantity]:
-        """Return how far frame 2 is from frame 1, and what the first link does to the second, all in world axes.
+        """Return the deflection of frame 2 from frame 1 and the load of the first link on the second, in world axes.
 
         ``displacement`` of the second origin from the first, ``rotation`` vector of the second frame in the first,
         ``force`` and ``moment`` at the origin of the second frame.

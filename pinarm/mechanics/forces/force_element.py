@@ -64,7 +64,7 @@ class Pieces(Record, frozen=True):
 
     @cached_property
     def _widths(self) -> Array:
-        """How wide the pieces are below, between and above the bounds, shape (k + 1,)."""
+        """Widths of the pieces below, between and above the bounds, shape (k + 1,)."""
         return np.diff(self._bounds, prepend=-math.inf, append=math.inf)
 
 
@@ -210,10 +210,10 @@ class ForceElement(ABC):
         return None
 
     def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
-        """Return what acts on links from outside in n states: joint index -> [f; m] at the world's origin, (n, 6).
+        """Return the external wrenches on links in n states: joint index -> [f; m] at the world's origin, (n, 6).
 
-        Elements that act between the two links of a joint have none: their effort is part of what the joint transmits.
-        ``links`` are placed as the states say.
+        An element between the two links of a joint has none: its effort is part of the wrench in the joint. ``links``
+        are the placements in these states.
         """
         return {}
 
@@ -223,7 +223,7 @@ class ForceElement(ABC):
         return ()
 
     def measures(self) -> Mapping[str, ElementQuantity]:
-        """Return what can be asked of the element by name, beside its power."""
+        """Return the quantities of the element by name, beside its power."""
         return {}
 
     def refusal(self, q: Array) -> str:
@@ -243,7 +243,7 @@ class ForceElement(ABC):
 
     @property
     def description(self) -> str:
-        """What it is and where, in words; may be empty."""
+        """Kind and place of the element, in words; may be empty."""
         return ""
 
 
@@ -297,7 +297,7 @@ class LawElement(ForceElement):
         return replace(self, condition=self.condition.entered(q, v)) if self.condition and self.leaps else self
 
     def beyond(self, t: Array, q: Array) -> str:
-        """Return what to say of instants and configurations beyond the points of a law; mostly nothing."""
+        """Return a note on instants or configurations beyond the points of a law; empty where there are none."""
         if self.condition and (said := self.condition.beyond(q)):
             return said
         first, last = self.law.ends

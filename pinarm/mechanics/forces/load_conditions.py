@@ -225,7 +225,7 @@ class LoadCondition(Record, frozen=True):
         return [t for law in known for t in reversals(law, start, end)]
 
     def beyond(self, q: Array) -> str:
-        """Return what to say of configurations, shape (n, nq), at which w is beyond the points of f; mostly nothing."""
+        """Return a note on configurations, shape (n, nq), with w beyond the points of f; empty where there are none."""
         if not (self.profile and self.along) or self.profile.period < math.inf or self.profile.law.may_jump:
             return ""
         (first, last), w, unit = self.profile.law.ends, self.along.values(q), self.along.coordinate.unit

@@ -68,7 +68,7 @@ class Bearing(Record, frozen=True):
 
     @classmethod
     def none(cls, preload: float = 0.0) -> Bearing:
-        """Return what carries nothing but a preload."""
+        """Return a bearing with no load but a preload."""
         return cls(np.zeros(0), np.zeros((0, 3, 6)), preload)
 
     @classmethod
@@ -123,7 +123,7 @@ class Bearing(Record, frozen=True):
 
     @classmethod
     def along(cls, lever: float) -> Bearing:
-        """Return what carries a multiplier, the first component of a wrench, times a lever."""
+        """Return a bearing loaded by a multiplier, the first component of a wrench, times a lever."""
         return cls.thread(np.eye(3)[0], lever)
 
     def load(self, wrench: Array) -> Array:
@@ -322,7 +322,7 @@ class FrictionContact(Record, frozen=True):
         return acting.kinks(links) if acting else []
 
     def added(self, part: str, f: Array) -> Array:
-        """Return what friction adds to a single force or moment of the coupling [N or N*m], shape (n,)."""
+        """Return the part of friction in a single force or moment of the coupling [N or N*m], shape (n,)."""
         acting = self.slip.acting if isinstance(self.slip, CoupledSlip) else None
         return acting.part(part, f) if acting and part in acting.single else np.zeros_like(f)
 
@@ -342,7 +342,7 @@ class FrictionContact(Record, frozen=True):
         return self.carried(links.q, lam)
 
     def carried(self, q: Array, lam: dict[str, Array]) -> Array:
-        """Return the same of a coupling or a gear, at configurations, shape (n, nq)."""
+        """Return the load of a coupling or a gear as first component of a wrench, shape (n, 6)."""
         assert isinstance(self.of, JointRelation | GearedRotor)
         multiplier = lam[self.of.name][:, :1]
         if isinstance(self.of, JointRelation):
@@ -388,12 +388,12 @@ def _constant_rows(model: pin.Model, contacts: tuple[FrictionContact, ...]) -> A
 
 
 def same_joint(contacts: Sequence[FrictionContact]) -> Flags:
-    """Return which contacts are components of one slip, shape (k, k)."""
+    """Return a mask of the pairs of contacts that are components of one slip, shape (k, k)."""
     return _same_names(tuple(contact.name for contact in contacts))[0]
 
 
 def several(contacts: Sequence[FrictionContact]) -> Flags:
-    """Return which contacts are components of a slip with several, shape (k,)."""
+    """Return a mask of the contacts whose slip has several components, shape (k,)."""
     return _same_names(tuple(contact.name for contact in contacts))[1]
 
 

@@ -90,9 +90,9 @@ class ThreadGeometry(ValueRecord, frozen=True):
         return 1.0 / (cos(self.lead_angle) * cos(normal))
 
     def acting(self, known: Transmission | None) -> Transmission | None:
-        """Return what a unit friction does: a force along the axis and a moment about it on the nut, and back.
+        """Return the wrenches of a unit friction: axial force and moment on the nut, the opposite on the screw.
 
-        ``None`` where the coupling says nothing of its bodies: it then acts as efforts at the coupled joints.
+        ``None`` where the contact of the thread is not known: friction then acts as efforts at the coupled joints.
         """
         if not isinstance(known, ThreadContact):
             return None
@@ -192,7 +192,7 @@ class GearSlip(Record, frozen=True):
         return 0.5 * self.gear.coordinate.drift(state)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return what friction does to the driven links; nothing where it acts as joint efforts."""
+        """Return the wrenches of friction on the driven links; empty where it acts as joint efforts."""
         return self.gear.coordinate.wrenches(links, 0.5 * effort)
 
 

@@ -1,4 +1,4 @@
-"""What files say of friction that sticks."""
+"""Dry friction with sticking, as defined in files."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SIZES: dict[str, tuple[str, ...]] = {
     "a belt": (),
     "a cam": ("radius",),
 }
-"""What has friction, and the sizes and preloads on which its load depends."""
+"""Elements with friction, and the sizes and preloads on which their load depends."""
 
 
 class Friction(InputStruct, frozen=True):

@@ -150,11 +150,11 @@ class FramePairs(Record, frozen=True):
         return cls.of(model, [(first, second)])
 
     def at_configurations(self, q: Array) -> RelativeMotion:
-        """Return how frames 2 are placed and move in frames 1 at configurations, shape (.., nq)."""
+        """Return placements and Jacobians of frames 2 in frames 1 at configurations, shape (.., nq)."""
         return self.at(*self.tree.placed(q))
 
     def at(self, turns: Array, arms: Array) -> RelativeMotion:
-        """Return how frames 2 are placed and move in frames 1.
+        """Return placements and Jacobians of frames 2 in frames 1.
 
         Args:
             turns: Rotations of all links, shape (3, 3, njoints, ..).
@@ -171,7 +171,7 @@ class FramePairs(Record, frozen=True):
         return RelativeMotion(self, turned(back, way), product(back, second.rotation), linear, angular)
 
     def _columns(self, turns: Array, arms: Array) -> tuple[Array, Array]:
-        """Return what unit velocities do to the origin of frame 2, and to its rotation, in world axes."""
+        """Return Jacobian columns of frame 2 relative to frame 1: linear at its origin, and angular, world axes."""
         rank, moved = turns.ndim - 3, self.tree.moved[self.velocities]
         own = turns.take(moved.ravel(), axis=2)
         screws = self.senses[:, None] * self.tree.subspace[:, self.velocities]

@@ -48,7 +48,7 @@ class LinkPlacements(Record, frozen=True):
         return turn if (rotation == np.eye(3)).all() else turn @ rotation, place + along
 
     def frames(self, indices: Sequence[int]) -> tuple[Array, Array]:
-        """Return the same of k frames, shapes (n, k, 3, 3) and (n, k, 3)."""
+        """Return the rotation matrices and origins [m] of k frames, shapes (n, k, 3, 3) and (n, k, 3)."""
         frames = [self.model.frames[index] for index in indices]
         parents = [frame.parentJoint for frame in frames]
         rotations = np.stack(np.broadcast_arrays(*(frame.placement.rotation for frame in frames)), axis=-3)
@@ -73,14 +73,14 @@ class LinkPlacements(Record, frozen=True):
         return joined(forces, wrenches[..., 3:] - crossed(self.places, forces))
 
     def demands(self, twists: Array, rates: Array) -> Array:
-        """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
+        """Return the wrenches that the motion of every link requires (Newton-Euler equations), in the link's own frame.
 
         Args:
-            twists: V, in their own frames, shape (n, njoints, 6).
+            twists: V of the links, in their own frames, shape (n, njoints, 6).
             rates: V', likewise.
 
         Returns:
-            ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
+            ``I V'``, ``V x* I V`` and the wrench against the weight, shape (3, n, njoints, 6).
         """
         turns, twist, rate = components_first(self.turns, 3), components_first(twists), components_first(rates)
         motions = np.zeros((3, *twist.shape), twist.dtype)
@@ -114,9 +114,9 @@ class LinkPlacements(Record, frozen=True):
 
 
 def opposed(model: Model, first: int, second: int, wrench: Array) -> dict[int, Array]:
-    """Return what two frames do to one another's links: a wrench on that of the second, the opposite on the first's.
+    """Return a wrench on the link of the second frame and its opposite on the link of the first, by joint index.
 
-    Joint index -> wrench. Nothing where both frames are on one link, inside which they balance.
+    Empty where both frames are on one link, inside which the wrenches balance.
     """
     child, other = (model.frames[frame].parentJoint for frame in (first, second))
     return {} if child == other else {child: -wrench, other: wrench}

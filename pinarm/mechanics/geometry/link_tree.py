@@ -70,14 +70,14 @@ class BallJoints(Record, frozen=True):
 
 
 class LinkTree(Record, frozen=True):
-    """What is the same of a tree of links at all configurations.
+    """Data of a tree of links that do not depend on the configuration.
 
     Attributes:
-        parents: Index of the parent of every link; that of the world is the world itself, shape (njoints,).
+        parents: Index of the parent of every link; the world is its own parent, shape (njoints,).
         jumps: The ancestors 1, 2, 4, ... joints before every link, as far as there are any, each of shape (njoints,).
         moved: Link that every velocity moves first, shape (nv,).
         starts: First velocity of every joint, shape (njoints - 1,).
-        subspace: S, what unit velocities do to their links in the axes of these, shape (6, nv).
+        subspace: S, twists of links per unit velocity of their joints, in link axes, shape (6, nv).
         masses: Of the links [kg], shape (njoints,), of variants (k, njoints).
         levers: Their centres of mass in link axes [m], shape (njoints, 3), of variants (k, njoints, 3).
         inertias: Their spatial inertias in link axes, 0 of the world, shape (njoints, 6, 6), of variants (k, ...).
@@ -100,7 +100,7 @@ class LinkTree(Record, frozen=True):
 
     @cached_property
     def supports(self) -> Flags:
-        """Which velocities move which links, shape (njoints, nv): row j is true for all joints up to joint j."""
+        """Mask of velocities that move each link, shape (njoints, nv): row j is true for joints on the path to j."""
         return self.moves(np.arange(len(self.moved)))
 
     @cached_property
@@ -109,7 +109,7 @@ class LinkTree(Record, frozen=True):
         return np.asarray(self.masses.sum(axis=-1))
 
     def moves(self, velocities: Indices) -> Flags:
-        """Return which of k velocities move which links, shape (njoints, k)."""
+        """Return a mask of the velocities, among k, that move each link, shape (njoints, k)."""
         moves = np.zeros((len(self.parents), len(velocities)), dtype=bool)
         moves[self.moved[velocities], np.arange(len(velocities))] = True
         for jump in self.jumps:
@@ -152,7 +152,7 @@ class LinkTree(Record, frozen=True):
         return sums
 
     def relative(self, q: Array) -> tuple[Array, Array]:
-        """Return how every link is placed on its parent at configurations, shape (.., nq).
+        """Return the placement of every link on its parent at configurations, shape (.., nq).
 
         Returns:
             Rotation matrices, columns are the link's axes in those of its parent, shape (3, 3, njoints, ..); origins in
@@ -184,7 +184,7 @@ class LinkTree(Record, frozen=True):
         return turns, turned(turns.take(self.parents, axis=2), arms)
 
     def columns(self, turns: Array) -> tuple[Array, Array]:
-        """Return what unit velocities do to the links that they move first, in world axes, shape (3, nv, ..) each.
+        """Return the motion subspace S in world axes, linear and angular part, shape (3, nv, ..) each.
 
         Args:
             turns: Rotations of the links, shape (3, 3, njoints, ..).
@@ -245,7 +245,7 @@ def components_first(x: Array, tail: int = 2) -> Array:
 
 
 def components_far(x: Array, tail: int = 2) -> Array:
-    """Return the same array, laid out in memory component by component, as those of many states are."""
+    """Return an equal array that is stored component by component, as arrays of many states are."""
     return states_first(np.ascontiguousarray(components_first(x, tail)), tail)
 
 

@@ -25,7 +25,7 @@ PARAMETERS = 10
 
 
 class VariantsDiffer(Exception):
-    """What was asked is computed of one model at a time: variants have to be solved one by one."""
+    """The requested quantity is computed for one model at a time: variants have to be solved one by one."""
 
 
 class VariantPlacement(Record, frozen=True):
@@ -147,7 +147,7 @@ class ModelVariants(Record, frozen=True):
         return not self.moved and all(still)
 
     def __getattr__(self, name: str) -> Any:
-        """Return what all variants have in common."""
+        """Return an attribute that all variants share; others raise ``VariantsDiffer``."""
         if name in ALIKE or name in METHODS:
             return getattr(self.first, name)
         raise VariantsDiffer(f"'{name}' of a model, of which there are several variants")
@@ -206,7 +206,7 @@ def placements_of(model: Model) -> tuple[Array, Array]:
 
 
 def _spread(common: Array, own: Array, places: Sequence[int]) -> Array:
-    """Return what k variants have, given what the first has at all joints, and what each has at some."""
+    """Return arrays of k variants, or of one if all are alike: common values, replaced at ``places`` by their own."""
     alike = len(places) == 0 or bool((own == own[:1]).all())
     spread = np.repeat(common[None], 1 if alike else len(own), axis=0)
     spread[:, list(places)] = own[: len(spread)]

@@ -51,12 +51,12 @@ class Pair(Protocol):
 
     @property
     def along(self) -> Sequence[bool]:
-        """Which of the m rows have a direction e of translation: these measure lengths, the others angles."""
+        """Mask of the m rows with a direction e of translation: these measure lengths, the others angles."""
         ...
 
     @property
     def about(self) -> Sequence[bool]:
-        """Which of the m rows have a direction w of rotation."""
+        """Mask of the m rows with a direction w of rotation."""
         ...
 
     @property
@@ -232,7 +232,7 @@ class TiedFrames(Record, frozen=True):
         return between.translation, np.asarray(between.rotation.T)
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return what multipliers, shape (.., m), do to links: joint index -> [f; m] at the world's origin, (.., 6)."""
+        """Return the wrenches of multipliers, shape (.., m): joint index -> [f; m] at the world's origin, (.., 6)."""
         acting = moved(self.wrench(links, lam), links.frame(self.second)[1])
         return opposed(links.model, self.first, self.second, acting)
 

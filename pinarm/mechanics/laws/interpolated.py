@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 HEADINGS = ("{}", "joint.{}.position", "coordinate.{}.position")
-"""What columns of a table are called that has the values of a coordinate."""
+"""Headings of the column of a table that has the values of a coordinate."""
 
 
 class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=FILE_KEYS):

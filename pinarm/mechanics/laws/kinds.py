@@ -279,7 +279,7 @@ class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE
         return _rest_move_rest(self.begin, t, self.start, self.end, *moving)
 
     def _durations(self, distance: float) -> tuple[float, float, float]:
-        """Return how long the jerk, the full acceleration and the full speed last [s]."""
+        """Return the durations of one phase of jerk, of full acceleration and of full speed [s]."""
         j = abs(self.jerk)
         a = math.inf if self.acceleration is None else abs(self.acceleration)
         v = math.inf if self.speed is None else abs(self.speed)

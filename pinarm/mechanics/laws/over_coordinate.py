@@ -355,7 +355,7 @@ def _sampled(drive: Callable[[Array], Values], low: float, high: float) -> tuple
 
 
 def _turns(speed: Array, rounding: float) -> int:
-    """Return how often speeds, shape (n,), change their sign, where they are more than rounding."""
+    """Return the number of sign changes between consecutive speeds, shape (n,), that both exceed rounding."""
     way = np.sign(speed) * (np.abs(speed) > rounding)
     return int(np.count_nonzero(way[:-1] * way[1:] < 0.0))
 

@@ -229,7 +229,7 @@ def inertia_defect(moments: Array) -> str:
 
 
 def impossible(moments: Array) -> Flags:
-    """Return which inertias no body can have, see ``inertia_defect``; shape (k, 3, 3) to (k,)."""
+    """Return a mask of the inertias that no body can have, see ``inertia_defect``; shape (k, 3, 3) to (k,)."""
     _, negative, unequal = _principal(moments)
     return negative | unequal
 

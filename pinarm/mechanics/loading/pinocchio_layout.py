@@ -45,10 +45,10 @@ FLOATING = (
     "q has the position and the quaternion x, y, z, w; v the velocity of the origin in the axes of the parent "
     "(Pinocchio: in its own) and the angular velocity in its own"
 )
-"""Which convention q and v of a joint have that moves freely."""
+"""Convention of q and v of a free joint, in words."""
 
 UNIT = 1e-8
-"""How far (cos, sin) and quaternions may be from the length 1: typed digits explain as much."""
+"""Largest deviation of (cos, sin) and quaternions from the length 1: rounding of typed digits."""
 
 SAME = 1e-12
 """Distance of two axes that is rounding."""
@@ -138,7 +138,7 @@ def _in_plane(angle: Array, v: Array) -> Array:
 
 
 class PinocchioLayout(Record, frozen=True):
-    """How the states of a mechanism stand in the arrays of ``pin.buildModelFromUrdf``."""
+    """Layout of a mechanism's states in the arrays of ``pin.buildModelFromUrdf``."""
 
     p_nq: int
     p_nv: int
@@ -193,7 +193,7 @@ class PinocchioLayout(Record, frozen=True):
         return cls(theirs.nq, theirs.nv, model.nq, model.nv, parts)
 
     def words(self) -> str:
-        """Return which convention q and v have where Pinocchio has another one; empty where they are the same."""
+        """Return the conventions of q and v that differ from Pinocchio's, in words; empty where none differs."""
         conventions = {
             "continuous": "q has the angle, turns counted (Pinocchio: cos, sin)",
             "planar": "q has x, y and the angle, v the velocity in the axes of the parent (Pinocchio: x, y, cos, sin, "

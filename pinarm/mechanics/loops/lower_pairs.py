@@ -249,7 +249,7 @@ class Helical(LoopDefinition, frozen=True, tag_field="kind", tag="screw", kw_onl
             )
 
     def pair(self) -> LowerPair:
-        """Return what it holds: two distances, two angles, and with h = lead / (2 pi) ``z' - h omega_z = 0``."""
+        """Return the constraints: two distances, two angles, and ``z' - h omega_z = 0`` with h = lead / (2 pi)."""
         axis, pitch = unit_vector(self.axis), float(self.lead) / (2.0 * np.pi)
         across, nothing = normals(axis), np.zeros((2, 3))
         e, w = np.vstack([across, nothing, axis]), np.vstack([nothing, across, -pitch * axis])

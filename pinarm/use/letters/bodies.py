@@ -25,7 +25,7 @@ AXIAL = ("revolute", "continuous", "prismatic")
 
 
 class Body(ValueRecord, frozen=True):
-    """What moves with a joint.
+    """Mass, centre of mass and inertia of the body behind a joint.
 
     Attributes:
         mass: [kg].

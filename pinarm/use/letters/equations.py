@@ -89,11 +89,11 @@ class Equations(Record, frozen=True):
 
 
 class Question(ValueRecord, frozen=True):
-    """What a scenario says of a motion.
+    """Conditions of a scenario on the motion.
 
     Attributes:
         prescribed: Coordinates that laws prescribe.
-        constant: Those whose value, or whose rate, laws keep constant, with these; ``None`` for what varies.
+        constant: Coordinate -> value and rate where a law keeps the rate constant; the value is ``None`` if it varies.
         driven: Joints that may carry an effort; ``None`` for all.
         at_rest: Whether nothing moves.
         loads: Forces beside those of the mechanism.
@@ -167,11 +167,11 @@ def equations_of(mechanism: Mechanism, question: Question, small: Mapping[str, f
 
 
 class _Form:
-    """How equations are written under what a scenario says.
+    """Form of the equations under the conditions of a scenario.
 
     Args:
         letters: The symbolic mechanics.
-        question: What a scenario says.
+        question: Conditions of the scenario.
         small: Values about which equations are linear; ``None`` where they are not.
     """
 
@@ -235,7 +235,7 @@ class _Form:
 
 
 def _meanings(letters: Letters, forces: Sequence[LetteredForce], loops: Sequence[LetteredLoop]) -> dict[str, str]:
-    """Return what symbols stand for, but for the arguments of the model."""
+    """Return symbol -> meaning, but for the arguments of the model."""
     meanings: dict[str, str] = {}
     for c in letters.coordinates.chosen:
         kind = "joint" if c.name in letters.mechanism.joints else "coordinate"

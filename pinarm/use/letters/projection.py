@@ -28,7 +28,7 @@ POINTS = ("revolute", "spherical", "pin")
 
 
 class Motion(ValueRecord, frozen=True):
-    """How the frame behind a joint moves.
+    """Placement of the frame behind a joint, and the joints that move the frame.
 
     Attributes:
         turn: Its rotation before the turns about the axis of the joint and of those before it that are parallel.
@@ -170,7 +170,7 @@ class Letters:
         return moving
 
     def inertial_efforts(self) -> dict[str, sympy.Expr]:
-        """Return what accelerations and weights ask of each joint: ``(M a + nle)_i``."""
+        """Return the inertial and gravity efforts of each joint: ``(M a + nle)_i``."""
         gravity = sympy.Matrix([self._gravity(float(x)) for x in self.mechanism.model.gravity.linear])
         efforts = dict.fromkeys(self.motions, sympy.Integer(0))
         for body, path, centre, spins, omega in self.bodies_moving:

@@ -57,13 +57,13 @@ class Proof:
         self.order = [self.mechanism.joints[name].v for name in letters.motions]
 
     def efforts(self, needed: Mapping[str, sympy.Expr]) -> float:
-        """Return how far efforts differ from Pinocchio's RNEA and the forces, relative to the largest term.
+        """Return the largest difference of efforts from Pinocchio's RNEA and the forces, relative to the largest terms.
 
         Args:
             needed: Joint -> the effort that is needed there, without the forces of loops.
 
         Raises:
-            DynamicsError: It is no rounding.
+            DynamicsError: The difference exceeds rounding.
             InputError: All terms are 0.
         """
         function = sympy.lambdify([*self.numbers, *self.moving], [*needed.values()], "numpy", cse=True)

@@ -88,7 +88,7 @@ class Actions(Record, frozen=True):
         return next((carrier for carrier in self.carriers if (carrier.name, carrier.kind) == (name, kind)), None)
 
     def on(self, groups: Flags) -> Array:
-        """Return what unknowns do to groups of bodies, shape (g, njoints), as an array of shape (g, c, K, 6)."""
+        """Return the wrenches of unit unknowns on groups of bodies, shape (g, njoints), in the shape (g, c, K, 6)."""
         return np.asarray(np.einsum("gb,cbkw->gckw", groups.astype(float), self.wrenches))
 
 
@@ -188,7 +188,7 @@ def _placed(links: LinkPlacements, body: int, wrenches: Array) -> Array:
 
 
 def held(model: pin.Model, links: LinkPlacements, body: int) -> Array:
-    """Return what a joint of the tree can transmit without an effort along it, at the world's origin, (c, k, 6)."""
+    """Return a basis of the wrenches that do no work in a tree joint, at the world's origin, shape (c, k, 6)."""
     joint = model.joints[body]
     return _placed(links, body, _workless(LinkTree.of(model).subspace[:, joint.idx_v : joint.idx_v + joint.nv]))
 
@@ -210,7 +210,7 @@ def _normal(vectors: Array) -> Array:
 
 
 def per_unit(constraint: Constraint, links: LinkPlacements, size: float = 1.0) -> dict[int, Array]:
-    """Return what a constraint does to bodies per unit of its multipliers, at a size of these, shape (c, m, 6)."""
+    """Return wrenches of a constraint on bodies per unit of its multipliers, at a size of these, shape (c, m, 6)."""
     wrenches: dict[int, list[Array]] = {}
     for row in np.eye(constraint.size) * size:
         for body, wrench in constraint.wrenches(links, np.broadcast_to(row, (len(links.q), constraint.size))).items():
@@ -231,7 +231,7 @@ def _of_coupling(mechanism: Mechanism, constraint: Constraint, links: LinkPlacem
 
 
 def joint_efforts(mechanism: Mechanism, links: LinkPlacements, efforts: Array) -> dict[int, Array]:
-    """Return what generalised efforts at joints, shape (c, k, nv), do to links, shape (c, k, 6)."""
+    """Return the wrenches of generalised efforts at joints, shape (c, k, nv), on links, shape (c, k, 6)."""
     found: dict[int, Array] = {}
     for body in bodies_of(mechanism):
         joint = mechanism.model.joints[body]
@@ -254,7 +254,7 @@ def _of_drive(mechanism: Mechanism, name: str, kind: str, along: Coordinate, lin
 def _joint_spaces(
     mechanism: Mechanism, links: LinkPlacements, efforts: Mapping[str, Coordinate], balls: set[str], loaded: bool
 ) -> dict[int, Array]:
-    """Return what each joint of the tree can transmit beside efforts along it, shape (c, k, 6), by joint index."""
+    """Return wrenches that each tree joint can transmit beside efforts along it, shape (c, k, 6), by joint index."""
     model = mechanism.model
     spaces = {body: held(model, links, body) for body in bodies_of(mechanism)}
     if (

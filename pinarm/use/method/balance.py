@@ -86,7 +86,7 @@ def _spread(run: Trajectory, acting: dict[int, Array]) -> Array:
 
 
 def _efforts(run: Trajectory, load: Array) -> Array:
-    """Return what efforts at the joints, shape (nv,), do to the links, shape (njoints, 6)."""
+    """Return the wrenches of efforts at the joints, shape (nv,), on the links, shape (njoints, 6)."""
     return _spread(run, joint_efforts(run.mechanism, run.link_motion[0], np.reshape(load, (1, 1, -1))))
 
 
@@ -115,7 +115,7 @@ def _carried(state: Quantities, actions: Actions) -> Iterator[Source]:
 
 
 def _of_constraint(run: Trajectory, constraint: Constraint, kind: str, lam: Array) -> Iterator[Source]:
-    """Yield what a constraint does, and what it does without a multiplier, such as the pretension of a belt."""
+    """Yield the action of a constraint, and its part without a multiplier, such as the pretension of a belt."""
     links = run.link_motion[0]
     if acting := constraint.wrenches(links, lam):
         idle = _spread(run, constraint.wrenches(links, 0.0 * lam))
@@ -127,7 +127,7 @@ def _of_constraint(run: Trajectory, constraint: Constraint, kind: str, lam: Arra
 
 
 def _of_drive(run: Trajectory, name: str, kind: str) -> tuple[Array, Array]:
-    """Return what a drive, or a known effort at a joint, does to bodies, and which part of ``tau`` it is, (nv,)."""
+    """Return the wrenches on bodies of a drive, or a known effort at a joint, and its part of ``tau``, shape (nv,)."""
     mechanism, nothing = run.mechanism, np.zeros(run.v.shape[-1])
     if name in mechanism.balls:
         ball = mechanism.model.joints[mechanism.balls[name].index]
@@ -145,7 +145,7 @@ def _of_drive(run: Trajectory, name: str, kind: str) -> tuple[Array, Array]:
 
 
 def forces_of(run: Trajectory) -> Iterator[Source]:
-    """Yield what forces, frictions and rotors do in one state."""
+    """Yield the actions of forces, frictions and rotors in one state."""
     links, [(_, dynamics)] = run.link_motion[0], run.intervals()
     for name, force in dynamics.forces.items():
         acting, load = force.wrenches(links, run.grid.t, run.v), np.zeros_like(run.v)

@@ -186,7 +186,7 @@ class Derivation(Record, frozen=True):
         return "parallel" if np.abs(np.cross(wrenches[:, :3], axis)).max() < NOTHING else "meets or parallel"
 
     def _component(self, carrier: Carrier, step: Step) -> str:
-        """Return which component of an opened joint an equation has, in words, or its symbol."""
+        """Return the component of an opened joint in an equation, in words, or its symbol."""
         place, actions = self.search.landmarks.place(carrier.name), self.search.actions
         if place is None:
             return said(WORDS[carrier.kind], name=carrier.name)
@@ -220,7 +220,7 @@ class Derivation(Record, frozen=True):
 
     @cached_property
     def _known(self) -> list[Source]:
-        """What forces, frictions and rotors do in some motion, to tell in which equations they are."""
+        """Actions of forces, frictions and rotors in an arbitrary motion, to find the equations that contain them."""
         model, q = self.mechanism.model, self.search.actions.links.q[:1]
         columns = {
             friction.quantity: Series(friction.quantity, None, np.ones(1)) for friction in self.mechanism.frictions
@@ -273,7 +273,7 @@ class Derivation(Record, frozen=True):
         return _named(kind, name)
 
     def _is_multiple(self, step: Step, carrier: Carrier, along: Array) -> bool:
-        """Tell whether what a carrier does in an equation is the wanted unknown, ``along`` times, shape (c,)."""
+        """Tell whether a carrier's term in an equation is the wanted unknown times ``along``, shape (c,)."""
         own = np.any(self.search.wanted != 0.0, axis=0)
         own[carrier.columns] = True
         rest = (step.rows - along[:, None] * self.search.wanted)[:, own]
@@ -336,7 +336,7 @@ class Derivation(Record, frozen=True):
         return float(given if effort is None else effort[0])
 
     def _offset(self, state: Quantities, actions: Actions, acting: Sequence[Source]) -> float:
-        """Return what of a wanted reaction known efforts in the joint itself make up, such as those of springs."""
+        """Return the part of known efforts in the joint itself, such as those of springs, in a wanted reaction."""
         if self.wanted.kind != "reaction":
             return 0.0
         row, place, of = state.trajectory, own_wrenches(self.wanted, actions)[1][0], self.wanted.of
@@ -379,7 +379,7 @@ UNNAMED = ("joint damping", "end stops and given efforts")
 
 
 def _rest(acting: Sequence[Source], step: Step, actions: Actions) -> float:
-    """Return what the unknowns of an equation are, together: inertias less what is known."""
+    """Return the sum of the unknown terms of an equation: inertias less known terms."""
     left = {(unknown.name, unknown.kind) for unknown in step.unknowns(actions)}
     known = (one for one in acting if (one.name, one.kind) not in left)
     return sum((1.0 if one.kind == "inertia" else -1.0) * one.power(step.twists[0]) for one in known)

@@ -95,7 +95,7 @@ class Equation(Record, frozen=True):
 
     @property
     def residual(self) -> float:
-        """What is left of it in numbers, relative to its scale."""
+        """Residual of the equation in numbers, relative to its scale."""
         left = sum(-term.value if term.role == "inertia" else term.value for term in self.terms)
         return abs(left) / self.scale
 

@@ -102,7 +102,7 @@ class Search(Record, frozen=True):
 
     @cached_property
     def _unknowns(self) -> Array:
-        """What unknowns of the length 1 do to all groups, shape (g, c, K, 6)."""
+        """Wrenches of the unknowns on all groups, scaled to the length 1, shape (g, c, K, 6)."""
         sized = self.actions.wrenches * self._scale / self.sizes[:, None, :, None]
         return np.asarray(np.einsum("gb,cbkw->gckw", self.groups.astype(float), sized))
 
@@ -154,7 +154,7 @@ class Search(Record, frozen=True):
         return Step(group, motion, rows, np.abs(rows / (self.sizes * size)).max(axis=0, initial=0.0) > NOTHING, twists)
 
     def cost(self, step: Step) -> tuple[int, ...]:
-        """Return what ranks an equation: unknowns, bodies with mass, bodies, and axes of joints before others."""
+        """Return the sort key of an equation: unknowns, bodies with mass, bodies, and axes of joints before others."""
         inertias = self.mechanism.model.inertias
         massive = sum(bool(inertias[body].mass) for body in np.flatnonzero(step.group).tolist())
         way = () if step.screw is None else (step.screw.direction, step.screw.point or 0)

@@ -59,7 +59,7 @@ class Landmarks(Record, frozen=True):
 
     @classmethod
     def at(cls, mechanism: Mechanism, links: LinkPlacements) -> Landmarks:
-        """Return those of a mechanism whose links are placed."""
+        """Return the landmarks of a mechanism whose links are placed."""
         model, bodies = mechanism.model, bodies_of(mechanism)
         loops = [constraint for constraint in mechanism.constraints if isinstance(constraint, LoopJoint)]
         frames = [k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]

@@ -109,7 +109,7 @@ class Torsor(Record, frozen=True):
 
     @property
     def undetermined(self) -> Flags:
-        """Which components self-stresses change, shape (6,)."""
+        """Mask of the components that self-stresses change, shape (6,)."""
         return np.asarray(np.abs(self._in_basis(self.added)).max(axis=(0, 1), initial=0.0) > ACTS)
 
     @property
@@ -166,7 +166,7 @@ class Torsor(Record, frozen=True):
         return "\n".join([self.heading(value), *("  ".join(map(str.ljust, each, widths)).rstrip() for each in rows)])
 
     def heading(self, value: float | None = None) -> str:
-        """Return what it is, at which point, in which axes, and the row nearest to a value of the run's parameter."""
+        """Return the heading: kind, point, axes, and the row nearest to a value of the run's parameter."""
         t, row = self.parameter, self.row(value)
         with writing(self.language):
             basis = said("ground") if self.basis == "ground" else self.basis

@@ -24,15 +24,15 @@ LENGTHS = ("norm", "radial")
 
 
 class Wanted(Record, frozen=True):
-    """What is wanted.
+    """Wanted unknown of an isolation.
 
     Attributes:
-        name: As it was asked for.
-        quantity: The quantity that it stands for, such as ``joint.B.effort``.
+        name: Name, symbol or formula, as the user gave it.
+        quantity: Quantity behind the name, such as ``joint.B.effort``.
         kind: ``effort``, ``reaction``, ``multiplier`` or ``law``.
         of: Name of the coordinate, joint, loop joint or coupling.
-        symbol: What stands for that quantity in equations.
-        formula: Formula of the quantity that was asked for; empty where it is the quantity itself.
+        symbol: Symbol of the quantity in equations.
+        formula: Formula behind the name; empty where it is the quantity itself.
     """
 
     name: str
@@ -44,10 +44,10 @@ class Wanted(Record, frozen=True):
 
 
 def wanted_of(quantities: Quantities, name: str) -> Wanted:
-    """Return what a name, a symbol or a formula asks for.
+    """Return the unknown of a name, a symbol or a formula.
 
     Raises:
-        InputError: It is nothing that an equation can give, or several such quantities.
+        InputError: No equation gives the unknown, or there are several unknowns.
     """
     kinds = {leaf: kind for leaf, kind in _leaves(quantities, name, 0)}
     unknown = {leaf: kind for leaf, kind in kinds.items() if kind[0] != "law"} or kinds
@@ -148,7 +148,7 @@ def function_of(wanted: Wanted, actions: Actions, quantities: Quantities) -> Arr
 
 
 def own_wrenches(wanted: Wanted, actions: Actions) -> tuple[Array, Array]:
-    """Return what unknowns do through a joint or loop joint at the world's origin, (c, K, 6), and its place, (c, 3)."""
+    """Return wrenches of unknowns in a joint or loop joint at the world's origin, (c, K, 6), and its place, (c, 3)."""
     mechanism, links = actions.mechanism, actions.links
     own = np.zeros((len(links.q), actions.wrenches.shape[2], 6))
     loop = actions.carrier(wanted.of, "loop")

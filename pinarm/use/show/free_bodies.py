@@ -65,7 +65,7 @@ class _Scale(Record, frozen=True):
     units: Sequence[tuple[float, str]]
 
     def words(self, action: Action) -> str:
-        """Return what a load is, with the sizes of its force and moment; empty where both are rounding."""
+        """Return the name of a load with the sizes of its force and moment; empty where both are rounding."""
         sizes = [float(np.linalg.norm(action.wrench[part])) for part in PARTS]
         measured = zip(sizes, (self.force, self.moment), self.units, strict=True)
         parts = [f"{rounded(size * factor)} {unit}" for size, most, (factor, unit) in measured if size > TINY * most]

@@ -27,7 +27,7 @@ UPWARDS, LINE = 0.7, 5.0
 
 
 class Edge(NamedTuple):
-    """What ties two bodies, by joint index, 0 for the ground: its name and kind, and its colour."""
+    """Connection of two bodies, by joint index, 0 for the ground: its name and kind, and its colour."""
 
     ends: tuple[int, int]
     label: tuple[str, str]

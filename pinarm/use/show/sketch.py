@@ -439,7 +439,7 @@ def _nearest(offset: Array, size: Array) -> Array:
 
 
 def _inside(points: Array, boxes: Array) -> Flags:
-    """Return which points, shape (n, 2), are in or close to which boxes, shape (m, 4), as an array (m, n)."""
+    """Return a mask (m, n) of points, shape (n, 2), that are in or close to boxes, shape (m, 4)."""
     low, high = boxes[:, None, :2] - CLEAR, boxes[:, None, 2:] + CLEAR
     return np.asarray(((points > low) & (points < high)).all(axis=2))
 

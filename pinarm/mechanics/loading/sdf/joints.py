@@ -247,7 +247,7 @@ def _lead(joint: Element, where: str, notes: list[str]) -> float:
 
 
 def _mimic(axis: Element | None, name: str, where: str) -> Mimic | None:
-    """Return what a joint follows: ``q = multiplier (q_of - reference) + offset``."""
+    """Return the mimic relation of a joint, ``q = multiplier (q_of - reference) + offset``; ``None`` without one."""
     element = None if axis is None else axis.find("mimic")
     if element is None:
         return None
@@ -382,7 +382,7 @@ def spanning_tree(
 
 
 def _notes(tree: SpanningTree, joints: Sequence[SdfJoint]) -> Iterator[str]:
-    """Yield what is to be said of loops, of threads, and of a model that floats."""
+    """Yield notes on loops, on threads, and on a model that floats."""
     if names := [*tree.loops]:
         yield f"closing loops of the tree of joints: {listed('joint', names)}"
     if active := [joint.name for joint in joints if joint.name in tree.loops and joint.active]:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MOMENTS = ("ixx", "iyy", "izz")
 
 GRAVITY = "0 0 -9.8"
-"""That of a world that says none [m/s^2]."""
+"""Gravity of a world without ``<gravity>`` [m/s^2]."""
 
 
 def sdf_tree(root: Element, name: str = "") -> Tree:

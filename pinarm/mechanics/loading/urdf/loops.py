@@ -154,7 +154,7 @@ class _Closed:
         self.idle += [name] if joint.active else []
 
     def notes(self) -> Iterator[str]:
-        """Yield what was taken, and what of it is not modelled, in words."""
+        """Yield notes on loops read, on joints not read, and on properties not modelled."""
         if self.loops:
             yield f"closing loops of the tree of joints: {listed('joint', [*self.loops])}"
         if self.idle:

@@ -209,7 +209,7 @@ def _add_dynamics(element: Element, model: pin.Model, places: range, name: str) 
 
 
 def _notes(model: pin.Model) -> Iterator[str]:
-    """Yield what of a model has no meaning here, in words."""
+    """Yield notes on properties of a model that are left out or changed."""
     if np.any(model.rotorInertia):
         yield "rotor inertias and gear ratios of the pin.Model, which Pinocchio's dynamics leaves out, are not taken"
     if len(model.referenceConfigurations):

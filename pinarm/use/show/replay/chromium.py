@@ -106,7 +106,7 @@ class Page:
         return answer["result"].get("value")
 
     def screenshot(self) -> bytes:
-        """Return what is on the screen, as PNG."""
+        """Return a screenshot of the page, as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def pdf(self) -> bytes:

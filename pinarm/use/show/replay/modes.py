@@ -68,7 +68,7 @@ class ModePictures(Record, frozen=True):
     notes: tuple[str, ...]
 
     def plain(self) -> dict[str, Any]:
-        """Return what the page needs beside the positions."""
+        """Return the data of the page beside the positions."""
         return {"levels": LEVELS, "names": [name for name, _ in self.texts], "texts": [text for _, text in self.texts]}
 
     @property
