@@ -101,7 +101,7 @@ class Result(results.Result, frozen=True):
         return torsor(self, of, at, along, kind)
 
     def isolate(self, wanted: str, at: str = "") -> Isolation:
-        """Return which bodies to isolate, and by which theorem, for an effort, a reaction or a law of motion.
+        """Return the bodies to isolate, and the theorems to apply, for an effort, a reaction or a law of motion.
 
         Args:
             wanted: A quantity such as ``joint.B.effort`` or ``loop.D.force.x``, a symbol or a formula of one, or a

@@ -405,7 +405,7 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         self, wanted: str, q: Array | None = None, v: Array | None = None, a: Array | None = None,
         tau: Array | None = None, *, drives: Sequence[str] = (), t: float = 0.0,
     ) -> Isolation:  # fmt: skip
-        """Return which bodies to isolate, and by which theorem, for an effort, a reaction or a law of motion.
+        """Return the bodies to isolate, and the theorems to apply, for an effort, a reaction or a law of motion.
 
         The derivation holds in all configurations; see docs/method.md. It has numbers where a state is given.
 
@@ -428,7 +428,7 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         return isolation_of(self, wanted, (q, v, a, tau), drives, t)
 
     def quantities(self, like: str = "") -> QuantityCatalogue:
-        """Return what can be asked by name of a mechanism in motion: names, units, meanings.
+        """Return the quantities of a mechanism in motion: names, units, meanings.
 
         Args:
             like: Part of the name or of the meaning; all where it is empty.

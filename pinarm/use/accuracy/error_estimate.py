@@ -381,7 +381,7 @@ def between_rows(first: Lookup, second: Lookup) -> Iterator[tuple[Quantities, Qu
 
 
 def different_course(result: Result, other: Result) -> str:
-    """Return how the courses of two runs differ: their ends, events, or changes of contact; empty where they do not."""
+    """Return the difference of the courses of two runs in words: rows, events or changes of contact; empty if none."""
     first, second = result.trajectory, other.trajectory
     if first.parameter != "t":
         return f"they have {len(first)} and {len(second)} rows" if len(first) != len(second) else ""

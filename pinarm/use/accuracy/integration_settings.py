@@ -93,7 +93,7 @@ class Ladder:
 
     @property
     def finer(self) -> int:
-        """How many rungs further down the solution is that one is compared with."""
+        """Number of rungs down to the finer solution of a comparison."""
         return 1 if self.halving else 2
 
     def setting(self, rung: int) -> dict[str, Any]:
@@ -103,7 +103,7 @@ class Ladder:
 
 
 def step_limit(result: Result, most: int) -> int:
-    """Return how many steps a comparison may take before it is given up.
+    """Return the number of steps after which a comparison is given up.
 
     Close to singular positions a tighter tolerance can be below the noise, and would take steps without end.
     """

@@ -32,7 +32,7 @@ AMPLITUDE, SAMPLES = 1e-4, 21
 """Largest deviation of a joint [rad or m], and instants of the motion."""
 
 GROWTH, ANGLE = 10.0, 200.0
-"""How much the motion may grow, and through how many radians the fastest mode may turn."""
+"""Largest growth of the motion, and largest angle of its fastest mode [rad]."""
 
 LEAST = 1e-3
 """Size of a deviation, relative to the largest, below which its difference is relative to this part of the largest."""
@@ -70,7 +70,7 @@ def _noted(result: Result, figures: dict[str, float], note: str) -> Result:
 
 
 def _difference(result: Result, linear: Linearisation, amplitude: float) -> Array:
-    """Return what a motion differs by from the linear one, relative to its largest deviation, shape (n (e + d),)."""
+    """Return the difference of a motion from the linear one, relative to its largest deviation, shape (n (e + d),)."""
     from scipy.linalg import expm
 
     motion, state = linear.motion, result.trajectory
@@ -100,7 +100,7 @@ def _start(linear: Linearisation) -> Array:
 
 
 def _duration(linear: Linearisation) -> float:
-    """Return how long the motion is followed [s]: a turn of the slowest mode, unless it grows or others are fast."""
+    """Return the duration of the motion [s]: a turn of the slowest mode, less where it grows or others are fast."""
     eigenvalues = linear.modes.eigenvalues
     rates = np.abs(eigenvalues)[eigenvalues != 0.0]
     if not len(rates):

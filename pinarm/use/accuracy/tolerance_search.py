@@ -31,7 +31,7 @@ FIRST = 2
 """The coarsest rung."""
 
 ANOTHER = 0
-"""What stands for another method in place of a rung."""
+"""Rung number that denotes another method."""
 
 MANY = 3000
 """Steps within which it shows whether an explicit method is limited by stability."""

@@ -53,7 +53,7 @@ class Limits(InputStruct, frozen=True):
 
     @property
     def conditions(self) -> list[Condition]:
-        """What numbers of the run must keep to."""
+        """Conditions on numbers of the run, read from ``keep``."""
         with within("keep"):
             return read_conditions(self.keep)
 
@@ -124,7 +124,7 @@ class _Compared:
 
     @property
     def margin(self) -> Series:
-        """What is left to the bound, negative beyond it."""
+        """Margin of the number to its bound, negative beyond the bound."""
         left = self.condition.margin(float(self.value.values[0]))
         return Series(f"margin of {self.condition.number.label}", self.value.unit, np.array([left]))
 

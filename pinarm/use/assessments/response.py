@@ -152,7 +152,7 @@ class _Step:
         return cls(run, asked.of, begin, (bounds[0], bounds[1]))
 
     def doubt(self, error: float) -> float:
-        """Return what z may be wrong by: rounding of its terms, or the error of y, y_0 and y_f where it is known."""
+        """Return the error of z: the larger of its rounding and of twice the error of y, over the size of the step."""
         terms = np.max(self.run.quantities[self.name].terms, initial=max(abs(self.initial), abs(self.final)))
         return max(PLATEAU * float(terms), 2.0 * error) / abs(self.size)
 
@@ -248,7 +248,7 @@ class _Step:
         return owners, t, gaps
 
     def remarks(self, asked: Response, values: Mapping[str, float]) -> list[str]:
-        """Return what to know of the numbers."""
+        """Return remarks on the numbers: resolution of the rows, assumed final value, unfinished response."""
         remarks = []
         if self.run.motion is None:
             apart = float(np.diff(self.run.run.grid.t).max(initial=0.0))

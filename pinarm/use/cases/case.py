@@ -41,16 +41,16 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario, ScenarioSource
 
 Value = int | float | str | bool
-"""What stands at a path of a case, as a scenario file would have it."""
+"""Value at a path of a case, as a scenario file would have it."""
 
 Case = Mapping[str, Value]
 """Path -> value that replaces that of the scenario."""
 
 QUADRATURE, GLOBAL_ERROR, OPEN = "quadrature error", "global error", "open decisions"
 WORTH = (*MEASURES, QUADRATURE, GLOBAL_ERROR, OPEN)
-"""What tells the accuracy of a case: the largest error of its figures of curves, relative to them, where there are any;
-the global error where the scenario has a target for it; the number of decisions at thresholds that are not certain,
-where the motion comes to any."""
+"""Accuracy measures of a case: those of its run; the largest quadrature error of its figures of curves, relative to
+them; the global error, where the scenario has a target for it; the number of decisions at thresholds that are not
+certain. NaN where a case has none."""
 
 
 NO_SECTIONS: Mapping[str, Numbered] = MappingProxyType({})
@@ -146,11 +146,11 @@ class Wanted(Taken):
     def measured(
         self, quantities: Quantities, sections: Mapping[str, Numbered] = NO_SECTIONS
     ) -> tuple[Wanted, list[Series]]:
-        """Return the same with its unit, and the columns of its numbers, still empty.
+        """Return a copy with its unit, and the columns of its numbers, still empty.
 
         Args:
-            quantities: Those of the scenario, with nothing solved.
-            sections: What its sections are of, by key.
+            quantities: Quantities of the scenario, with nothing solved.
+            sections: Assessments and search of the scenario, by key.
 
         Raises:
             InputError: There is no such quantity.
@@ -244,7 +244,7 @@ class FunctionValue(Taken):
         return [(float(series.si) + 0.0, 0.0)]  # -0 becomes 0
 
     def series(self, result: Result) -> Series:
-        """Return what the function says of a result: one number, with its unit if it is told as a ``Series``.
+        """Return the value of the function for a result: one number, with a unit if the function returns a ``Series``.
 
         Raises:
             InputError: The function raises an error, or returns something else.
@@ -269,14 +269,14 @@ class FunctionValue(Taken):
 
 @dataclass(frozen=True)
 class Row:
-    """What came out of one case.
+    """Results of one case.
 
     Attributes:
-        numbers: Results, then the measures of accuracy in the order of ``WORTH``. A case that failed has none, or those
-            that are ``broken_off``.
-        error: Why it failed; empty where it did not.
-        files: The files that it refers to.
-        final: Whether solving it again would give the same; not so where the program itself failed.
+        numbers: Results, then the measures of accuracy in the order of ``WORTH``. A case that failed has none, or the
+            numbers that are ``broken_off``.
+        error: Why the case failed; empty where it did not.
+        files: Files that the case refers to.
+        final: Whether solving the case again would give the same results; not so where the program itself failed.
     """
 
     numbers: tuple[float, ...]
@@ -298,14 +298,14 @@ class Row:
 
 @dataclass(frozen=True)
 class Task:
-    """What is the same in all cases of one scenario.
+    """Data common to all cases of one scenario.
 
     Attributes:
-        source: What the scenario is read from: a process that misses a file of it has to be able to say so.
-        wanted: What to take from each result.
-        anchors: Cases, from the first of which that can be solved the loops of all others are closed where they are
-            solved together: the last digits depend on it, and so on no worker. Without any, each worker begins with a
-            case of its own.
+        source: Source of the scenario: a process that misses one of its files can report it.
+        wanted: Numbers to take from each result.
+        anchors: Cases to begin with: from the first that can be solved, the loops of all cases solved together are
+            closed, so that the last digits depend on no worker. Without anchors, each worker begins with a case of its
+            own.
         measured: Whether the measures of accuracy are wanted.
     """
 
@@ -316,7 +316,7 @@ class Task:
 
     @classmethod
     def of(cls, scenario: Scenario, wanted: Iterable[Taken], *anchors: Case, measured: bool = True) -> Task:
-        """Return what is the same in all cases of a scenario, for a process in any folder."""
+        """Return the task of all cases of a scenario, for a process in any folder."""
         return cls(scenario.source, tuple(wanted), anchors, measured)
 
     @cached_property
@@ -398,7 +398,7 @@ def _broken_off(task: Task, begun: Result | None) -> tuple[float, ...]:
 
 
 def _worth(result: Result, numbers: Iterable[tuple[float, float]]) -> tuple[float, ...]:
-    """Return what tells the accuracy of a case; see ``WORTH``."""
+    """Return the accuracy measures of a case, in the order of ``WORTH``."""
     quadrature = [error / abs(number) for number, error in numbers if error and number]
     decisions = result.outcome.decisions
     known = {

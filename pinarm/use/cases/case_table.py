@@ -88,10 +88,10 @@ SomeCases = Sequence[Case] | CaseTable
 
 @dataclass(frozen=True, eq=False)
 class RowTable:
-    """What came out of cases that refer to the same files, none of which failed.
+    """Results of solved cases that refer to the same files.
 
     Attributes:
-        numbers: Those of each case, see ``Row``, shape (cases, numbers).
+        numbers: Numbers of each case, see ``Row``, shape (cases, numbers).
         files: The files.
     """
 
@@ -102,7 +102,6 @@ class RowTable:
         return len(self.numbers)
 
     def __getitem__(self, case: int) -> Row:
-        """Return what came out of one case."""
         return Row(tuple(self.numbers[case].tolist()), "", self.files)
 
     def __iter__(self) -> Iterator[Row]:
@@ -110,16 +109,16 @@ class RowTable:
 
 
 ARGUMENT = "arguments."
-"""What begins paths to arguments of the model."""
+"""Prefix of paths to arguments of the model."""
 
 PRESCRIBED = tuple(f"problem.{key}." for key in ("motion", "time", "over", "hold", "velocity", "acceleration"))
-"""What begins paths to numbers of laws, and of the rows at which they are looked at."""
+"""Prefixes of paths to numbers of laws, of rows and of initial states."""
 
 COLUMNS = (ARGUMENT, *PRESCRIBED)
-"""What begins paths to numbers that may differ from case to case."""
+"""Prefixes of paths to numbers that may differ between cases of one kind."""
 
 Kind = tuple[tuple[str, Value], ...] | None
-"""What cases have in common that may be solved together; ``None`` of one that varies none of ``COLUMNS``."""
+"""Values common to cases that may be solved together; ``None`` for a case that varies none of ``COLUMNS``."""
 
 
 @lru_cache(1000)

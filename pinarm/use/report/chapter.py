@@ -151,7 +151,7 @@ def _equations(result: Result, folder: Path | None) -> Iterator[ReportTable | st
 
 
 def appendix(*parts: str) -> str:
-    """Return what few readers need, after all else."""
+    """Return the appendix of a chapter from its parts, as HTML."""
     inner = "\n".join(filter(None, parts)).replace("h3>", "h4>")
     return tag("section", f"{tag('h3', said('Appendix'))}\n{inner}", "appendix")
 
@@ -328,7 +328,7 @@ def _provenance(result: Result, folder: Path | None, date: str) -> str:
 
 
 def provenance(entries: Mapping[str, str], date: str) -> str:
-    """Return what a result came of, and what made the report."""
+    """Return the origin of a result, and version, host and date of the report, as HTML."""
     host = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
     made = said(
         "pinarm {version}, on {host}, {date}", version=import_module("pinarm").__version__, host=host, date=date

@@ -1,4 +1,4 @@
-"""What was given, in a report: the question in words, the mechanism in tables, and its graph of links."""
+"""Problem statement of a report: the question in words, the mechanism in tables, and its graph of links."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _listed(words: Iterable[str]) -> str:
 
 
 def problem_rows(problem: Mapping[str, Any]) -> Iterator[Row]:
-    """Yield what a problem says: kind of entry, coordinate or name, and value in words; laws with all their points."""
+    """Yield the entries of a problem: kind, coordinate or name, and value in words; laws with all their points."""
     for key, value in problem.items():
         label = said(LABELS.get(key, key.replace("_", " ").capitalize()))
         if isinstance(value, Mapping) and any(isinstance(entry, Mapping) for entry in value.values()):
@@ -143,7 +143,7 @@ COLUMN, ROW, WIDE, HIGH, MARGIN = 150.0, 54.0, 104.0, 22.0, 6.0
 """Distances between boxes, their size, and the margin [px]."""
 
 BESIDE, FARTHER = 34.0, 26.0
-"""How far the line of a loop joint stands beside the boxes, and how much farther that of the next one [px]."""
+"""Distance of the line of a loop joint from the boxes, and distance to the line of the next joint [px]."""
 
 MOST_BODIES = 26
 """Bodies of a graph that fits on a page."""

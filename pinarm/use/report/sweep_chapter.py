@@ -43,7 +43,7 @@ def chapter_on_sweep(sweep: Sweep, date: str) -> Chapter:
 
 
 def _question(sweep: Sweep) -> Iterator[tuple[str, str, str]]:
-    """Yield what was varied, how, and the problem that was solved for each case."""
+    """Yield the swept values, the sampling, the problem that was solved for each case, and its results."""
     for path, values in sweep.definition.get("over", {}).items():
         yield said("Swept"), str(path), ", ".join(map(str, values)) if isinstance(values, list) else str(values)
     drawn = {key: sweep.definition.get(key) for key in ("cases", "samples", "seed", "sampling")}

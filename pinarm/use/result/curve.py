@@ -107,7 +107,7 @@ class Pieces(Record, frozen=True):
 
     @cached_property
     def coefficients(self) -> Array:
-        """Those of the Chebyshev polynomials, shape (m, 17, k)."""
+        """Coefficients of the Chebyshev polynomials, shape (m, 17, k)."""
         return np.asarray(np.einsum("mnp,mpk->mnk", TO_COEFFICIENTS[self.open], self.f))
 
     @property
@@ -157,7 +157,7 @@ class Pieces(Record, frozen=True):
         return np.asarray((np.ptp(self.f, axis=1) <= FLAT * np.abs(self.f).max(axis=1)) & (self.off <= 0.0))
 
     def largest(self, sign: float) -> Array:
-        """Return what the polynomials times a sign do not exceed, shape (m, k).
+        """Return upper bounds of the polynomials times a sign, shape (m, k).
 
         Between the points of a dense grid they rise by an eighth of the second difference; twice that is allowed for.
         """
@@ -165,7 +165,7 @@ class Pieces(Record, frozen=True):
         return np.asarray(values.max(axis=1) + 0.25 * np.abs(np.diff(values, 2, axis=1)).max(axis=1))
 
     def bounds(self, sign: float) -> Array:
-        """Return what the functions times a sign do not exceed, as far as the polynomials tell, shape (m, k)."""
+        """Return upper bounds of the functions times a sign, estimated from the polynomials, shape (m, k)."""
         falls = self.tail < FALLING * self.head
         return self.largest(sign) + CUSP * np.where(falls, self.error, np.maximum(self.error, self.least))
 
@@ -271,7 +271,7 @@ class Span(Record, frozen=True):
         return np.gradient(self.t) if len(self.t) > 1 else np.full(len(self.t), np.inf)
 
     def after(self, begin: float) -> Span:
-        """Return what follows a place inside the interval."""
+        """Return the part of the interval after a place inside it."""
         known = self.t >= begin
         parts = {name: getattr(self, name) for name in ("points", "steps", "jumps", "sides")}
         later = {name: t[t > begin] for name, t in parts.items()}
@@ -284,7 +284,7 @@ class Span(Record, frozen=True):
         return float(self.bounds[-1] - self.bounds[0])
 
     def divisible(self, width: Array) -> Flags:
-        """Return which pieces can be halved, by their widths."""
+        """Return a mask of the pieces that can be halved, from their widths."""
         ends = np.abs(self.bounds[[0, -1]]).max()
         return np.asarray(width > max(NARROWEST * self.length, ULPS * math.ulp(float(ends))))
 
@@ -344,7 +344,7 @@ class Curve(Struct, eq=False, dict=True):
         return np.array([self._kept[key] for key in keys])
 
     def _open(self, interval: Indices, low: Array, high: Array) -> Indices:
-        """Return which pieces have an end at which functions may jump, as 1 or 0, shape (m,)."""
+        """Return 1 for each piece with an end at which functions may jump, 0 for others, shape (m,)."""
         ends = zip(interval.tolist(), low.tolist(), high.tolist(), strict=True)
         return np.array([self._may_jump(k, a) or self._may_jump(k, b) for k, a, b in ends], dtype=np.intp)
 
@@ -380,7 +380,7 @@ class Curve(Struct, eq=False, dict=True):
         return interval[order], low[order], high[order]
 
     def _off(self, pieces: Pieces) -> Array:
-        """Return how far known values within pieces are from the polynomials at most, shape (m, k)."""
+        """Return the largest distance of known values within pieces from the polynomials, shape (m, k)."""
         off = np.zeros_like(pieces.tail)
         for number in distinct(pieces.interval).tolist():
             span, own = self.span[number], np.flatnonzero(pieces.interval == number)
@@ -395,7 +395,7 @@ class Curve(Struct, eq=False, dict=True):
         return off
 
     def divisible(self, pieces: Pieces) -> Flags:
-        """Return which pieces can be halved, shape (m,)."""
+        """Return a mask of the pieces that can be halved, shape (m,)."""
         width, flags = pieces.high - pieces.low, np.zeros(len(pieces), bool)
         for number in distinct(pieces.interval).tolist():
             own = pieces.interval == number
@@ -420,7 +420,7 @@ class Curve(Struct, eq=False, dict=True):
 
     @staticmethod
     def _parents(pieces: Pieces, parts: Pieces) -> Indices:
-        """Return which piece each part is of, shape (m,)."""
+        """Return the index of the piece that contains each part, shape (m,)."""
         inside = (parts.low[:, None] >= pieces.low) & (parts.high[:, None] <= pieces.high)
         return np.asarray((inside & (parts.interval[:, None] == pieces.interval)).argmax(axis=1))
 

@@ -79,7 +79,7 @@ def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
 
 
 def _without_end(run: Lookup, quantity: str, name: str) -> InputError:
-    """Return that the integral of a quantity, or of its square, is infinite, and where."""
+    """Return the error for an infinite integral of a quantity or of its square, with its place where known."""
     try:
         run.extreme("largest", quantity)
     except InputError as why:
@@ -88,7 +88,7 @@ def _without_end(run: Lookup, quantity: str, name: str) -> InputError:
 
 
 def stands_alone(rows: Trajectory, quantity: str, name: str) -> InputError:
-    """Return that a figure of a quantity is asked of rows that are states of no motion."""
+    """Return the error for a figure of a quantity over rows that are separate states, no motion."""
     return InputError(
         f"{quantity} @ {name} is taken over a motion, and these rows stand alone",
         expected="@ peak (the largest amount), @ max, @ min, or a place such as @ row=1",
@@ -97,7 +97,7 @@ def stands_alone(rows: Trajectory, quantity: str, name: str) -> InputError:
 
 
 def made_a_motion(rows: Trajectory) -> str:
-    """Return what makes recorded rows a motion, as a hint; empty of others."""
+    """Return a hint that makes recorded rows a motion; empty for other rows."""
     return f'{rows.remedy} (in Python derivatives="spline"), with the positions alone' if rows.remedy else ""
 
 

@@ -122,7 +122,7 @@ def _diverges(curve: Curve, pieces: Pieces, k: int, at: int) -> bool:
 
 
 def _unseen(pieces: Pieces) -> Array:
-    """Return what known values off the polynomials may change in the integrals, shape (m, k)."""
+    """Return the possible change of the integrals by known values off the polynomials, shape (m, k)."""
     return np.where(pieces.off > UNSEEN + DEGREE * pieces.tail, 2.0 * pieces.half * pieces.off, 0.0)
 
 
@@ -212,7 +212,7 @@ class _Arcs(ValueRecord, frozen=True):
         return float(length.sum())
 
     def between(self, share: float, unknown: float) -> float:
-        """Return how far the percentiles of shares differ that differ from one by as much as is unknown."""
+        """Return the difference of the percentiles of ``share + unknown`` and ``share - unknown``, within 0 and 1."""
         return self.percentile(min(share + unknown, 1.0)) - self.percentile(max(share - unknown, 0.0))
 
     def percentile(self, share: float) -> float:

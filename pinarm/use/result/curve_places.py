@@ -20,10 +20,10 @@ HALVINGS, MOST_PIECES, MOST_KINKS = 6, 64, 4
 rounds, towards kinks and poles, 4 pieces."""
 
 BEGINS, ROUNDS, WINDOW, ENDLESS, RISES, NEARLY = 0.01, 14, 3, 0.5, 1e-3, 1e-9
-"""How far from a pole, as a part of the interval, steps towards it begin; how many, each an eighth as far away; in how
-many the rise of a function is compared with that before; part of a rise that follows it without end: 500 times at a
-simple pole, all of it at a logarithm, a 500th at a kink; first rise, relative to the height, below which values grow by
-their rounding."""
+"""Steps towards a pole: first distance, as a part of the interval; number of steps, each an eighth as far away; steps
+of one rise; least ratio of successive rises that have no end: 500 at a simple pole, 1 at a logarithm, 1/500 at a kink;
+first rise, relative to the height, below which values grow by their rounding; distance of a cut from the highest place,
+as a part of the interval, within which the cut is the pole."""
 
 
 class Endless(Exception):
@@ -174,7 +174,7 @@ def _grows(heights: Array) -> bool:
 
 
 CROSSING_ROUNDS, CORRECTIONS = 5, 2
-"""How often pieces are halved in which two zeros may be unseen; Newton's steps from the zero of a polynomial."""
+"""Rounds of halving of pieces in which two zeros may be unseen; Newton's steps from the zero of a polynomial."""
 
 TOUCHES, CONTINUOUS, ONE, BESIDE = 1e-12, 1e-4, 1e-4, 1e-9
 """Height of an extreme, relative to the largest value, at which a function touches zero; value at a change of sign,

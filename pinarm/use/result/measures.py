@@ -105,10 +105,10 @@ all along: small ratios of gears, screws and arms alone give 1e-3."""
 
 
 def singularity_words(figures: Mapping[str, float]) -> str:
-    """Return how near to a singular position loops come, from the figures of a run; empty where they keep clear of it.
+    """Return the nearness of loops to a singular position, from the figures of a run; empty far from one.
 
-    The smallest singular value of the loops' rows is as small as the ratios of a mechanism are. Only its fall tells of
-    a singular position, and where it does not vary, that it is all but 0.
+    The smallest singular value of the loops' rows is as small as the ratios of a mechanism. Only its fall shows a
+    singular position, or where it does not vary, a value close to 0.
     """
     regularity, relative = figures.get("regularity", 1.0), figures.get("relative regularity", 1.0)
     if relative < FALLEN:
@@ -117,7 +117,7 @@ def singularity_words(figures: Mapping[str, float]) -> str:
 
 
 NOT_ESTIMATED = "not estimated"
-"""What stands for the global error of an integrated motion where none was asked for: residuals do not bound it."""
+"""Text for the global error of an integrated motion where no estimate was requested: residuals do not bound it."""
 
 COSTS = ("steps", "evaluations", "rejected steps", "steps at the noise floor")
 """Figures that count work; what is neither is part of the answer."""

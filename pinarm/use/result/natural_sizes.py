@@ -15,7 +15,7 @@ explains; outputs that are 0 are up to 4e-15 in the scenarios that come with pin
 
 
 def natural_sizes(run: Trajectory) -> Callable[[Unit | None], float]:
-    """Return what the masses, lengths and times of a run make of a unit: of N, the mass times length over time squared.
+    """Return the natural size of a unit as a function, from mass, length and time: of N, ``mass * length / time²``.
 
     The mass is that of all bodies, the length that of all links from end to end, or the longest way of a sliding joint
     where that is longer, and the time the shortest in which gravity, or the motion, changes anything by its own size.

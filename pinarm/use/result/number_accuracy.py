@@ -23,16 +23,16 @@ STEPS = 10.0
 
 
 def output_scales(result: Result) -> dict[str, float]:
-    """Return what the errors of the outputs are relative to.
+    """Return the scales of the errors of the outputs, by name.
 
-    That is the largest absolute value over the run; of an output that is 0 but for rounding, what the masses, lengths
-    and times of the run make of its unit.
+    A scale is the largest absolute value over the run; of an output that is 0 but for rounding, the natural size of
+    its unit, see ``natural_sizes``.
     """
     return {name: usual if size <= ZERO * usual else size for name, (size, usual) in _sizes(result).items()}
 
 
 def rounded_to_zero(result: Result) -> dict[str, float]:
-    """Return how large the outputs are that are 0 but for rounding, though not exactly, relative to their scales."""
+    """Return the sizes of outputs that are 0 but for rounding, though not exactly, relative to their scales."""
     return {name: size / usual for name, (size, usual) in _sizes(result).items() if 0.0 < size <= ZERO * usual}
 
 
@@ -44,9 +44,9 @@ def _sizes(result: Result) -> dict[str, tuple[float, float]]:
 
 
 def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple[Series, float]]) -> Array:
-    """Return what may change irregularly in numbers from one run to the next [SI], shape (m,).
+    """Return the irregular change of numbers from one run to the next [SI], shape (m,).
 
-    Of numbers that are 0 but for rounding that is what rounding leaves of their unit.
+    Numbers that are 0 but for rounding change by the size that ``rounding`` gives.
 
     Args:
         result: The run.
@@ -72,7 +72,7 @@ def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple
 
 
 def _noise_of_formula(result: Result, number: CombinedNumber) -> float:
-    """Return what the noise of its numbers makes of a formula [SI]."""
+    """Return the noise of a formula from the noise of its numbers [SI]."""
     parts = [measured_number(part, result) for part in number.parts]
     changes = noise(result, number.parts, parts).tolist()
     return number.of([(float(series.values[0]), change) for (series, _), change in zip(parts, changes, strict=True)])[1]

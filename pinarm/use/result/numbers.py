@@ -42,7 +42,7 @@ _PLACE = re.compile(r"(start|end|max|min|largest)(?:\((.*)\))?")
 
 
 class RunNumber(ValueRecord, frozen=True):
-    """What is asked of a run: a quantity at a place, or a figure of its curve.
+    """A number of a run: a quantity at a place, or a figure of its curve.
 
     Attributes:
         quantity: A quantity, a symbol or a formula.
@@ -111,7 +111,7 @@ class RunNumber(ValueRecord, frozen=True):
 
     @property
     def amount(self) -> RunNumber:
-        """What a bound compares and a search makes least: of ``@ largest``, which has a sign, its size."""
+        """The number as bounds and searches compare it: of ``@ largest``, which has a sign, the size."""
         return replace(self, at="peak") if self.at == "largest" and self.of == self.quantity else self
 
     def described(self, quantities: Quantities, sections: Mapping[str, object]) -> Series:
@@ -251,7 +251,7 @@ class SectionNumber(ValueRecord, frozen=True):
         return InputError(f"the scenario has no section '{self.key}' for '{self.label}'", expected=expected)
 
     def _without_place(self, quantities: Quantities) -> InputError | None:
-        """Return that a quantity is meant, which is a number at a place only; ``None`` where it is none."""
+        """Return the error for a quantity without a place, or for a similar name; ``None`` for other names."""
         try:
             quantities[self.label]
         except InputError as error:
@@ -498,12 +498,12 @@ _FORMULA = re.compile(r"\s[-+*/]|[-+*/]\s|[()]")
 
 
 class Condition(Record, frozen=True):
-    """What a number of the run must keep to.
+    """A condition on a number of the run.
 
     Attributes:
         number: The number.
         relation: ``<``, ``>`` or ``=``.
-        bound: What it is compared with.
+        bound: Value that the number is compared with.
     """
 
     number: AnyNumber

@@ -45,18 +45,18 @@ _GROUP = r"([_^])\{([^{}]*)\}"
 
 
 CsvForm = Literal["commas", "semicolons"]
-"""What is between the columns of CSV files: with semicolons numbers have a decimal comma."""
+"""Separator of the columns of CSV files: with semicolons numbers have a decimal comma."""
 
 
 class Presentation(ValueRecord, frozen=True):
-    """How the quantities of a scenario are shown.
+    """Units, labels and language in which the quantities of a scenario are shown.
 
     Attributes:
         units: Quantity -> the unit that it is shown in.
-        labels: Quantity -> what stands for its name: text, text with formulas ``$C_A$``, or TeX with a backslash.
+        labels: Quantity -> its label: text, text with formulas ``$C_A$``, or TeX with a backslash.
         kinds: SI unit, as text -> the unit that all other quantities that have it are shown in.
         lang: Language of documents; that of what surrounds them where it is ``None``.
-        csv: What is between the columns of CSV files.
+        csv: Separator of the columns of CSV files.
     """
 
     units: Mapping[str, Unit] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class Presentation(ValueRecord, frozen=True):
         return chosen or (FOR_PEOPLE.get(series.unit.text, series.unit) if series.unit is not None else None)
 
     def scale(self, series: Series) -> tuple[float, Unit | None]:
-        """Return what to multiply values with for people, and the unit that they are in then."""
+        """Return the factor from the values of a series to those shown, and the unit shown."""
         measured = self.unit(series)
         return (series.unit.factor / measured.factor if measured and series.unit else 1.0), measured
 
@@ -101,7 +101,7 @@ class Presentation(ValueRecord, frozen=True):
         return series.to(chosen) if chosen else series
 
     def label(self, name: str) -> str:
-        """Return what stands for the name of a quantity where there is no TeX."""
+        """Return the label of a quantity where there is no TeX."""
         before, quantity, after = parts(name, self.labels)
         if quantity not in self.labels:
             return name

@@ -1,4 +1,4 @@
-"""What a run gives back: named arrays with units, a table, plots, and what they are worth."""
+"""Result of a run: named arrays with units, a table, plots, and measures of accuracy."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class Result(Run, frozen=True):
 
     @property
     def parameter(self) -> Series:
-        """What runs along the rows, such as the time ``t``."""
+        """Parameter of the rows, such as the time ``t``."""
         return self.quantities.parameter
 
     def number(self, text: str) -> tuple[float, float]:
@@ -167,12 +167,12 @@ class Result(Run, frozen=True):
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
-        """What its sections are of, by key; see ``section_number``."""
+        """Search and assessments of the run, by the key of their section; see ``section_number``."""
         return {**self._evaluated, **self.content.assessments}
 
     @property
     def sections(self) -> Mapping[str, Section]:
-        """What a search and the assessments of the scenario find, by key, evaluated when they are first asked for."""
+        """Sections of the search and the assessments of the scenario, by key, evaluated on first use."""
         return {key: self.section(key) for key in self.numbered}
 
     @property
@@ -287,13 +287,13 @@ class Result(Run, frozen=True):
         )
 
     def _modes_instead_of(self, name: str) -> str:
-        """Return which modes there are, where a measure of one that the state does not have is asked for."""
+        """Return the modes of the state where a measure of a missing mode is asked for; empty otherwise."""
         if self.kind != "linear" or "mode." not in name:
             return ""
         return f"modes of the state: {', '.join(self.arrays['eigenvalues'].columns) or 'none'}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same result: by its scenario, with the same rows to the last bit."""
+        """Pickle the result as its scenario and rows, which are the same to the last bit."""
         from pinarm.use.result.stored_rows import states
 
         rows, figures = self.trajectory, dict(self.outcome.figures)
@@ -408,7 +408,7 @@ class Result(Run, frozen=True):
         }
 
     def _accuracy(self) -> dict[str, Any]:
-        """Return what was measured, and where it was asked for, the estimate of the global error."""
+        """Return the measures of accuracy, and where it was requested, the estimate of the global error."""
         measured: dict[str, Any] = {name: self.figures[name] for name in self.figures if name in MEASURES}
         if "evaluations" in self.figures and not self.errors:
             measured["error"] = NOT_ESTIMATED
@@ -445,10 +445,10 @@ class Result(Run, frozen=True):
         return least, greatest
 
     def notes(self) -> list[str]:
-        """Return what is not modelled as the files have it, which outputs are one choice of many, and what to doubt.
+        """Return notes on simplifications of the files, on outputs that are one choice of many, and on doubts.
 
-        Places of the answer key that the run does not come to are among them. The last are a method of integration that
-        does not suit the motion, and angles of very many turns.
+        They include places of the answer key that the run does not reach, and angles of very many turns; the last are
+        residuals beyond rounding, where no global error was estimated.
         """
         run = self.trajectory
         doubts = [f"{series.name}: {series.doubt}" for series in self.columns() if series.doubt]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Numbered(Protocol):
-    """What tells numbers of a run in a section: an assessment, or a search for an optimum."""
+    """Source of a section with numbers of a run: an assessment, or a search for an optimum."""
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         """Return the names of the numbers that its section may have, and their units, with nothing solved.
@@ -77,7 +77,7 @@ class Run(AbstractRecord, frozen=True):
     @property
     @abstractmethod
     def numbered(self) -> Mapping[str, Numbered]:
-        """What its sections are of, by key; see ``section_number``."""
+        """Search and assessments of the run, by the key of their section; see ``section_number``."""
 
     @abstractmethod
     def section(self, key: str) -> Section:

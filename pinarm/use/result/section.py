@@ -152,15 +152,15 @@ class Graph(Record, frozen=True):
 
 
 class Section(Record, frozen=True):
-    """What an assessment found.
+    """Findings of an assessment: tables, numbers, remarks and graphs.
 
     Attributes:
         key: Key of the scenario that asked for it, such as ``shaking``.
         title: Its heading, in words.
         tables: Its tables, the most important one first.
         numbers: Its numbers by name, each a series of one value; ``KEY.NAME`` asks for them elsewhere.
-        errors: Of the quadrature of these numbers [SI], by name; 0 where none is given.
-        remarks: What to know, a sentence each.
+        errors: Quadrature errors of these numbers [SI], by name; 0 where none is given.
+        remarks: Remarks, a sentence each.
         graphs: Its graphs.
     """
 

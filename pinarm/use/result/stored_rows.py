@@ -87,7 +87,7 @@ def events_of(arrays: Mapping[str, Array], model: pin.Model) -> tuple[EventRecor
 
 
 def _of_efforts(run: Trajectory) -> dict[str, Array]:
-    """Return what may differ where rigid bodies with friction do not determine the efforts of a motion."""
+    """Return the arrays of efforts, which rigid bodies with friction may leave undetermined."""
     further = np.array([series.values for series in run.columns.values()])
     endless = {} if run.endless is None else {"endless": run.endless.astype(float)}
     return {"tau": run.tau, "lam": np.asarray(run.lam), "further": further, **endless}

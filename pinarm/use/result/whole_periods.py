@@ -50,7 +50,7 @@ def whole_period_notes(problem: Problem, mechanism: Mechanism, numbers: Sequence
 
 
 def _periodic(problem: Problem, mechanism: Mechanism) -> Iterator[tuple[str, str, float]]:
-    """Yield what repeats along a coordinate: its name, that coordinate, and the period [rad or m]."""
+    """Yield laws and forces that are periodic in a coordinate: name, coordinate, and period [rad or m]."""
     for name, law in getattr(problem, "motion", {}).items():
         if isinstance(law, Over) and law.period is not None:
             yield name, law.of, float(law.period)
@@ -66,7 +66,7 @@ def _laws(problem: Problem, mechanism: Mechanism) -> Mapping[str, MotionLaw]:
 
 
 def _way(problem: Problem, law: MotionLaw) -> float:
-    """Return how far a coordinate goes from start to end of a run [rad or m]."""
+    """Return the displacement of a coordinate from start to end of a run [rad or m]."""
     time = problem.time  # type: ignore[attr-defined]  # of a problem that has laws
     start, end = (float(law.on(time.start, time.end)(np.array([t]))[0][0]) for t in (time.start, time.end))
     return end - start

@@ -89,7 +89,7 @@ class Unknown(Measured):
         return self.unit.factor if self.unit else 1.0
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same number."""
+        """Pickle the number as its constructor and arguments."""
         if self.low == -math.inf:
             return type(self)._of, (float(self), self.unit)
         return type(self).bounded, (float(self), self.unit, self.low, self.high)
@@ -150,7 +150,7 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
 
     @property
     def conditions(self) -> list[Condition]:
-        """What numbers of the run must keep to."""
+        """Conditions on numbers of the run, read from ``subject_to``."""
         with within("subject_to"):
             return read_conditions(self.subject_to)
 

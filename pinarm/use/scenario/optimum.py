@@ -56,11 +56,11 @@ GENERATIONS, POPULATION = 40, 8
 
 @dataclass(frozen=True)
 class Trial:
-    """What one run says.
+    """Objective and margins of one run.
 
     Attributes:
-        objective: What is to be least.
-        margins: By how much each condition is kept, negative where it is not; of equations the difference.
+        objective: Value to minimise.
+        margins: Margin of each condition, negative where it is violated; of equations the difference.
         refusal: Why the run does not count; empty where it does.
     """
 
@@ -108,11 +108,11 @@ class Landscape:
         return np.asarray((values - self.low) / (self.high - self.low))
 
     def trial(self, x: Array) -> Trial:
-        """Return what the run at a scaled point says."""
+        """Return the trial of the run at a scaled point."""
         return self.look([x])[0]
 
     def look(self, points: Iterable[Array]) -> list[Trial]:
-        """Return what the runs at scaled points say."""
+        """Return the trials of the runs at scaled points; no point is run twice."""
         clipped = [np.clip(np.asarray(x, dtype=float), 0.0, 1.0) for x in points]
         new = {x.tobytes(): x for x in clipped if x.tobytes() not in self.trials}
         if new:
@@ -121,7 +121,7 @@ class Landscape:
         return [self.trials[x.tobytes()][1] for x in clipped]
 
     def scaled(self) -> Landscape:
-        """Return the same, its objective relative to the median of what has been run."""
+        """Return a copy with the objective relative to the median over the runs so far."""
         sizes = [abs(trial.objective) for _, trial in self.trials.values() if not trial.refusal]
         return replace(self, size=float(np.median(sizes)) if sizes and np.median(sizes) > 0.0 else 1.0)
 
@@ -150,7 +150,7 @@ class Landscape:
         return np.where(self.equations, np.abs(margins), -margins)
 
     def shortfall(self, x: Array) -> str:
-        """Return which condition is violated most at a point whose run is not refused, and by how much."""
+        """Return the most violated condition at a point whose run is not refused, and the violation."""
         k = int(np.argmax(self._violations(x)))
         return f"'{self.conditions[k]}' by {self.conditions[k].measured(abs(self.trial(x).margins[k]))}"
 
@@ -184,7 +184,7 @@ class Landscape:
         return np.array([self.height(x), *self.margins(x)])
 
     def rank(self, x: Array) -> tuple[float, float]:
-        """Return what points are compared by: violation that counts, then the objective."""
+        """Return the sort key of a point: the violation, 0 where it is tolerated, then the objective."""
         violation = self.violation(x)
         return (violation if violation > KEPT else 0.0, self.height(x))
 

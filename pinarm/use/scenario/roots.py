@@ -250,7 +250,7 @@ class _Search:
         raise _NoBracket
 
     def _run(self, points: Sequence[Array]) -> list[dict[str, Array] | Refused]:
-        """Return what came of runs; those that are known are not run again."""
+        """Return the remainders or refusals of runs at points; known points are not run again."""
         new = {x.tobytes(): x for x in points if x.tobytes() not in self.known}
         self.known |= zip(new, self.residuals([self.search.case(x) for x in new.values()]), strict=True)
         return [self.known[x.tobytes()] for x in points]

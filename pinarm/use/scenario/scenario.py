@@ -148,12 +148,12 @@ class Scenario(Record, frozen=True):
         return f"<Scenario '{self.name}', {self.problem.kind} of {self.content.mechanism}; {outputs}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
+        """Pickle the scenario as its source, since the parts built from it contain functions."""
         return ScenarioSource.scenario, (self.source,)
 
     @property
     def source(self) -> ScenarioSource:
-        """What it is read from, with paths that are the same for a process in another folder."""
+        """Source of the scenario, with absolute paths, valid for a process in another folder."""
         path = self.document.path
         document = replace(self.document, path=path.parent.resolve() / path.name) if path else self.document
         folder = self.folder.resolve()
@@ -206,7 +206,7 @@ class Scenario(Record, frozen=True):
 
     @property
     def _mechanism_data(self) -> list[Any]:
-        """What the document says of the mechanism."""
+        """Entries of the document that define the mechanism, and the coordinates that the problem acts on."""
         keys = "mechanism", "arguments", "gravity", "payloads", "changes"
         return [*(self.document.data.get(key) for key in keys), self.acted]
 
@@ -339,7 +339,7 @@ class Scenario(Record, frozen=True):
 
     @cached_property
     def simplification(self) -> Simplification:
-        """What is solved in place of the question about the whole mechanism.
+        """Simplification of the problem to the part of the mechanism that it requires.
 
         Raises:
             InputError: It asks for more rows than there may be.
@@ -369,7 +369,7 @@ class Scenario(Record, frozen=True):
         raise NotImplementedError
 
     def prescribed_table(self, like: Scenario) -> PrescribedTable | None:
-        """Return what the problem prescribes at which rows, with nothing solved.
+        """Return the prescribed motion and its rows, with nothing solved.
 
         ``None`` where laws do not determine the motion, or it is solved on a part of the mechanism.
 
@@ -546,12 +546,12 @@ class Scenario(Record, frozen=True):
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
-        """What the sections of its result are of, by key; see ``section_number``."""
+        """Search and assessments of the scenario, by the key of their section; see ``section_number``."""
         return {**({"find": self.content.find} if self.content.find else {}), **self.concluded}
 
     @property
     def concluded(self) -> Mapping[str, Numbered]:
-        """What is concluded from the run itself."""
+        """Assessments of the run, and its frequency response where outputs are requested."""
         outputs = getattr(self.problem, "outputs", ())
         if not outputs or getattr(self.problem, "frequencies", None) is None:
             return self.content.assessments
@@ -587,7 +587,7 @@ class Scenario(Record, frozen=True):
 
 
 class ScenarioSource(Record, frozen=True):
-    """What another process reads a scenario from.
+    """Source from which another process reads a scenario.
 
     Attributes:
         kind: Class of the scenario.

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
 
     class Assessment(Protocol):
-        """What a scenario asks to conclude from its run, as it stands in a file."""
+        """Assessment of a run, as the scenario file requests it."""
 
         def requested(self, mechanism: Mechanism) -> list[str]:
             """Return the quantities and formulas that it needs, so that the joints in them are solved for."""
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
             ...
 
         def evaluate(self, result: Result) -> Section:
-            """Return what it finds in a result.
+            """Return the section with the findings in a result.
 
             Raises:
                 InputError: The run does not have what it needs.
@@ -92,7 +92,7 @@ class Argument(Measured):
         return self if self.word is None else self.word
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same argument."""
+        """Pickle a word as its text, a number as the base class does."""
         return (Argument.read, (self.word,)) if self.word is not None else super().__reduce__()
 
 

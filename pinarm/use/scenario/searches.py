@@ -129,14 +129,14 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
 
 
 def _noise(result: Result, search: Find, wanted: Sequence[str]) -> dict[str, float]:
-    """Return what may be left of wanted quantities, at any row, by rounding and the tolerance of the run, in SI."""
+    """Return the noise of wanted quantities, at any row, by rounding and the tolerance of the run, in SI."""
     numbers = [search.number(name, result.numbered) or read_number(f"{name} @ start") for name in wanted]
     errors = noise(result, numbers, [measured(number, result) for number in numbers])
     return dict(zip(wanted, errors.tolist(), strict=True))
 
 
 def _of_other_rows() -> PinarmError:
-    """Return that the rows of two runs cannot be compared."""
+    """Return the error for two runs whose rows cannot be compared."""
     return InputError(
         "so_that compares runs row by row, and they have not as many rows: one ends earlier, or has other impacts",
         expected="runs with the same rows",
@@ -188,13 +188,13 @@ def _best(bare: Scenario, search: Find) -> Optimum:
 
 @dataclass(frozen=True)
 class _Judge:
-    """What rows say to a search for an optimum.
+    """Evaluation of rows in a search for an optimum.
 
     Attributes:
         objective: The number that is to be least or largest.
-        conditions: What others must keep to.
+        conditions: Conditions on other numbers.
         sign: 1 where the objective is to be least, -1 where it is to be largest.
-        floor: Size of the objective's quantity below which its figure is one of rounding.
+        floor: Size of the objective's quantity below which its figure is rounding.
     """
 
     objective: AnyNumber
@@ -215,13 +215,13 @@ class _Judge:
 
     @property
     def wanted(self) -> list[Wanted]:
-        """What is taken from each run: objective, numbers of conditions, and of a figure of magnitudes all rows."""
+        """Numbers taken from each run: objective, numbers of conditions, and for a figure of magnitudes all rows."""
         numbers = [self.objective, *(condition.compared for condition in self.conditions)]
         rows = [self.objective.quantity] if isinstance(self.objective, RunNumber) and self.of_magnitudes else []
         return [*(Wanted(number.label, number) for number in numbers), *map(Wanted, rows)]
 
     def trial(self, row: Row) -> Trial:
-        """Return what a row says."""
+        """Return objective, margins and refusal of the run of a row."""
         if row.error:
             return Trial(refusal=row.error)
         said, *numbers = row.taken
@@ -232,7 +232,7 @@ class _Judge:
         return Trial(self.sign * said, tuple(condition.margin(x) for condition, x in pairs), refusal(row.figures))
 
     def sizes(self, first: Trial) -> list[float]:
-        """Return what margins of conditions are relative to, by the run at the start."""
+        """Return the scales of the margins of conditions, from the run at the start."""
         sizes = [abs(float(condition.bound)) for condition in self.conditions]
         if not first.refusal:
             sizes = [max(size, 1e-3 * abs(size - x)) for size, x in zip(sizes, first.margins, strict=True)]
@@ -318,7 +318,7 @@ def _conditions(search: Find, best: Optimum) -> list[SectionTable]:
 
 
 def _remarks(search: Find, best: Optimum, objective: Series, value: float) -> list[str]:
-    """Return what holds the optimum, how many starts have led there, and what was refused."""
+    """Return remarks on the optimum: conditions and bounds that hold it, starts that led there, refused runs."""
     held = [str(search.conditions[k]) for k in best.active]
     for (path, unknown), end in zip(search.unknown.items(), best.best.end, strict=True):
         for bound, name in ((unknown.low, "lower"), (unknown.high, "upper")):

@@ -26,7 +26,7 @@ from pinarm.mechanics.joints import METRE, Joint
 from pinarm.use.facade import Scenario
 
 STEP = {"deg": 30.0, "mm": 100.0}
-"""How far a joint moves, in the unit of the file."""
+"""Displacement of a joint, in the unit of the file."""
 
 TITLE = "Mechanism"
 """Title of a model without a name."""

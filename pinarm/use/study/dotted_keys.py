@@ -34,11 +34,11 @@ class KeyPart(NamedTuple):
 
 
 def dotted_keys(file: str | Path, prefix: str = "") -> list[str]:
-    """Return how a path of keys may go on, one step further: ``problem.time.end=``, or ``problem.time.`` of a map.
+    """Return the paths of keys one step further than a prefix: ``problem.time.end=``, or ``problem.time.`` of a map.
 
     Args:
         file: A scenario, or a mechanism file.
-        prefix: What there is of the path.
+        prefix: Beginning of the path.
 
     Raises:
         InputError: The file cannot be read, or names a kind of problem that there is not.
@@ -103,5 +103,5 @@ def _further(part: KeyPart, prefix: str) -> Iterator[str]:
 
 
 def _children(data: Any) -> dict[Any, Any]:
-    """Return what stands in data, by key or index."""
+    """Return the entries of a map or a list, by key or index; none of other data."""
     return dict(data if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else {})

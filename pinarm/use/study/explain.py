@@ -1,4 +1,4 @@
-"""What a model or a scenario is made of: coordinates, loops, mobility, redundancy, what acts, and what is left out."""
+"""Structure of a model or a scenario: coordinates, loops, mobility, redundancy, loads, and parts left out."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ class Explanation:
         return ["forces X Y Z and moments L M N that joints transmit, in their own axes:", *_together(words_of_joints)]
 
     def _counted(self) -> list[str]:
-        """Return how the degree of hyperstatism follows from numbers of bodies, joints and freedoms, line by line."""
+        """Return the degree of hyperstatism from the numbers of bodies, joints and freedoms, line by line."""
         mechanism, model, free = self.mechanism, self.mechanism.model, self.mobility.mobility
         idle = {tie.rotor.index for tie in joint_ties(mechanism.constraints)}
         moving = [model.joints[k].nv for k in range(1, model.njoints) if k not in idle]
@@ -249,7 +249,7 @@ class Explanation:
         return [*lines, *(f"note: {note}" for note in counted(mechanism.notes))]
 
     def _pulling(self, element: ForceElement) -> str:
-        """Return how an element between two points pulls or pushes in the configuration, at rest; empty of others."""
+        """Return length and pull or push of an element between two points, at rest; empty for other elements."""
         measures = element.measures()
         if not {"length", "tension"} <= measures.keys():
             return ""
@@ -259,7 +259,7 @@ class Explanation:
         return f", {length:.4g} m long {self.where}, {acts}"
 
     def _modelled(self) -> list[str]:
-        """Return which joints are solved for, why the others are not, and whether the compiled kernel is missing."""
+        """Return remarks on the convention of q and v, meshes, joints left out with reasons, and a missing kernel."""
         model = self.mechanism.model
         lines = self._convention()
         lines += ["meshes are not read: no mass is taken from them"] if self._unread_meshes() else []
@@ -274,7 +274,7 @@ class Explanation:
         return "<mesh" in self.mechanism.xml and MESH_MASSES not in self.mechanism.notes
 
     def _convention(self) -> list[str]:
-        """Return which convention q and v have, of a model whose joints Pinocchio has otherwise."""
+        """Return the convention of q and v where it differs from that of Pinocchio's reader; empty elsewhere."""
         if self.mechanism.description.planar is not None:
             return []
         with suppress(InputError):  # Pinocchio's reader has no such model
@@ -293,7 +293,7 @@ def _together(said: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def _spinning(joints: Sequence[str]) -> str:
-    """Return what free spins are, and how to leave them out."""
+    """Return a remark on free spins of links, and on ways to leave them out."""
     return (
         f"{len(joints)} of these are links that spin by themselves about their own axis, such as rods between "
         f"two ball joints: {', '.join(joints)}. They move nothing else; a universal joint in place of one of the "
@@ -324,7 +324,7 @@ def explain(path: Subject, values: Values | None = None) -> Explanation:
 
 
 def isolate(path: Subject, wanted: str, values: Values | None = None, *, at: str = "") -> Isolation:
-    """Return which bodies to isolate, and by which theorem, for an effort, a reaction or a law of motion.
+    """Return the bodies to isolate, and the theorems to apply, for an effort, a reaction or a law of motion.
 
     A scenario is solved, and the equations have numbers at an instant; those of a mechanism have none. See
     ``Result.isolate`` and ``Mechanism.isolate``.

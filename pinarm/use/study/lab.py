@@ -72,10 +72,10 @@ class Sheet:
 
     @in_language
     def check(self, number: int, answer: str | float) -> str:
-        """Return what is to be said of an answer.
+        """Return the verdict on an answer, in words.
 
         Args:
-            number: Of the question, from 1.
+            number: Number of the question, from 1.
             answer: A number with its unit, such as ``1.47 N*m``, or a formula of symbols, arguments and quantities;
                 in French ``1,47 N*m`` too.
 

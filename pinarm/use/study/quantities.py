@@ -51,7 +51,7 @@ def subject(given: Subject, values: Values | None = None) -> Scenario | Mechanis
 
 
 def quantities(path: Subject, values: Values | None = None, *, like: str = "") -> QuantityCatalogue:
-    """Return what can be asked by name of a scenario, or of a mechanism in motion: names, units, meanings.
+    """Return the quantities of a scenario, or of a mechanism in motion: names, units, meanings.
 
     Args:
         path: A scenario or a mechanism, or the file or the data of either; a model file, or the name of a robot.

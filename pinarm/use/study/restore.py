@@ -152,7 +152,7 @@ def _summary(path: Path) -> dict[str, Any]:
 
 
 def _arrays(path: Path) -> dict[str, Array]:
-    """Return what is behind the outputs: states, other quantities, and names of guided coordinates.
+    """Return the arrays behind the outputs: states, other quantities, and names of guided coordinates.
 
     Raises:
         InputError: They are missing, or the states are no finite numbers.

@@ -174,7 +174,7 @@ class Tradeoff:
         return folder
 
     def plots(self) -> dict[str, Picture]:
-        """Return what there is to draw: error against cost of ``settings``, outputs of ``variants``."""
+        """Return the plots: error against cost of ``settings``, outputs of ``variants``."""
         drawn = {"settings": work_precision} if self.reference else {}
         drawn |= {"variants": outputs} if self.variants else {}
         return {name: draw(self) for name, draw in drawn.items()}
@@ -357,7 +357,7 @@ def settings(trade: Tradeoff) -> list[list[str]]:
 
 
 def advice(trade: Tradeoff) -> list[str]:
-    """Return what errors were measured against, and the cheapest setting for every wanted error, with a margin."""
+    """Return the reference of the errors, and the cheapest setting for every wanted error, with a margin."""
     assert trade.reference
     return [
         f"reference: {trade.reference.words}; known to {trade.reference.bound:.1e}",
@@ -383,7 +383,7 @@ def variant_rows(trade: Tradeoff) -> list[list[str]]:
 
 
 def remarks(trade: Tradeoff) -> list[str]:
-    """Return what the errors of variants are relative to, and which variants failed or have other events."""
+    """Return remarks on the variants: scale of their errors, failed variants, and variants with other events."""
     exact = f"exact model: {1e3 * trade.variants[0].seconds:.1f} ms; relative to its largest value"
     simpler = trade.variants[1:]
     failed = [f"{variant.name}: failed: {variant.failure}" for variant in simpler if variant.result is None]

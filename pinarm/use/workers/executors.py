@@ -47,7 +47,7 @@ class WorkerDeath(Exception):
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -81,7 +81,7 @@ class LocalProcesses:
         self._number, self._idle, self._busy = number, list[Any](), dict[Any, Any]()
 
     def count(self) -> int:
-        """Return how many there are, or are to be."""
+        """Return the number of processes, started or not."""
         return self._number
 
     room = count
@@ -132,7 +132,7 @@ def _started() -> Any:
 
 
 def how_it_ended(said: str) -> str:
-    """Return how a process ended by what ``loky`` says: ``{SIGKILL(-9)}``, ``{EXIT(7)}`` or the like."""
+    """Return signal or exit code of an ended process from the text of ``loky``: ``{SIGKILL(-9)}`` or ``{EXIT(7)}``."""
     ended = re.search(r"\{(\w+)\((-?\d+)\)", said)
     if ended is None:
         return "an unknown cause"
@@ -194,7 +194,7 @@ class ExecutorWorkers:
         self._counted, self._count, self._seen = -RECOUNT, 1, time.monotonic()
 
     def count(self) -> int:
-        """Return how many workers there are now, 1 where there are none yet."""
+        """Return the current number of workers, 1 where there are none yet."""
         now = time.monotonic()
         if self._number is None and now - self._counted > RECOUNT:
             present = self._present()

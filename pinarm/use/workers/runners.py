@@ -62,11 +62,11 @@ class Runners(ValueRecord, frozen=True):
     def answering(
         self, function: Callable[[Any], AnswerT], written: Callable[[list[JobT]], Any] = list
     ) -> Iterator[Answering[JobT, AnswerT]]:
-        """Yield what applies a function to jobs, as often as it is asked; workers end with the block.
+        """Yield a function from jobs to numbered answers, for any number of calls; workers end with the block.
 
         Args:
             function: Importable by its name, as is all that it holds; see ``worker.answered_parts``.
-            written: Returns jobs as the function gets them: a list of them, or what stands for it.
+            written: Converts a list of jobs to the argument that the function gets for it.
 
         Raises:
             InputError: A worker has other versions, or other files.
@@ -83,7 +83,7 @@ class Runners(ValueRecord, frozen=True):
 
     @contextmanager
     def applying(self, function: Callable[[JobT], AnswerT]) -> Iterator[Apply[JobT, AnswerT]]:
-        """Yield what applies a function to jobs and returns answers in their order; see ``answering``."""
+        """Yield a function from jobs to their answers, in the order of the jobs; see ``answering``."""
         with self.answering(function) as answers:
 
             def apply(jobs: Iterable[JobT]) -> Iterator[AnswerT | LostJob]:

@@ -152,7 +152,7 @@ def code_digest() -> str:
 
 
 def differences(here: Versions, there: Versions) -> str:
-    """Return which versions differ between this process and another, in words; empty where none does."""
+    """Return the versions that differ between this process and another, in words; empty where none does."""
     names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
     pairs = ((name, here.get(name, "absent"), there.get(name, "absent")) for name in names)
     return ", ".join(f"{name} is {own} here and {other} there" for name, own, other in pairs)

@@ -233,7 +233,7 @@ def lives(run: Lookup, asked: Sequence[tuple[LoadedJoint, RollingBearing | Plain
 
 
 def _left_out(run: Lookup, joint: LoadedJoint, bearing: RollingBearing | PlainBearing) -> list[str]:
-    """Return what is to be said where the axial load is in no number of a bearing."""
+    """Return a remark where an axial load of the joint enters no number of its bearing."""
     if isinstance(bearing, RollingBearing) and (bearing.Y or bearing.e is not None):
         return []
     try:

@@ -169,7 +169,7 @@ class LoadedJoint(Record, frozen=True):
                     )
 
     def rates(self, rows: Quantities) -> tuple[Array, Array]:
-        """Return how fast it turns [rad/s] and slides [m/s], each of shape (n,)."""
+        """Return the rates of turning [rad/s] and sliding [m/s], each of shape (n,); 0 without a coordinate."""
         turning, sliding = (
             rows[f"coordinate.{name}.velocity"].values if name else np.zeros(len(rows.trajectory))
             for name in (self.turning, self.sliding)
@@ -178,7 +178,7 @@ class LoadedJoint(Record, frozen=True):
 
 
 def _known(mechanism: Mechanism, name: str) -> Iterator[tuple[str, LoadedJoint]]:
-    """Yield what a name may mean: ``joint.J`` and ``loop.L`` of all joints."""
+    """Yield all joints with their full names, ``joint.J`` or ``loop.L``; ``name`` is as the file has it."""
     model = mechanism.model
     for joint in mechanism.joints.values():
         moved = ("", joint.name) if joint.unit == METRE else (joint.name, "")

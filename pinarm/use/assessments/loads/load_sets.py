@@ -45,14 +45,14 @@ SetRow = tuple[str, float, str, str, float, float, float, float, float, float, f
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """What acts on a body.
+    """A load on a body: a wrench at a point.
 
     Attributes:
         body: Pinocchio's index of the joint that moves the body.
-        what: What it comes from, in words.
-        point: Where it acts [m], world axes, shape (3,).
-        wrench: [f; m] there [N, N*m], world axes, shape (6,).
-        doubt: Why rigid bodies do not determine it; empty where they do.
+        what: Source of the load, in words.
+        point: Point of application [m], world axes, shape (3,).
+        wrench: [f; m] about the point [N, N*m], world axes, shape (6,).
+        doubt: Why rigid bodies do not determine the load; empty where they do.
     """
 
     body: int
@@ -158,7 +158,7 @@ def sets_table(sets: Sequence[LoadSet], at: Unit) -> SectionTable:
 
 
 def told(sets: Sequence[LoadSet]) -> list[str]:
-    """Return what is to be said of sets, once for all sets of which it is true."""
+    """Return the remarks on the sets, each once with the names of its sets."""
     names = dict[str, list[str]]()
     for load_set in sets:
         for remark in load_set.remarks:
@@ -167,11 +167,11 @@ def told(sets: Sequence[LoadSet]) -> list[str]:
 
 
 def _with_shares(row: Quantities, plane: Array) -> list[Action]:
-    """Return what acts on the bodies in one row, in doubt where it depends on how frictions at rest share a load.
+    """Return the loads on the bodies in one row, in doubt where they depend on how static frictions share a load.
 
     Args:
         row: The row.
-        plane: Matrix that takes the wanted part of a wrench, shape (6, 6).
+        plane: Projection of a wrench on its wanted part, shape (6, 6).
     """
     whole = (row.whole or row).reactions
     acting = [*_actions(row.reactions, whole, plane)]
@@ -185,7 +185,7 @@ def _with_shares(row: Quantities, plane: Array) -> list[Action]:
 
 
 def _actions(reactions: Reactions, whole: Reactions, plane: Array) -> Iterator[Action]:
-    """Yield what acts on the bodies in the first row of a run, whose rows all together tell what is determined."""
+    """Yield the loads on the bodies in the first row; all rows of ``whole`` decide which loads are determined."""
     parts = _of_joints(reactions, whole, plane), _of_constraints(reactions, whole, plane), _of_friction(reactions)
     for action in chain(*parts, _of_forces(reactions), _of_masses(reactions.run)):
         yield replace(action, wrench=plane @ action.wrench)
@@ -223,7 +223,7 @@ def _of_constraints(reactions: Reactions, whole: Reactions, plane: Array) -> Ite
 
 
 def _of_friction(reactions: Reactions) -> Iterator[Action]:
-    """Yield what dry friction in loop joints and threads does; that in joints of the tree is part of their wrench."""
+    """Yield the friction wrenches of loop joints and threads; joint wrenches of the tree include their friction."""
     links = reactions.links
     for contact, f in zip(reactions.run.mechanism.frictions, reactions.run.friction.T, strict=True):
         for body, wrench in contact.slip.wrenches(links, f[:1]).items():
@@ -263,7 +263,7 @@ def _of_masses(run: Trajectory) -> Iterator[Action]:
 
 
 def _at(body: int, what: str, point: Array, wrench: Array, doubt: str = "") -> Action:
-    """Return what a wrench at the world's origin does, told at a point."""
+    """Return the load of a wrench about the world's origin, moved to a point."""
     moved = np.concatenate([wrench[:3], wrench[3:] - np.cross(point, wrench[:3])])
     return Action(body, what, point, moved, doubt)
 

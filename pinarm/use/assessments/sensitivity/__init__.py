@@ -1,1 +1,1 @@
-"""What numbers of a run depend on: derivatives, bands from tolerances, and how they are distributed."""
+"""Sensitivity of numbers of a run: derivatives, bands from tolerances, and distributions."""

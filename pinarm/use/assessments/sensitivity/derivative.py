@@ -50,13 +50,13 @@ KINK = 1e-3
 """Difference of one-sided derivatives, relative to their sizes, that makes a kink."""
 
 SQUARE = 2.0
-"""What central differences leave, over the square of what one-sided ones do, both relative to the quotient."""
+"""Error of central differences over the squared error of one-sided ones, both relative to the quotient."""
 
 DOUBT = 2.0
 """Error of a derivative over what smaller steps contradict: these are wrong themselves, by about as much."""
 
 SCATTER = 3.0
-"""How far smaller steps are from a kink, over their scatter, where noise alone may have moved them."""
+"""Change of one-sided derivatives with smaller steps, over their scatter, that noise alone may explain."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class _Differences:
         return derivative.error <= GOOD * abs(derivative.value) + excused and self.apart(k) <= self.alike(k)
 
     def apart(self, k: int) -> float:
-        """Return how far the one-sided derivatives are from the central one."""
+        """Return the largest difference between the one-sided derivatives and the central one."""
         return float(max(abs(self.left[k] - self.central[k]), abs(self.right[k] - self.central[k])))
 
     def alike(self, k: int) -> float:
@@ -124,7 +124,7 @@ class _Differences:
         return bool(self.moved(other, k) <= alike)
 
     def moved(self, other: _Differences, k: int) -> float:
-        """Return how far the one-sided derivatives of another step are from these."""
+        """Return the largest difference between the one-sided derivatives of two steps."""
         return float(max(abs(self.left[k] - other.left[k]), abs(self.right[k] - other.right[k])))
 
     def contradicted(self, finer: _Differences, k: int) -> float:

@@ -1,4 +1,4 @@
-"""What numbers of a run depend on: derivatives by inputs with tolerances, and the bands that these make.
+"""Sensitivity of numbers of a run: derivatives by inputs with tolerances, and the bands from these tolerances.
 
 With the derivatives D_i of a number and the tolerances t_i, its band is ``Σ |D_i| t_i`` in the worst case, and
 ``(Σ D_i² t_i²)^(1/2)`` by root-sum-square, where inputs are independent. Both are linear; runs at the two worst
@@ -162,7 +162,7 @@ class Sensitivity(InputStruct, frozen=True):
         return Section("sensitivity", title, tables, numbers, remarks, graphs, errors)
 
     def _drawn(self, variation: Varied, bands: Sequence[Band]) -> _Drawn:
-        """Return what drawn inputs show, where that is asked."""
+        """Return the results of drawn inputs: Monte Carlo and Sobol' indices, each where it is requested."""
         drawn = _Drawn([], {}, {}, [], [])
         if self.monte_carlo:
             samples = monte_carlo(variation, self.monte_carlo, self.seed, self.distribution)
@@ -188,7 +188,7 @@ class Sensitivity(InputStruct, frozen=True):
 
 @dataclass(frozen=True)
 class _Drawn:
-    """What drawn inputs show."""
+    """Results of drawn inputs: Monte Carlo and Sobol' indices."""
 
     tables: list[SectionTable]
     numbers: dict[str, Series]

@@ -39,17 +39,17 @@ def unit_over(unit: Unit | None, by: Unit) -> Unit | None:
 
 @dataclass(frozen=True)
 class Band:
-    """What the tolerances of all inputs make of one number.
+    """Band of one number from the tolerances of all inputs.
 
     Attributes:
         number: The number.
         measured: Its value in the run.
         error: Bound of its numerical error [SI]; ``None`` where it is not estimated.
-        noise: What may change irregularly in it from run to run [SI].
+        noise: Irregular change of the number from run to run [SI].
         slopes: Its derivatives by the inputs.
         low: Its value at the corner of the tolerances where it is least if it is linear [SI].
-        high: The same where it is largest.
-        unsolved: Why it has none at a corner; empty where it has both.
+        high: Its value at the corner where it is largest [SI].
+        unsolved: Why a corner has no value; empty where both have one.
     """
 
     number: AnyNumber
@@ -85,7 +85,7 @@ class Band:
         return bool(self.rss(inputs) <= np.linalg.norm(errors))
 
     def doubt(self, inputs: Sequence[Input]) -> float:
-        """Return how far bands may be from what runs show, though the number is linear: errors of slopes, and noise."""
+        """Return the possible difference of bands and runs of a linear number: errors of slopes, and noise."""
         return sum(
             (slope.error * of.tolerance for of, slope in zip(inputs, self.slopes, strict=True)), 2.0 * self.noise
         )
@@ -143,7 +143,7 @@ class Band:
 
 
 def drawn_remarks(band: Band, inputs: Sequence[Input], prescribed: Sequence[str]) -> list[str]:
-    """Return what was held where a point of the drawing moves and a number does not change.
+    """Return a remark on the held coordinates where moving a point of the drawing does not change a number.
 
     Args:
         band: The number and its derivatives.
@@ -180,7 +180,7 @@ def band_table(bands: Sequence[Band], inputs: Sequence[Input]) -> SectionTable:
 
 
 def effect_table(band: Band, inputs: Sequence[Input]) -> SectionTable:
-    """Return what every input does to a number; shares in what is rounding are no numbers."""
+    """Return the table of the effect of every input on a number; shares are NaN where all effects are rounding."""
     parts, unit = band.parts(inputs), band.measured.unit
     shares = 100.0 * parts**2 / (np.nan if band.is_rounding(inputs) else band.rss(inputs) ** 2)
     rows: list[tuple[Cell, ...]] = []
@@ -198,7 +198,7 @@ def effect_table(band: Band, inputs: Sequence[Input]) -> SectionTable:
 
 
 def ranking_graph(band: Band, inputs: Sequence[Input]) -> Graph:
-    """Return what the tolerance of each input does to a number, as bars from the strongest on."""
+    """Return a bar graph of the largest effects of tolerances on a number, in descending order."""
     names, parts = zip(*band.ranking(inputs)[:MOST_BARS], strict=True)
     label = f"± {band.number.label}"
     bars = Curve(
@@ -220,9 +220,9 @@ MOST_BARS = 20
 def distribution_table(
     bands: Sequence[Band], inputs: Sequence[Input], samples: Samples, distribution: DistributionName
 ) -> tuple[SectionTable, dict[str, Series], dict[str, float]]:
-    """Return how numbers of drawn runs are distributed, their standard deviations by name, and the errors of these.
+    """Return a table of the distributions over drawn runs, the standard deviations by name, and their errors.
 
-    Errors are half widths of 95 % intervals, and what each number may be wrong by.
+    Errors are half widths of 95 % intervals, plus the error of each number itself.
     """
     rows, numbers, errors = list[tuple[Cell, ...]](), dict[str, Series](), dict[str, float]()
     for band, values in zip(bands, samples.values.T, strict=True):
@@ -278,7 +278,7 @@ def quantile(values: Array, share: float) -> tuple[float, float]:
 def distribution_remarks(
     bands: Sequence[Band], inputs: Sequence[Input], samples: Samples, distribution: DistributionName, seed: int
 ) -> list[str]:
-    """Return how inputs were drawn, which runs failed, and which numbers are not linear."""
+    """Return remarks on drawn runs: distribution, failed runs, small samples, and numbers that are not linear."""
     count, share = len(samples.values), {"normal": "a third", "uniform": "1/√3"}[distribution]
     said = [f"drawn inputs are {distribution}, with {share} of the tolerance as standard deviation, seed {seed}"]
     if samples.failures:
@@ -330,7 +330,7 @@ def distribution_graph(band: Band, inputs: Sequence[Input], values: Array, distr
 
 
 def sobol_remarks(bands: Sequence[Band], indices: SobolIndices, count: int) -> list[str]:
-    """Return which numbers have no indices, and whether the base samples are too few for their intervals."""
+    """Return remarks on Sobol' indices: too few base samples for their intervals, and numbers without indices."""
     few = f"± 95 % of Sobol' indices by fewer than {ENOUGH} base samples are too small: two indices of three are within"
     return [few] * (count < ENOUGH) + [
         f"{band.number.label} does not vary within the tolerances but for its numerical error: it has no Sobol' indices"

@@ -45,7 +45,7 @@ _SIGN = re.compile(r"±|\+/-|\+-")
 
 
 class Tolerance(Measured):
-    """How far a number may be from its value: its size in SI, or as a part of the value.
+    """Tolerance of a number about its value: its size in SI, or as a part of the value.
 
     Attributes:
         relative: Whether it is a part of the value.
@@ -116,7 +116,7 @@ class Tolerance(Measured):
         return f"{value / self.unit.factor:.9g} {self.unit}" if self.unit else f"{value:.9g}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same tolerance."""
+        """Pickle the tolerance as its constructor and arguments."""
         return type(self).of, (float(self), self.unit, self.relative, self.about)
 
 
@@ -236,7 +236,7 @@ class Variation:
 
 
 def case_of(inputs: Sequence[Input], changes: Sequence[float]) -> Case:
-    """Return what a case sets: what changes, and anyway what may differ in cases of one kind."""
+    """Return the case of changed inputs; inputs that may differ in cases of one kind are set even unchanged."""
     changed = zip(inputs, changes, strict=True)
     return {of.path: of.given(of.value + x) for of, x in changed if x or is_column(of.path)}
 

@@ -1,4 +1,4 @@
-"""What a joint asks of any motor and gear over one cycle: its effort and motion, and the integrals of rms torques.
+"""Duty cycle of a joint, for any motor and gear: its effort and motion, and the integrals of rms torques.
 
 With v and a of the joint, the effort tau that goes through the gear, its efficiency eta, and
 
@@ -12,10 +12,10 @@ rotor inertia J behind a gear of the ratio N gives the torque ``T = J N a + y / 
 for a cycle of the length L: three integrals serve all motors and ratios. The least rms torque of a motor is at
 ``N² = C^(1/2) / (J A^(1/2))``, which is ``J_load / J`` where a constant inertia is all the load.
 
-The inertia that the drive feels is what the masses ask of it for an acceleration. With the velocities v that the
-mechanism can have, in which the driven coordinate moves at 1 and the coordinates of the
-other drives are held, and the mass matrix M, it is the least ``vᵀ M v``: joints that nothing drives give way as they do
-when the coordinate is accelerated from rest. Weights, springs and losses have no part in it. Where one drive moves the
+The inertia that the drive feels is the effort of the masses per acceleration. With the velocities v that the mechanism
+can have, in which the driven coordinate moves at 1 and the coordinates of the other drives are held, and the mass
+matrix M, it is the least ``vᵀ M v``: joints that nothing drives give way as they do when the coordinate is accelerated
+from rest. Weights, springs and losses have no part in it. Where one drive moves the
 mechanism it is ``2 T / w²``, with the kinetic energy T at the speed w.
 """
 
@@ -92,7 +92,7 @@ def rise_between(t: Array, values: Array) -> float:
 
 
 def left_of_trapezia(t: Array, values: Array) -> float:
-    """Return what trapezia may leave of the integral of a curve.
+    """Return an upper estimate of the error of the trapezoidal rule for the integral of a curve.
 
     A part of the length h with the second derivative f'' is wrong by ``h³ f'' / 12``, and with a jump D by ``h D / 2``;
     with the second divided difference ``f'' / 2``, or ``D / (2 h²)``, the cube of h times it is no less than either.

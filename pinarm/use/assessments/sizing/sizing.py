@@ -1,4 +1,4 @@
-"""Which motors of a catalogue, behind which gears, drive a joint through its cycle: ranked, with what stops others."""
+"""Sizing of motor and gear: candidates of a catalogue ranked for the cycle of a joint, with reasons of rejection."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ NUMBERS = {
     "fitting": DIMENSIONLESS, "ratio": DIMENSIONLESS, "reserve": DIMENSIONLESS, "peak_torque": TORQUE,
     "rms_torque": TORQUE, "peak_speed": SPEED, "energy": ENERGY, "regenerated": ENERGY, "inertia_ratio": DIMENSIONLESS,
 }  # fmt: skip
-"""How many fit, and what is said of the first of them in the ranking: name -> unit."""
+"""Units by name: ``fitting`` counts the candidates that fit, the others are of the first in the ranking."""
 
 UNITS_OF = (None, None, None, None, TORQUE, None, TORQUE, None, SPEED, None, None, None, ENERGY, ENERGY)
 
@@ -184,7 +184,7 @@ class Sizing(InputStruct, frozen=True):
         return self._section(duty, ranked, drive)
 
     def _candidate(self, duty: Duty, motor: Motor, ratio: float) -> Candidate:
-        """Return what is known of a motor at a ratio by instants."""
+        """Return the candidate of a motor and a ratio, evaluated at instants of the cycle."""
         inertia = motor.rotor_inertia
         rms, (mean, off) = duty.rms_torque(inertia, ratio), duty.mean_speed()
         continuous = [motor.continuous_torque(ratio * speed) for speed in (mean, mean - off, mean + off)]
@@ -310,7 +310,7 @@ class Candidate:
 
     @property
     def known(self) -> dict[str, Known]:
-        """What is told of it, by name of its column."""
+        """Numbers of the candidate with their errors, by name of their column."""
         return {
             "peak torque": self.peak_torque, "torque margin": self.torque_margin, "rms torque": self.rms_torque,
             "rms margin": self.rms_margin, "peak speed": self.peak_speed, "speed margin": self.speed_margin,
@@ -404,7 +404,7 @@ def _errors(best: Candidate) -> str:
 
 
 def _errors_of_others(others: Sequence[Candidate], count: int) -> list[str]:
-    """Return how well other motors are known, of which instants tell torques and energies."""
+    """Return the largest errors of the other candidates, whose torques and energies are evaluated at instants."""
     if not others:
         return []
     said = []

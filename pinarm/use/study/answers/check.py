@@ -40,11 +40,11 @@ FORMULA = 1e-10
 """Relative tolerance of formulas where the entry gives none."""
 
 FLOOR = 1e-13
-"""What is added to it, relative to the largest value of the formula over the rows: sums of large terms cancel. Where
-that is 0 but for rounding, rounding of what the run makes of the unit is; see ``output_scales``."""
+"""Addition to the tolerance of a formula, relative to its largest value over the rows: sums of large terms cancel.
+Where that value is 0 but for rounding, rounding of the natural size is added; see ``natural_sizes``."""
 
 READING = 0.02
-"""What a printed plot can be read to, relative to the number read."""
+"""Reading error of a printed plot, relative to the number read."""
 
 ONE_UNIT = 1.0 + 1e-9
 """One unit of the last printed digit is two half units; the rest is rounding of the comparison itself."""
@@ -55,7 +55,7 @@ UNITS = 4.0 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Finding:
-    """What came out of one expectation.
+    """Result of one expectation.
 
     Attributes:
         scenario: Name of the scenario; its path where several of one name are checked.
@@ -92,12 +92,12 @@ class Finding:
 
 
 class Findings(tuple[Finding, ...]):
-    """What came out of the expectations, in their order."""
+    """Findings on the expectations, in their order."""
 
     __slots__ = ()
 
     def __repr__(self) -> str:
-        """Return how many there are, and how many are misses."""
+        """Return the numbers of expectations and of misses, in words."""
         return f"<Findings: {len(self)} expectations, {sum(not finding.ok for finding in self)} missed>"
 
     def _repr_html_(self) -> str:
@@ -266,13 +266,13 @@ def _half_unit(text: str, value: float) -> float:
 
 @dataclass(frozen=True)
 class _Published:
-    """What is published beside the computed number.
+    """Published number, compared with the computed number.
 
     Attributes:
         value: The published number; of many rows, where it is farthest off; ``None`` where nothing is published.
         off: Whether the computed number differs from it.
-        explained: Whether rounding, reading or the entry's reason explains that.
-        apart: The difference, and the one that its digits allow, in words.
+        explained: Whether rounding, reading or the entry's reason explains the difference.
+        apart: The difference, and the difference that its digits allow, in words.
     """
 
     value: float | None = None
@@ -306,7 +306,7 @@ def _published(quantities: Quantities, expectation: Expectation, values: Array, 
 
 
 def _follows(quantities: Quantities, expectation: Expectation, printed: Array | float, slack: float) -> bool:
-    """Tell whether what the entry says of its authors' way, if anything, leads to what is printed."""
+    """Tell whether the formula ``because`` gives the printed figure; false where the entry has none."""
     if expectation.because is None:
         return False
     with within("because"):
@@ -333,7 +333,7 @@ def _same(a: Unit | None, b: Unit | None, formula: str) -> None:
 
 
 def misses(findings: Iterable[Finding]) -> int:
-    """Return how many expectations are not met."""
+    """Return the number of expectations that are not met."""
     return sum(not finding.ok for finding in findings)
 
 
@@ -393,7 +393,7 @@ def remarks(findings: Sequence[Finding]) -> list[str]:
 
 
 def miss_text(finding: Finding) -> str:
-    """Return what was found and expected of a miss: where, both numbers, their difference and what was allowed."""
+    """Return a miss in words: place, computed, expected and published numbers, and the reason."""
     entry, unit = finding.expectation, finding.shown_in or finding.unit
     where = f" at {finding.where}" if finding.where else ""
     numbers = [f"computed {_shown(finding.computed, unit, entry)}"] if isfinite(finding.computed) else []
@@ -405,13 +405,13 @@ def miss_text(finding: Finding) -> str:
 
 
 def errata(findings: Iterable[Finding], verdict: str) -> int:
-    """Return how many misprints, or model errors, there are: those that entries give one name count once."""
+    """Return the number of misprints, or of model errors; entries with one ``erratum`` count once."""
     alike = [finding.expectation.erratum for finding in findings if finding.verdict == verdict]
     return alike.count("") + len({name for name in alike if name})
 
 
 def _counted(findings: Sequence[Finding], verdict: str) -> str:
-    """Return how many findings of a verdict there are, and of how many errata they are; empty for none."""
+    """Return the numbers of findings and of errata of a verdict, in words; empty for none."""
     count, words = sum(finding.verdict == verdict for finding in findings), verdict.replace("_", " ")
     different = errata(findings, verdict) if verdict in ERRATA else count
     if different < count:

@@ -1,4 +1,4 @@
-"""What kind of mistake a wrong answer looks like: a factor, a term that is left out, another joint or point."""
+"""Likely mistake behind a wrong answer: a factor, a term that is left out, another joint or point."""
 
 from __future__ import annotations
 

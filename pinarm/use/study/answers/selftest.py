@@ -20,12 +20,12 @@ from pinarm.use.workers.worker import versions as programs
 
 @dataclass(frozen=True)
 class KindCheck:
-    """What came out of one kind of problem.
+    """Test of one kind of problem.
 
     Attributes:
         kind: The kind.
         scenario: The scenario that was solved.
-        answers: How many entries its answer key has.
+        answers: Number of entries of its answer key.
         problem: What is wrong; empty where all entries are met.
     """
 
@@ -41,11 +41,11 @@ class KindCheck:
 
 @dataclass(frozen=True)
 class SelfTest:
-    """What came out of a test of the installation.
+    """Test of the installation.
 
     Attributes:
-        versions: Name -> version, of what numbers depend on.
-        checks: What came out of each kind of problem.
+        versions: Name -> version, of the software that numbers depend on.
+        checks: Test of each kind of problem.
     """
 
     versions: dict[str, str]

@@ -178,7 +178,7 @@ UnitOf = Callable[[str], str]
 """The unit of bare numbers at a path, empty for none."""
 
 _UNIT = re.compile(r"[^\W\d_]|[°%]|1/")
-"""How the unit after a number begins."""
+"""Beginning of the unit after a number."""
 _BETWEEN = r"\s*+{}\s*+".format
 _GRID = re.compile(rf"({DECIMAL}){_BETWEEN(':')}({DECIMAL}){_BETWEEN(':')}([0-9]{{1,9}}+)\s*+(.*)")
 _PAIR = rf"({DECIMAL}){_BETWEEN(',')}({DECIMAL})"

@@ -64,7 +64,7 @@ class ModeValues(Taken):
 
     @classmethod
     def of(cls, quantities: Quantities, asked: Sequence[str]) -> ModeValues:
-        """Return what measures of modes need of each case.
+        """Return the mode values of each case from which measures of modes are computed.
 
         Raises:
             InputError: There is no such mode or measure.
@@ -118,7 +118,7 @@ def _measure(name: str, values: Complex, errors: Array) -> Series | None:
 
 
 def _branches(cases: Cases, values: Complex, shapes: Complex) -> tuple[Indices, list[str]]:
-    """Return which mode of each case is on each branch, shape (cases, modes), and notes."""
+    """Return the mode of each case on each branch, shape (cases, modes), and notes."""
     order = np.tile(np.arange(values.shape[1]), (len(values), 1))
     if any(axis.drawn or len(axis.columns) > 1 for axis in cases.axes):
         return order, ["modes are numbered by frequency in each case: cases in no order have no branches"]

@@ -167,7 +167,7 @@ def _measured_function(function: ResultFunction, scenario: Scenario) -> tuple[Fu
 def measured_results(
     scenario: Scenario, cases: Cases, results: Sequence[str | ResultFunction]
 ) -> tuple[list[Taken], list[Series]]:
-    """Return what is taken from each case, checked at an end of the sweep, and the columns of it, still empty.
+    """Return the numbers taken from each case, checked at an end of the sweep, and their columns, still empty.
 
     Measures of modes, ``mode.1.damping`` or ``modes`` for all, are those of branches; see ``branches``.
     """

@@ -325,7 +325,7 @@ def _texts(values: NDArray[Any]) -> list[str]:
 
 
 def arrays(columns: Sequence[Series], errors: Mapping[int, str]) -> dict[str, Any]:
-    """Return the same as arrays by name, with the units of all; of many cases the reasons are cut to ``TEXTS``."""
+    """Return a table as arrays by name, with all units; for many cases the reasons are cut to ``TEXTS``."""
     n = len(columns[0].values)
     width = max(SHORTEST, TEXTS // max(n, 1))
     shown = {k: text if len(text) <= width else f"{text[: width - 3]}..." for k, text in errors.items()}
@@ -387,7 +387,7 @@ def ranges(sweep: Sweep) -> list[list[str]]:
 
 
 def remarks(sweep: Sweep) -> list[str]:
-    """Return what is to be said beside the numbers, a line each: accuracy, notes, and why cases failed."""
+    """Return remarks on the sweep, a line each: accuracy, notes, and reasons why cases failed."""
     summary = sweep.summary()
     accuracy, reasons, lines = summary["accuracy"], summary["failures"], []
     for head, names in (
@@ -412,5 +412,5 @@ def remarks(sweep: Sweep) -> list[str]:
 
 
 def _counted(count: int, cases: Sequence[int]) -> str:
-    """Return how many cases there are, and the first three of them."""
+    """Return the number of cases, and the first three of them, in words."""
     return f"{count}: {', '.join(map(str, cases[:3]))}{', ...' if count > 3 else ''}"
