@@ -1,1 +1,1 @@
-"""What a run gives back, where on it a number is asked, and what was expected."""
+"""Result of a run: its numbers, their places on the run, and their expected values."""

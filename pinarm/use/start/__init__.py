@@ -1,1 +1,1 @@
-"""What a user begins with: examples, templates, the first files of a model."""
+"""First steps of a user: examples, templates, the first files of a model."""
