@@ -70,18 +70,18 @@ class Evaluation(Record, frozen=True):
             return coordinate.rate((run.v, run.a)[order - 1]) if order else coordinate.at(run.q)
         if name not in self._coordinates:
             self._coordinates[name] = self._derivatives(coordinate)
-        return self._coordinates[name][:, order]
+        return np.asarray(self._coordinates[name][..., order])
 
     @cached_property
     def _coordinates(self) -> dict[str, Array]:
         return {}
 
     def _derivatives(self, coordinate: Coordinate) -> Array:
-        """Return a coordinate with its two derivatives, shape (n, 3)."""
+        """Return a coordinate with its two derivatives, shape (n, .., 3)."""
         here = ConstraintRows.of(self.run.mechanism.model, [coordinate]).at(self.run.q)
-        row = here.matrices[:, 0]
+        row = here.matrices[..., 0, :]
         speed, growth = ((row * x).sum(axis=-1) for x in (self.run.v, self.run.a))
-        return np.stack([here.gaps[:, 0], speed, growth + here.drifts(self.run.v)[:, 0]], axis=1)
+        return np.stack([here.gaps[..., 0], speed, growth + here.drifts(self.run.v)[..., 0]], axis=-1)
 
     def frame(self, name: str) -> Array:
         """Return a link's position, velocity, acceleration, angular velocity and acceleration, shape (n, .., 5, 3).

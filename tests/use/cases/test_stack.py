@@ -132,7 +132,18 @@ def test_every_quantity_is_that_of_each_case_alone_or_is_not_told(arm: Path, ste
     stack, _ = Stack.begin(task, cases[0])
     assert stack is not None
     alone = [task.case(case).run() for case in cases]
-    known = {"C_B", "phi", "theta", "g", "l2", "A_x", "point.A.position.y", "joint.B.force.norm", "joint.B.power"}
+    known = {
+        "C_B",
+        "phi",
+        "theta",
+        "g",
+        "l2",
+        "A_x",
+        "A_side",
+        "point.A.position.y",
+        "joint.B.force.norm",
+        "joint.B.power",
+    }
     told = set()
     for name in known.union(stack.first.quantities.names()[::step]):
         try:
