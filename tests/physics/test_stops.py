@@ -217,7 +217,11 @@ BLOW = CubicSpline(POINTS, 15.0 * np.maximum(1.0 - np.abs(POINTS - 7.76) / 0.05,
 
 @pytest.mark.parametrize(
     ("accuracy", "rests"),
-    [("", False), ("", True), pytest.param("accuracy: {target: 1e-6}", True, marks=pytest.mark.slow)],
+    [
+        ("", False),
+        ("", True),
+        pytest.param("accuracy: {target: 1e-6}", True, marks=[pytest.mark.slow, pytest.mark.timeout(1800)]),
+    ],
 )
 def test_a_short_blow_in_a_long_table_is_not_stepped_over(write, accuracy, rests):
     """On a block in steady motion, and on one that 2 N press onto its stop, which no step before it is short for."""
