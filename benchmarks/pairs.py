@@ -54,7 +54,7 @@ class Pair(NamedTuple):
 
     @property
     def solved(self) -> bool:
-        return not (self.before + self.after).count(FAILED)
+        return not any(text.startswith(FAILED) for text in (self.before, self.after))
 
 
 def main() -> int:
@@ -68,7 +68,7 @@ def main() -> int:
     )
     workers = [started(reference), started(ROOT)]
     pairs = [
-        Pair(file.stem, solved(workers[0], file), solved(workers[1], ROOT / "scenarios" / file.name))
+        Pair(file.stem, time_of(workers[0], file), time_of(workers[1], ROOT / "scenarios" / file.name))
         for file in files
         if not options.names or file.stem in options.names
     ]
@@ -93,7 +93,7 @@ def started(tree: Path) -> subprocess.Popen[str]:
     )
 
 
-def solved(worker: subprocess.Popen[str], file: Path) -> str:
+def time_of(worker: subprocess.Popen[str], file: Path) -> str:
     """Return the processor time of a scenario [s], or what went wrong."""
     assert worker.stdin and worker.stdout
     print(file, file=worker.stdin, flush=True)
