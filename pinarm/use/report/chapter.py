@@ -18,7 +18,7 @@ from pinarm.language import Language, decimals, in_language, said, spoken, told
 from pinarm.mechanics.joints import links_of
 from pinarm.problems import KINDS
 from pinarm.records import ValueRecord, replace
-from pinarm.use.report.given import link_graph, mobility_words, question
+from pinarm.use.report.given import mobility_words, question
 from pinarm.use.report.torsors import joint_torsors
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
 from pinarm.use.result.number_accuracy import global_error
@@ -26,6 +26,7 @@ from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.document import ReportTable, part, rounded, sentences, tag, text, unit_text, with_unit
 from pinarm.use.show.free_bodies import free_body_diagrams, worst_instants
+from pinarm.use.show.link_graph import link_graph
 from pinarm.use.show.mechanism_tables import mechanism_tables
 from pinarm.use.show.notebook import frame
 from pinarm.use.show.plot import graph, plot
@@ -47,6 +48,9 @@ MOST_ROWS = 60
 
 FEW_ROWS = 24
 """Rows of its further tables, in the appendix."""
+
+MOST_BODIES = 26
+"""Bodies of a graph of links that fits on a page."""
 
 REPLAY_HEIGHT = 420
 """Of the moving picture [px]."""
@@ -97,8 +101,8 @@ def chapter_on(
     verdicts, missed = _verdicts(result)
     asked = KINDS[result.kind].question if result.kind in KINDS else ""
     own, torsors = _names(result), joint_torsors(result)
-    links, along = link_graph(mechanism), result.trajectory.parameter
-    tables = mechanism_tables(mechanism, result.presentation)
+    links = figure(link_graph(mechanism).svg()) if 1 < mechanism.model.njoints <= MOST_BODIES else ""
+    tables, along = mechanism_tables(mechanism, result.presentation), result.trajectory.parameter
     left_out = ReportTable([said("Joint"), said("how"), said("why")],
                            [(x.joint, told(x.how), told(x.why)) for x in result.removals], range(3))  # fmt: skip
     parts = [
@@ -116,7 +120,7 @@ def chapter_on(
         part("Accuracy", sentences(error_lines(result)), sentences(accuracy_lines(result.figures, along))),
         part("What was left out, and notes", left_out, sentences([*counted(result.notes()), *unshown])),
         appendix(
-            part("Mechanism in numbers", figure(links) if links else "", *tables),
+            part("Mechanism in numbers", links, *tables),
             *(_further(section, own) for section in result.shown_sections.values()),
             "" if student else part("Actions in the joints", torsors),
             part("Measures of accuracy", _accuracy(result)),

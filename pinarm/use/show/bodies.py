@@ -73,10 +73,8 @@ class BodyPoint(ValueRecord, frozen=True):
 class Connection(ValueRecord, frozen=True):
     """A connection of two points.
 
-    Attributes:
-        kind: A ``spring``, a ``cylinder`` (a damper, a constant force, or a strut, which pushes), a ``bushing``, a
-            ``rod``, a straight part of a ``cable``, the mark of a ``loop`` joint, or the pin in a ``slot``.
-        ends: The two points.
+    Its kind is a ``spring``, a ``cylinder`` (a damper, a constant force, or a strut, which pushes), a ``bushing``, a
+    ``rod``, a straight part of a ``cable``, the mark of a ``loop`` joint, or the pin in a ``slot``.
     """
 
     kind: ConnectionKind
@@ -104,19 +102,12 @@ def nodes_of(model: pin.Model, q: Array) -> list[Node]:
         kind: NodeKind = "pose"
         if joint.nq == joint.nv == 1:
             jacobian = np.asarray(pin.getJointJacobian(model, data, index, pin.LOCAL)).reshape(6, -1)
-            kind, axis = _axis(jacobian[:, joint.idx_v])
-        values = q[:, joint.idx_q] if kind != "pose" else _placements(model, index, q)
-        values = np.ascontiguousarray(values)
+            linear, angular = jacobian[:, joint.idx_v].reshape(2, 3)
+            if not (linear.any() and angular.any()):
+                kind, axis = ("slide", linear) if linear.any() else ("turn", angular)
+        values = np.ascontiguousarray(q[:, joint.idx_q]) if kind != "pose" else _placements(model, index, q)
         nodes.append(Node(model.parents[index], model.jointPlacements[index], kind, axis, values, index in carrying))
     return nodes
-
-
-def _axis(column: Array) -> tuple[NodeKind, Array]:
-    """Return the kind and the axis of a joint with one coordinate, from its Jacobian in its own frame."""
-    linear, angular = column[:3], column[3:]
-    if not linear.any():
-        return "turn", angular
-    return ("slide", linear) if not angular.any() else ("pose", np.zeros(3))
 
 
 def _placements(model: pin.Model, joint: int, q: Array) -> Array:
@@ -134,10 +125,9 @@ def placed(model: pin.Model, q: Array, most: int = SAMPLED) -> Array:
     data = new_data(model)
     chosen = q[distinct(np.linspace(0, len(q) - 1, most).round().astype(np.intp))]
     placements = np.empty((len(chosen), model.njoints, 4, 4))
-    places = [data.oMi[joint] for joint in range(model.njoints)]
     for row, state in zip(placements, chosen, strict=True):
         pin.forwardKinematics(model, data, state)
-        row[:] = [place.homogeneous for place in places]
+        row[:] = [place.homogeneous for place in data.oMi]
     return placements
 
 

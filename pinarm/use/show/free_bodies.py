@@ -118,7 +118,7 @@ def free_body_diagrams(result: Result, at: float | str | None = None, *, titled:
     """
     row, mechanism = result.row_at(at), result.trajectory.mechanism
     seen = scene(mechanism, result.trajectory.dynamics.forces, result.trajectory.q)
-    axes, place = seen.framing.view().axes, placed(mechanism.model, row.trajectory.q)[0]
+    axes, place = seen.framing.axes, placed(mechanism.model, row.trajectory.q)[0]
     bodies = [*free_bodies(row, seen.framing.normal)]
     shown = [action for free in bodies if not free.left_out for action in free.actions]
     scale, panels = _scale(shown, axes, result.presentation, seen.framing.size), []

@@ -3,37 +3,25 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Annotation
+from matplotlib.ticker import FixedFormatter, Formatter
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.language import spoken
 from pinarm.records import ValueRecord
 from pinarm.use.show.labels import plain, unicode_label
-
-# matplotlib refuses to be imported where this variable names no backend. Figures here have canvases of their own.
-_backend = os.environ.pop("MPLBACKEND", None)
-import matplotlib  # noqa: E402
-
-if _backend is not None:
-    os.environ["MPLBACKEND"] = _backend
-    with suppress(ValueError):
-        matplotlib.rcParams["backend"] = _backend
-
-from matplotlib.axes import Axes  # noqa: E402
-from matplotlib.backend_bases import RendererBase  # noqa: E402
-from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-from matplotlib.lines import Line2D  # noqa: E402
-from matplotlib.patheffects import AbstractPathEffect, Stroke  # noqa: E402
-from matplotlib.text import Annotation  # noqa: E402
-from matplotlib.ticker import FixedFormatter, Formatter  # noqa: E402
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
@@ -99,8 +87,8 @@ LETTERS = 6.0
 """Letters of a name, per inch of the picture, that leave room for two columns of a legend."""
 
 
-SIZE, HALO = 8.0, 2.5
-"""Size of the letters, and width of the white outline around them [points]."""
+SIZE = 8.0
+"""Size of the letters of names in drawings [points]."""
 
 
 class Picture(Figure):
@@ -210,32 +198,14 @@ class Note(ValueRecord, frozen=True):
     colour: str
 
 
-class HaloText(Annotation):
-    """A text with a white outline. SVG keeps it as a text: path effects of matplotlib alone would make it a path."""
-
-    def draw(self, renderer: RendererBase) -> None:
-        """Draw the outline, then the text."""
-        outline: list[AbstractPathEffect] = [Stroke(linewidth=HALO, foreground="white")]
-        for effects in (outline, []):
-            self.set_path_effects(effects)
-            super().draw(renderer)
-
-
-def write(axis: Axes, note: Note, offset: Array | Sequence[float] = (0.0, 0.0), size: float = SIZE) -> HaloText:
-    """Write a name, its middle at an offset from its point [points], and return the text."""
-    text = HaloText(
-        label(note.text),
-        (float(note.at[0]), float(note.at[1])),
-        (float(offset[0]), float(offset[1])),
-        textcoords="offset points",
-        color=note.colour,
-        fontsize=size,
-        ha="center",
-        va="center",
-        annotation_clip=False,
-    )
+def write(axis: Axes, note: Note, offset: Sequence[float] = (0.0, 0.0), size: float = SIZE) -> Annotation:
+    """Write a name on a light ground, its middle at an offset from its point [points], and return the text."""
+    place, ground = (float(note.at[0]), float(note.at[1])), {"boxstyle": "square,pad=0.05", "fc": "white", "ec": "none"}
+    text = axis.annotate(
+        label(note.text), place, (offset[0], offset[1]), textcoords="offset points", annotation_clip=False,
+        color=note.colour, fontsize=size, ha="center", va="center", bbox={**ground, "alpha": 0.7},
+    )  # fmt: skip
     text.set_in_layout(False)
-    axis.add_artist(text)
     return text
 
 

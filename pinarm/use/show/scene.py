@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 from xml.etree import ElementTree
@@ -28,40 +26,11 @@ PARALLEL = 1e-6
 DIRECTIONS, GOLDEN = 80, np.pi * (1.0 + np.sqrt(5.0))
 """Number of points that describe the extent, and the turn from one of their directions to the next."""
 
-SLACK = 0.03
-"""Distance, relative to the extent, by which a wall may stand before the mechanism."""
-
 ABOVE = 0.99
 """Cosine of the angle to the vertical above which a view is one from above."""
 
 FLAT = 0.7
 """Depth of a planar mechanism, relative to its extent in the plane, up to which it is seen along its axes."""
-
-FIELD, ROOM = 28.0, 1.18
-"""Angle of the camera from the lowest to the highest point [deg], and the room that is left around the motion."""
-
-
-class View(ValueRecord, frozen=True):
-    """Projection of a drawing: parallel, with true lengths, or central, with true lengths at the centre's distance.
-
-    Attributes:
-        axes: Right and up in the picture, in world axes, shape (2, 3).
-        eye: Place of the camera of a central projection [m], shape (3,).
-        centre: Point that it looks at [m], shape (3,).
-    """
-
-    axes: Array
-    eye: Array | None = None
-    centre: Array | None = None
-
-    def flat(self, points: Array) -> Array:
-        """Return places in the picture [m], shape (2, n), of points in the world, shape (n, 3)."""
-        if self.eye is None or self.centre is None:
-            return np.asarray(self.axes @ points.T)
-        back = self.eye - self.centre
-        distance = np.linalg.norm(back)
-        depth = (self.eye - points) @ back / distance
-        return np.asarray(self.axes @ (points - self.centre).T * (distance / depth))
 
 
 class Framing(ValueRecord, frozen=True):
@@ -87,19 +56,12 @@ class Framing(ValueRecord, frozen=True):
     def size(self) -> float:
         return float(np.linalg.norm(self.high - self.low)) or 1.0
 
-    def view(self) -> View:
-        """Return the projection of a drawing: along the axes of a planar mechanism, else by the replay's camera."""
+    @property
+    def axes(self) -> Array:
+        """Right and up in a drawing: along the axes of a planar mechanism, else as the replay looks, shape (2, 3)."""
         towards = self.eye if self.normal is None else self.normal
         up = _upwards(towards, self.up)
-        axes = np.array([np.cross(up, towards), up])
-        if self.normal is not None:
-            return View(axes)
-        along = self.outline @ axes.T
-        middle = (self.low + self.high) / 2.0
-        centre = middle + axes.T @ ((along.min(axis=0) + along.max(axis=0)) / 2.0 - axes @ middle)
-        offset = self.outline - centre
-        needed = np.abs(offset @ axes.T).max(axis=1) / np.tan(np.deg2rad(FIELD) / 2.0) + offset @ self.eye
-        return View(axes, centre + ROOM * (float(needed.max()) or 1.0) * self.eye, centre)
+        return np.array([np.cross(up, towards), up])
 
 
 def framing(
@@ -114,21 +76,21 @@ def framing(
         places: Placements of the bodies at rows of the motion, shape (rows, njoints, 4, 4).
         paths: Further points to be seen: positions in the world, each of shape (rows, 3).
     """
-    still = np.concatenate([np.zeros((0, 3)), *(shape.extent() for shape in shapes if shape.node == 0)])
-    moving = _moving(nodes, shapes, places, paths)
-    everything = np.concatenate([still, moving])
+    still = [shape.extent() for shape in shapes if shape.node == 0]
+    everything = np.concatenate([*still, _moving(nodes, shapes, places, paths)])
     low, high = everything.min(axis=0), everything.max(axis=0)
-    gravity, up = np.asarray(model.gravity.linear), np.array([0.0, 0.0, 1.0])
-    if gravity.any():
-        direction = gravity / np.abs(gravity).max()  # whose squares do not vanish
-        up = -direction / np.linalg.norm(direction)
-    normal = _normal(nodes, places, paths)
+    up, normal = upwards(model), _normal(nodes, places)
     if normal is not None:
         across = np.linalg.norm((high - low) * np.sqrt(np.maximum(1.0 - normal**2, 0.0)))
         normal = None if abs(normal) @ (high - low) > FLAT * across else _facing(normal, up)
-    behind = still.mean(axis=0) - (moving.min(axis=0) + moving.max(axis=0)) / 2.0 if len(still) else np.zeros(3)
-    eye = _slanted(up, behind, SLACK * float((high - low).max())) if normal is None else _tilted(normal, up)
+    eye = _slanted(up) if normal is None else _tilted(normal, up)
     return Framing(up, eye / np.linalg.norm(eye), normal, low, high, _outline(everything))
+
+
+def upwards(model: pin.Model) -> Array:
+    """Return the direction against gravity; z where there is none."""
+    gravity = np.asarray(model.gravity.linear)
+    return -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
 
 
 def _moving(nodes: Sequence[Node], shapes: Sequence[Shape], places: Array, paths: Sequence[Array]) -> Array:
@@ -152,28 +114,22 @@ def _outline(points: Array) -> Array:
     return np.asarray(points[sorted({int((points @ direction).argmax()) for direction in directions})])
 
 
-def _normal(nodes: Sequence[Node], places: Array, paths: Sequence[Array]) -> Array | None:
+def _normal(nodes: Sequence[Node], places: Array) -> Array | None:
     """Return the normal of the plane in which all bodies move; ``None`` where there is none.
 
-    It is the axis of all revolute joints, at right angles to all slides; where bodies only slide, the normal of the
-    plane of their ways and of the points that join them.
+    It is the axis of all revolute joints, or the normal of all slides, which are at right angles to it.
     """
-    moved = [k for k, node in enumerate(nodes) if node.kind != "fixed"]
-    if not moved or any(nodes[k].kind == "pose" for k in moved):
+    if any(node.kind == "pose" for node in nodes):
         return None
     turning, sliding = (
-        np.array([places[0, k, :3, :3] @ nodes[k].axis for k in moved if nodes[k].kind == kind]).reshape(-1, 3)
+        np.array([places[0, k, :3, :3] @ node.axis for k, node in enumerate(nodes) if node.kind == kind]).reshape(-1, 3)
         for kind in ("turn", "slide")
     )
-    if len(turning):
-        axis: Array = turning[0]
-        skew = np.linalg.norm(np.cross(axis, turning), axis=1).max()
-        return axis if max(skew, np.abs(sliding @ axis).max(initial=0.0)) < PARALLEL else None
-    points = np.concatenate([places[:, moved, :3, 3].reshape(-1, 3), *paths])
-    offsets = points - points.mean(axis=0)
-    size = float(np.abs(offsets).max()) or 1.0
-    _, sizes, axes = np.linalg.svd(np.concatenate([offsets / size, sliding, np.zeros((3, 3))]), full_matrices=False)
-    return np.asarray(axes[2]) if sizes[2] < PARALLEL < sizes[1] else None
+    axis: Array = turning[0] if len(turning) else np.cross(sliding[:1], sliding).sum(axis=0)
+    if (length := np.linalg.norm(axis)) < PARALLEL:
+        return None
+    skew = [*np.linalg.norm(np.cross(axis, turning), axis=1), *np.abs(sliding @ axis)]
+    return axis / length if max(skew) < PARALLEL * length else None
 
 
 def _facing(axis: Array, up: Array) -> Array:
@@ -199,19 +155,12 @@ def _upwards(eye: Array, up: Array) -> Array:
     return np.asarray(flat / np.linalg.norm(flat))
 
 
-def _slanted(up: Array, behind: Array, slack: float) -> Array:
-    """Return the direction of a three-quarter view: from the front and the right.
-
-    Where a wall of the ground stands on that side by more than the slack, it is the first of the other corners that is
-    free of it; ``behind`` is the place of the ground relative to the moving bodies.
-    """
+def _slanted(up: Array) -> Array:
+    """Return the direction of a three-quarter view: from the front and the right."""
     front = np.eye(3)[0] if abs(up[0]) < 0.5 else np.eye(3)[1]
     front = front - (front @ up) * up
     front /= np.linalg.norm(front)
-    left = np.cross(up, front)
-    corners = [0.78 * x * front + 0.56 * y * left for x in (1.0, -1.0) for y in (-1.0, 1.0)]
-    hidden = [max(float(corner @ behind) - slack, 0.0) for corner in corners]
-    return np.asarray(corners[int(np.argmin(hidden))] + 0.38 * up)
+    return np.asarray(0.78 * front - 0.56 * np.cross(up, front) + 0.38 * up)
 
 
 TOGETHER = 1e-6
@@ -219,11 +168,6 @@ TOGETHER = 1e-6
 
 MOST = 4
 """Names that are shown at one place."""
-
-SERIES = 12
-"""Names that differ in their numbers only, such as ``link_1`` and ``link_2``, up to which all of them are shown."""
-
-_NUMBER = re.compile(r"\d+")
 
 Kind = Literal["part", "point", "joint"]
 
@@ -282,7 +226,7 @@ def scene(
     drawn = visuals or Visuals((), frozenset(range(model.njoints)))
     nodes, places, joined = nodes_of(model, q), placed(model, q), connections(mechanism, forces)
     figure = stick_figure(mechanism, nodes, joined)
-    shapes = [*drawn.shapes, *figure.solids(np.asarray(model.gravity.linear), drawn.bare)]
+    shapes = [*drawn.shapes, *figure.solids(upwards(model), drawn.bare)]
     points = [*(end for pair in joined for end in pair.ends), *further]
     seen = framing(model, nodes, shapes, places, [point.path(places) for point in points])
     return Scene(nodes, places, figure, shapes, seen, slots(mechanism, seen.normal, seen.size, places))
@@ -292,9 +236,9 @@ def names_of(mechanism: Mechanism, shown: Scene, how: Presentation) -> list[Name
     """Return the names of links, points and joints, one for all that stay in one place, points and joints first.
 
     A link with a mass or a shape is a part, any other a point. A part's name is in the middle of its longest stick,
-    away from its joints; the ground has no such name. Of long series the first and the last remain.
+    away from its joints; the ground has no such name.
     """
-    names = _ends_of_series(list(_all_names(mechanism, shown.nodes)))
+    names = list(_all_names(mechanism, shown.nodes))
     groups: list[tuple[Array, list[Name]]] = []
     for name in sorted(names, key=lambda name: ("part", "point", "joint").index(name.kind)):
         path = name.at.path(shown.places)
@@ -330,22 +274,6 @@ def _all_names(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Name]:
     for joint in mechanism.constraints:
         if isinstance(joint, LoopJoint):
             yield Name(joint.name, "joint", point_of(model, joint.second))
-
-
-def _ends_of_series(names: Sequence[Name]) -> list[Name]:
-    """Return names without those in between of series of more than ``SERIES``.
-
-    A series has one kind, and names that differ in their numbers only; their order is that of the numbers.
-    """
-    series: dict[tuple[Kind, str], list[Name]] = defaultdict(list)
-    for name in names:
-        series[name.kind, _NUMBER.sub("#", name.text)].append(name)
-    between = set[int]()
-    for members in series.values():
-        if len(members) > SERIES:
-            members.sort(key=lambda name: [int(number) for number in _NUMBER.findall(name.text)])
-            between |= {id(name) for name in members[1:-1]}
-    return [name for name in names if id(name) not in between]
 
 
 def _middle(model: pin.Model, reached: Array, origin: BodyPoint) -> BodyPoint:

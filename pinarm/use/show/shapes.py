@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
@@ -126,15 +125,6 @@ def visuals(mechanism: Mechanism) -> Visuals:
             missing.add(int(frame.parentJoint))
     bare = set(range(model.njoints)) - {shape.node for shape in shapes} | missing
     return Visuals(tuple(shapes), frozenset(bare), tuple(dict.fromkeys(notes)))
-
-
-def primitives(mechanism: Mechanism) -> Iterator[Shape]:
-    """Yield the visuals of a model that are no meshes and can be drawn; no file is read."""
-    robot = ElementTree.fromstring(mechanism.xml)
-    for visual, frame in _visuals(robot, mechanism.model):
-        if visual.find("geometry/mesh") is None:
-            with suppress(PinarmError, ValueError):
-                yield from _visual(visual, frame, {}, mechanism.source, {})
 
 
 def _visuals(robot: ElementTree.Element, model: pin.Model) -> Iterator[tuple[ElementTree.Element, pin.Frame]]:

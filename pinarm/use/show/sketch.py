@@ -41,9 +41,6 @@ FRAME, HEADING, ENTRIES = 42.0, 30.0, 22.0
 POINTS = 72.0
 """Points per inch."""
 
-NARROWEST = 1e-100
-"""Size of a drawing below which it is one point [m]: a scale in points per metre would overflow."""
-
 COIL = np.array([0.0, 0.0, 1.0, *[-1.0, 1.0] * 5, -1.0, 0.0, 0.0])
 """Corners of a spring: distance from its axis, relative to its half width."""
 
@@ -71,8 +68,8 @@ SAME = 2e-3
 LINKS, THINNEST = 10.0, 0.35
 """Typical links along the extent above which lines and marks are drawn smaller, and their least relative size."""
 
-PATH, GROUND, FAINT, FLOOR, SHADE = "#8b949e", "#59595f", "#d0d4d9", "#e9ecef", "#e1e4e8"
-"""Colours of paths, of the ground, of positions in between, of the floor and of shadows on it."""
+PATH, GROUND, FAINT = "#8b949e", "#59595f", "#d0d4d9"
+"""Colours of paths, of the ground, and of positions in between."""
 
 AXES = (("x", "#d6453d"), ("y", "#3a9d4a"), ("z", "#3569c9"))
 """Names and colours of the world's axes, as in the replay."""
@@ -96,8 +93,8 @@ class Pose(Record, frozen=True):
 def sketch(result: Result, *, titled: bool = True) -> Picture:
     """Return a drawing of the mechanism at the start and the end of a run, with names and the paths of its ends.
 
-    Separate rows, such as equilibria, are all drawn in colour. A planar mechanism is seen along its axes, any other as
-    its replay shows it.
+    Separate rows, such as equilibria, are all drawn in colour. A planar mechanism is seen along its axes, any other
+    from the direction of its replay, in parallel projection.
     """
     run, model = result.trajectory, result.trajectory.mechanism.model
     seen = scene(run.mechanism, run.dynamics.forces, run.q)
@@ -107,12 +104,11 @@ def sketch(result: Result, *, titled: bool = True) -> Picture:
     poses = [Pose(places[row], _where(result, row), COLOURS[k % len(COLOURS)]) for k, row in enumerate(chosen)]
     if len(poses) == 2 and not run.numbered and _same(seen, poses):
         poses = [Pose(poses[0].place, f"{poses[0].label}, {poses[1].label}", COLOURS[0])]
-    drawn = _Sketch(run.mechanism, seen, result.presentation)
     tips = [] if run.numbered else seen.figure.tips
-    fine = placed(model, run.q, FINE) if tips else seen.places
-    paths = [tip.path(fine) for tip in tips]
+    paths = [tip.path(placed(model, run.q, FINE)) for tip in tips]
     between = [place for row, place in places.items() if row not in chosen]
-    return drawn.picture(poses, between, paths, result.content.title or result.name if titled else "")
+    title = result.content.title or result.name if titled else ""
+    return _Sketch(run.mechanism, seen, result.presentation).picture(poses, between, paths, title)
 
 
 def structure(mechanism: Mechanism, q: Array, text: str) -> Picture:
@@ -141,10 +137,10 @@ class _Sketch:
     """A drawing of a scene in the making: its lines are those of the axes."""
 
     def __init__(self, mechanism: Mechanism, seen: Scene, how: Presentation) -> None:
-        self.seen, self.view, self.names = seen, seen.framing.view(), names_of(mechanism, seen, how)
+        self.seen, self.axes, self.names = seen, seen.framing.axes, names_of(mechanism, seen, how)
         self.flat, self.how = seen.framing.normal is not None, how
-        lengths = sorted(float(np.linalg.norm(stick.points[-1])) for stick in seen.figure.rods)
-        typical = lengths[len(lengths) // 2] if lengths else seen.framing.size
+        lengths = [float(np.linalg.norm(stick.points[-1])) for stick in seen.figure.rods]
+        typical = float(np.median(lengths)) if lengths else seen.framing.size
         self.thickness = float(np.clip(LINKS * typical / seen.framing.size, THINNEST, 1.0))
         """Factor of the widths of lines and marks: less than 1 where the links are many and short."""
 
@@ -152,10 +148,6 @@ class _Sketch:
         heading = plain("\n".join(textwrap.wrap(title, WRAP)))
         with drawing(SIZE, SIZE, heading) as picture:
             self.axis: Axes = picture.subplots()
-            if not self.flat:
-                self._floor()
-                for pose in poses:
-                    self._shadow(pose.place)
             for path in paths:
                 self._line(path, PATH, 0.7, ":")
             for place in between:
@@ -179,14 +171,14 @@ class _Sketch:
 
     def _line(self, points: Array, colour: str, width: float, style: str = "-") -> None:
         """Draw a line through points of the world, shape (n, 3)."""
-        self.axis.plot(*self.view.flat(points), color=colour, linewidth=width, linestyle=style)
+        self.axis.plot(*self.axes @ points.T, color=colour, linewidth=width, linestyle=style)
 
     def _mark(self, point: Array, colour: str, size: float, marker: str = "o", fill: str = "#ffffff") -> None:
         """Draw a mark at a point of the picture, shape (2,)."""
         self.axis.plot(*point[:, None], marker, color=colour, markersize=size, markerfacecolor=fill)
 
     def _at(self, place: Array, point: BodyPoint) -> Array:
-        return self.view.flat(point.path(place[None]))[:, 0]
+        return np.asarray(self.axes @ point.path(place[None])[0])
 
     def _bodies(self, place: Array, colour: str, width: float) -> None:
         """Draw the mechanism in one position: sticks, connections, slides and pins."""
@@ -208,68 +200,37 @@ class _Sketch:
         joint its pin, which in a slot is that of the second point.
         """
         start, tip = (self._at(place, end) for end in pair.ends)
-        along, length = tip - start, float(np.linalg.norm(tip - start))
-        half = min(WIDE.get(pair.kind, 0.0) * self.seen.framing.size, SLENDER * length)
-        beside = half * np.array([-along[1], along[0]]) / length if length else np.zeros(2)
-        thin, lines = (0.4 if pair.kind == "cable" else 0.6) * width, [np.array([start, tip])]
         if pair.kind in ("loop", "slot"):
             self._mark(tip if pair.kind == "slot" else start, colour, 2.2 * width)
             return
         if pair.kind == "bushing":
             self._mark(start, colour, 3.0 * width, "s", fill=colour)
             return
+        along, length = tip - start, float(np.linalg.norm(tip - start)) or 1.0
+        half = min(WIDE.get(pair.kind, 0.0) * self.seen.framing.size, SLENDER * length)
+        beside = half * np.array([-along[1], along[0]]) / length
+        thin, lines = (0.4 if pair.kind == "cable" else 0.6) * width, [np.array([start, tip])]
         if pair.kind == "spring":
             lines = [start + np.outer(ALONG, along) + np.outer(COIL, beside)]
         elif pair.kind == "cylinder":
-            [now] = pair.lengths(place[None]).tolist()
-            end = start + along * (BARREL * float(pair.lengths(self.seen.places).min()) / now if now else 0.0)
+            now = float(pair.lengths(place[None])[0]) or 1.0
+            end = start + along * BARREL * float(pair.lengths(self.seen.places).min()) / now
             lines = [np.array([start + beside, end + beside, end - beside, start - beside, start + beside])]
             lines.append(np.array([end, tip]))
         for k, line in enumerate(lines):
             self.axis.plot(*line.T, color=colour, linewidth=(1 + k) * thin)
-        for at in (start, tip) if pair.kind in ("spring", "cylinder", "cable") else ():
+        for at in (start, tip) if pair.kind != "rod" else ():
             self._mark(at, colour, 1.5 * width)
 
     def _ground(self) -> None:
-        """Draw rails and slots of the ground, and supports, in space with their heights above the floor."""
+        """Draw rails and slots of the ground, and supports."""
         figure = self.seen.figure
         for rail in (*figure.slides.values(), *self.seen.slots):
             if not rail.node:
                 self._line(rail.points, GROUND, 1.0, rail.style)
-        places = np.array(figure.mounts).reshape(-1, 3)
-        if not self.flat:
-            for mount, foot in zip(places, self._on_floor(places), strict=True):
-                self._line(np.array([mount, foot]), GROUND, 0.5)
-        if len(places):
-            size = 14.0 * self.thickness
-            self.axis.plot(*self.view.flat(places), linestyle="", marker=MOUNT, color=GROUND, markersize=size)
-
-    def _floor(self) -> None:
-        """Draw a grid below the lowest point, in perspective, along axes of the world where these are horizontal."""
-        framing = self.seen.framing
-        up = framing.up
-        across = np.eye(3)[int(np.abs(up).argmin())]
-        across = across - (across @ up) * up
-        across /= np.linalg.norm(across)
-        along, cell = np.cross(up, across), round_up(framing.size / 10.0)
-        spans = []
-        for direction in (across, along):
-            ways = framing.outline @ direction / cell
-            spans.append(cell * np.arange(np.floor(ways.min()), np.ceil(ways.max()) + 1))
-        level = float((framing.outline @ up).min()) * up
-        for axis, other, ticks, width in ((across, along, *spans), (along, across, *reversed(spans))):
-            for at in ticks:
-                self._line(level + at * axis + np.outer(width[[0, -1]], other), FLOOR, 0.6)
-
-    def _shadow(self, place: Array) -> None:
-        for stick in self.seen.figure.lines:
-            points = stick.points @ place[stick.node, :3, :3].T + place[stick.node, :3, 3]
-            self._line(self._on_floor(points), SHADE, 1.6 * stick.weight)
-
-    def _on_floor(self, points: Array) -> Array:
-        """Return points of the world below others, at the height of the lowest point, shape (n, 3)."""
-        up, outline = self.seen.framing.up, self.seen.framing.outline
-        return np.asarray(points - np.outer(points @ up - float((outline @ up).min()), up))
+        if figure.mounts:
+            places, size = self.axes @ np.transpose(figure.mounts), 14.0 * self.thickness
+            self.axis.plot(*places, linestyle="", marker=MOUNT, color=GROUND, markersize=size)
 
     def _framed(self) -> float:
         """Set the limits, with room for names around the lines, and the names of the axes.
@@ -278,34 +239,32 @@ class _Sketch:
         """
         low, high = np.array(self.axis.dataLim.min), np.array(self.axis.dataLim.max)
         size = high - low
-        per = float((INSIDE - 2.0 * EDGE) / size.max()) if size.max() > NARROWEST else 1.0
+        per = float((INSIDE - 2.0 * EDGE) / (size.max() or 1.0))
         room = np.array([INSIDE, max(LOWEST, float(per * size[1]) + 2.0 * EDGE)]) / per
         (left, bottom), (right, top) = (low + high - room) / 2.0, (low + high + room) / 2.0
         self.axis.set(xlim=(float(left), float(right)), ylim=(float(bottom), float(top)))
         self.axis.set_aspect("equal", adjustable="box")
         self.axis.grid(visible=False)
-        names = ["xyz"[k] for direction in self.view.axes for k in range(3) if direction[k] > 1.0 - EVEN]
-        if self.flat and len(names) == 2:
-            scale, measured = shown(Series("", METRE, np.zeros(0)), self.how)
-            self.axis.set(
-                **{f"{axis}label": axis_label(name, measured) for axis, name in zip("xy", names, strict=True)}
-            )
-            for ticks in (self.axis.xaxis, self.axis.yaxis) if scale != 1.0 else ():
-                ticks.set_major_formatter(lambda place, _: f"{place / scale:.6g}".replace("-", "−"))
-        else:
+        names = ["xyz"[k] for direction in self.axes for k in range(3) if direction[k] > 1.0 - EVEN]
+        if not self.flat or len(names) < 2:
             self.axis.set_axis_off()
+            return per
+        scale, measured = shown(Series("", METRE, np.zeros(0)), self.how)
+        across, up = (axis_label(name, measured) for name in names)
+        self.axis.set(xlabel=across, ylabel=up)
+        for ticks in (self.axis.xaxis, self.axis.yaxis) if scale != 1.0 else ():
+            ticks.set_major_formatter(lambda place, _: f"{place / scale:.6g}".replace("-", "−"))
         return per
 
     def _triad(self, per: float) -> Array:
         """Draw the world's axes in the lower left corner; return their box (left, bottom, right, top)."""
         corner = np.array([self.axis.get_xlim()[0], self.axis.get_ylim()[0]])
-        reach = 1.35 * TRIAD / per * np.array([self.view.axes @ axis for axis in np.eye(3)])
+        reach = 1.35 * TRIAD / per * self.axes.T
         origin = corner + LETTER / per - np.minimum(reach.min(axis=0), 0.0)
         for (name, colour), end in zip(AXES, reach, strict=True):
             self.axis.plot(*np.array([origin, origin + end / 1.35]).T, color=colour, linewidth=1.8)
             write(self.axis, Note(name, origin + end, colour), size=9.0)
-        high = origin + np.maximum(reach.max(axis=0), 0.0) + LETTER / per
-        return np.concatenate([corner, high])
+        return np.concatenate([corner, origin + np.maximum(reach.max(axis=0), 0.0) + LETTER / per])
 
     def _write_names(self, poses: Sequence[Pose], per: float, taken: Sequence[Array]) -> None:
         """Write the names that have room.
@@ -339,9 +298,6 @@ DISTANCES = np.array([5.0, 11.0, 19.0, 28.0, 38.0, 50.0])
 BESIDE = 12.0
 """Distance up to which a name is seen to belong to its point; from farther away a line leads to it [points]."""
 
-AWAY = 0.6
-"""Cost of the distance to a name, in covered points of lines per point: near names are read most easily."""
-
 CLEAR = 1.5
 """Room between two names, and between a name and a line that it could cover [points]."""
 
@@ -349,20 +305,11 @@ TURNS = np.deg2rad([45.0, 135.0, -45.0, -135.0, 90.0, 0.0, -90.0, 180.0])
 TOWARDS = np.round(np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1), 15)
 """Directions from a point to its name, the preferred one first, shape (8, 2)."""
 
-LEADER = "#8b949e"
-"""Colour of the lines to names."""
-
 DENSE = 2.0
 """Distance of the sample points of lines [points]."""
 
 MOST = 8
 """Sample points that a name may cover."""
-
-SHARES = np.linspace(0.0, 1.0, 26)[:, None]
-"""Sample points of a line to a name: of the longest line, one each 2 points of length."""
-
-LED = 5
-"""Times that sample points of a line to a name count: a name covers it only at its end."""
 
 
 def write_beside(
@@ -370,8 +317,7 @@ def write_beside(
 ) -> None:
     """Write names beside their points, on the page, none over another.
 
-    Those that come first choose first. A name that has no room, several in a row, is shortened to the first of them;
-    where that has none either, it is left out.
+    Those that come first choose first; a name that has no room is left out.
 
     Args:
         axis: The drawing, with its limits.
@@ -383,28 +329,23 @@ def write_beside(
     page = per * np.array([*axis.get_xlim(), *axis.get_ylim()])[[0, 2, 1, 3]]
     lines, boxes = _dense([per * corners for corners in hidden]), per * np.array(taken).reshape(-1, 4)
     for note in notes:
-        for short in dict.fromkeys([note.text, _shorter(note.text)]):
-            text = write(axis, Note(short, note.at, note.colour))
-            box = text.get_window_extent()
-            size = np.array([box.width, box.height]) * POINTS / text.figure.dpi
-            offset = _best(per * note.at, size, page, lines, boxes)
-            if offset is None:
-                text.remove()
-                continue
-            text.xyann = (float(offset[0]), float(offset[1]))
-            middle, nearest = per * note.at + offset, _nearest(offset, size)
-            boxes = np.vstack([boxes, [*(middle - size / 2.0), *(middle + size / 2.0)]])
-            if np.linalg.norm(nearest) > BESIDE:
-                ends = np.array([note.at, note.at + nearest / per])
-                axis.plot(*ends.T, color=LEADER, linewidth=0.5)
-                lines = np.concatenate([lines, *[_dense([per * ends])] * LED])
-            break
+        text = write(axis, note)
+        box = text.get_window_extent()
+        size = np.array([box.width, box.height]) * POINTS / axis.figure.dpi
+        offset = _best(per * note.at, size, page, lines, boxes)
+        if offset is None:
+            text.remove()
+            continue
+        text.xyann = (float(offset[0]), float(offset[1]))
+        middle = per * note.at + offset
+        boxes = np.vstack([boxes, [*(middle - size / 2.0), *(middle + size / 2.0)]])
+        way = offset - np.clip(offset, -size / 2.0, size / 2.0)
+        if np.linalg.norm(way) > BESIDE:
+            axis.plot(*np.array([note.at, note.at + way / per]).T, color=PATH, linewidth=0.5)
 
 
 def _best(point: Array, size: Array, page: Array, lines: Array, boxes: Array) -> Array | None:
-    """Return the offset of a name where it covers the fewest points of lines; ``None`` where it covers too much.
-
-    It stays on the page, and neither it nor the line to it covers another name.
+    """Return the offset of a name on the page where it covers the fewest points of lines; ``None`` without room.
 
     Args:
         point: The point that is named [points], shape (2,).
@@ -414,34 +355,13 @@ def _best(point: Array, size: Array, page: Array, lines: Array, boxes: Array) ->
         boxes: Boxes of other names, shape (m, 4).
     """
     offsets = (TOWARDS * DISTANCES[:, None, None] + np.sign(TOWARDS) * size / 2.0).reshape(-1, 2)
-    names = np.hstack([point + offsets - size / 2.0, point + offsets + size / 2.0])
-    low, high = names[:, None, :2], names[:, None, 2:]
+    low, high = (point + offsets - size / 2.0)[:, None], (point + offsets + size / 2.0)[:, None]
     on_page = ((low >= page[:2]) & (high <= page[2:])).all(axis=(1, 2))
-    over = np.any(((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=2), axis=1)
-    ways = point + SHARES * _nearest(offsets, size)[:, None]
-    through = np.any(_inside(ways.reshape(-1, 2), boxes).any(axis=0).reshape(ways.shape[:2]), axis=1)
-    led = np.linalg.norm(ways[:, -1] - point, axis=1) > BESIDE
-    covered = np.count_nonzero(_inside(lines, names), axis=1)
-    costs = covered + AWAY * np.repeat(DISTANCES, len(TURNS)) + 0.02 * np.arange(len(names))
-    costs[~on_page | over | (led & through) | (covered > MOST)] = np.inf
+    over: Flags = ((boxes[:, :2] < high + CLEAR) & (boxes[:, 2:] > low - CLEAR)).all(axis=2).any(axis=1)
+    covered = np.count_nonzero(((lines > low - CLEAR) & (lines < high + CLEAR)).all(axis=2), axis=1)
+    costs = covered + 0.6 * np.repeat(DISTANCES, len(TURNS)) + 0.02 * np.arange(len(offsets))
+    costs[~on_page | over | (covered > MOST)] = np.inf
     return np.asarray(offsets[costs.argmin()]) if np.isfinite(costs).any() else None
-
-
-def _shorter(text: str) -> str:
-    """Return the first of several names, with a sign that there are more."""
-    first, *more = text.split(", ")
-    return f"{first}, ..." if more else first
-
-
-def _nearest(offset: Array, size: Array) -> Array:
-    """Return the way from a point to the edge of a name whose middle is so far from it [points], shape (..., 2)."""
-    return np.asarray(offset - np.clip(offset, -size / 2.0, size / 2.0))
-
-
-def _inside(points: Array, boxes: Array) -> Flags:
-    """Return a mask (m, n) of points, shape (n, 2), that are in or close to boxes, shape (m, 4)."""
-    low, high = boxes[:, None, :2] - CLEAR, boxes[:, None, 2:] + CLEAR
-    return np.asarray(((points > low) & (points < high)).all(axis=2))
 
 
 def _dense(lines: Sequence[Array]) -> Array:
@@ -449,7 +369,6 @@ def _dense(lines: Sequence[Array]) -> Array:
     points = [np.zeros((0, 2))]
     for corners in lines:
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
-        if np.isfinite(along[-1]):
-            places = np.linspace(0.0, along[-1], 1 + int(np.ceil(along[-1] / DENSE)))
-            points.append(np.stack([np.interp(places, along, corners[:, k]) for k in (0, 1)], axis=1))
+        places = np.linspace(0.0, along[-1], 1 + int(np.ceil(along[-1] / DENSE)))
+        points.append(np.stack([np.interp(places, along, corners[:, k]) for k in (0, 1)], axis=1))
     return np.concatenate(points)

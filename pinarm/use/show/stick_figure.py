@@ -10,12 +10,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Complex
 from pinarm.engine.mechanism import Mechanism
-from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, ValueRecord
 from pinarm.use.show.bodies import LOOPS, BodyPoint, Connection, Node, point_of
 from pinarm.use.show.meshes import Mesh
-from pinarm.use.show.shapes import GROUND, Colour, Shape, colour_of, primitives
+from pinarm.use.show.shapes import GROUND, Colour, Shape, colour_of
 
 RIM: Complex = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 73))
 """Points of a circle of radius 1."""
@@ -29,11 +29,8 @@ LINKS = 4.0
 BEYOND = 0.06
 """Length of a rail beyond the ways of its slide, relative to the size of the figure."""
 
-SIMPLE = 3
-"""Solids of a body that are drawn by their edges: edges of more are no longer told apart."""
-
 THIN, RAIL = 0.45, 0.4
-"""Widths of the lines of discs and solids, and of rails, relative to rods."""
+"""Widths of the lines of discs and boxes, and of rails, relative to rods."""
 
 SLOT = 0.017
 """Half width of slots, relative to the extent of the mechanism."""
@@ -88,6 +85,10 @@ class Disc(Record, frozen=True):
     outline: Array
     axis: Array
 
+    @property
+    def spoke(self) -> Array:
+        return np.array([self.middle, self.outline[0]])
+
     def solid(self) -> Shape:
         """Return it as a plate, its two faces as fans about the axis."""
         n, half = len(self.outline), 0.5 * THICK * float(np.ptp(self.outline, axis=0).max()) * self.axis
@@ -109,7 +110,6 @@ class StickFigure(Record, frozen=True):
         rods: Lines from the joint of a body to the points that it reaches.
         discs: Cams and rollers, and wheels among the bodies that reach nowhere.
         boxes: Boxes of the inertias of the other bodies that reach nowhere.
-        files: Solids that the model's file draws of bodies that reach nowhere.
         joined: Springs, cables and loop joints.
     """
 
@@ -118,23 +118,21 @@ class StickFigure(Record, frozen=True):
     rods: Sequence[Stick]
     discs: Sequence[Disc]
     boxes: Sequence[Shape]
-    files: Sequence[Shape]
     joined: Sequence[Connection]
 
     @cached_property
     def lines(self) -> Sequence[Stick]:
-        """The bodies as lines: rods, outlines and spokes of discs, edges of solids and boxes."""
-        rims = [(disc.node, [disc.outline, np.array([disc.middle, disc.outline[0]])]) for disc in self.discs]
-        edges = [(shape.node, _edges(shape)) for shape in (*self.files, *self.boxes)]
-        return [*self.rods, *(Stick(node, line, THIN) for node, lines in [*rims, *edges] for line in lines)]
+        """The bodies as lines: rods, outlines and spokes of discs, edges of boxes."""
+        lines = [(disc.node, line) for disc in self.discs for line in (disc.outline, disc.spoke)]
+        edges = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
+        lines += [(box.node, box.extent()[[*edge]]) for box in self.boxes for edge in edges]
+        return [*self.rods, *(Stick(node, line, THIN) for node, line in lines)]
 
     def on(self, *kinds: str) -> list[int]:
         """Return the bodies on joints of some kinds whose parents carry links: others are part of a floating joint."""
         nodes = self.nodes
-        carrying = [k for k in range(1, len(nodes)) if nodes[k].carries]
-        return [
-            k for k in carrying if nodes[k].kind in kinds and (not nodes[k].parent or nodes[nodes[k].parent].carries)
-        ]
+        behind = (k for k in range(1, len(nodes)) if nodes[k].carries and nodes[k].kind in kinds)
+        return [k for k in behind if not nodes[k].parent or nodes[nodes[k].parent].carries]
 
     @cached_property
     def pins(self) -> Sequence[int]:
@@ -145,11 +143,6 @@ class StickFigure(Record, frozen=True):
     def slides(self) -> Mapping[int, Stick]:
         """Bodies on joints that slide, and the lines, on their parents, along which they do in the whole motion."""
         return {k: _rail(self.nodes[k], BEYOND * self.size) for k in self.on("slide")}
-
-    @cached_property
-    def balls(self) -> Sequence[int]:
-        """Bodies on other joints, away from the origin of their parents."""
-        return [k for k in self.on("pose", "fixed") if self.nodes[k].placement.translation.any()]
 
     @cached_property
     def mounts(self) -> list[Array]:
@@ -170,11 +163,11 @@ class StickFigure(Record, frozen=True):
         """Places of joints: the body that carries one, and where."""
         return {(node.parent, tuple(node.placement.translation)) for node in self.nodes}
 
-    def solids(self, gravity: Array, bare: frozenset[int]) -> list[Shape]:
+    def solids(self, up: Array, bare: frozenset[int]) -> list[Shape]:
         """Return the solids of some bodies, and of the joints at them.
 
         Args:
-            gravity: Acceleration of gravity [m/s^2], shape (3,): feet stand below joints on the ground.
+            up: Against gravity, shape (3,): feet stand below joints on the ground.
             bare: Bodies without shapes of their own; with 0 among them, joints on the ground stand on blocks.
         """
         shapes = [shape for rod in self.rods for shape in self._rod(rod)]
@@ -184,7 +177,7 @@ class StickFigure(Record, frozen=True):
             compact = {disc.node for disc in self.discs} | {box.node for box in self.boxes}
             standing = [self.nodes[k].placement for k in self.pins if not self.nodes[k].parent and k not in compact]
             places = {tuple(placement.translation.tolist()) for placement in standing}
-            shapes += [_foot(gravity, np.array(place), self.size) for place in sorted(places)]
+            shapes += [self._foot(up, np.array(place)) for place in sorted(places)]
         moved = [k for k in range(1, len(self.nodes)) if bare & {k, self.nodes[k].parent or k}]
         return shapes + [shape for k in moved for shape in self._joint(k)]
 
@@ -194,6 +187,12 @@ class StickFigure(Record, frozen=True):
         yield _cylinder(rod.node, start, end, ROD * self.size, colour)
         if (rod.node, tuple(end)) not in self.carried:
             yield Shape(rod.node, pin.SE3(np.eye(3), end), "sphere", (POINT * self.size,), colour)
+
+    def _foot(self, up: Array, at: Array) -> Shape:
+        """Return a short block below a joint."""
+        width, height = (edge * self.size for edge in FOOT)
+        middle = at - (PIN * self.size + height / 2.0) * up
+        return Shape(0, _along(middle, up), "box", (width, width, height), GROUND)
 
     def _joint(self, k: int) -> Iterator[Shape]:
         """Yield the sign of a joint: a pin along a revolute axis, a block on a rail for a slide, a ball for others."""
@@ -205,7 +204,7 @@ class StickFigure(Record, frozen=True):
             yield Shape(k, _along(np.zeros(3), node.axis), "box", block, DARK)
             start, end = self.slides[k].points
             yield _cylinder(node.parent, start, end, 0.5 * ROD * self.size, GROUND)
-        elif k in self.balls:
+        elif k in self.on("pose", "fixed") and node.placement.translation.any():
             yield Shape(k, pin.SE3.Identity(), "sphere", (radius,), DARK)
 
 
@@ -213,18 +212,20 @@ def stick_figure(mechanism: Mechanism, nodes: Sequence[Node], joined: Sequence[C
     """Return the figure of a mechanism; ``joined`` are its springs and loop joints."""
     model, reached = mechanism.model, reaches(mechanism.model, nodes)
     carrying = [node for node in range(1, len(nodes)) if nodes[node].carries]
-    size = _size(model, nodes, [reached[node] for node in carrying])
+    size = _size(model, [end for node in carrying for end in reached[node]])
     rods = [Stick(node, np.array([np.zeros(3), end])) for node in carrying for end in reached[node]]
-    discs, wheels = list(_cams(mechanism, nodes)), dict(_wheels(mechanism))
-    compact = {node for node in carrying if not len(reached[node])} - {cam.node for cam in discs}
-    files = [shape for shape in primitives(mechanism) if shape.node in compact - wheels.keys()] if compact else []
-    drawn = [shape.node for shape in files]
-    files = [shape for shape in files if drawn.count(shape.node) <= SIMPLE]
-    compact -= {shape.node for shape in files}
-    discs += [disc for node in sorted(compact) for disc in _disc(model, nodes, node, wheels, BOX * size)]
-    compact -= {disc.node for disc in discs}
-    boxes = [box for node in sorted(compact) for box in _box(model, node, size)]
-    return StickFigure(nodes, size, rods, discs, boxes, files, joined)
+    discs, wheels, boxes = list(_cams(mechanism, nodes)), dict(_wheels(mechanism)), list[Shape]()
+    for node in sorted({node for node in carrying if not len(reached[node])} - {cam.node for cam in discs}):
+        inertia, axis = model.inertias[node], nodes[node].axis
+        radius = wheels.get(node) or min(_disc_radius(inertia, axis), BOX * size)
+        if nodes[node].kind == "turn" and radius:
+            across = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
+            across /= np.linalg.norm(across)
+            rim = radius * (np.outer(RIM.real, across) + np.outer(RIM.imag, np.cross(axis, across)))
+            discs.append(Disc(node, np.zeros(3), rim, axis))
+        elif inertia.mass > 0.0:
+            boxes.append(_box(inertia, node, size))
+    return StickFigure(nodes, size, rods, discs, boxes, joined)
 
 
 def reaches(model: pin.Model, nodes: Sequence[Node]) -> list[Array]:
@@ -245,26 +246,15 @@ def reaches(model: pin.Model, nodes: Sequence[Node]) -> list[Array]:
     return [np.array(places).reshape(-1, 3) for places in corners]
 
 
-def _size(model: pin.Model, nodes: Sequence[Node], reached: Sequence[Array]) -> float:
-    """Return the reach of the stretched figure, or ``LINKS`` typical links; without any, all boxes are drawn whole."""
-    reach, links = np.zeros(len(nodes)), []
-    for index, node in enumerate(nodes[1:], start=1):
-        links.append(float(np.linalg.norm(node.placement.translation)))
-        reach[index] = reach[node.parent] + links[-1]
-    ends = [float(np.linalg.norm(point)) for points in reached for point in points]
-    lengths = sorted(length for length in [*ends, *links] if length > 0.0)
-    if lengths:
-        return float(min(reach.max() + lengths[-1], LINKS * lengths[len(lengths) // 2]))
+def _size(model: pin.Model, ends: Sequence[Array]) -> float:
+    """Return the sum of the links, or ``LINKS`` typical ones; of bodies that reach nowhere draw all boxes whole."""
+    if lengths := sorted(float(np.linalg.norm(end)) for end in ends):
+        return min(sum(lengths), LINKS * lengths[len(lengths) // 2])
     return max([float(_cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX]) / BOX
 
 
 def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Disc]:
-    """Yield the cams whose contact is known, each with its roller, if it has one.
-
-    Those are left out whose carrier is not the parent of the joints of both.
-    """
-    if not any(isinstance(element, JointRelation) and element.kind == "cam" for element in mechanism.constraints):
-        return
+    """Yield the cams whose contact is known, and their rollers, where the joints of both are on one carrier."""
     from pinarm.mechanics.couplings.cam import CamCoupling
 
     for cam in mechanism.constraints:
@@ -289,46 +279,29 @@ def _placed(nodes: Sequence[Node], body: int, middle: Array, outline: Array, axi
 
 def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
     """Yield the bodies that have teeth, with their pitch radii [m]."""
+    from pinarm.mechanics.couplings.transmissions import ToothContact
+
     for coupling in mechanism.constraints:
         contact = coupling.transmission if isinstance(coupling, Coupling) else None
-        if contact is not None:
-            from pinarm.mechanics.couplings.transmissions import ToothContact
-
-            if isinstance(contact, ToothContact):
-                yield from zip((contact.first, contact.second), contact.surfaces.radii, strict=True)
+        if isinstance(contact, ToothContact):
+            yield from zip((contact.first, contact.second), contact.surfaces.radii, strict=True)
 
 
-def _disc(
-    model: pin.Model, nodes: Sequence[Node], node: int, wheels: Mapping[int, float], largest: float
-) -> Iterator[Disc]:
-    """Yield a body as a wheel of its pitch radius, or as the disc of its inertia, ``I = m r^2 / 2``."""
-    inertia, axis = model.inertias[node], nodes[node].axis
-    radius = wheels.get(node, 0.0)
-    if not radius and nodes[node].kind == "turn" and _is_symmetric(inertia, axis):
-        radius = min(float(np.sqrt(2.0 * axis @ inertia.inertia @ axis / inertia.mass)), largest)
-    if 0.0 < radius < np.inf:
-        across = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
-        across /= np.linalg.norm(across)
-        yield Disc(node, np.zeros(3), _circle(radius, across, np.cross(axis, across)), axis)
+def _disc_radius(inertia: pin.Inertia, axis: Array) -> float:
+    """Return the radius of the homogeneous disc of an inertia about an axis, ``I = m r^2 / 2``; 0 where it is none."""
+    about, along = inertia.inertia, np.outer(axis, axis)
+    polar = float(axis @ about @ axis)
+    disc = polar * along + 0.5 * (np.trace(about) - polar) * (np.eye(3) - along)
+    if not (inertia.mass > 0.0 < polar and np.abs(about - disc).max() <= EVEN * np.abs(about).max()):
+        return 0.0
+    return float(np.sqrt(2.0 * polar / inertia.mass))
 
 
-def _is_symmetric(inertia: pin.Inertia, axis: Array) -> bool:
-    """Tell whether all directions across an axis have the same moment of inertia."""
-    moments, largest = inertia.inertia @ axis, float(np.abs(inertia.inertia).max())
-    along = float(axis @ moments)
-    across = np.linalg.eigvalsh(inertia.inertia - along * np.outer(axis, axis))
-    tilted = np.linalg.norm(moments - along * axis) > EVEN * largest
-    return bool(inertia.mass > 0.0 < along and not tilted and abs(across[-1] - across[-2]) <= EVEN * largest)
-
-
-def _box(model: pin.Model, node: int, size: float) -> Iterator[Shape]:
-    """Yield the box of the inertia of a body, unless it has no mass."""
-    inertia = model.inertias[node]
-    if inertia.mass > 0.0:
-        edges, axes = _cuboid(inertia)
-        edges *= min(1.0, BOX * size / max(float(edges.max()), 1e-300))
-        x, y, z = np.maximum(edges, THINNEST * size).tolist()
-        yield Shape(node, pin.SE3(axes, inertia.lever), "box", (x, y, z), colour_of(node))
+def _box(inertia: pin.Inertia, node: int, size: float) -> Shape:
+    edges, axes = _cuboid(inertia)
+    edges *= min(1.0, BOX * size / max(float(edges.max()), 1e-300))
+    x, y, z = np.maximum(edges, THINNEST * size).tolist()
+    return Shape(node, pin.SE3(axes, inertia.lever), "box", (x, y, z), colour_of(node))
 
 
 def _cuboid(inertia: pin.Inertia) -> tuple[Array, Array]:
@@ -354,59 +327,25 @@ def slots(mechanism: Mechanism, normal: Array | None, size: float, places: Array
         size: Its extent [m].
         places: Placements of its bodies, shape (rows, njoints, 4, 4).
     """
-    if normal is None:
-        return []
     from pinarm.mechanics.geometry.pairs import LowerPair
 
-    model, outlines = mechanism.model, list[Stick]()
-    for joint in mechanism.constraints:
-        if isinstance(joint, LoopJoint) and LOOPS.get(joint.kind) == "slot":
-            assert isinstance(joint.pair, LowerPair)
-            slot, pin_point = (point_of(model, frame) for frame in (joint.first, joint.second))
-            turn, origin = places[:, slot.node, :3, :3], slot.path(places)
-            across = turn[0].T @ normal
-            beside = model.frames[joint.first].placement.rotation @ joint.pair.axis
+    model, half = mechanism.model, SLOT * size
+    loops = [joint for joint in mechanism.constraints if isinstance(joint, LoopJoint)]
+    outlines = []
+    for joint in loops if normal is not None else ():
+        if LOOPS.get(joint.kind) != "slot":
+            continue
+        assert isinstance(joint.pair, LowerPair)
+        slot, pin_point = (point_of(model, frame) for frame in (joint.first, joint.second))
+        turn, origin = places[:, slot.node, :3, :3], slot.path(places)
+        across, beside = turn[0].T @ normal, model.frames[joint.first].placement.rotation @ joint.pair.axis
+        if abs(beside @ across) < FLAT:
             along = np.cross(beside, across)
-            if abs(beside @ across) < FLAT:
-                ways = np.vecmat(pin_point.path(places) - origin, turn) @ along
-                outlines.append(Stick(slot.node, slot.place + _oblong(ways, along, beside, SLOT * size), RAIL))
+            ways = np.vecmat(pin_point.path(places) - origin, turn) @ along
+            ends = np.where(RIM.real >= 0.0, ways.max() + 2.0 * half, ways.min() - 2.0 * half)
+            corners = np.outer(ends + half * RIM.real, along) + half * np.outer(RIM.imag, beside)
+            outlines.append(Stick(slot.node, slot.place + corners, RAIL))
     return outlines
-
-
-def _oblong(ways: Array, along: Array, beside: Array, half: float) -> Array:
-    """Return the outline of a slot around ways of its pin [m]: two lines that half circles join, shape (n, 3)."""
-    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 19)
-    turned = half * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    low, high = (np.array([end, 0.0]) for end in (ways.min() - 2.0 * half, ways.max() + 2.0 * half))
-    front, back = high + turned, low - turned
-    return np.asarray(np.concatenate([front, back, front[:1]]) @ np.stack([along, beside]))
-
-
-def _edges(shape: Shape) -> list[Array]:
-    """Return the edges of a solid; of a cylinder or a capsule also lines along it and a spoke, of a sphere circles."""
-    corners, centre = shape.extent(), shape.placement.translation
-    x, y, z = shape.placement.rotation.T
-    if shape.kind == "box":
-        return [corners[[a, a | bit]] for a in range(8) for bit in (1, 2, 4) if not a & bit]
-    if shape.kind == "sphere":
-        return [centre + _circle(shape.size[0], first, second) for first, second in ((x, y), (y, z), (z, x))]
-    radius, length = shape.size
-    lines = [centre + end * length * z + _circle(radius, x, y) for end in (-0.5, 0.5)]
-    lines.append(centre + 0.5 * length * z + np.outer([0.0, radius], x))
-    return lines + [centre + radius * side + np.outer([-0.5, 0.5], length * z) for side in (x, -x, y, -y)]
-
-
-def _circle(radius: float, first: Array, second: Array) -> Array:
-    """Return the points of a circle between two directions [m], shape (n, 3)."""
-    return np.asarray(radius * (np.outer(RIM.real, first) + np.outer(RIM.imag, second)))
-
-
-def _foot(gravity: Array, at: Array, size: float) -> Shape:
-    """Return a short block below a joint."""
-    down = gravity / np.abs(gravity).max() if gravity.any() else np.array([0.0, 0.0, -1.0])  # its square may underflow
-    down /= np.linalg.norm(down)
-    edges = (FOOT[0] * size, FOOT[0] * size, FOOT[1] * size)
-    return Shape(0, _along(at + (PIN * size + edges[2] / 2.0) * down, down), "box", edges, GROUND)
 
 
 def _cylinder(node: int, start: Array, end: Array, radius: float, colour: Colour) -> Shape:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite, isnan
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pinarm.engine.series import Series
 from pinarm.errors import printable
 from pinarm.language import decimals, said, told, writing
-from pinarm.mechanics.joints import METRE, RADIAN
 from pinarm.problems.simplify.simplification import removal_lines
 from pinarm.use.result.measures import (
     CLOSURES,
@@ -34,9 +35,6 @@ MOST_ROWS = 12
 
 OF_ROWS = "min and max are those of the rows, @ min and @ max look between them"
 """Remark on the ranges: extremes between rows are missing; ``numbers`` find them."""
-
-DIGIT = 2.0**-52
-"""Distance of 1 from the next number."""
 
 FEW = 6
 """Rows that are shown side by side."""
@@ -70,10 +68,9 @@ def ranges(result: Result, written: Callable[[float], str] = seven_digits) -> li
     names = [_heading(presentation.label(series.name), series.unit) for series in outputs]
     if run.numbered and len(run) <= FEW:
         rows = [["", said("unit"), *(said("row {number}", number=f"{number:g}") for number in run.grid.t)]]
-        rows += [
-            [*name, *(written(_cleared(number, _finest(result, series, zeros))) for number in series.values)]
-            for name, series in zip(names, outputs, strict=True)
-        ]
+        for name, series in zip(names, outputs, strict=True):
+            values = np.zeros(len(run)) if series.name in zeros else series.values
+            rows.append([*name, *map(written, values)])
         return rows
     along = presentation.unit(result.parameter)
     factor = along.factor if along is not None else 1.0
@@ -81,30 +78,10 @@ def ranges(result: Result, written: Callable[[float], str] = seven_digits) -> li
     rows = [["", said("unit"), "min", at, "max", at]]
     for name, series in zip(names, outputs, strict=True):
         entry = result.headline(series)
-        finest = _finest(result, series, zeros)
-        least, largest = without_rounding(*(_cleared(entry[end], finest) for end in ("min", "max")))
-        numbers = (least, entry["at_min"] / factor, largest, entry["at_max"] / factor)
+        ends = (0.0, 0.0) if series.name in zeros else without_rounding(entry["min"], entry["max"])
+        numbers = (ends[0], entry["at_min"] / factor, ends[1], entry["at_max"] / factor)
         rows.append([*name, *map(written, numbers)])
     return rows
-
-
-def _finest(result: Result, series: Series, zeros: Container[str]) -> float:
-    """Return the size below which a value is rounding, in the unit that is shown: of ``zeros``, any.
-
-    Positions are known to the last digit of 1 rad, and of the extent of the mechanism; for other quantities no such
-    size is known.
-    """
-    if series.name in zeros:
-        return float("inf")
-    if series.unit is None or series.unit.dimension not in (METRE.dimension, RADIAN.dimension):
-        return 0.0
-    if series.unit.dimension == METRE.dimension:
-        return DIGIT * float(result.trajectory.mechanism.closure.extent) / series.unit.factor
-    return DIGIT / series.unit.factor if series.unit.si.text == RADIAN.text else 0.0
-
-
-def _cleared(number: float, finest: float) -> float:
-    return 0.0 if abs(number) < finest else number + 0.0
 
 
 def without_rounding(least: float, largest: float) -> tuple[float, float]:

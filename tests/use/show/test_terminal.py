@@ -63,19 +63,6 @@ drives: {motor: {joint: O}}
 """
 
 
-@pytest.mark.parametrize(("angle", "shown"), [("-1e-15", "0"), ("1e-12", "1e-12")])
-def test_a_single_angle_that_is_rounding_is_zero(tmp_path: Path, angle: str, shown: str) -> None:
-    """Less than 2^-52 rad = 1.3e-14 deg: no position that is computed is known to that."""
-    (tmp_path / "m.yaml").write_text(TURNED)
-    (tmp_path / "s.yaml").write_text(
-        f"pinarm: 1\nmechanism: m.yaml\nproblem: {{kind: statics, hold: {{O: {angle} deg}}}}\n"
-        "outputs: [O, joint.O.effort]\n"
-    )
-    rows = ranges(pinarm.run(tmp_path / "s.yaml"))
-    assert rows[1] == ["O", "deg", shown]
-    assert float(rows[2][2]) == pytest.approx(9.81, rel=1e-6)  # efforts stay as they are
-
-
 def test_tables_of_sections_are_in_the_units_of_the_scenario(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(TURNED)
     (tmp_path / "s.yaml").write_text(
