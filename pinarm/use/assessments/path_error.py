@@ -1,8 +1,9 @@
 """Error of a path: how far a point passes from points that it is to meet, one after the other.
 
 With p(t) the path of the point over the run and w_i the wanted points, in their order, instants ``t_1 < t_2 < ...`` are
-sought with the least ``Σ |p(t_i) - w_i|²``: first among samples by dynamic programming, then to rounding by Newton's
-steps on ``(p - w_i) . p' = 0``. Where the instants are prescribed (``times``) there is nothing to seek. The errors are
+sought with the least ``Σ |p(t_i) - w_i|²``: first among chords between samples by dynamic programming, then to rounding
+by the zeros of ``(p - w_i) . p'``. Where the instants are prescribed (``times``) there is nothing to seek. The errors
+are
 
     e_i = |p(t_i) - w_i|,    rms = (Σ e_i² / n)^(1/2),    peak = max e_i,    sum_of_squares = Σ e_i².
 
@@ -16,7 +17,6 @@ Source: Norton, Design of Machinery, sections 3.6 and 5.10 (coupler curves; orde
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,15 +24,15 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, Location, PinarmError, within
-from pinarm.input.csv_tables import split_heading, table
-from pinarm.input.numbers import decimal
+from pinarm.errors import InputError, Location, within
+from pinarm.input.csv_tables import read_columns, read_headings, split_heading
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Position, Time, current_folder
+from pinarm.records import Record
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
 
@@ -76,41 +76,23 @@ def _columns(name: str) -> dict[str, list[float]]:
     """Return the columns of a CSV file of points [m]."""
     folder = current_folder() or Path(name).absolute().parent
     path = contained_file((folder / name).absolute(), root_of(folder))
-    heads, below = table(path, path.name)
-    lines = list(below)
-    if not 1 <= len(lines) <= MOST:
-        raise InputError(f"the file {path.name} has {len(lines)} points", expected=f"1 to {MOST}")
-    columns: dict[str, list[float]] = {}
-    for place, cell in enumerate(heads):
-        heading = split_heading(cell)
-        axis, written = heading or (cell, None)
-        if axis in AXES:
-            factor = _factor(axis, written, Location(path.name, 1, 1, cell))
-            columns[axis] = [factor * _number(row, place, Location(path.name, line)) for line, row in lines]
-    if not columns:
+    headings = {head: split_heading(head) or (head, None) for head in read_headings(str(path))}
+    factors = {head: _factor(axis, text, path, head) for head, (axis, text) in headings.items() if axis in AXES}
+    if not factors:
         raise InputError(f"the file {path.name} has no column of points", expected="headings such as x [mm], y [mm]")
-    return columns
+    state = path.stat()
+    columns = read_columns(str(path), frozenset(AXES), (state.st_mtime_ns, state.st_size), MOST + 1)
+    points = {headings[head][0]: [factor * x for x in columns[head]] for head, factor in factors.items()}
+    if max(map(len, points.values())) > MOST:
+        raise InputError(f"the file {path.name} has too many points", expected=f"1 to {MOST}")
+    return points
 
 
-def _factor(axis: str, written: str | None, place: Location) -> float:
-    try:
-        measured = unit(written or "")
-    except PinarmError as error:
-        raise error.at(place) from None
-    if written is None or measured.dimension != unit("m").dimension:
-        raise InputError(f"the column '{axis}' has no unit of a length", expected=f"{axis} [mm]").at(place)
-    return measured.factor
-
-
-def _number(row: Sequence[str], place: int, line: Location) -> float:
-    cell = row[place] if place < len(row) else ""
-    try:
-        value = decimal(cell)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputError(f"'{cell[:40]}' is no number", expected="a coordinate in every column").at(line)
-    return value
+def _factor(axis: str, written: str | None, path: Path, heading: str) -> float:
+    if written is not None and unit(written).dimension == METRE.dimension:
+        return unit(written).factor
+    error = InputError(f"the column '{axis}' has no unit of a length", expected=f"{axis} [mm]")
+    raise error.at(Location(path.name, 1, 1, heading))
 
 
 METRE, SECOND, SQUARE = unit("m"), unit("s"), unit("m^2")
@@ -120,29 +102,18 @@ SAMPLES, FEW = 1440, 16
 """Instants at which the path is looked at, spread over its intervals by their lengths: a quarter of a degree of a turn;
 and the least in each interval."""
 
-STEPS, SETTLED = 30, 1e-9
-"""Newton's steps from a sample, at most, and one, relative to the spacing of samples, that is the last: each doubles
-the digits, and three are enough but where the path turns sharply or is near rest."""
-
 AROUND = np.concatenate([-(2.0 ** -np.arange(16.0)), 2.0 ** -np.arange(16.0)])
 """Instants about a nearest one, in spacings of samples, at none of which the path should be nearer."""
-
-PARABOLA = 2
-"""Newton's steps on the parabola through three samples."""
 
 ONE_INSTANT = 1e-9
 """Difference of instants, relative to the length of the run, below which they are one."""
 
-ONE_PLACE, ROUNDING = 1e-12, 1e-14
-"""Distance, relative to the size of the path, below which samples are at one place; and difference of errors that is
-rounding."""
-
-PLACE = 4e-15
-"""Rounding of a place, relative to the farthest coordinate of the path."""
+ROUNDING = 1e-14
+"""Difference of distances, relative to the size of the path, that is rounding."""
 
 AGAIN = 3
-"""Samples of the begin of a closed path that come again at its end: it begins one before that nearest to the first
-point, to which the last point may be as near, and two samples are at a cut."""
+"""Chords of the begin of a closed path that come again at its end: it begins one before that nearest to the first
+point, to which the last point may be as near, and two are at a cut."""
 
 
 class PathError(InputStruct, frozen=True):
@@ -177,7 +148,7 @@ class PathError(InputStruct, frozen=True):
         return [f"point.{self.point}.{kind}.{axis}" for axis in axes]
 
     def requested(self, mechanism: Mechanism) -> list[str]:
-        return [name for kind in ("position", "velocity", "acceleration") for name in self.quantities(kind)]
+        return [*self.quantities("position"), *self.quantities("velocity")]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         return UNITS
@@ -198,10 +169,11 @@ class PathError(InputStruct, frozen=True):
                 "a path is followed by a motion in time", expected="a problem of kind kinematics, inverse or forward"
             )
         axes, wanted = read_points(self.wanted)
-        path = _Path.of(run, self, wanted)
-        met = path.met() if self.times is None else path.at_times(np.array([float(time) for time in self.times]))
-        errors = np.linalg.norm(met.places - wanted, axis=1)
-        squares, left = float(errors @ errors), met.left
+        path = _Path.of(run, (self.quantities("position"), self.quantities("velocity")), wanted)
+        t = path.met() if self.times is None else np.array([float(time) for time in self.times])
+        places = path.refined[1] if self.times is None else path.at_times(t)
+        errors, left = np.linalg.norm(places - wanted, axis=1), path.left(t, places, self.times is not None)
+        squares = float(errors @ errors)
         known = {
             "rms": float(np.linalg.norm(left)) / len(left) ** 0.5,
             "peak": float(left.max()),
@@ -209,46 +181,26 @@ class PathError(InputStruct, frozen=True):
         }
         values = {"rms": (squares / len(errors)) ** 0.5, "peak": float(errors.max()), "sum_of_squares": squares}
         numbers = {name: Series(name, UNITS[name], np.array([value])) for name, value in values.items()}
-        rows: list[tuple[Cell, ...]] = [
-            (str(k), t, *w, *p, e)
-            for k, (t, w, p, e) in enumerate(
-                zip(met.t.tolist(), wanted.tolist(), met.places.tolist(), errors.tolist(), strict=True), start=1
-            )
-        ]
+        lines = zip(t.tolist(), wanted.tolist(), places.tolist(), errors.tolist(), strict=True)
+        rows: list[tuple[Cell, ...]] = [(str(k), time, *w, *p, e) for k, (time, w, p, e) in enumerate(lines, start=1)]
         columns = ("point", "met at", *(f"wanted {axis}" for axis in axes), *axes, "error")
-        table = SectionTable("points", "Wanted points, and where the path passes them", columns,
-                             (None, SECOND, *(METRE,) * (2 * len(axes) + 1)), rows)  # fmt: skip
+        units = (None, SECOND, *(METRE,) * (2 * len(axes) + 1))
+        table = SectionTable("points", "Wanted points, and where the path passes them", columns, units, rows)
         how = "in their order, at the best instants" if self.times is None else "at the prescribed instants"
         remarks = [
             f"error: rms {values['rms']:.6g} m, peak {values['peak']:.6g} m, {len(errors)} points, met {how}",
             f"distances are known to {known['peak']:.1e} m beside the error of the motion",
         ]
-        return Section("path_error", f"Error of the path of {self.point}", [table], numbers, remarks,
-                       _graphs(axes, path, wanted), known)  # fmt: skip
+        graphs, title = _graphs(axes, path, wanted), f"Error of the path of {self.point}"
+        return Section("path_error", title, [table], numbers, remarks, graphs, known)
 
 
-@dataclass(frozen=True)
-class _Met:
-    """Where a path meets points.
-
-    Attributes:
-        t: Instants, shape (n,).
-        places: Places there [m], shape (n, axes).
-        left: By how much their distances from the points may be wrong [m], shape (n,).
-    """
-
-    t: Array
-    places: Array
-    left: Array
-
-
-@dataclass(frozen=True)
-class _Path:
+class _Path(Record, frozen=True):
     """A path and the points that it is to meet.
 
     Attributes:
         run: The run.
-        names: Quantities of the places, velocities and accelerations.
+        names: Quantities of the places and velocities.
         wanted: The points [m], shape (n, axes).
         interval: Number of the interval of every sample, shape (samples,).
         t: Instants of the samples, shape (samples,).
@@ -256,34 +208,33 @@ class _Path:
     """
 
     run: Lookup
-    names: tuple[list[str], list[str], list[str]]
+    names: tuple[list[str], list[str]]
     wanted: Array
-    interval: Array
+    interval: Indices
     t: Array
     places: Array
 
     @classmethod
-    def of(cls, run: Lookup, asked: PathError, wanted: Array) -> _Path:
-        names = asked.quantities("position"), asked.quantities("velocity"), asked.quantities("acceleration")
+    def of(cls, run: Lookup, names: tuple[list[str], list[str]], wanted: Array) -> _Path:
         whole = run.run.grid.cuts[-1] - run.run.grid.cuts[0]
-        interval, t, places = list[Array](), list[Array](), list[Array]()
-        for number, (start, end, _) in enumerate(run.intervals):
-            if end > start:
-                at = np.linspace(start, end, FEW + round(SAMPLES * (end - start) / whole))
-                interval.append(np.full(len(at), number))
-                t.append(at)
-                places.append(_stacked(run.quantities_at(number, at), names[0]))
-        if not t:
+        spots = [
+            (number, np.linspace(start, end, FEW + round(SAMPLES * (end - start) / whole)))
+            for number, (start, end, _) in enumerate(run.intervals)
+            if end > start
+        ]
+        if not spots:
             raise InputError("the run has no length: there is no path")
-        return cls(run, names, wanted, np.concatenate(interval), np.concatenate(t), np.concatenate(places))
+        places = np.concatenate(run.heights(lambda rows: _stacked(rows, names[0]), spots))
+        interval = np.repeat([number for number, _ in spots], [len(t) for _, t in spots])
+        return cls(run, names, wanted, interval, np.concatenate([t for _, t in spots]), places)
 
-    def met(self) -> _Met:
-        """Return the best instants in the order of the points.
+    def met(self) -> Array:
+        """Return the best instants in the order of the points, shape (n,).
 
         Raises:
             InputError: Two points are best met at one instant, or one after the other only in the other order.
         """
-        t, places = self._refined(self._ordered())
+        t = self.refined[0]
         behind = np.roll(np.arange(len(t)), -1)
         others = np.linalg.norm(self.wanted[behind] - self.wanted, axis=1) > ONE_INSTANT
         length = self.run.run.grid.cuts[-1] - self.run.run.grid.cuts[0]
@@ -302,26 +253,7 @@ class _Path:
                 f"to it at t = {t[k]:.6g} s",
                 hint="another order of the points, other lengths, or a longer run",
             )
-        return _Met(t, places, self._left(t, places))
-
-    def _left(self, t: Array, places: Array) -> Array:
-        """Return by how much the path may be nearer to the points about instants than at these [m], shape (n,).
-
-        Nothing but rounding where Newton's steps have led to the nearest place; where they have not, as at rest, it is
-        nearer at other instants, and may be nearer between these.
-        """
-        distances = np.linalg.norm(places - self.wanted, axis=1)
-        left = np.full(len(t), ROUNDING * self._size + PLACE * float(np.abs(self.places).max()))
-        for number, (start, end, _) in enumerate(self.run.intervals):
-            here = np.flatnonzero((t >= start) & (t <= end))
-            if start < end and len(here):
-                spacing = np.diff(self.t[self.interval == number]).max()
-                near = np.clip(t[here, None] + spacing * AROUND, start, end)
-                at = self._states(number, near.ravel())[0].reshape(*near.shape, -1)
-                around = np.linalg.norm(at - self.wanted[here, None], axis=2)
-                nearer = distances[here] - around.min(axis=1)
-                left[here] += np.where(nearer > left[here], 2.0 * nearer, 0.0)
-        return left
+        return t
 
     @cached_property
     def _size(self) -> float:
@@ -332,92 +264,77 @@ class _Path:
         """Whether the path ends where it begins."""
         return float(np.linalg.norm(self.places[-1] - self.places[0])) <= 1e-6 * self._size
 
-    def _ordered(self) -> Array:
-        """Return the samples nearest to the points in their order, shape (n,).
+    @cached_property
+    def _chords(self) -> Indices:
+        """The samples at which chords begin that end at the next sample, shape (chords,)."""
+        return np.flatnonzero(self.interval[1:] == self.interval[:-1])
 
-        A path that closes may begin anywhere: every sample at which it is locally nearest to the first point is tried
-        as its begin, and comes again at its end.
+    def _ordered(self) -> Indices:
+        """Return the chords nearest to the points in their order, shape (n,).
+
+        A path that closes may begin anywhere: every chord that is locally nearest to the first point is tried as its
+        begin, and comes again at its end.
         """
         squares = self._squares()
         count = squares.shape[1]
         begins = [0, *(_local_minima(squares[0]) if self._closed else ())]
         along = np.arange(count + (AGAIN if self._closed else 0))
         choices = [(*_monotone(squares[:, (begin + along) % count]), begin) for begin in begins]
-        _, rows, begin = min(choices, key=lambda choice: choice[0])
-        return np.asarray((rows + begin) % count)
+        _, chords, begin = min(choices, key=lambda choice: choice[0])
+        return np.asarray((chords + begin) % count)
 
     def _squares(self) -> Array:
-        """Return the squares of the distances of the points to the path about every sample [m²], shape (n, samples).
+        """Return the squares of the distances of the points from the chords [m²], shape (n, chords)."""
+        low, way = self.places[self._chords], self.places[self._chords + 1] - self.places[self._chords]
+        length, off = (way**2).sum(axis=1), self.wanted[:, None] - low
+        share = np.clip((off * way).sum(axis=2) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+        return np.asarray(((off - share[..., None] * way) ** 2).sum(axis=2))
 
-        About a sample that is nearer than both beside it the path is the parabola through all three: the distances of
-        samples alone do not tell which of two passes of the path is the nearer one.
-        """
-        squares: Array = ((self.places - self.wanted[:, None, :]) ** 2).sum(axis=2)
-        within = self.interval[2:] == self.interval[:-2]
-        low = (squares[:, 1:-1] <= squares[:, :-2]) & (squares[:, 1:-1] <= squares[:, 2:]) & within
-        points, rows = low.nonzero()
-        before, middle, after = (self.places[rows + shift] for shift in range(3))
-        off, slope, bend = middle - self.wanted[points], 0.5 * (after - before), after - 2.0 * middle + before
-        s = np.zeros((len(rows), 1))
-        for _ in range(PARABOLA):
-            away, rate = off + s * (slope + 0.5 * s * bend), slope + s * bend
-            rise = (rate * rate + away * bend).sum(axis=1, keepdims=True)
-            step = (away * rate).sum(axis=1, keepdims=True) / np.where(rise > 0.0, rise, np.inf)
-            s = np.clip(s - step, -1.0, 1.0)
-        nearest = ((off + s * (slope + 0.5 * s * bend)) ** 2).sum(axis=1)
-        squares[points, rows + 1] = np.minimum(squares[points, rows + 1], nearest)
-        return squares
+    @cached_property
+    def refined(self) -> tuple[Array, Array]:
+        """Instants near the nearest chords and those beside them at which the path is nearest, and its places there."""
+        from scipy.optimize.elementwise import find_root
 
-    def _refined(self, rows: Array) -> tuple[Array, Array]:
-        """Return the instants near samples, shape (n,), at which the path is nearest, and its places there.
+        count, shifts = len(self._chords), np.array([[0], [-1], [1]])
+        chords = self._ordered() + shifts
+        sample = self._chords[chords % count if self._closed else np.clip(chords, 0, count - 1)].ravel()
+        point = np.tile(np.arange(len(self.wanted)), len(shifts))
 
-        They are sought from each sample and from those before and behind it: the nearest place may be behind the end of
-        an interval, and at rest Newton's steps lead nowhere.
-        """
-        candidates = [(self.t[rows], self.places[rows])]
-        candidates += [self._nearest(starts) for starts in (rows, self._apart(rows, -1), self._apart(rows, 1))]
-        t, places = (np.stack(parts) for parts in zip(*candidates, strict=True))
+        def slope(t: Array, at: Array) -> Array:
+            p, v = self._states(self.interval[sample[at.astype(int)]], t)
+            return np.asarray(((p - self.wanted[point[at.astype(int)]]) * v).sum(axis=1))
+
+        low, high = self.t[sample], self.t[sample + 1]
+        inside = find_root(slope, (low, high), args=(np.arange(len(sample)),)).x
+        t = np.stack([np.where(np.isnan(inside), low, inside), low, high])
+        places = np.stack([self._states(self.interval[sample], row)[0] for row in t])
+        t, places = t.reshape(-1, len(self.wanted)), places.reshape(-1, *self.wanted.shape)
         errors = np.linalg.norm(places - self.wanted, axis=2)
-        best = (errors <= errors.min(axis=0) + ROUNDING * self._size).argmax(axis=0), np.arange(len(rows))
+        best = (errors <= errors.min(axis=0) + ROUNDING * self._size).argmax(axis=0), np.arange(len(self.wanted))
         return t[best], places[best]
 
-    def _apart(self, rows: Array, way: int) -> Array:
-        """Return the next samples before (way -1) or behind (1) some that are at another place, else these."""
-        rows, back = np.unique(rows, return_inverse=True)
-        count = len(self.t)
-        next_ones = rows[:, None] + way * np.arange(1, count)
-        far = np.linalg.norm(self.places[next_ones % count] - self.places[rows][:, None], axis=2)
-        apart = (far > ONE_PLACE * self._size) & (self._closed | ((next_ones >= 0) & (next_ones < count)))
-        return np.where(apart.any(axis=1), rows + way * (1 + apart.argmax(axis=1)), rows)[back] % count
+    def _states(self, interval: Indices, t: Array) -> tuple[Array, Array]:
+        """Return places and velocities at instants of intervals, each of shape (n, axes)."""
+        spots = [(int(number), t[k : k + 1]) for k, number in enumerate(interval)]
+        states = self.run.heights(lambda rows: _stacked(rows, [*self.names[0], *self.names[1]]), spots)
+        place, velocity = np.split(np.concatenate(states), 2, axis=1)
+        return place, velocity
 
-    def _nearest(self, rows: Array) -> tuple[Array, Array]:
-        """Return the instants near samples, within their intervals, at which the path is nearest, and its places."""
-        t, places = self.t[rows].copy(), self.places[rows].copy()
-        for number in np.unique(self.interval[rows]).tolist():
-            here = np.flatnonzero(self.interval[rows] == number)
-            start, end, _ = self.run.intervals[number]
-            spacing = np.diff(self.t[self.interval == number]).max()
-            low, high = np.maximum(t[here] - spacing, start), np.minimum(t[here] + spacing, end)
-            for _ in range(STEPS):
-                p, v, a = self._states(number, t[here])
-                off = p - self.wanted[here]
-                slope, bend = (off * v).sum(axis=1), (v * v).sum(axis=1) + (off * a).sum(axis=1)
-                step = np.where(bend > 0.0, -slope / np.where(bend > 0.0, bend, 1.0), 0.0)
-                before, t[here] = t[here], np.clip(t[here] + step, low, high)
-                if np.abs(t[here] - before).max() <= SETTLED * spacing:
-                    break
-            places[here] = self._states(number, t[here])[0]
-        return t, places
+    def left(self, t: Array, places: Array, prescribed: bool) -> Array:
+        """Return by how much distances may be wrong: rounding, and how much nearer the path is about instants [m]."""
+        left = np.full(len(t), ROUNDING * self._size + 4e-15 * float(np.abs(self.places).max()))
+        for number, (start, end, _) in enumerate(self.run.intervals):
+            here = np.flatnonzero((t >= start) & (t <= end))
+            if start < end and len(here) and not prescribed:
+                spacing = np.diff(self.t[self.interval == number]).max()
+                near = np.clip(t[here, None] + spacing * AROUND, start, end)
+                around = self._states(np.full(near.size, number), near.ravel())[0].reshape(*near.shape, -1)
+                nearest = np.linalg.norm(around - self.wanted[here, None], axis=2).min(axis=1)
+                nearer = np.linalg.norm(places[here] - self.wanted[here], axis=1) - nearest
+                left[here] += np.where(nearer > left[here], 2.0 * nearer, 0.0)
+        return left
 
-    def _states(self, number: int, t: Array) -> tuple[Array, Array, Array]:
-        """Return places, velocities and accelerations at instants of an interval, each of shape (n, axes)."""
-        order = t.argsort()
-        rows = self.run.quantities_at(number, t[order])
-        back = order.argsort()
-        place, velocity, acceleration = (_stacked(rows, names)[back] for names in self.names)
-        return place, velocity, acceleration
-
-    def at_times(self, times: Array) -> _Met:
+    def at_times(self, times: Array) -> Array:
         """Return where the path is at prescribed instants.
 
         Raises:
@@ -425,8 +342,7 @@ class _Path:
         """
         with within("times"):
             rows = [self.run.at({"t": f"{time!r} s"}, self.names[0][0]) for time in times.tolist()]
-        places = np.concatenate([_stacked(row, self.names[0]) for row in rows])
-        return _Met(times, places, np.full(len(times), PLACE * float(np.abs(self.places).max())))
+        return np.concatenate([_stacked(row, self.names[0]) for row in rows])
 
 
 def _stacked(rows: Quantities, names: list[str]) -> Array:

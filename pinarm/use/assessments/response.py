@@ -29,7 +29,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Time, check_unit
-from pinarm.use.result.curve_places import looked_at, root
+from pinarm.use.result.curve_numbers import looked_at, roots
 from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
@@ -185,7 +185,7 @@ class _Step:
     def _peak(self, doubt: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the largest z and when it is, each with its error: so far away z may be as large."""
         t, sign = self.run.run.grid.t, float(np.sign(self.size))
-        values = np.where(t >= self.begin, sign * self.run.quantities[self.name].values, -np.inf)
+        values = np.where(t >= self.begin, self.run.quantities[self.name].values, -sign * np.inf)
         lacks = f"{self.name} has no {'largest' if sign > 0.0 else 'smallest'} value"
         peak = self.run.highest_of(self.curve, values, (sign,), lacks, doubt * abs(self.size))
         rise, bend = max(peak.error / abs(self.size), doubt), 0.0
@@ -232,7 +232,7 @@ class _Step:
         low, high = float(t[k]), float(t[k + 1])
         if owners[k] != owners[k + 1]:
             return high, high - low
-        return (root(self.curve, int(owners[k]), low, high, level) if gaps[k + 1] else high), 0.0
+        return (float(roots(self.curve, int(owners[k]), t[[k]], t[[k + 1]], level)[0]) if gaps[k + 1] else high), 0.0
 
     def _looked_at(self, level: float) -> tuple[Indices, Array, Array]:
         """Return intervals, and instants in them between which y has a value once at most, and ``y - level`` there."""

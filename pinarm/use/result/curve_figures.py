@@ -23,13 +23,13 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.records import ValueRecord
-from pinarm.use.result import curve_integrals
-from pinarm.use.result.row_lookup import MISPLACED, Lookup
+from pinarm.use.result import curve_numbers
+from pinarm.use.result.curve import Endless
+from pinarm.use.result.row_lookup import Lookup
 
-PIECES, PER_STEP, ROWS = 600, 2, 4
-"""Pieces of 17 states that the integrals of a run may take in halving, those for each of its intervals and each step of
-its integrator, and how many rows bring a further one: a kink takes 70, and between two steps a motion is a polynomial.
-The error that is left is told."""
+PIECES, PER_STEP = 600, 2
+"""Pieces of 17 states that the integrals of a run may take in halving, and those for each of its intervals and steps: a
+kink takes 70, and between two steps a motion is a polynomial. The error that is left is told."""
 
 ROUNDING = 4e-16
 """Of a sum of a few hundred terms, relative to their sum."""
@@ -72,19 +72,14 @@ def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
     share, values = _percentage(name), run.quantities[quantity].values
     if np.isnan(values).any() or (share is not None and np.isinf(values).any()):
         raise InputError(f"{quantity} is not finite everywhere: it has no {name}")
-    value, error = FIGURES[name](run, quantity) if share is None else _percentile(run, quantity, share)
-    if not np.isfinite(error):
-        raise _without_end(run, quantity, name)
-    return CurveFigure(float(value), float(error), figure_unit(run.quantities, quantity, name))
-
-
-def _without_end(run: Lookup, quantity: str, name: str) -> InputError:
-    """Return the error for an infinite integral of a quantity or of its square, with its place where known."""
     try:
-        run.extreme("largest", quantity)
-    except InputError as why:
-        return InputError(f"{quantity} has no {name}, as its integral has no end: {why.message}", expected=why.expected)
-    return InputError(f"{quantity} has no {name}, as its integral has no end", expected="a quantity that is finite")
+        value, error = FIGURES[name](run, quantity) if share is None else _percentile(run, quantity, share)
+    except Endless as pole:
+        raise InputError(f"{quantity} has no {name}: {pole.message}", expected=pole.expected) from None
+    if not np.isfinite(error):
+        hint = f"'{quantity} @ largest' tells where it is infinite"
+        raise InputError(f"{quantity} has no {name}, as its integral has no end", hint=hint)
+    return CurveFigure(float(value), float(error), figure_unit(run.quantities, quantity, name))
 
 
 def stands_alone(rows: Trajectory, quantity: str, name: str) -> InputError:
@@ -125,12 +120,9 @@ def integrals(
         of: The quantities of which they are functions, where these may be formulas.
     """
     run.require_few_points()
-    most = PIECES + PER_STEP * (len(run.intervals) + sum(map(len, run.steps))) + len(run.run) // ROWS
-    total, error = curve_integrals.integrals(run.curve(integrand, of), least, most)
-    rows = integrand(run.quantities)
-    sizes = np.max(np.abs(rows), axis=0, where=np.isfinite(rows), initial=0.0)
-    misplaced = MISPLACED * sum(float(np.abs(t).sum()) for name in of for t in run.switches(name))
-    return total, error + ROUNDING * np.abs(total) + misplaced * sizes
+    most = PIECES + PER_STEP * (len(run.intervals) + sum(map(len, run.steps)))
+    total, error = curve_numbers.integrals(run.curve(integrand, of), least, most)
+    return total, error + ROUNDING * np.abs(total)
 
 
 def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
@@ -200,7 +192,7 @@ def _percentile(run: Lookup, quantity: str, share: float) -> tuple[float, float]
     if not run.length:
         return _single(run, quantity)
     run.require_few_points()
-    value, error = curve_integrals.percentile(run.curve_of(quantity), share / 100.0)
+    value, error = curve_numbers.percentile(run.curve_of(quantity), share / 100.0)
     return value, error + ROUNDING * abs(value)
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
-from pinarm.use.result.measures import SOLVED
-from pinarm.use.result.natural_sizes import ZERO, natural_sizes
+from pinarm.use.result.measures import SOLVED, ZERO, natural_sizes
 from pinarm.use.result.numbers import AnyNumber, CombinedNumber, RunNumber
 from pinarm.use.result.numbers import measured as measured_number
 

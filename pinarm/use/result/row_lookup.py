@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
-from itertools import pairwise
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,9 +16,9 @@ from pinarm.engine.quantities.names import OPERATORS, Quantities
 from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
-from pinarm.use.result.curve import DEGREE, NODES, Curve, Pieces, Span, Spots
-from pinarm.use.result.curve_places import Endless, Peak, higher, highest, zeros, zeros_of_angle
-from pinarm.use.result.natural_sizes import ZERO, natural_sizes
+from pinarm.use.result.curve import DEGREE, Curve, Endless, Span, Spots
+from pinarm.use.result.curve_numbers import Peak, crossings, higher, highest, looked_at, zeros, zeros_of_angle
+from pinarm.use.result.measures import ZERO, natural_sizes
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
@@ -29,19 +29,19 @@ Place = str | Mapping[str, str | int | float]
 Function = Callable[[Quantities], Array]
 """Quantities of n rows -> values of k functions there, shape (n, k), or (n,) of one function."""
 
-_EXTREMES: dict[str, tuple[str, tuple[float, ...], Callable[[Array], Array]]] = {
-    "max": ("largest value", (1.0,), lambda x: x),
-    "min": ("smallest value", (-1.0,), lambda x: -x),
-    "largest": ("largest size", (1.0, -1.0), lambda x: np.abs(x)),
+_EXTREMES: dict[str, tuple[str, tuple[float, ...]]] = {
+    "max": ("largest value", (1.0,)),
+    "min": ("smallest value", (-1.0,)),
+    "largest": ("largest size", (1.0, -1.0)),
 }
-"""Name of an extreme -> what it is, in words; the signs with which values are searched; and what is largest there."""
+"""Name of an extreme -> what it is, in words, and the signs with which values are searched."""
 
 PLATEAU = 1e-12
 """Relative difference to an extreme below which a row of the table is the extreme: the first of them is."""
 
-NEARER, FARTHER = 2.0 ** -np.arange(46.0, 15.0, -1.0), 2.0 ** -np.arange(15.0, -1.0, -1.0)
-"""Ways from an extreme at which it is looked how far it is level, as parts of those to the ends of its interval: the
-far ones where it is level at all that are near."""
+WAYS = 2.0 ** -np.arange(46.0, -1.0, -1.0)
+"""Ways from a place at which it is looked how far a quantity is level, as parts of those to the ends of its interval,
+ascending."""
 
 DECIDED = 1e-6
 """Relative difference between an extreme among other instants and solved alone from which on rounding decides it."""
@@ -49,38 +49,30 @@ DECIDED = 1e-6
 SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
 
-PARTS = 4
-"""Pieces, of 17 states each, of an interval at first, however many rows it has: a peak of a law's motion that is
-narrower than the largest distance of such states, a 40th of the interval, and at no point of a law, may be missed."""
+PARTS, MOST_INTERVALS = 4, 100
+"""Pieces, of 17 states each, of an interval at first, however many rows it has; one where there are more intervals, as
+between bounces."""
 
-STEPS_IN_PIECE, MOST_PIECES = 16, 64
-"""Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next:
-there is about a state for each of them, where the integrator took ten; and such pieces of an interval at most."""
-
-SHORT = 0.025
-"""Part of a piece below which a step of the integrator may lie between the points at which the piece is looked into."""
-
-MOST_INTERVALS = 100
-"""Intervals up to which they are; of more, as between bounces or passages of a profile, each is one part."""
+STEPS_IN_PIECE, MOST_PIECES = 16, 256
+"""Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next;
+and such pieces of an interval at most."""
 
 MOST_JUMPS, BESIDE = 10_000, 1e-8
 """Jumps of loads up to which quantities are looked at on both sides of each, and how far before it, as a part of the
 time since the one before."""
 
 KEPT, TOGETHER = 20, 100_000
-"""Sets of points whose states are kept: several quantities begin with the same points. Velocities of states that are
-solved together at most, and five times of those that are kept."""
+"""Sets of states that are kept, as several quantities begin with the same points; velocities of states that are solved
+together at most, and five times of those that are kept."""
 
 MOST_STATES = 20_000_000
 """Velocities of the states that are looked at between the points of laws at most, those for one integral."""
 
+MOST_SWITCHES = 100
+"""Places of a run at which formulas switch at most: of more, as of a sawtooth, each tooth is seen as it is."""
+
 BAND_ENDS = (".effort.lower", ".effort.upper")
 """Last words of the ends of a band of efforts."""
-
-MOST_SWITCHES, NESTED, MISPLACED, BESIDE_SWITCH = 100, 4, 4e-15, 1e-14
-"""Places of a run at which formulas switch at most: of more, as of a sawtooth, each tooth is seen as it is. How deep
-functions that switch are looked into. Part of an instant by which such a place may be off, and how far its
-sides are from it."""
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
@@ -175,17 +167,13 @@ class Lookup(Record, frozen=True):
         """Numbers of the intervals that have a length."""
         return [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
 
-    @property
-    def parts_of_each(self) -> int:
-        """Number of pieces of an interval at least."""
-        return PARTS if len(self._wide) <= MOST_INTERVALS else 1
-
     def _bounds(self, interval: int) -> Array:
         """Return where an interval is cut into its first pieces: evenly, and at ends of steps."""
         (start, end, _), ends = self.intervals[interval], self.steps[interval]
         pieces = min(-(-len(ends) // STEPS_IN_PIECE), MOST_PIECES)
         cuts = ends[np.arange(1, pieces) * len(ends) // pieces] if pieces > 1 else ends[:0]
-        return distinct(np.concatenate([np.linspace(min(start, end), max(start, end), self.parts_of_each + 1), cuts]))
+        parts = PARTS if len(self._wide) <= MOST_INTERVALS else 1
+        return distinct(np.append(np.linspace(min(start, end), max(start, end), parts + 1), cuts))
 
     def require_few_points(self) -> None:
         """Raise where laws have more points than can be looked between.
@@ -206,19 +194,17 @@ class Lookup(Record, frozen=True):
         """Return the quantities at values of the parameter in one interval, shape (n,); the last ones are kept."""
         asked = interval, t.tobytes()
         if asked not in self._kept:
-            self._forget(len(t))
-            self._kept[asked] = self.quantities.of(self._rows_at(interval, t))
+            states = self.quantities.of(self._rows_at(interval, t))
+            if len(t) * self._width > 5 * TOGETHER // KEPT:
+                return states
+            if len(self._kept) >= KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[asked] = states
         return self._kept[asked]
 
     @property
     def _width(self) -> int:
         return max(1, int(self.run.mechanism.model.nv))
-
-    def _forget(self, more: int) -> None:
-        """Forget the states that were asked for first, as far as there are too many with some more."""
-        room = 5 * TOGETHER // self._width - more
-        while self._kept and (len(self._kept) >= KEPT or sum(len(t) // 8 for _, t in self._kept) > room):
-            del self._kept[next(iter(self._kept))]
 
     def _rows_at(self, interval: int, t: Array) -> Trajectory:
         if self.motion is None:
@@ -257,105 +243,55 @@ class Lookup(Record, frozen=True):
             function: The functions.
             of: The quantities of which they are functions, where these may be formulas.
         """
-        rows, points = function(self.quantities), [spot for spot in self._points if len(spot[1])]
-        known = dict[int, list[tuple[Array, Array]]]()
-        for (interval, t), f in zip(points, self.heights(function, points), strict=True):
-            known.setdefault(interval, []).append((t, f))
+        rows, spots = function(self.quantities), [spot for spot in self._points if len(spot[1])]
+        known = {interval: (t, f) for (interval, t), f in zip(spots, self.heights(function, spots), strict=True)}
         switches, spans = [self.switches(name) for name in of], list[Span]()
         for k in self._wide:
-            own = self.intervals[k][2]
-            t, f = (
-                np.concatenate(parts)
-                for parts in zip((self.run.grid.t[own], rows[own]), *known.get(k, ()), strict=True)
-            )
-            f = f[:, None] if f.ndim == 1 else f
-            t, first = np.unique(np.where(np.isfinite(f).all(axis=1), t, np.nan), return_index=True)
-            ends = np.abs(self.intervals[k][:2]).max()
-            here = distinct(np.concatenate([np.empty(0), *(switch[k] for switch in switches)]))
-            bounds, points_of = distinct(np.append(self._bounds(k), here)), np.append(self.knots[k], self.jumps[k])
-            sides = np.concatenate([here - BESIDE_SWITCH * ends, here + BESIDE_SWITCH * ends])
-            jumps = distinct(np.append(self.jumps[k], here))
-            finite = np.isfinite(t)
-            spans.append(Span(k, bounds, distinct(points_of), self.steps[k], jumps, sides, t[finite], f[first][finite]))
+            own, here = self.intervals[k][2], distinct(np.concatenate([np.empty(0), *(each[k] for each in switches)]))
+            t, f = self.run.grid.t[own], rows[own]
+            if k in known:
+                t, f = (np.concatenate(pair) for pair in zip((t, f), known[k], strict=True))
+            f = f.reshape(len(t), -1) if len(t) else np.empty((0, rows.shape[-1] if rows.ndim > 1 else 1))
+            finite = np.isfinite(f).all(axis=1)
+            t, first = np.unique(t[finite], return_index=True)
+            bounds, jumps = distinct(np.append(self._bounds(k), here)), distinct(np.append(self.jumps[k], here))
+            points = distinct(np.append(self.knots[k], self.jumps[k]))
+            spans.append(Span(k, bounds, points, self.steps[k], jumps, t, f[finite][first]))
         return Curve(lambda spots: self.heights(function, spots), spans)
 
     @cached_property
     def _points(self) -> list[tuple[int, Array]]:
-        """Points of laws, ends of short steps, and both sides of jumps of loads, in the wide intervals."""
+        """Points of laws, and both sides of jumps of loads, in the wide intervals."""
         points = list[tuple[int, Array]]()
         for k in self._wide:
-            edges, ends, jumps = self._bounds(k), self.steps[k], self.jumps[k]
-            piece = np.clip(np.searchsorted(edges, ends), 1, len(edges) - 1) - 1
-            short = ends[np.diff(ends, prepend=edges[0]) < SHORT * np.diff(edges)[piece]]
-            before = jumps - BESIDE * np.diff(jumps, prepend=edges[0])
-            points.append((k, distinct(np.concatenate([self.knots[k], short, jumps, before]))))
+            jumps = self.jumps[k]
+            before = jumps - BESIDE * np.diff(jumps, prepend=min(self.intervals[k][:2]))
+            points.append((k, distinct(np.concatenate([self.knots[k], jumps, before]))))
         return points
 
     def switches(self, name: str) -> list[Array]:
         """Return where formulas behind a name go from one smooth part to another, interval by interval, ascending.
 
-        They do as ``abs``, ``min``, ``%`` and comparisons do; what lies between two such places may be narrow. The
-        arguments on which they hang are smooth, and tell where it is; those that switch themselves, as in
-        ``min(abs(x), y)``, are smooth between the places where these do. None are returned where there are too many,
-        and none of functions that are not smooth between others' places.
+        They do as ``abs``, ``min``, ``%`` and comparisons do: where functions that are smooth change their signs. What
+        lies between two such places may be narrow. None are returned where there are too many.
         """
         if name not in self._switches:
-            self._switches[name] = self._found_switches(name)
+            switches = self._found_switches(name)
+            few = sum(map(len, switches)) <= MOST_SWITCHES
+            self._switches[name] = switches if few else [np.empty(0)] * len(switches)
         return self._switches[name]
 
     def _found_switches(self, name: str) -> list[Array]:
-        none = [np.empty(0)] * len(self.intervals)
-        try:
+        places = [[np.empty(0)] for _ in self.intervals]
+        with suppress(InputError):  # a name from a model with marks of formulas in it, or an infinite operand
             count = len(self.quantities.switches(name)) if self.motion is not None else 0
-        except InputError:  # a name from a model, with marks of formulas in it
-            return none
-        if not count:
-            return none
-        known, function = list[_Switch](), lambda rows: np.stack(rows.switches(name), axis=1)
-        for _ in range(NESTED):
-            brackets = [*self._brackets(function, known)]
-            if len(brackets) + len(known) > MOST_SWITCHES:
-                return none
-            switches = [*self._crossed(function, brackets)]
-            if not switches:
-                break
-            known += switches
-        return [
-            distinct([switch.t for switch in known if switch.interval == k]) if known else none[k]
-            for k in range(len(self.intervals))
-        ]
-
-    def _brackets(self, function: Function, known: Sequence[_Switch]) -> Iterator[tuple[_Switch, float]]:
-        """Yield where functions change their signs between neighbouring places: from a place to the next one."""
-        for k in self._wide:
-            bounds, own = self._bounds(k), self.intervals[k][2]
-            nodes = [0.5 * (low + high) + 0.5 * (high - low) * NODES[0] for low, high in pairwise(bounds.tolist())]
-            places = [self.run.grid.t[own], *nodes, np.array([switch.t for switch in known if switch.interval == k])]
-            t = distinct(np.concatenate(places))
-            (values,) = self.heights(function, [(k, t)])
-            signs = np.sign(values)
-            for switch in known:
-                signs[t == switch.t, switch.function] *= switch.interval != k
-            for row, of in np.argwhere(signs[:-1] * signs[1:] < 0.0).tolist():
-                yield _Switch(k, of, float(t[row])), float(t[row + 1])
-
-    def _crossed(self, function: Function, brackets: Sequence[tuple[_Switch, float]]) -> Iterator[_Switch]:
-        """Yield the zeros of functions in brackets in which they are smooth, corrected by Newton's method."""
-        spots = [(at.interval, 0.5 * (at.t + high) + 0.5 * (high - at.t) * NODES[0]) for at, high in brackets]
-        zeros = list[tuple[Pieces, _Switch]]()
-        for (at, high), f in zip(brackets, self.heights(function, spots), strict=True):
-            nothing = np.zeros((1, 1))
-            ends = np.array([at.interval]), np.array([at.t]), np.array([high])
-            fit = Pieces(
-                *ends, np.zeros(1, np.intp), f[None, :, at.function : at.function + 1], nothing, nothing, nothing
-            )
-            if fit.resolved[0, 0] and len(places := fit.zeros(0)):
-                zeros.append((fit, replace(at, t=float(places[0]))))
-        gaps = self.heights(function, [(at.interval, np.array([at.t])) for _, at in zeros])
-        for (fit, at), gap in zip(zeros, gaps, strict=True):
-            slope = fit.slope(0, at.t)
-            moved = at.t - float(gap[0, at.function]) / slope if slope else at.t
-            yield replace(at, t=min(max(moved, float(fit.low[0])), float(fit.high[0])))
+            for curve in (self.curve(partial(_switch, name=name, k=k)) for k in range(count)):
+                for interval in self._wide:
+                    start, end, rows = self.intervals[interval]
+                    rows_and_ends = distinct(np.append(self.run.grid.t[rows], [start, end]))
+                    t, gaps = looked_at(curve, interval, rows_and_ends, 0.0)
+                    places[interval].append(np.array(crossings(curve, interval, t, gaps, 0.0)))
+        return [distinct(np.concatenate(parts)) for parts in places]
 
     # Places
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
@@ -420,10 +356,15 @@ class Lookup(Record, frozen=True):
         """Return where a quantity has a value, in order; intervals are looked into between the rows."""
         curve, spots = self.curve_of(along), list[Spot]()
         find = zeros_of_angle if self._is_told_to_half_a_turn(along, value) else zeros
-        for k, (start, end, rows) in enumerate(self.intervals):
-            places = distinct(np.concatenate([self.run.grid.t[rows], [start, end], self.switches(along)[k]]))
+        for k, (start, end, _) in enumerate(self.intervals):
+            places = self.looked_at(along, k)
             spots += [(k, t) for t in find(curve, k, places, value)[:: 1 if start <= end else -1]]
         return spots
+
+    def looked_at(self, name: str, interval: int) -> Array:
+        """Return the rows, ends and switches of an interval, at which it is looked for values of a quantity."""
+        start, end, rows = self.intervals[interval]
+        return distinct(np.concatenate([self.run.grid.t[rows], [start, end], self.switches(name)[interval]]))
 
     def _is_told_to_half_a_turn(self, along: str, value: float) -> bool:
         """Tell whether a value may be that of an angle that jumps from 180 to -180 deg."""
@@ -484,11 +425,11 @@ class Lookup(Record, frozen=True):
         Raises:
             InputError: See ``extreme``.
         """
-        (peak, row), height = self._extreme(which, of), _EXTREMES[which][2]
-        value = float(row[name].values[0])
+        peak, row = self._extreme(which, of)
+        value, signs = float(row[name].values[0]), _EXTREMES[which][1]
 
         def lower(states: Quantities) -> Flags:
-            return np.asarray(height(states[of].values) < peak.height - 2.0 * peak.error)
+            return np.asarray(_height(states[of].values, signs) < peak.height - 2.0 * peak.error)
 
         return value, self.differs((peak.interval, peak.place), name, value, lower)
 
@@ -509,14 +450,13 @@ class Lookup(Record, frozen=True):
 
     def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
         """Return an extreme, and its row; see ``extreme``."""
-        word, signs, height = _EXTREMES[which]
+        word, signs = _EXTREMES[which]
         lacks, series = f"{name} has no {word}", self.quantities[name]
         slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
         places = self._rests if self._has_bands and not _plain(name) else []
-        peak = self.highest_of(self.curve_of(name), height(series.values), signs, lacks, slack, places)
-        peak = self._with_error_of_switch(peak, name, height)
+        peak = self.highest_of(self.curve_of(name), series.values, signs, lacks, slack, places)
         row = self._row(peak.interval, peak.place)
-        self._require_reproduced(peak, float(height(row[name].values)[0]), row[name].unit, lacks)
+        self._require_reproduced(peak, float(_height(row[name].values, signs)[0]), row[name].unit, lacks)
         return peak, row
 
     def highest_of(
@@ -526,19 +466,22 @@ class Lookup(Record, frozen=True):
 
         Args:
             curve: The curve.
-            values: Heights at the rows, shape (n,).
+            values: Its values at the rows, shape (n,).
             signs: Signs of its values, of which heights are the larger ones.
             lacks: That there is no largest value, in words.
             slack: Difference of heights that is rounding, where it is more than that of the largest.
             places: Where it may jump besides, for an instant only.
         """
+        heights = _height(values, signs)
         try:
-            finite = values[np.isfinite(values)]
-            if (endless := ~np.isfinite(values) & (values != -np.inf)).any() or not len(finite):
+            finite = heights[np.isfinite(heights)]
+            if (endless := ~np.isfinite(heights) & (heights != -np.inf)).any() or not len(finite):
                 raise Endless(float(self.run.grid.t[endless.argmax()]))
             slack = max(slack, PLATEAU * float(np.abs(finite).max()))
-            best = int((values >= finite.max() - slack).argmax())
-            row = top = Peak(float(values[best]), self._interval_of(best), float(self.run.grid.t[best]))
+            best = int((heights >= finite.max() - slack).argmax())
+            sign = next(sign for sign in signs if sign * values[best] == heights[best])
+            place = self._interval_of(best), float(self.run.grid.t[best])
+            row = top = Peak(float(heights[best]), *place, sign=sign)
             for sign in signs:
                 top = highest(curve, sign, higher(curve, sign, top, places), slack)
         except Endless as pole:
@@ -552,16 +495,6 @@ class Lookup(Record, frozen=True):
         if below <= slack:
             return replace(row, error=max(below + slack, top.error))
         return replace(top, error=max(top.error, slack, PLATEAU * abs(top.height)))
-
-    def _with_error_of_switch(self, peak: Peak, name: str, height: Callable[[Array], Array]) -> Peak:
-        """Return a peak with what its height changes by within rounding of its place, where formulas switch there."""
-        low, high = sorted(self.intervals[peak.interval][:2])
-        slack = MISPLACED * max(abs(low), abs(high))
-        if not (np.abs(self.switches(name)[peak.interval] - peak.place) <= 5.0 * slack).any():
-            return peak
-        beside = np.clip(peak.place + slack * np.array([-1.0, 1.0]), low, high)
-        (values,) = self.heights(lambda rows: rows[name].values, [(peak.interval, beside)])
-        return replace(peak, error=max(peak.error, float(np.abs(height(values) - peak.height).max())))
 
     def _require_reproduced(self, peak: Peak, alone: float, unit: Unit | None, lacks: str) -> None:
         """Raise where the state of an extreme has another value when it is solved without others beside it.
@@ -599,27 +532,22 @@ class Lookup(Record, frozen=True):
             elsewhere: States -> which of them are at another place for certain.
         """
         (interval, place), (start, end, _) = spot, self.intervals[spot[0]]
-        apart, sides = 0.0, [] if self.motion is None else [side for side in (start, end) if side != place]
-        for ways in (NEARER, FARTHER) if sides else ():
-            places = [place + (side - place) * ways for side in sides]
-            t = np.unique(np.concatenate(places))
-            states = self.quantities_at(interval, t)
-            other, differences, left = elsewhere(states), np.abs(states[name].values - value), list[float]()
-            for side, own in zip(sides, (t.searchsorted(side_places) for side_places in places), strict=True):
-                reached = int(other[own].argmax()) + 1 if other[own].any() else len(own)
-                apart = max(apart, float(differences[own[:reached]].max()))
-                left += [] if other[own].any() else [side]
-            if not (sides := left):
-                break
+        sides, apart = [] if self.motion is None else [side for side in (start, end) if side != place], 0.0
+        for side in sides:
+            forth = 1 if side > place else -1
+            states = self.quantities_at(interval, (place + (side - place) * WAYS)[::forth])
+            other, differences = elsewhere(states)[::forth], np.abs(states[name].values - value)[::forth]
+            apart = max(apart, float(differences[: int(other.argmax()) + 1 if other.any() else None].max()))
         return apart
 
 
-class _Switch(Record, frozen=True):
-    """Where a function changes its sign."""
+def _switch(rows: Quantities, name: str, k: int) -> Array:
+    return rows.switches(name)[k]
 
-    interval: int
-    function: int
-    t: float
+
+def _height(values: Array, signs: Sequence[float]) -> Array:
+    """Return the largest of values times signs, shape (n,)."""
+    return np.asarray(np.max([sign * values for sign in signs], axis=0))
 
 
 def _plain(name: str) -> bool:

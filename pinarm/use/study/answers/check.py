@@ -30,7 +30,7 @@ from pinarm.records import replace
 from pinarm.use.facade import Given
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import ERRATA, Expectation
-from pinarm.use.result.natural_sizes import ZERO, natural_sizes
+from pinarm.use.result.measures import ZERO, natural_sizes
 from pinarm.use.result.numbers import RunNumber, measured, names_number, read_number
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
