@@ -56,43 +56,28 @@ class Unknown(Measured):
             return super().read(value)
         if not {"from", "to"} <= value.keys() <= {"from", "to", "start"}:
             raise InputError("these are no bounds of a number", expected=BOUNDS)
-        given = {key: AnyQuantity.read(each) for key, each in value.items()}
-        units = [each.unit for each in given.values() if each.unit]
-        for each in given.values() if units else ():
-            each.check(units[0])
-        low, high = float(given["from"]), float(given["to"])
-        return cls.bounded(float(given.get("start", 0.5 * low + 0.5 * high)), units[0] if units else None, low, high)
-
-    @classmethod
-    def bounded(cls, start: float, written: Unit | None, low: float, high: float) -> Self:
-        """Return a number between bounds, all in SI.
-
-        Raises:
-            InputError: They are not in order.
-        """
-        unknown = cls._of(start, written)
+        numbers = {key: AnyQuantity.read(text) for key, text in value.items()}
+        units = [number.unit for number in numbers.values() if number.unit]
+        for number in numbers.values() if units else ():
+            number.check(units[0])
+        low, high = float(numbers["from"]), float(numbers["to"])
+        start = float(numbers.get("start", 0.5 * low + 0.5 * high))
+        unknown = cls._of(start, units[0] if units else None)
         unknown.low, unknown.high = low, high
         if not (low < high and low <= start <= high):
-            texts = [unknown.written(each) for each in (low, start, high)]
-            raise InputError(
-                f"the bounds {texts[0]} and {texts[2]} with the start {texts[1]} are not in order", expected=BOUNDS
-            )
+            texts = [unknown.written(bound) for bound in (low, start, high)]
+            message = f"the bounds {texts[0]} and {texts[2]} with the start {texts[1]} are not in order"
+            raise InputError(message, expected=BOUNDS)
         return unknown
 
     def written(self, value: float) -> str:
-        """Return a value in SI as files write it: in the unit of the start."""
+        """Return a value in SI as files write it, in the unit of the start."""
         return f"{float(value / self.unit.factor)!r} {self.unit}" if self.unit else repr(float(value))
 
     @property
     def factor(self) -> float:
         """SI value of one of its unit."""
         return self.unit.factor if self.unit else 1.0
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the number as its constructor and arguments."""
-        if self.low == -math.inf:
-            return type(self)._of, (float(self), self.unit)
-        return type(self).bounded, (float(self), self.unit, self.low, self.high)
 
 
 class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_that"}):
@@ -124,11 +109,7 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)] = 0
 
     def check(self) -> None:
-        """Refuse searches that say too little, or contradict themselves.
-
-        Raises:
-            InputError: Says what is missing.
-        """
+        """Refuse searches that say too little, or contradict themselves."""
         if sum(wish is not None for wish in (self.wanted, self.minimise, self.maximise)) != 1:
             raise InputError("find needs to know what is wanted", expected="one of so_that, minimise, maximise")
         if self.wanted is not None and self.subject_to:
@@ -167,30 +148,24 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
     def check_names(
         self, quantities: Quantities, sections: Mapping[str, Numbered], unit_at: Callable[[str], str]
     ) -> None:
-        """Check its names and units against the quantities of one row, with nothing solved.
-
-        Args:
-            quantities: Those of the scenario.
-            sections: What its sections are of, by key.
-            unit_at: Path -> the unit of the number there; empty where it has none.
-
-        Raises:
-            InputError: A name does not exist, or a value has another dimension.
-        """
+        """Check its names and units with nothing solved; ``unit_at`` knows the unit of the number at a path."""
         for path, unknown in self.unknown.items():
             with within("for", path):
                 require_unit(unknown, unit_at(path), path)
         for name, value in (self.wanted or {}).items():
             with within("so_that", name):
                 measured = self.number(name, sections)
-                series = measured.described(quantities, sections) if measured else quantities[name]
-                _check(value, series.unit)
+                unit = (measured.described(quantities, sections) if measured else quantities[name]).unit
+                if unit:
+                    value.check(unit)
         if self.objective:
             with within("minimise" if self.minimise is not None else "maximise"):
                 self.objective.described(quantities, sections)
         for condition in self.conditions:
             with within("subject_to", condition.number.label):
-                _check(condition.bound, condition.number.described(quantities, sections).unit)
+                unit = condition.number.described(quantities, sections).unit
+                if unit:
+                    condition.bound.check(unit)
 
     @staticmethod
     def number(name: str, sections: Mapping[str, Numbered]) -> AnyNumber | None:
@@ -198,19 +173,9 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
         return read_number(name) if names_number(name, sections) else None
 
     def case(self, values: Array) -> dict[str, str | float]:
-        """Return values, shape (k,) in SI, by their paths, as files have them: in the units of the starts."""
-        given = zip(self.unknown.items(), values.tolist(), strict=True)
-        return {path: unknown.written(value) if unknown.unit else value for (path, unknown), value in given}
-
-    @property
-    def tried(self) -> dict[str, list[str]]:
-        """Starts and bounds of its unknowns by their paths, as files write them."""
-        return {
-            path: [
-                unknown.written(value) for value in (float(unknown), unknown.low, unknown.high) if math.isfinite(value)
-            ]
-            for path, unknown in self.unknown.items()
-        }
+        """Return values, shape (k,) in SI, by their paths, as files have them, in the units of the starts."""
+        pairs = zip(self.unknown.items(), values.tolist(), strict=True)
+        return {path: unknown.written(value) if unknown.unit else value for (path, unknown), value in pairs}
 
     def figures(self, values: Array) -> dict[str, float]:
         """Return values, shape (k,) in SI, by their paths with units, in the units of the starts."""
@@ -222,7 +187,13 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
         """Where to start from, in SI, shape (k,)."""
         return np.array([float(unknown) for unknown in self.unknown.values()])
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds, in SI, shapes (k,)."""
+        unknowns = self.unknown.values()
+        return np.array([unknown.low for unknown in unknowns]), np.array([unknown.high for unknown in unknowns])
 
-def _check(value: Measured, measured: Unit | None) -> None:
-    if measured:
-        value.check(measured)
+    @property
+    def sign(self) -> float:
+        """1 where the objective is to be least, -1 where it is to be largest."""
+        return 1.0 if self.minimise is not None else -1.0

@@ -1,8 +1,8 @@
 """Optimisation: least value of a number of the run between bounds of the unknowns, with conditions.
 
 With the unknowns scaled to [0, 1] between their bounds, every start is followed down by sequential quadratic
-programming (SLSQP; Kraft, DFVLR-FB 88-28, 1988) with slopes by central differences. Where the best end is in a kink, as
-peaks of curves have them, or beside refused runs, it is improved without slopes (COBYQA; Ragonneau, 2022). Global
+programming (SLSQP; Kraft, DFVLR-FB 88-28, 1988) with slopes by central differences. The best end is improved without
+slopes (COBYQA; Ragonneau, 2022): it may be in a kink, as peaks of curves have them, or beside refused runs. Global
 searches begin with differential evolution (Storn and Price, J. Global Optim. 11, 1997) in place of the starts.
 """
 
@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
@@ -23,29 +22,20 @@ from pinarm.use.result.numbers import Condition
 DIFFERENCE = 1e-4
 """Half width of a difference, of the scaled unknowns: slopes err by its square, and by the error of runs over it."""
 
-KEPT = 1e-6
-"""Violation of a condition, relative to its size, up to which it counts as kept."""
-
-ACTIVE = 1e-4
-"""Margin of a condition, relative to its size, up to which it holds an optimum where it is."""
+KEPT, ACTIVE = 1e-6, 1e-4
+"""Relative to the size of a condition: violation up to which it is kept; margin up to which it holds an optimum."""
 
 REFUSED = 10.0
 """Scaled objective of runs that are refused, above the worst one that is not."""
 
-VANISHES = 1e-4
-"""Objective at the optimum, relative to that at the starts, below which the latter is what changes are relative to."""
-
 BESIDE = 1e-3
 """Largest distance of refused runs from the best point, scaled, at which they may hold it where it is."""
-
-SMALLEST = 1e-6
-"""Least size of an objective, relative to that at the starts, by which the best end is followed again."""
 
 SAME = 1e-12
 """Differences of the objective, relative to it, that are rounding."""
 
-SETTLED, FURTHER, KINK = "settled", "once more, from the best of the ends", 1e-2
-"""Ends of searches; jump of slopes, scaled, that is a kink."""
+FURTHER = "once more, from the best of the ends"
+"""How the search without slopes is named among the starts."""
 
 POLISH_RADII, POLISH_RUNS = (1e-3, 1e-8), 60
 """First and last radius of the search without slopes, scaled, and most runs for each unknown."""
@@ -81,7 +71,6 @@ class Landscape:
         conditions: What others must keep to.
         sizes: What margins are relative to, one for every condition.
         size: Size of the objective.
-        squared: Whether the square of the objective is searched, which is smooth where an rms value or a peak vanishes.
     """
 
     low: Array
@@ -90,14 +79,18 @@ class Landscape:
     run: Callable[[Sequence[Array]], Sequence[Trial]]
     conditions: Sequence[Condition] = ()
     sizes: Sequence[float] = ()
-    squared: bool = False
     size: float = 1.0
     trials: dict[bytes, tuple[Array, Trial]] = field(default_factory=dict)
 
-    @cached_property
+    @property
     def equations(self) -> Flags:
         """For every condition, whether it is an equation."""
         return np.array([condition.relation == "=" for condition in self.conditions], dtype=bool)
+
+    @property
+    def counted(self) -> list[float]:
+        """Objectives of all runs that are not refused."""
+        return [trial.objective for _, trial in self.trials.values() if not trial.refusal]
 
     def values(self, x: Array) -> Array:
         """Return the unknowns in SI at a scaled point."""
@@ -120,39 +113,26 @@ class Landscape:
             self.trials.update(zip(new, zip(new.values(), trials, strict=True), strict=True))
         return [self.trials[x.tobytes()][1] for x in clipped]
 
-    def scaled(self) -> Landscape:
-        """Return a copy with the objective relative to the median over the runs so far."""
-        sizes = [abs(trial.objective) for _, trial in self.trials.values() if not trial.refusal]
-        return replace(self, size=float(np.median(sizes)) if sizes and np.median(sizes) > 0.0 else 1.0)
-
     def height(self, x: Array) -> float:
         """Return the scaled objective at a point; above all others where the run is refused."""
         trial = self.trial(x)
         if trial.refusal:
-            worst = max((abs(other.objective) for _, other in self.trials.values() if not other.refusal), default=1.0)
-            return REFUSED * self._scaled(worst)
-        return self._scaled(trial.objective)
-
-    def _scaled(self, objective: float) -> float:
-        return (objective / self.size) ** 2 if self.squared else objective / self.size
+            return REFUSED * max(map(abs, self.counted), default=1.0) / self.size
+        return trial.objective / self.size
 
     def margins(self, x: Array) -> Array:
         """Return the scaled margins of all conditions at a point; -1 where the run is refused."""
         trial = self.trial(x)
         return -np.ones(len(self.sizes)) if trial.refusal else np.array(trial.margins) / np.array(self.sizes)
 
-    def violation(self, x: Array) -> float:
-        """Return the largest violation of a condition at a point, relative to its size."""
-        return float(np.max(self._violations(x), initial=0.0))
-
-    def _violations(self, x: Array) -> Array:
+    def violations(self, x: Array) -> Array:
+        """Return the violations of all conditions at a point, relative to their sizes."""
         margins = self.margins(x)
         return np.where(self.equations, np.abs(margins), -margins)
 
-    def shortfall(self, x: Array) -> str:
-        """Return the most violated condition at a point whose run is not refused, and the violation."""
-        k = int(np.argmax(self._violations(x)))
-        return f"'{self.conditions[k]}' by {self.conditions[k].measured(abs(self.trial(x).margins[k]))}"
+    def violation(self, x: Array) -> float:
+        """Return the largest violation of a condition at a point, relative to its size."""
+        return float(np.max(self.violations(x), initial=0.0))
 
     def slopes(self, x: Array) -> Array:
         """Return the gradients of objective and margins, shape (1 + conditions, k): differences of runs that count."""
@@ -165,20 +145,6 @@ class Landscape:
             change = self._levels(ahead) - self._levels(behind)
             columns.append(change / way if way else np.zeros(len(change)))
         return np.ascontiguousarray(np.array(columns).T)  # SLSQP of scipy 1.17 reads others wrongly
-
-    def kink(self, x: Array) -> float:
-        """Return the largest jump of a slope at a point: of the slopes ahead and behind, less what curvature makes."""
-        if not (np.abs(x - 0.5) + DIFFERENCE < 0.5).all():
-            return 0.0
-        jumps, units = [0.0], DIFFERENCE * np.eye(len(x))
-        self.look([x, *(x + scale * unit for unit in units for scale in (1.0, -1.0, 0.5, -0.5))])
-        for unit in units:
-            wide, near = (self._bend(x, scale * unit) for scale in (1.0, 0.5))
-            jumps.append(float(np.abs(4.0 * near - wide).max()) / DIFFERENCE)
-        return max(jumps)
-
-    def _bend(self, x: Array, step: Array) -> Array:
-        return self._levels(x + step) + self._levels(x - step) - 2.0 * self._levels(x)
 
     def _levels(self, x: Array) -> Array:
         return np.array([self.height(x), *self.margins(x)])
@@ -221,24 +187,25 @@ class Optimum:
 
     Attributes:
         best: The best end.
-        descents: All starts and where they led; last, where there was one, the search from the best end without
-            slopes, or along the border of refused runs.
+        descents: All starts and where they led; last, where it led further, the search from the best end.
         active: Numbers of the conditions that hold it there.
         refused: Numbers of the unknowns beside whose best values runs were refused.
-        size: Size of the objective at the best point, at the starts where it vanishes.
         runs: Number of runs in all.
-        flat: Whether the objective is the same in all of them, but for rounding.
-        largest: Largest size of the objective in all of them.
+        size: Largest size of the objective in all runs.
+        change: Difference of the largest and the least objective in all runs.
     """
 
     best: Descent
     descents: Sequence[Descent]
     active: Sequence[int]
     refused: Sequence[int]
-    size: float
     runs: int
-    flat: bool = False
-    largest: float = math.inf
+    size: float
+    change: float
+
+    def is_flat(self, rounding: float = 0.0) -> bool:
+        """Tell whether the objective is the same in all runs but for rounding [SI]."""
+        return self.change <= max(SAME * self.size, rounding)
 
 
 def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
@@ -256,45 +223,31 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
     points = spread(len(landscape.low), starts, seed)
     points[0] = landscape.scaled_point(landscape.start)
     landscape.look(points)
-    landscape = landscape.scaled()
+    landscape = replace(landscape, size=float(np.median(np.abs(landscape.counted or 0.0))) or 1.0)
     if everywhere:
         points = [_evolved(landscape, seed)]
     descents = [_descent(landscape, point, _slsqp) for point in points]
     best = min(descents, key=_rank)
-    if best.valid and best.trial.objective:
-        size = max(abs(best.trial.objective), SMALLEST * landscape.size)
-        landscape = replace(landscape, size=size)
-        best = min(best, _descent(landscape, landscape.scaled_point(best.end), _slsqp), key=_rank)
-    if not best.trial.refusal and _is_sharp(landscape, best):
-        best = _descent(landscape, landscape.scaled_point(best.end), _cobyqa)
-    if all(best is not end for end in descents):
-        best = replace(best, status=FURTHER)
-        descents.append(best)
+    if not best.trial.refusal:
+        further = _descent(landscape, landscape.scaled_point(best.end), _cobyqa)
+        if _rank(further) < _rank(best):
+            best = further
+            descents.append(best)
     if not best.valid:
         raise _nowhere(landscape, best, len(points))
     return _optimum(landscape, best, descents)
 
 
 def _optimum(landscape: Landscape, best: Descent, descents: Sequence[Descent]) -> Optimum:
-    """Return the best point with its active conditions, refused runs beside it, and whether the objective is flat."""
+    """Return the best point with its active conditions and the refused runs beside it."""
     x = landscape.scaled_point(best.end)
     margins = landscape.margins(x)
     active = [k for k, equal in enumerate(landscape.equations) if equal or margins[k] <= ACTIVE]
-    steps = [point - x for point, trial in landscape.trials.values() if trial.refusal]
-    near = [np.abs(step) for step in steps if np.abs(step).max() <= BESIDE]
-    refused = sorted({int(step.argmax()) for step in near})
-    values = np.array([trial.objective for _, trial in landscape.trials.values() if not trial.refusal])
-    size, largest = abs(best.trial.objective), float(np.abs(values).max())
-    return Optimum(
-        best,
-        descents,
-        active,
-        refused,
-        size if size > VANISHES * landscape.size else landscape.size,
-        len(landscape.trials),
-        bool(np.ptp(values) <= SAME * largest),
-        largest,
-    )
+    steps = [np.abs(point - x) for point, trial in landscape.trials.values() if trial.refusal]
+    refused = sorted({int(step.argmax()) for step in steps if step.max() <= BESIDE})
+    values = np.array(landscape.counted)
+    size, change = float(np.abs(values).max()), float(np.ptp(values))
+    return Optimum(best, descents, active, refused, len(landscape.trials), size, change)
 
 
 def spread(k: int, count: int, seed: int) -> list[Array]:
@@ -308,15 +261,9 @@ def _rank(descent: Descent) -> tuple[bool, float, float]:
     return not descent.valid, 0.0 if descent.valid else descent.violation, descent.trial.objective
 
 
-def _is_sharp(landscape: Landscape, best: Descent) -> bool:
-    """Return whether slopes say little at the best end: it is in a kink, beside refused runs, or not settled."""
-    x = landscape.scaled_point(best.end)
-    return best.status != SETTLED or landscape.kink(x) > KINK
-
-
 def _descent(landscape: Landscape, start: Array, search: Callable[[Landscape, Array], str]) -> Descent:
     """Return the best point that a search comes to from a start, among all that it has run."""
-    before, known = len(landscape.trials), dict(landscape.trials)
+    before, known = len(landscape.trials), set(landscape.trials)
     if refusal := landscape.trial(start).refusal:
         values = landscape.values(start)
         return Descent(values, values, landscape.trial(start), math.inf, 1, f"refused: {refusal}")
@@ -332,21 +279,20 @@ def _slsqp(landscape: Landscape, start: Array) -> str:
     from scipy.optimize import minimize
 
     parts = []
-    for kind, chosen in (("eq", True), ("ineq", False)):
-        rows = np.flatnonzero(np.array(landscape.equations, dtype=bool) == chosen)
+    for kind, rows in (("eq", np.flatnonzero(landscape.equations)), ("ineq", np.flatnonzero(~landscape.equations))):
         if len(rows):
-            parts.append(
-                {
-                    "type": kind,
-                    "fun": lambda x, rows=rows: landscape.margins(x)[rows],
-                    "jac": lambda x, rows=rows: landscape.slopes(x)[1 + rows],
-                }
-            )
+            margins = {"fun": lambda x, rows=rows: landscape.margins(x)[rows]}
+            parts.append({"type": kind, **margins, "jac": lambda x, rows=rows: landscape.slopes(x)[1 + rows]})
     ended = minimize(
-        landscape.height, start, jac=lambda x: landscape.slopes(x)[0], bounds=[(0.0, 1.0)] * len(start),
-        constraints=parts, method="SLSQP", options={"maxiter": 50, "ftol": 1e-10},
-    )  # fmt: skip
-    return SETTLED if ended.success else f"stopped: {str(ended.message).lower()}"
+        landscape.height,
+        start,
+        jac=lambda x: landscape.slopes(x)[0],
+        bounds=[(0.0, 1.0)] * len(start),
+        constraints=parts,
+        method="SLSQP",
+        options={"maxiter": 50, "ftol": 1e-10},
+    )
+    return "settled" if ended.success else f"stopped: {str(ended.message).lower()}"
 
 
 def _cobyqa(landscape: Landscape, start: Array) -> str:
@@ -368,10 +314,16 @@ def _evolved(landscape: Landscape, seed: int) -> Array:
     from scipy.optimize import differential_evolution
 
     ended = differential_evolution(
-        landscape.height, [(0.0, 1.0)] * len(landscape.low), constraints=_constraints(landscape), seed=seed,
-        polish=False, maxiter=GENERATIONS, popsize=POPULATION, tol=1e-3,
+        landscape.height,
+        [(0.0, 1.0)] * len(landscape.low),
+        constraints=_constraints(landscape),
+        seed=seed,
+        polish=False,
+        maxiter=GENERATIONS,
+        popsize=POPULATION,
+        tol=1e-3,
         x0=landscape.scaled_point(landscape.start),
-    )  # fmt: skip
+    )
     return np.asarray(ended.x)
 
 
@@ -391,8 +343,10 @@ def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationErr
             f"none of the {starts} starts can be run: {best.trial.refusal}",
             hint="bounds between which the mechanism can be assembled and moved, or more starts",
         )
+    k = int(np.argmax(landscape.violations(landscape.scaled_point(best.end))))
+    condition = landscape.conditions[k]
     return IntegrationError(
         f"none of the {starts} starts leads to where all conditions hold: the nearest end violates "
-        f"{landscape.shortfall(landscape.scaled_point(best.end))}",
+        f"'{condition}' by {condition.measured(abs(best.trial.margins[k]))}",
         hint="wider bounds, a weaker condition, or more starts",
     )
