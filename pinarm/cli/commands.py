@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     from pinarm.use.facade import Scenario
     from pinarm.use.output import Destination
-    from pinarm.use.study.answers.check import Findings
 
 OK, MISSED, BAD_INPUT = 0, 1, 2
 
@@ -157,21 +156,20 @@ def _run(options: Namespace) -> int:
     VALUES,
 )
 def _check(options: Namespace) -> int:
-    from pinarm.use.study.answers.check import check, misses, plain, told_apart, verdicts
+    from pinarm.use.study.answers.check import Finding, check, plain, verdicts
     from pinarm.use.study.run import scenario_files
 
-    solved: dict[Path, Findings] = {}
+    findings: list[Finding] = []
     failures: list[PinarmError] = []
     for path in scenario_files(*options.paths):
         progress(f"check {path}")
         try:
-            solved[path] = check(path, options.values)
+            findings += check(path, options.values)
         except PinarmError as error:
             if options.traceback:
                 raise
             failures.append(error)
     progress("")
-    findings = told_apart(solved)
     if options.json:
         show(options, {"findings": [plain(finding) for finding in findings], "errors": list(map(str, failures))})
     elif findings or not failures:
@@ -180,7 +178,7 @@ def _check(options: Namespace) -> int:
         say(f"error: {failure}")
     if failures:
         return max(failure.exit_code for failure in failures)
-    return MISSED if misses(findings) else OK
+    return OK if all(finding.ok for finding in findings) else MISSED
 
 
 @command("read and check input only", "scenarios", arg("paths", nargs="+", type=Path, metavar="PATH"), VALUES)

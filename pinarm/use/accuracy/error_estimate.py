@@ -9,10 +9,6 @@ difference bounds the error in 99 of 100 cases.
 There is no bound where measures contradict each other: where the solutions take different courses, where both have the
 same residual and rounding does not explain it, and where the error of a decision at a threshold exceeds its margin.
 Then the errors are infinite, and ``Result.no_bound`` says why.
-
-Two solutions of one motion differ by errors of steps and by last digits. Where the motion is regular their difference
-grows like a power of the time, at most about the second. Where it is chaotic, or falls from an unstable position, it
-grows by ``exp(t / tau)`` (the largest Lyapunov exponent), until it is as large as the motion itself.
 """
 
 from __future__ import annotations
@@ -22,7 +18,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.methods.explicit import PASSED_LOADS
@@ -71,13 +66,7 @@ OF_NUMBERS = ("limits", "sensitivity")
 def estimate_errors(scenario: Scenario, result: Result) -> Result:
     """Return a result with a bound of every output's error that holds in 99 of 100 cases, and what it rests on.
 
-    Args:
-        scenario: What was solved, at its own setting.
-        result: Its result.
-
-    Returns:
-        The result with its errors: output -> bound of the error relative to the output's scale, infinite where there is
-        none; with the setting of both in words, and where errors grow exponentially, how fast.
+    Bounds are relative to the outputs' scales, and infinite where there is none; ``setting`` names both settings.
     """
     accuracy = scenario.content.accuracy
     if result.kind == "linear":
@@ -101,14 +90,7 @@ def _with_other_steps(
 ) -> tuple[Result, Mapping[str, Any]]:
     """Return a solution whose steps are others than those of a result, and its setting: as fine as need be, or can be.
 
-    Where steps of no setting are others, one by another method, whose errors are.
-
-    Args:
-        scenario: What is solved.
-        result: The result.
-        other: A solution that it can be compared with.
-        setting: The setting of that.
-        most: Number of steps after which a solution is given up.
+    Where steps of no setting are others, it is one by another method, whose errors are.
     """
     method = scenario.content.accuracy.method
     while not takes_other_steps(result, other) and setting["method"] == method:
@@ -129,25 +111,16 @@ def _other(scenario: Scenario, setting: Mapping[str, Any], max_steps: int) -> Re
 
 
 def with_errors(result: Result, other: Result | None, setting: str) -> Result:
-    """Return a result with the bounds of its errors by the difference to another solution of the same.
-
-    Args:
-        result: What the errors are wanted of.
-        other: A finer solution, or one at rounding; ``None`` where there is none, and errors are infinite.
-        setting: Both settings, in words.
-    """
+    """Return a result with the bounds of its errors by another solution, finer or at rounding; infinite without one."""
     why, errors = reason_for_no_bound(result, other), error_bounds(result, other)
     result = _with_margins(result, other)
     if other is None or not np.isfinite([*errors.values()]).any():
         return _with_number_bounds(replace(result, errors=errors, setting=setting, no_bound=why), None)
     zeros = ", ".join(rounded_to_zero(result))
     setting += f"; 0 but for rounding: {zeros}" if zeros else ""
-    rounding = max(_rounding(result), _rounding(other))
+    rounding = _rounding(result, other)
     setting += f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion" if rounding else ""
-    time = e_folding(result.trajectory, other.trajectory)
-    growth = {} if time is None else {"e-folding": time}
-    checked = replace(result, errors=errors, setting=setting, figures={**result.figures, **growth}, no_bound=why)
-    return _with_number_bounds(checked, other)
+    return _with_number_bounds(replace(result, errors=errors, setting=setting, no_bound=why), other)
 
 
 def contradiction(result: Result, other: Result | None) -> str:
@@ -185,8 +158,9 @@ def _with_margins(result: Result, other: Result | None) -> Result:
 
     Decisions that this has in another interval between events, or not at all, keep their own estimates.
     """
-    known = other.outcome.decisions if other else ()
-    margins = {(each.what, _interval(other, each)): each.margin for each in known if other}
+    margins = (
+        {(known.what, _interval(other, known)): known.margin for known in other.outcome.decisions} if other else {}
+    )
     decisions = []
     for decision in result.outcome.decisions:
         margin = margins.get((decision.what, _interval(result, decision)))
@@ -219,7 +193,7 @@ def error_bounds(result: Result, other: Result | None) -> dict[str, float]:
     if other is None or contradiction(result, other):
         return dict.fromkeys(result.content.outputs, np.inf)
     undecided = [decision for decision in _with_margins(result, other).outcome.decisions if decision.is_open]
-    rounding, differences = max(_rounding(result), _rounding(other)), output_differences(result, other)
+    rounding, differences = _rounding(result, other), output_differences(result, other)
     zeros, least = rounded_to_zero(result), max(unexplained(result.figures).values(), default=0.0)
     return {
         name: np.inf
@@ -233,9 +207,9 @@ def error_bounds(result: Result, other: Result | None) -> dict[str, float]:
     }
 
 
-def _rounding(result: Result) -> float:
-    """Return the figure of ``SegmentedMotion.rounding``, 0 where steps are as accurate as the tolerance says."""
-    return result.figures.get("rounding", 0.0)
+def _rounding(*results: Result) -> float:
+    """Return the largest figure of ``SegmentedMotion.rounding``, 0 where steps are as accurate as tolerances say."""
+    return max(result.figures.get("rounding", 0.0) for result in results)
 
 
 def output_differences(result: Result, other: Result) -> dict[str, float]:
@@ -265,10 +239,6 @@ def number_bounds(result: Result, other: Result | None) -> dict[str, float]:
     values of one number may agree by chance: as a part of itself it is as wrong as the worst output, at least. Bounds
     are infinite where the other has none, and where a decision of the run that is open touches the number. Numbers
     that the run does not come to have none.
-
-    Args:
-        result: What the errors are wanted of, with those of its outputs.
-        other: A finer solution, or one at rounding; ``None`` where there is none.
     """
     asked = {number.label: number for number in _numbers(result)}
     if search := result.known.get("find"):  # whose objective is called as the number of the run that it is
@@ -405,63 +375,3 @@ def _different_events(events_of_one: Sequence[EventRecord], events_of_other: Seq
         if a.name != b.name:
             return f"'{a.name}' takes place at t = {a.t:.9g} s, and '{b.name}' in its place at {b.t:.9g} s"
     return ""
-
-
-SATURATED = 0.05
-"""Difference of two motions, relative to their size, up to which it grows in proportion to itself."""
-
-EARLY = 0.25
-"""Part of the time that is left out: errors of the first steps are added to, before they grow."""
-
-GROWN = 8.0
-"""e-folds in the rest of it that no power of the time up to the fifth explains: ``5 ln 4 = 6.9``."""
-
-STEADY = 0.25
-"""Part of this that has to be grown in either half: an impact makes errors jump once."""
-
-SMALLEST = 1e-300
-"""Difference that stands for 0 in logarithms."""
-
-FEW = 12
-"""Rows below which nothing is said of growth."""
-
-
-def e_folding(first: Trajectory, second: Trajectory) -> float | None:
-    """Return the time in which the difference of two motions grows e-fold [s]; ``None`` where it is not exponential.
-
-    It is the reciprocal slope of ``ln d`` over t by least squares, with d the largest difference until t. Growth has to
-    last: the least difference from t on must grow as well. Errors of steps that come and go, as where steps lengthen
-    after a transient, leave that where it is.
-    """
-    if first.parameter != "t":
-        return None
-    t, difference = _differences(first, second)
-    largest = np.maximum.accumulate(difference)
-    rows = np.flatnonzero((largest > 0.0) & (largest < SATURATED))
-    if len(rows) < FEW:
-        return None
-    rows = rows[t[rows] >= EARLY * t[rows[-1]]]
-    least = np.minimum.accumulate(difference[rows][::-1])[::-1]
-    grown = np.log(largest[rows])
-    if len(rows) < FEW or not _steady(grown) or not _steady(np.log(np.maximum(least, SMALLEST))):
-        return None
-    t, grown = t[rows] - t[rows].mean(), grown - grown.mean()
-    return float(t @ t / (t @ grown))
-
-
-def _steady(grown: Array) -> bool:
-    """Tell whether logarithms of differences, shape (n,), grow enough as a whole and in either half."""
-    first, second = np.diff(grown[[0, len(grown) // 2, -1]])
-    return bool(first + second >= GROWN and min(first, second) >= STEADY * GROWN)
-
-
-def _differences(run: Trajectory, other: Trajectory) -> tuple[Array, Array]:
-    """Return times since the start [s] and the differences of the states there, relative to their sizes, shape (n,)."""
-    first, second = common_rows(run, other)
-    model = run.mechanism.model
-    apart = np.zeros((len(first), model.nv))
-    for row, (p, q) in enumerate(zip(run.q[first], other.q[second], strict=True)):
-        apart[row] = pin.difference(model, p, q)
-    parts = (apart, run.q), (run.v[first] - other.v[second], run.v)
-    differences = [np.abs(part).max(axis=1) / (np.abs(whole).max() or 1.0) for part, whole in parts if part.size]
-    return run.grid.t[first] - run.grid.t[0], np.max(differences, axis=0) if differences else np.zeros(len(first))

@@ -47,20 +47,11 @@ def reach_target(scenario: Scenario) -> Result:
     Tolerances are tried by decades, steps by halves, of the method that the scenario names, or of several until one
     reaches the target. All solutions that serve as comparison are solved with other last digits, each with its own, and
     used for both of the settings that they are compared with.
-
-    Args:
-        scenario: With ``accuracy.target``.
-
-    Returns:
-        The result at the setting found; where none reaches the target, that of the smallest error. ``setting`` says
-        which it is.
-
-    Raises:
-        PinarmError: See ``Scenario.run``.
+    Where none reaches the target, it is the result of the smallest error; ``setting`` says which it is.
     """
     target = float(scenario.content.accuracy.target or 0.0)
     if not isinstance(scenario.problem, Forward):
-        return _as_it_is(scenario)
+        return replace(estimate_errors(scenario, with_setting(scenario, {}).solve()), scenario=scenario)
     span = scenario.problem.time.end - scenario.problem.time.start
     named = "method" in scenario.document.data["accuracy"]
     searches: list[_Search] = []
@@ -95,12 +86,6 @@ def _guess(ladder: Ladder, target: float) -> int:
     """Return the rung that probably reaches a target."""
     guess = FIRST if ladder.halving else int(np.ceil(-np.log10(target))) + 1
     return min(max(guess, FIRST), ladder.last - 1)
-
-
-def _as_it_is(scenario: Scenario) -> Result:
-    """Return the result of a problem that no setting changes."""
-    result = with_setting(scenario, {}).solve()
-    return replace(estimate_errors(scenario, result), scenario=scenario)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,6 @@ MEASURES = {
     "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
     "least regular at": "where along the run that is",
     "relative regularity": "that singular value relative to its largest in the run: 1 where it does not fall",
-    "e-folding": "time in which errors grow e-fold [s], where their growth is seen and exponential",
     "rounding": "what errors of steps add up to where rounding keeps them from being smaller, relative to the motion",
     "rolled": "what errors of steps add up to in positions that follow from rolling [rad or m]",
     "small motion": "difference of a small motion of the integrator from exp(A t), extrapolated to the amplitude 0",

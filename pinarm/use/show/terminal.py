@@ -203,8 +203,6 @@ def error_lines(result: Result) -> list[str]:
     bound = f"below {result.error:.1e} of the largest value in 99 of 100 cases{where}"
     lines = [f"global error: {bound if isfinite(result.error) else 'no bound'} ({result.setting})"]
     lines += [f"no bound of the error: {result.no_bound}"] if result.no_bound else []
-    if "e-folding" in result.figures:
-        lines.append(f"errors grow e-fold every {result.figures['e-folding']:.2g} s")
     verdict = "MISSED" if result.missed else "reached"
     return lines + ([f"target {target:g}: {verdict}"] if target is not None else [])
 

@@ -10,11 +10,9 @@ is within 2 %. Anything else that differs is a miss.
 from __future__ import annotations
 
 import io
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -97,7 +95,6 @@ class Findings(tuple[Finding, ...]):
     __slots__ = ()
 
     def __repr__(self) -> str:
-        """Return the numbers of expectations and of misses, in words."""
         return f"<Findings: {len(self)} expectations, {sum(not finding.ok for finding in self)} missed>"
 
     def _repr_html_(self) -> str:
@@ -128,30 +125,16 @@ def check(scenario: Given, values: Values | None = None, *, result: Result | Non
     return Findings(findings)
 
 
-def told_apart(checked: Mapping[Path, Findings]) -> Findings:
-    """Return the findings of several files; where scenarios have one name, under the paths of their files."""
-    names = Counter(name for findings in checked.values() for name in {finding.scenario for finding in findings})
-    return Findings(
-        replace(finding, scenario=str(path)) if names[finding.scenario] > 1 else finding
-        for path, findings in checked.items()
-        for finding in findings
-    )
-
-
 def finding_of(result: Result, expectation: Expectation) -> Finding:
     """Compare a result with one expectation.
 
     A place that the run does not come to is a miss, and so is what is not as accurate as the scenario wants it.
     """
     try:
-        difference = compare(result, expectation)
+        finding = compare(result, expectation)
     except NotReached as error:
-        return Finding(result.name, expectation, None, np.nan, None, None, None, "MISS", error.message)
-    return (
-        replace(difference, verdict="MISS", reason=result.shortfall)
-        if difference.ok and result.shortfall
-        else difference
-    )
+        return _missed(result, expectation, error.message)
+    return replace(finding, verdict="MISS", reason=result.shortfall) if finding.ok and result.shortfall else finding
 
 
 def compare(result: Result, expectation: Expectation) -> Finding:
@@ -164,25 +147,36 @@ def compare(result: Result, expectation: Expectation) -> Finding:
     wanted, tolerance = wanted_rows(quantities, expectation, series.unit, rounding)
     scale = 0.0 if wanted is None else float(np.abs(wanted).max())
     if not np.isfinite(scale):
-        return Finding(result.name, expectation, series.unit, np.nan, None, None, None, "MISS",
-                       "the independent value is not finite")  # fmt: skip
+        return _missed(result, expectation, "the independent value is not finite")
     allowed = tolerance + min(slack, max(tolerance, FORMULA * scale))
-    difference = np.zeros(1) if wanted is None else np.abs(series.values - wanted)
+    difference = np.abs(series.values - (series.values if wanted is None else wanted))
     worst = int(np.nan_to_num(np.where(difference <= FLOOR * scale, 0.0, difference), nan=np.inf).argmax())
-    met = wanted is not None and bool((difference <= allowed).all())
     printed = _published(quantities, expectation, series.values, series.unit)
-    apart = _apart(float(difference.max()), allowed, scale, series.unit)
-    verdict, reason = ("MISS", apart) if wanted is not None and not met else _verdict(expectation, wanted, printed)
+    verdict, reason = _verdict(expectation, wanted is not None, printed)
+    if wanted is not None and not (difference <= allowed).all():
+        verdict, reason = "MISS", _apart(float(difference.max()), allowed, scale, series.unit)
     if verdict == "MISS" and slack > tolerance:
         reason = f"{reason}, and it is known to {slack:.1e} {series.unit or ''} only"
     if not np.isfinite(series.values).all():
         verdict, reason = "MISS", "the computed number is not finite"
     return Finding(
-        result.name, expectation, series.unit, float(series.values[worst]),
+        result.name,
+        expectation,
+        series.unit,
+        float(series.values[worst]),
         None if wanted is None else float(np.broadcast_to(wanted, series.values.shape)[worst]),
-        printed.value, None if wanted is None else float(difference.max() / (scale or 1.0)), verdict, reason,
-        result.presentation.unit(series), _where(result, quantities, expectation, worst), allowed / (scale or 1.0),
-    )  # fmt: skip
+        printed.value,
+        None if wanted is None else float(difference.max() / (scale or 1.0)),
+        verdict,
+        reason,
+        result.presentation.unit(series),
+        _where(result, quantities, expectation, worst),
+        allowed / (scale or 1.0),
+    )
+
+
+def _missed(result: Result, expectation: Expectation, reason: str) -> Finding:
+    return Finding(result.name, expectation, None, np.nan, None, None, None, "MISS", reason)
 
 
 def _apart(difference: float, allowed: float, scale: float, measured: Unit | None) -> str:
@@ -225,11 +219,7 @@ def wanted_rows(
 ) -> tuple[Array | None, float]:
     """Return the independent value at every row, and how far from it the computed one may be in any row.
 
-    Args:
-        quantities: Those of the rows.
-        expectation: The entry.
-        measured: Unit of what was computed.
-        rounding: What may be left of a number that is 0 [SI].
+    ``rounding`` [SI] is what may be left of a number that is 0.
     """
     if expectation.value is None and expectation.formula is None:
         return None, 0.0
@@ -240,7 +230,9 @@ def wanted_rows(
     if expectation.formula is not None:
         with within("formula"):
             formula = quantities.determined(expectation.formula)
-            _same(formula.unit, measured, expectation.formula)
+            if formula.unit is not None and measured is not None and formula.unit.dimension != measured.dimension:
+                message = f"the formula '{expectation.formula}' is in {formula.unit}, the quantity in {measured}"
+                raise InputError(message, expected="the same dimension")
         wanted = formula.values
         relative = FORMULA if expectation.rtol is None and expectation.atol is None else expectation.rtol or 0.0
         largest = float(np.abs(wanted).max())
@@ -269,7 +261,7 @@ class _Published:
     """Published number, compared with the computed number.
 
     Attributes:
-        value: The published number; of many rows, where it is farthest off; ``None`` where nothing is published.
+        value: Of many rows, the published number that is farthest off; ``None`` where nothing is published.
         off: Whether the computed number differs from it.
         explained: Whether rounding, reading or the entry's reason explains the difference.
         apart: The difference, and the difference that its digits allow, in words.
@@ -286,55 +278,39 @@ def _published(quantities: Quantities, expectation: Expectation, values: Array, 
     if expectation.published_formula is not None:
         with within("published_formula"):
             formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
-        difference = np.abs(values - formula)
-        worst, slack = int(difference.argmax()), FORMULA * float(np.abs(formula).max())
-        if not np.isfinite(slack):
-            return _Published(float(formula[worst]), True)
-        agree, explained = bool((difference <= slack).all()), _follows(quantities, expectation, formula, slack)
-        apart = _apart(float(difference[worst]), slack, slack / FORMULA, measured)
-        return _Published(float(formula[worst]), not agree, explained, apart)
-    if expectation.published is None:
+        half = FORMULA * float(np.abs(formula).max())
+    elif expectation.published is not None:
+        with within("published"):
+            formula = np.full(values.shape, in_si(expectation.published, measured))
+            half = _half_unit(expectation.published, float(formula[0]))
+    else:
         return _Published()
-    with within("published"):
-        printed = in_si(expectation.published, measured)
-        half = _half_unit(expectation.published, printed)
-    distance = float(np.abs(values - printed).max())
-    explained = distance <= (READING * abs(printed) if expectation.verdict == "reading" else 2 * half)
+    difference, scale = np.abs(values - formula), float(np.abs(formula).max())
+    worst = int(difference.argmax())
+    if not np.isfinite(scale):
+        return _Published(float(formula[worst]), True)
+    explained = expectation.published is not None and difference[worst] <= (
+        READING * scale if expectation.verdict == "reading" else 2.0 * half
+    )
     if expectation.because is not None:
-        explained = _follows(quantities, expectation, printed, half)
-    return _Published(printed, not distance <= half, explained, _apart(distance, half, abs(printed), measured))
+        with within("because"):
+            explained = np.abs(quantities.figure(expectation.because) - formula).max() <= half
+    apart = _apart(float(difference[worst]), half, scale, measured)
+    return _Published(float(formula[worst]), not difference[worst] <= half, bool(explained), apart)
 
 
-def _follows(quantities: Quantities, expectation: Expectation, printed: Array | float, slack: float) -> bool:
-    """Tell whether the formula ``because`` gives the printed figure; false where the entry has none."""
-    if expectation.because is None:
-        return False
-    with within("because"):
-        return bool(np.abs(quantities.figure(expectation.because) - printed).max() <= slack)
-
-
-def _verdict(expectation: Expectation, wanted: Array | None, printed: _Published) -> tuple[str, str]:
+def _verdict(expectation: Expectation, independent: bool, printed: _Published) -> tuple[str, str]:
     """Return the verdict on a number that meets its independent value, if any, and for a miss its reason."""
     claim = expectation.verdict
     if not printed.off:
         return ("agrees", "") if claim == "agrees" else ("MISS", f"claimed as {claim}, but the published figure agrees")
-    if wanted is None:
+    if not independent:
         return "MISS", f"no independent value decides who is right; to the published figure {printed.apart}"
     if claim == "agrees":
         return "MISS", f"beyond the digits of the published figure: {printed.apart}"
     if not printed.explained and (claim in ("rounding", "reading") or expectation.because is not None):
         return "MISS", f"claimed as {claim.replace('_', ' ')}, but that does not lead to the printed digits"
     return claim, ""
-
-
-def _same(a: Unit | None, b: Unit | None, formula: str) -> None:
-    if a is not None and b is not None and a.dimension != b.dimension:
-        raise InputError(f"the formula '{formula}' is in {a}, the quantity in {b}", expected="the same dimension")
-
-
-def misses(findings: Iterable[Finding]) -> int:
-    """Return the number of expectations that are not met."""
-    return sum(not finding.ok for finding in findings)
 
 
 HEADING = ("verdict", "scenario", "quantity", "at", "computed", "independent", "published", "difference")
@@ -348,12 +324,7 @@ WIDE = 200
 
 
 def verdicts(findings: Sequence[Finding], *, coloured: bool = False) -> str:
-    """Return the table of findings, why some are a miss, and how many there are of each, as text.
-
-    Args:
-        findings: What came out.
-        coloured: For a terminal, whose width is kept.
-    """
+    """Return the table of findings, why some are a miss, and how many there are of each, as text."""
     if not findings:
         return remarks(findings)[0]
     from rich.console import Console
@@ -377,10 +348,15 @@ def rows(findings: Sequence[Finding]) -> list[list[str]]:
         entry, unit = finding.expectation, finding.shown_in or finding.unit
         independent = _shown(finding.independent, unit, entry) if entry.value is not None else entry.formula or ""
         cells = (
-            LOOKS[finding.verdict][0], finding.scenario if finding.scenario != previous else "", entry.quantity,
-            _place(entry.at), _shown(finding.computed, unit, entry), independent,
-            entry.published or entry.published_formula or "", "" if finding.error is None else f"{finding.error:.1e}",
-        )  # fmt: skip
+            LOOKS[finding.verdict][0],
+            finding.scenario if finding.scenario != previous else "",
+            entry.quantity,
+            _place(entry.at),
+            _shown(finding.computed, unit, entry),
+            independent,
+            entry.published or entry.published_formula or "",
+            "" if finding.error is None else f"{finding.error:.1e}",
+        )
         lines.append([_clip(printable(cell)) for cell in cells])
         previous = finding.scenario
     return lines
@@ -422,12 +398,10 @@ def _counted(findings: Sequence[Finding], verdict: str) -> str:
 def plain(finding: Finding) -> dict[str, Any]:
     """Return a finding as plain data."""
     entry = finding.expectation
-    return {
-        "scenario": finding.scenario, "quantity": entry.quantity, "at": entry.at, "unit": str(finding.unit or "?"),
-        "computed": finding.computed, "independent": finding.independent, "published": entry.published,
-        "where": finding.where, "difference": finding.error, "allowed": finding.allowed, "verdict": finding.verdict,
-        "erratum": entry.erratum, "reason": finding.reason, "source": entry.source, "note": entry.note,
-    }  # fmt: skip
+    of_finding = ("scenario", "computed", "independent", "where", "allowed", "verdict", "reason")
+    of_entry = ("quantity", "at", "published", "erratum", "source", "note")
+    data = {key: getattr(finding, key) for key in of_finding} | {key: getattr(entry, key) for key in of_entry}
+    return {**data, "unit": str(finding.unit or "?"), "difference": finding.error}
 
 
 def _place(at: object) -> str:
