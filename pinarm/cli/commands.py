@@ -64,6 +64,22 @@ def command(text: str, examples: str, *options: Option) -> Callable[[Call], Call
     return declare
 
 
+def pairs_of(texts: Sequence[str], expected: str) -> dict[str, str]:
+    """Return texts such as ``PATH=VALUES`` as a map.
+
+    Raises:
+        InputError: A name, an equals sign or a value is missing, or a name is given twice.
+    """
+    pairs: dict[str, str] = {}
+    for text in texts:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not name or not value or name in pairs:
+            message = f"'{name}' is given twice" if name in pairs else f"'{text}' has no name or no value"
+            raise InputError(message, expected=expected)
+        pairs[name] = value
+    return pairs
+
+
 def show(options: Namespace, data: Mapping[str, object], *texts: str) -> None:
     """Print what a command found: as JSON for machines, or as text."""
     if options.json:
@@ -280,17 +296,10 @@ def _explain(options: Namespace) -> int:
 def _equations(options: Namespace) -> int:
     from pinarm.use.study.equations import equations
 
-    small = None if options.small is None else dict(map(_pair, options.small))
+    small = None if options.small is None else pairs_of(options.small, "NAME=VALUE, such as theta='90 deg'")
     written = equations(options.path, options.values, small=small)
     show(options, written.summary() if options.json else {}, str(written))
     return OK
-
-
-def _pair(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise InputError(f"'{text}' is no coordinate with its value", expected="NAME=VALUE, such as theta='90 deg'")
-    return name, value
 
 
 @command(
@@ -376,7 +385,7 @@ def _sweep(options: Namespace) -> int:
     with work(options, "sweep") as (scenario, target, executor), progress_bar(sys.stderr) as bar:
         swept = sweep(
             scenario,
-            _assignments(options.over),
+            pairs_of(options.over, "--over path.to.number='1, 2, 3 kg'"),
             values=options.values,
             cases=options.cases,
             samples=options.sample,
@@ -391,22 +400,6 @@ def _sweep(options: Namespace) -> int:
         swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     show(options, {**swept.summary(), "folder": str(target.folder)}, report(swept), str(target))
     return NumericsError.exit_code if swept.errors else OK
-
-
-def _assignments(texts: Sequence[str]) -> dict[str, str]:
-    """Return path -> values, the texts before and after the first equals sign of each text.
-
-    Raises:
-        InputError: The path or the equals sign is missing, or a path is given twice.
-    """
-    assigned: dict[str, str] = {}
-    for text in texts:
-        path, equals, values = (part.strip() for part in text.partition("="))
-        if not path or not equals or path in assigned:
-            problem = f"'{path}' is varied twice" if path in assigned else f"'--over {text}' says no values"
-            raise InputError(problem, expected="--over path.to.number='1, 2, 3 kg'")
-        assigned[path] = values
-    return assigned
 
 
 @command(

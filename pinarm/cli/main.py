@@ -18,10 +18,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
 from pinarm import __version__
-from pinarm.cli.commands import COMMANDS
+from pinarm.cli.commands import COMMANDS, pairs_of
 from pinarm.cli.options import COMMON
-from pinarm.cli.streams import flush_output, give_up, leave, open_streams, say, unwritable
-from pinarm.errors import InputError, NumericsError, PinarmError, fault, of_interrupt
+from pinarm.cli.streams import flush_output, give_up, open_streams, say, unwritable
+from pinarm.errors import NumericsError, PinarmError, fault, of_interrupt
 from pinarm.input.roots import file_root
 from pinarm.language import writing
 
@@ -40,15 +40,17 @@ EXAMPLES = """examples:
 INNERMOST = 30
 """Calls that a bug report shows: of a recursion without end all would be 180 kB."""
 
+terminated: list[int] = []
+"""SIGTERM, once it has come."""
+
 
 def program() -> NoReturn:
     """Run one command as a program of its own; SIGTERM ends it as Ctrl-C does, with another exit code."""
-    sys.unraisablehook = _once_more
     for name in ("MPLBACKEND", "SOURCE_DATE_EPOCH"):  # matplotlib fails over wrong ones; files have no dates
         os.environ.pop(name, None)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
-    leave(main())
+    sys.exit(main())
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
@@ -58,34 +60,15 @@ def _terminate(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
-terminated: list[int] = []
-"""SIGTERM, once it has come."""
-
-
-def _once_more(lost: sys.UnraisableHookArgs) -> None:
-    """Raise an interrupt again that came where nothing can be raised, as in a callback at the end of an import."""
-    if not isinstance(lost.exc_value, KeyboardInterrupt):
-        sys.__unraisablehook__(lost)
-        return
-    signal.signal(signal.SIGALRM, signal.default_int_handler)
-    signal.setitimer(signal.ITIMER_REAL, 0.01)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code."""
+    """Run one command and return its exit code; interrupts, and faults of the program, have been reported."""
     gc.set_threshold(100_000, 20, 20)  # importing makes much that stays: looking through it for garbage costs 10 %
     words = sys.argv[1:] if arguments is None else arguments
     if "_ARGCOMPLETE" in os.environ:
         _complete(os.environ.get("COMP_LINE", ""))
     open_streams()
-    code = _code_of(words)
-    return TERMINATED if terminated and code == INTERRUPTED else code
-
-
-def _code_of(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit code; interrupts, and faults of the program, have been reported."""
     try:
-        return _ended(arguments)
+        return _ended(words)
     except KeyboardInterrupt:
         pass
     except MemoryError as error:
@@ -96,7 +79,7 @@ def _code_of(arguments: Sequence[str]) -> int:
             _report_fault(error)
             return FAULT
     say("terminated (SIGTERM)" if terminated else "interrupted")
-    return INTERRUPTED
+    return TERMINATED if terminated else INTERRUPTED
 
 
 def _report_fault(error: Exception) -> None:
@@ -111,19 +94,6 @@ def _report_fault(error: Exception) -> None:
     )
 
 
-def _packages(texts: Sequence[str]) -> dict[str, str]:
-    """Return the folders of packages that options such as ``ur_description=../ur`` name.
-
-    Raises:
-        InputError: One has no name or no folder.
-    """
-    pairs = [text.partition("=")[::2] for text in texts]
-    for name, folder in pairs:
-        if not name or not folder:
-            raise InputError(f"--package {name}: the folder of a package is missing", expected="--package NAME=DIR")
-    return dict(pairs)
-
-
 def _ended(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; what went wrong has been told."""
     options = argparse.Namespace(traceback=False)
@@ -133,7 +103,10 @@ def _ended(arguments: Sequence[str]) -> int:
         except SystemExit:  # help has been printed, or what is wrong with the arguments
             flush_output()
             raise
-        with file_root(options.root, _packages(options.packages)), writing(getattr(options, "lang", "")):
+        with (
+            file_root(options.root, pairs_of(options.packages, "--package NAME=DIR")),
+            writing(getattr(options, "lang", "")),
+        ):
             code = int(options.command(options))
         flush_output()
     except BrokenPipeError:  # the reader of our output has seen enough

@@ -23,33 +23,19 @@ def is_mechanism(data: Any) -> bool:
     )
 
 
-OF_ROBOT = "for the robot, the command in another folder, or a mechanism file with 'robot: NAME'"
-
-
 def refuse_folder(path: Path) -> None:
-    """Refuse a folder, one with the name of a robot too; the message names the files in it that can be given."""
+    """Refuse a folder; the message names the files in it that can be given."""
     if not path.is_dir():
         return
     files = sorted(file for file in path.iterdir() if file.name.endswith((".yaml", ".yml", *ENDINGS)))
     shown = [str(file) for file in files[:MOST]] + (["..."] if len(files) > MOST else [])
     none = "a scenario, a mechanism file or a model; there is none of them in it"
-    robot, hint = _is_robot(path), ""
-    if (path / "summary.json").is_file():
-        hint = "for the saved result, the commands replay and report, or pinarm.restore in Python"
+    hint = "for the saved result, the commands replay and report, or pinarm.restore in Python"
     raise InputError(
-        "this is a folder" + (", and the name of a robot" if robot else ""),
+        "this is a folder" + (", and the name of a robot" if _is_robot(path) else ""),
         expected=f"one of the files in it: {', '.join(shown)}" if shown else none,
-        hint=OF_ROBOT if robot else hint,
+        hint=hint if (path / "summary.json").is_file() else "",
     ).at(Location(str(path)))
-
-
-def refuse_ambiguous(path: Path) -> None:
-    """Refuse a folder, and the name of a robot where a file here has it too."""
-    refuse_folder(path)
-    if path.exists() and _is_robot(path):
-        expected = "a scenario or a mechanism file (.yaml), or a model"
-        error = InputError("this is a file, and the name of a robot", expected=expected, hint=OF_ROBOT)
-        raise error.at(Location(str(path)))
 
 
 def _is_robot(path: Path) -> bool:
@@ -125,44 +111,36 @@ def refuse_changes(data: Mapping[str, Any]) -> None:
             )
 
 
-def refuse_misplaced_keys(document: Document, keys: Collection[str]) -> None:
-    """Refuse keys that scenarios do not have and problems or mechanism files do; say where they belong.
+def refuse_misplaced_keys(document: Document, keys: Collection[str], *at: str) -> None:
+    """Refuse keys of a scenario, or of its problem, that belong elsewhere, and say where; and drives that are maps.
 
     Args:
         document: A scenario.
         keys: Those of scenarios.
+        at: ``problem`` for the keys below it.
     """
     data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
-    problem = data.get("problem")
-    kind = problem.get("kind") if isinstance(problem, dict) else None
-    for key in [key for key in data if key not in keys]:
-        if isinstance(kind, str) and kind in KINDS and key in _keys(kind):
-            raise InputError(f"'{key}' is a key of the problem", expected=f"'{key}:' below 'problem:', indented").at(
-                document.locate((Key(key),))
-            )
-        _refuse_key_of_mechanism(document, key)
-
-
-def refuse_misplaced_keys_of_problem(document: Document, kind: str, keys: Collection[str]) -> None:
-    """Refuse keys that no problem has, and scenarios, ``keys``, or mechanism files do; and drives that are maps."""
-    problem = document.data["problem"]
-    others = {name for other in KINDS for name in _keys(other)} if problem.keys() - _keys(kind) else set()
-    for key in [key for key in problem if key not in _keys(kind) and key not in others]:
-        if key in keys:
-            expected = f"'{key}:' beside 'problem:', not below it"
-            error = InputError(f"'{key}' is a key of the scenario", expected=expected)
-            raise error.at(document.locate(("problem", Key(key))))
-        _refuse_key_of_mechanism(document, key, "problem")
+    problem: Mapping[str, Any] = data["problem"] if isinstance(data.get("problem"), dict) else {}
+    kind = str(problem.get("kind"))
+    keys_of_kind = _keys(kind) if kind in KINDS else ()
+    own, others = (keys_of_kind, keys) if at else (keys, keys_of_kind)
+    elsewhere = {name for other in KINDS for name in _keys(other)} if at and problem.keys() - own else set[str]()
+    for key in [key for key in (problem if at else data) if key not in own and key not in elsewhere]:
+        if key in others:
+            owner = "scenario" if at else "problem"
+            expected = f"'{key}:' beside 'problem:', not below it" if at else f"'{key}:' below 'problem:', indented"
+            error = InputError(f"'{key}' is a key of the {owner}", expected=expected)
+            raise error.at(document.locate((*at, Key(key))))
+        _refuse_key_of_mechanism(document, key, *at)
     drives = problem.get("drives")
-    for index, drive in enumerate(drives if isinstance(drives, list) else ()):
+    for index, drive in enumerate(drives if at and isinstance(drives, list) else ()):
         if isinstance(drive, dict):
             name = drive.get("along", drive.get("joint"))
-            error = InputError(
+            raise InputError(
                 "a drive of a problem is the name of the coordinate that it acts along",
                 expected="such names; motors and gears stand under 'drives' of the mechanism file",
                 hint=f"drives: [{name}]" if isinstance(name, str) else "",
-            )
-            raise error.at(document.locate(("problem", "drives", index)))
+            ).at(document.locate(("problem", "drives", index)))
 
 
 def _refuse_key_of_mechanism(document: Document, key: str, *at: str) -> None:

@@ -48,7 +48,6 @@ from pinarm.use.scenario.file_kind import (
     refuse_keys_of_mechanism,
     refuse_mechanism,
     refuse_misplaced_keys,
-    refuse_misplaced_keys_of_problem,
     refuse_model,
 )
 from pinarm.use.scenario.scenario_file import ScenarioFile
@@ -61,6 +60,9 @@ if TYPE_CHECKING:
     from pinarm.problems import PrescribingProblem
     from pinarm.problems.accuracy import Accuracy
     from pinarm.use.result.run import Numbered
+
+KEYS = ScenarioFile.__struct_encode_fields__
+"""Keys of scenario files."""
 
 SAVED = "mechanism.yaml"
 """Name of the mechanism file that is saved beside the scenario in the folder of a result."""
@@ -97,11 +99,7 @@ class Scenario(Record, frozen=True):
 
     @classmethod
     def load(cls, path: str | Path, values: Values | None = None) -> Self:
-        """Read a scenario file; see ``pinarm.load``.
-
-        Raises:
-            InputError: The file cannot be read or has a mistake; the message says where.
-        """
+        """Read a scenario file; see ``pinarm.load``."""
         refuse_folder(Path(path))
         refuse_model(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
@@ -111,21 +109,13 @@ class Scenario(Record, frozen=True):
 
     @classmethod
     def of(cls, document: Document, folder: Path) -> Self:
-        """Check a scenario that has been read; paths in it are relative to ``folder``.
-
-        Raises:
-            InputError: It has a mistake; the message says where.
-        """
+        """Check a scenario that has been read; paths in it are relative to ``folder``."""
         content = _content(document)
         return cls(document, content, _problem(document, content.problem), folder)
 
     @classmethod
     def of_data(cls, data: Mapping[str, Any]) -> Self:
-        """Return the scenario of plain data, such as a file would hold; see ``pinarm.load``.
-
-        Raises:
-            InputError: It has a mistake.
-        """
+        """Return the scenario of plain data, such as a file would hold; see ``pinarm.load``."""
         given = data.get("mechanism")
         if isinstance(given, pin.Model):
             raise InputError(
@@ -143,12 +133,11 @@ class Scenario(Record, frozen=True):
         )
 
     def __repr__(self) -> str:
-        """Return its name, its kind, its mechanism and its outputs."""
         outputs = ", ".join(self.content.outputs)
         return f"<Scenario '{self.name}', {self.problem.kind} of {self.content.mechanism}; {outputs}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the scenario as its source, since the parts built from it contain functions."""
+        """Pickle its source: the parts built from it contain functions."""
         return ScenarioSource.scenario, (self.source,)
 
     @property
@@ -172,11 +161,7 @@ class Scenario(Record, frozen=True):
         return self.with_document(self.varied_document(values)) if values else self
 
     def varied_document(self, values: Values) -> Document:
-        """Return its document with other values, which is not validated: see ``varied``.
-
-        Raises:
-            InputError: A path leads nowhere.
-        """
+        """Return its document with other values, which is not validated; see ``varied``."""
         return _varied(self.document, self.folder, values)
 
     def restated(self, data: Mapping[str, Any]) -> Self:
@@ -184,10 +169,7 @@ class Scenario(Record, frozen=True):
         return self.with_document(replace(self.document, data=dict(data)))
 
     def with_document(self, document: Document) -> Self:
-        """Return the scenario of another document in the same place, with the same last digits.
-
-        It has the same mechanism, if that has been loaded and the document says the same of it.
-        """
+        """Return the scenario of another document; a loaded mechanism of which it says the same is kept."""
         content = _content(document)
         other = replace(self, document=document, content=content, problem=_problem(document, content.problem))
         same = self.loaded and self._mechanism_data == other._mechanism_data
@@ -231,13 +213,13 @@ class Scenario(Record, frozen=True):
 
     def read_mechanism(self) -> Mechanism:
         """Return the mechanism, read anew; see ``mechanism``."""
-        read = self._read()
-        own = read if self.seed is None else read.perturbed(self.seed)
-        own = replace(own, control=(*own.control, *self.functions)) if self.functions else own
-        return self._loaded(own) if self.function_forces else own
-
-    def _loaded(self, mechanism: Mechanism) -> Mechanism:
-        """Return a mechanism with the loads that are given as functions."""
+        mechanism = self._read()
+        if self.seed is not None:
+            mechanism = mechanism.perturbed(self.seed)
+        if self.functions:
+            mechanism = replace(mechanism, control=(*mechanism.control, *self.functions))
+        if not self.function_forces:
+            return mechanism
         from pinarm.mechanics.forces.force_element import check_new
         from pinarm.problems.control import MechanismPlant
 
@@ -251,17 +233,17 @@ class Scenario(Record, frozen=True):
         if self.given is not None:
             refuse_changes(self.document.data)
             return self.given
-        wanted, gravity = self.content.mechanism, self.content.gravity
+        wanted = self.content.mechanism
         with self.document.locating("mechanism"):
-            source: str | Path = wanted
-            if Path(wanted).suffix:
-                source = self._file_of(wanted)
-            changes = self.document.part("changes") if self.content.changes else None
-            given = {name: value.given for name, value in self.content.arguments.items()}
             return read_mechanism(
-                source, given, gravity=gravity, payloads=self.content.payloads, changes=changes,
-                locate=self.document.locating, acted=self.acted,
-            )  # fmt: skip
+                self._file_of(wanted) if Path(wanted).suffix else wanted,
+                {name: value.given for name, value in self.content.arguments.items()},
+                gravity=self.content.gravity,
+                payloads=self.content.payloads,
+                changes=self.document.part("changes") if self.content.changes else None,
+                locate=self.document.locating,
+                acted=self.acted,
+            )
 
     def _file_of(self, wanted: str) -> Path:
         """Return the file of the mechanism; of a saved scenario elsewhere, errors name the one saved beside it."""
@@ -273,11 +255,7 @@ class Scenario(Record, frozen=True):
             raise
 
     def number_at(self, path: str) -> Measured:
-        """Return the number that a path leads to, as ``varied`` takes it: of the scenario, or else of its mechanism.
-
-        Raises:
-            InputError: No number stands there.
-        """
+        """Return the number that a path leads to, as ``varied`` takes it: of the scenario, or else of its mechanism."""
         part, _, rest = path.partition(".")
         if (argument := argument_of(path)) in self.mechanism.arguments:
             number = Measured(self.mechanism.arguments[argument])
@@ -295,11 +273,7 @@ class Scenario(Record, frozen=True):
             raise InputError(f"no number is at '{path}': {what} there", expected=expected) from None
 
     def unit_at(self, path: str) -> str:
-        """Return the unit of the number at a path, in the scenario or else its mechanism; empty where it has none.
-
-        Raises:
-            InputError: The file and the mechanism give the argument in different units.
-        """
+        """Return the unit of the number at a path, in the scenario or else its mechanism; empty where it has none."""
         written = written_unit(self.document.data, path)
         if path.startswith("changes.") and not written:
             written = declared_unit(self.document.data, self.folder, path)
@@ -339,11 +313,7 @@ class Scenario(Record, frozen=True):
 
     @cached_property
     def simplification(self) -> Simplification:
-        """Simplification of the problem to the part of the mechanism that it requires.
-
-        Raises:
-            InputError: It asks for more rows than there may be.
-        """
+        """Simplification of the problem to the part of the mechanism that it requires."""
         self.require_memory()
         if self.content.modelled == "whole":
             return Simplification.whole(self._question, self.mechanism, self.content.accuracy, self.place)
@@ -357,11 +327,7 @@ class Scenario(Record, frozen=True):
         return Simplification.required(self._question, self.mechanism, self.content.accuracy, self.place, requested)
 
     def run(self) -> Result:
-        """Solve the problem at the accuracy that it asks for; ``use.facade`` knows how.
-
-        Raises:
-            PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
-        """
+        """Solve the problem at the accuracy that it asks for; ``use.facade`` knows how."""
         raise NotImplementedError
 
     def solve(self) -> Result:
@@ -371,13 +337,8 @@ class Scenario(Record, frozen=True):
     def prescribed_table(self, like: Scenario) -> PrescribedTable | None:
         """Return the prescribed motion and its rows, with nothing solved.
 
-        ``None`` where laws do not determine the motion, or it is solved on a part of the mechanism.
-
-        Args:
-            like: The scenario itself, or one that differs from it by numbers of the problem only.
-
-        Raises:
-            InputError: The problem has a mistake.
+        ``None`` where laws do not determine the motion, or it is solved on a part of the mechanism. ``like`` is the
+        scenario itself, or one that may differ from it by numbers of the problem only.
         """
         if not KINDS[self.problem.kind].prescribing:
             return None
@@ -388,11 +349,7 @@ class Scenario(Record, frozen=True):
         return cast("PrescribingProblem", self.problem).table(self.mechanism, self.content.accuracy, self.place)
 
     def solve_once(self) -> Result:
-        """Solve the problem once, without a search; measure the accuracy, and refuse what is not finite.
-
-        Raises:
-            PinarmError: See ``run``.
-        """
+        """Solve the problem once, without a search; measure the accuracy, and refuse what is not finite."""
         with one_run(), one_blas_thread(self.mechanism.model.nv):
             try:
                 solved = self.simplification.solve()
@@ -401,15 +358,7 @@ class Scenario(Record, frozen=True):
             return self.measured(*solved)
 
     def measured(self, solved: Outcome, whole: Outcome) -> Result:
-        """Return the result with its accuracy, measured on the mechanism that was solved.
-
-        Args:
-            solved: What came out for that mechanism.
-            whole: The same for the whole mechanism.
-
-        Raises:
-            NumericsError: It is not finite.
-        """
+        """Return the result with its accuracy, from the outcomes of the mechanism that was solved and of the whole."""
         self._require_turns(whole)
         known = plain(solved.figures)
         if solved.rows.mechanism.frictions:
@@ -426,11 +375,6 @@ class Scenario(Record, frozen=True):
         return replace(result, figures=Figures(known, measure), removals=removals)
 
     def _accuracy(self, solved: Outcome, whole: Outcome, quantities: Quantities) -> dict[str, float]:
-        """Return the measures of accuracy of a run.
-
-        Raises:
-            DynamicsError: The numbers of the run are too large.
-        """
         with failures_in_words(), one_run(), one_blas_thread(self.mechanism.model.nv):
             balances = {**power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
             measures = plain({**balances, **quantities.figures()})
@@ -439,11 +383,7 @@ class Scenario(Record, frozen=True):
         return measures
 
     def _require_turns(self, outcome: Outcome) -> None:
-        """Raise where an angle along which something acts leaps between rows; forward runs look into their steps.
-
-        Raises:
-            DynamicsError: It does.
-        """
+        """Refuse angles along which something acts that leap between rows; forward runs look into their steps."""
         rows, motion = outcome.rows, outcome.motion
         if motion is None or self.problem.kind == "forward":
             return
@@ -460,11 +400,7 @@ class Scenario(Record, frozen=True):
         return self.result(replace(outcome, notes=(*outcome.notes, note, *self.method_notes(self.content.accuracy))))
 
     def method_notes(self, accuracy: Accuracy) -> list[str]:
-        """Return a note where the scenario names a removed method of integration: which one is used at which setting.
-
-        Args:
-            accuracy: The setting that is used.
-        """
+        """Return a note where the scenario names a removed method of integration, with the setting that is used."""
         named = self.document.data.get("accuracy", {}).get("method", accuracy.method)
         if named not in REMOVED or self.problem.kind != "forward":
             return []
@@ -483,7 +419,7 @@ class Scenario(Record, frozen=True):
         outcome: Mapping[str, Any],
         measured: Mapping[str, Any],
     ) -> Result:
-        """Return a result from its parts: what ``Result`` gives to another process.
+        """Return a result from its parts, as another process gives them.
 
         Args:
             mechanism: The whole mechanism.
@@ -498,11 +434,7 @@ class Scenario(Record, frozen=True):
         return replace(self.result(Outcome(rows, motion, **outcome)), **measured)
 
     def check_answer_key(self) -> None:
-        """Check names and units of the answer key, with nothing solved.
-
-        Raises:
-            PinarmError: Something is wrong; the message says where.
-        """
+        """Check names and units of the answer key, with nothing solved."""
         if not self.content.expect:
             return
         with failures_in_words():
@@ -516,20 +448,16 @@ class Scenario(Record, frozen=True):
 
     def require_memory(self) -> None:
         """Raise where the rows that ``time.samples`` or a range asks for need too much memory."""
-        time, ranges = getattr(self.problem, "time", None), list[tuple[tuple[str, ...], Any]]()
-        ranges += [(("time",), time)] if time else []
-        ranges += [(("over", name), given) for name, given in getattr(self.problem, "over", {}).items()]
-        for path, given in ranges:
+        ranges: dict[tuple[str, ...], Any] = {("time",): getattr(self.problem, "time", None)}
+        ranges |= {("over", name): values for name, values in getattr(self.problem, "over", {}).items()}
+        for path, values in ranges.items():
             with self.place(*path, "samples"):
                 key = ".".join(("problem", *path, "samples"))
-                require_memory(given.samples, self.mechanism.model, len(self.content.outputs), key)
+                if values:
+                    require_memory(values.samples, self.mechanism.model, len(self.content.outputs), key)
 
     def check_presentation(self) -> None:
-        """Refuse units and labels of what does not exist, and units of another dimension.
-
-        Raises:
-            InputError: Says which.
-        """
+        """Refuse units and labels of what does not exist, and units of another dimension."""
         if not self.content.units and not self.content.labels:
             return
         quantities, presentation = self.quantities(), self.content.presentation
@@ -561,11 +489,7 @@ class Scenario(Record, frozen=True):
         return {"frequency_response": own, **self.content.assessments}
 
     def variant(self, name: str) -> Self:
-        """Return the scenario with the values of one of its variants.
-
-        Raises:
-            InputError: A path leads nowhere, or a value is wrong there.
-        """
+        """Return the scenario with the values of one of its variants."""
         document = self.document
         for path, value in {**self.content.variants[name], "variants": {}}.items():
             document = document.assigned(path, value, self.document.locate(("variants", name, path)))
@@ -587,17 +511,7 @@ class Scenario(Record, frozen=True):
 
 
 class ScenarioSource(Record, frozen=True):
-    """Source from which another process reads a scenario.
-
-    Attributes:
-        kind: Class of the scenario.
-        document: See ``Scenario``, as for all others.
-        folder: Absolute.
-        seed: Of changes in the last digits of the mechanism.
-        given: The mechanism where it was given as such.
-        functions: Controllers given as functions; importable by their names.
-        function_forces: Loads given as functions, likewise.
-    """
+    """Source from which another process reads a scenario: its class and fields, with absolute paths."""
 
     kind: type[Scenario]
     document: Document
@@ -608,22 +522,12 @@ class ScenarioSource(Record, frozen=True):
     function_forces: tuple[FunctionForce, ...]
 
     def scenario(self) -> Scenario:
-        """Read it.
-
-        Raises:
-            InputError: A file that it names is not there.
-        """
-        read = self.kind.of(self.document, self.folder)
-        own = {name: getattr(self, name) for name in ("seed", "given", "functions", "function_forces")}
-        return replace(read, **own)
+        fields = {name: getattr(self, name) for name in ("seed", "given", "functions", "function_forces")}
+        return replace(self.kind.of(self.document, self.folder), **fields)
 
 
 def _shown_quantity(name: str, quantities: Quantities, presentation: Presentation) -> Series:
-    """Return a quantity that is to be shown in another unit.
-
-    Raises:
-        InputError: There is none of that name; of a word for a kind, that the unit is none of it.
-    """
+    """Return a quantity that is to be shown in another unit; an error names the words for kinds too."""
     try:
         return quantities[name]
     except InputError as error:
@@ -642,13 +546,11 @@ def _with_digits(document: Document) -> Document:
     entries = document.data.get("expect") if isinstance(document.data, dict) else None
     if not isinstance(entries, list):
         return document
-    values = [entry.get("value") if isinstance(entry, dict) else None for entry in entries]
-    written = [
-        {**entry, "value": document.written(("expect", k, "value"))}
-        if isinstance(value, float) and math.isfinite(value)
-        else entry
-        for k, (entry, value) in enumerate(zip(entries, values, strict=True))
-    ]
+    written = list(entries)
+    for k, entry in enumerate(entries):
+        value = entry.get("value") if isinstance(entry, dict) else None
+        if isinstance(value, float) and math.isfinite(value):
+            written[k] = {**entry, "value": document.written(("expect", k, "value"))}
     return replace(document, data={**document.data, "expect": written})
 
 
@@ -659,13 +561,7 @@ def _varied(document: Document, folder: Path, values: Values) -> Document:
 
 
 def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
-    """Return the unit in which a scenario's mechanism file has the value at a path; empty for none.
-
-    Args:
-        data: The scenario as plain data.
-        folder: Folder that paths in it are relative to.
-        path: Path in the scenario: below ``arguments`` or ``changes``.
-    """
+    """Return the unit that a scenario's mechanism file has at a path below ``arguments`` or ``changes``, if any."""
     part, _, rest = path.partition(".")
     wanted = data.get("mechanism")
     if part not in ("arguments", "changes") or not isinstance(wanted, str) or not Path(wanted).suffix:
@@ -686,22 +582,20 @@ def _content(document: Document) -> ScenarioFile:
     try:
         return document.validate(ScenarioFile)
     except InputError:
-        refuse_misplaced_keys(document, ScenarioFile.__struct_encode_fields__)
+        refuse_misplaced_keys(document, KEYS)
         raise
 
 
 def _problem(document: Document, given: object) -> Problem:
     """Validate the part of the document that holds the question, by the class of its kind."""
     if not isinstance(given, dict) or "kind" not in given:
-        error = InputError(
-            "the key 'kind' is missing: it says which kind of problem this is", expected=", ".join(KINDS)
-        )
-        raise error.at(document.locate(("problem",)))
+        missing = "the key 'kind' is missing: it says which kind of problem this is"
+        raise InputError(missing, expected=", ".join(KINDS)).at(document.locate(("problem",)))
     with document.locating("problem", "kind"):
         model = problem_class(given["kind"])
     try:
         problem: Problem = document.validate(model, "problem")
     except InputError:
-        refuse_misplaced_keys_of_problem(document, given["kind"], ScenarioFile.__struct_encode_fields__)
+        refuse_misplaced_keys(document, KEYS, "problem")
         raise
     return problem

@@ -16,7 +16,7 @@ from pinarm.input.yaml.document import Document, Values
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.facade import Scenario, load
-from pinarm.use.scenario.file_kind import is_mechanism, refuse_ambiguous
+from pinarm.use.scenario.file_kind import is_mechanism, refuse_folder
 
 Subject: TypeAlias = str | Path | Mechanism | Scenario | Mapping[str, Any]
 """A scenario or a mechanism, the data or the file of either, a model file, or the name of a robot."""
@@ -42,7 +42,7 @@ def subject(given: Subject, values: Values | None = None) -> Scenario | Mechanis
     if not isinstance(given, str | PathLike):
         return load(given, values)
     file = Path(given)
-    refuse_ambiguous(file)
+    refuse_folder(file)
     if file.suffix in (".yaml", ".yml"):
         data = Document.read(file).data
         if isinstance(data, Mapping) and "problem" in data:

@@ -51,7 +51,7 @@ def test_json_is_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--over", "arguments.m"], "'--over arguments.m' says no values"),
+        (["--over", "arguments.m"], "'arguments.m' has no name or no value"),
         (["--over", MASSES, "--result", "N"], "error: --result N: there is no quantity 'N'"),
         (["--over", MASSES, "-j", "0"], "0 workers solve nothing"),
         (["--cases", "none.csv"], "there is no file none.csv"),
