@@ -6,7 +6,7 @@ border it is left. A body without mass between two joints passes wrenches on: bo
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import NamedTuple
 
@@ -29,9 +29,6 @@ from pinarm.records import Record
 SAME = 1e-9
 """Sine of the angle between a wrench and a space of wrenches below which it is in the space: rounding, of numbers near
 1."""
-
-LARGE = 2.0**30
-"""Multiplier at which a coupling's wrenches are taken per unit, beyond the pretension of belts [N or N*m]."""
 
 
 class Carrier(Record, frozen=True):
@@ -80,20 +77,15 @@ class Actions(Record, frozen=True):
 
     @cached_property
     def bodies(self) -> list[int]:
-        """Joint indices of the bodies: joints of rotors and counters move none."""
         return bodies_of(self.mechanism)
 
-    def carrier(self, name: str, kind: str) -> Carrier | None:
-        """Return the carrier of a name and a kind; ``None`` where there is none."""
-        return next((carrier for carrier in self.carriers if (carrier.name, carrier.kind) == (name, kind)), None)
-
-    def on(self, groups: Flags) -> Array:
-        """Return the wrenches of unit unknowns on groups of bodies, shape (g, njoints), in the shape (g, c, K, 6)."""
-        return np.asarray(np.einsum("gb,cbkw->gckw", groups.astype(float), self.wrenches))
+    def carrier(self, name: str, *kinds: str) -> Carrier | None:
+        """Return the carrier of a name that has one of some kinds; ``None`` where there is none."""
+        return next((carrier for carrier in self.carriers if carrier.name == name and carrier.kind in kinds), None)
 
 
 def bodies_of(mechanism: Mechanism) -> list[int]:
-    """Return the joint indices of the bodies of a mechanism."""
+    """Return the joint indices of the bodies of a mechanism: joints of rotors and counters move none."""
     idle = {tie.rotor.index for tie in joint_ties(mechanism.constraints)}
     return [index for index in range(1, mechanism.model.njoints) if index not in idle]
 
@@ -104,9 +96,15 @@ def body_name(model: pin.Model, body: int) -> str:
 
 
 def unknown_actions(
-    mechanism: Mechanism, q: Array, efforts: Mapping[str, Coordinate], balls: Iterable[str], law: str = "",
-    senses: Mapping[str, float] | None = None, *, loaded: bool = True,
-) -> Actions:  # fmt: skip
+    mechanism: Mechanism,
+    q: Array,
+    efforts: Mapping[str, Coordinate],
+    balls: Iterable[str],
+    law: str,
+    senses: Mapping[str, float],
+    *,
+    loaded: bool,
+) -> Actions:
     """Return the unknown actions.
 
     Args:
@@ -115,23 +113,30 @@ def unknown_actions(
         efforts: Coordinates along which unknown efforts act, by name.
         balls: Ball joints with drives.
         law: Which of the coordinates has a known effort, and is asked for its law of motion; empty for none.
-        senses: Sign of the multipliers of couplings in the state of the numbers; others have an unknown for each sign.
+        senses: Sign of the multipliers of couplings in the state of the numbers; 1 of others.
         loaded: Whether forces act on bodies: those without mass then pass nothing on.
     """
-    links = LinkPlacements.at(mechanism.model, q)
+    links, model = LinkPlacements.at(mechanism.model, q), mechanism.model
     parts = list[_Part]()
     for body, space in _joint_spaces(mechanism, links, efforts, set(balls), loaded).items():
-        parts.append(_Part(str(mechanism.model.names[body]), "joint", _on_both(mechanism, body, space)))
+        parts.append(_Part(str(model.names[body]), "joint", _on_both(mechanism, body, space)))
     for constraint in mechanism.constraints:
-        if isinstance(constraint, LoopJoint):
-            parts.append(_Part(constraint.name, "loop", per_unit(constraint, links)))
+        name = constraint.name
+        if isinstance(constraint, JointRelation) and not constraint.known:
+            parts.append(_at_joints(mechanism, name, "coupling", constraint.rows_at(q)[:, None], links))
         elif not hasattr(constraint, "rotor"):
-            parts.append(_of_coupling(mechanism, constraint, links, (senses or {}).get(constraint.name, 0.0)))
+            kind = "loop" if isinstance(constraint, LoopJoint) else "coupling"
+            parts.append(_Part(name, kind, per_unit(constraint, links, senses.get(name) or 1.0)))
     for name, along in efforts.items():
-        parts.append(_of_drive(mechanism, name, "law" if name == law else "drive", along, links))
+        kind = "law" if name == law else "drive"
+        if isinstance(along, LinearCoordinate):
+            parts.append(_at_joints(mechanism, name, kind, along.weights[None, None], links))
+        else:
+            acting = along.wrenches(links, np.ones(len(q)))
+            parts.append(_Part(name, kind, {body: wrench[:, None] for body, wrench in acting.items()}))
     for name in balls:
-        joint = mechanism.model.joints[mechanism.balls[name].index]
-        unit = np.eye(mechanism.model.nv)[joint.idx_v : joint.idx_v + joint.nv]
+        joint = model.joints[mechanism.balls[name].index]
+        unit = np.eye(model.nv)[joint.idx_v : joint.idx_v + joint.nv]
         parts.append(_at_joints(mechanism, name, "drive", unit[None], links))
     return _assembled(mechanism, links, parts)
 
@@ -145,10 +150,10 @@ class _Part(NamedTuple):
     efforts: Array | None = None
 
 
-def _assembled(mechanism: Mechanism, links: LinkPlacements, parts: Sequence[_Part]) -> Actions:
-    """Return the actions of all carriers."""
-    carriers, start, wrenches, efforts = list[Carrier](), 0, [], []
+def _assembled(mechanism: Mechanism, links: LinkPlacements, parts: Iterable[_Part]) -> Actions:
+    carriers, start = list[Carrier](), 0
     c, bodies, nv = len(links.q), mechanism.model.njoints, mechanism.model.nv
+    wrenches, efforts = [np.zeros((c, bodies, 0, 6))], [np.zeros((c, 0, nv))]
     for name, kind, acting, own in parts:
         count = next((wrench.shape[1] for wrench in acting.values()), 0)
         block = np.zeros((c, bodies, count, 6))
@@ -156,10 +161,9 @@ def _assembled(mechanism: Mechanism, links: LinkPlacements, parts: Sequence[_Par
             block[:, body] += wrench
         carriers.append(Carrier(name, kind, tuple(sorted(acting)), slice(start, start + count)))
         wrenches.append(block)
-        efforts.append(np.zeros((c, count, nv)) if own is None else np.broadcast_to(own, (c, count, nv)))
+        efforts.append(np.broadcast_to(0.0 if own is None else own, (c, count, nv)))
         start += count
-    every = np.concatenate([np.zeros((c, bodies, 0, 6)), *wrenches], axis=2)
-    return Actions(mechanism, links, tuple(carriers), every, np.concatenate([np.zeros((c, 0, nv)), *efforts], axis=1))
+    return Actions(mechanism, links, tuple(carriers), np.concatenate(wrenches, axis=2), np.concatenate(efforts, axis=1))
 
 
 def _at_joints(mechanism: Mechanism, name: str, kind: str, efforts: Array, links: LinkPlacements) -> _Part:
@@ -175,9 +179,13 @@ def _on_both(mechanism: Mechanism, body: int, wrenches: Array) -> dict[int, Arra
 
 def motions(mechanism: Mechanism, links: LinkPlacements, body: int) -> Array:
     """Return the wrenches of unit efforts along the motions of a joint, shape (c, nv, 6)."""
-    joint = mechanism.model.joints[body]
-    subspace = LinkTree.of(mechanism.model).subspace[:, joint.idx_v : joint.idx_v + joint.nv]
-    return _placed(links, body, np.asarray(np.linalg.pinv(subspace), float))
+    return _placed(links, body, np.asarray(np.linalg.pinv(_subspace(mechanism.model, body)), float))
+
+
+def _subspace(model: pin.Model, body: int) -> Array:
+    """Return the unit motions of a joint in its own axes, shape (6, nv)."""
+    joint = model.joints[body]
+    return LinkTree.of(model).subspace[:, joint.idx_v : joint.idx_v + joint.nv]
 
 
 def _placed(links: LinkPlacements, body: int, wrenches: Array) -> Array:
@@ -188,18 +196,17 @@ def _placed(links: LinkPlacements, body: int, wrenches: Array) -> Array:
 
 
 def held(model: pin.Model, links: LinkPlacements, body: int) -> Array:
-    """Return a basis of the wrenches that do no work in a tree joint, at the world's origin, shape (c, k, 6)."""
-    joint = model.joints[body]
-    return _placed(links, body, _workless(LinkTree.of(model).subspace[:, joint.idx_v : joint.idx_v + joint.nv]))
+    """Return a basis of the wrenches that do no work in a tree joint, at the world's origin, shape (c, k, 6).
 
-
-def _workless(subspace: Array) -> Array:
-    """Return wrenches that do no work in motions, shape (6, nv): forces and moments apart where these are, (k, 6)."""
+    Forces and moments are apart, and along the axes of the joint, where its motions are.
+    """
+    subspace = _subspace(model, body)
     slides, turns = subspace[:3].any(axis=0), subspace[3:].any(axis=0)
     if (slides & turns).any():
-        return np.asarray(np.linalg.svd(subspace.T)[2][subspace.shape[1] :])
+        return _placed(links, body, np.asarray(np.linalg.svd(subspace.T)[2][subspace.shape[1] :]))
     forces, moments = _normal(subspace[:3, slides]), _normal(subspace[3:, turns])
-    return np.block([[forces, np.zeros_like(forces)], [np.zeros_like(moments), moments]])
+    apart = np.block([[forces, np.zeros_like(forces)], [np.zeros_like(moments), moments]])
+    return _placed(links, body, apart)
 
 
 def _normal(vectors: Array) -> Array:
@@ -209,46 +216,27 @@ def _normal(vectors: Array) -> Array:
     return np.asarray(np.linalg.svd(vectors.T)[2][vectors.shape[1] :]) if vectors.size else np.eye(3)
 
 
-def per_unit(constraint: Constraint, links: LinkPlacements, size: float = 1.0) -> dict[int, Array]:
-    """Return wrenches of a constraint on bodies per unit of its multipliers, at a size of these, shape (c, m, 6)."""
-    wrenches: dict[int, list[Array]] = {}
-    for row in np.eye(constraint.size) * size:
-        for body, wrench in constraint.wrenches(links, np.broadcast_to(row, (len(links.q), constraint.size))).items():
-            wrenches.setdefault(body, []).append(wrench / size)
-    return {body: np.stack(each, axis=1) for body, each in wrenches.items()}
+def per_unit(constraint: Constraint, links: LinkPlacements, sense: float = 1.0) -> dict[int, Array]:
+    """Return wrenches of a constraint on bodies per unit of its multipliers, of one sense, shape (c, m, 6).
 
-
-def _of_coupling(mechanism: Mechanism, constraint: Constraint, links: LinkPlacements, sense: float) -> _Part:
-    """Return the unknowns of a coupling, whose wrenches may differ from one sense to the other, or of a cable."""
-    if not isinstance(constraint, JointRelation):
-        return _Part(constraint.name, "coupling", per_unit(constraint, links))
-    if not constraint.known:
-        return _at_joints(mechanism, constraint.name, "coupling", constraint.rows_at(links.q)[:, None], links)
-    ways = [per_unit(constraint, links, size) for size in ((sense * LARGE,) if sense else (LARGE, -LARGE))]
-    return _Part(
-        constraint.name, "coupling", {body: np.concatenate([way[body] for way in ways], axis=1) for body in ways[0]}
-    )
+    A constant part, such as the pretension of a belt, is left out.
+    """
+    shape = len(links.q), constraint.size
+    rows = [np.broadcast_to(row, shape) for row in sense * np.eye(constraint.size)]
+    idle, each = constraint.wrenches(links, np.zeros(shape)), [constraint.wrenches(links, row) for row in rows]
+    return {body: np.stack([(wrenches[body] - idle[body]) / sense for wrenches in each], axis=1) for body in idle}
 
 
 def joint_efforts(mechanism: Mechanism, links: LinkPlacements, efforts: Array) -> dict[int, Array]:
     """Return the wrenches of generalised efforts at joints, shape (c, k, nv), on links, shape (c, k, 6)."""
-    found: dict[int, Array] = {}
+    acting: dict[int, Array] = {}
     for body in bodies_of(mechanism):
         joint = mechanism.model.joints[body]
         own = efforts[..., joint.idx_v : joint.idx_v + joint.nv]
         if own.any():
-            wrench = own @ motions(mechanism, links, body)
-            for link, part in _on_both(mechanism, body, wrench).items():
-                found[link] = found.get(link, 0.0) + part
-    return found
-
-
-def _of_drive(mechanism: Mechanism, name: str, kind: str, along: Coordinate, links: LinkPlacements) -> _Part:
-    """Return the unknown effort along a coordinate."""
-    if isinstance(along, LinearCoordinate):
-        return _at_joints(mechanism, name, kind, along.weights[None, None], links)
-    acting = along.wrenches(links, np.ones(len(links.q)))
-    return _Part(name, kind, {body: wrench[:, None] for body, wrench in acting.items()})
+            for link, part in _on_both(mechanism, body, own @ motions(mechanism, links, body)).items():
+                acting[link] = acting.get(link, 0.0) + part
+    return acting
 
 
 def _joint_spaces(
@@ -257,17 +245,12 @@ def _joint_spaces(
     """Return wrenches that each tree joint can transmit beside efforts along it, shape (c, k, 6), by joint index."""
     model = mechanism.model
     spaces = {body: held(model, links, body) for body in bodies_of(mechanism)}
-    if (
-        loaded
-        or mechanism.frictions
-        or any(not isinstance(constraint, LoopJoint) for constraint in mechanism.constraints)
-    ):
+    tied = any(not isinstance(constraint, LoopJoint) for constraint in mechanism.constraints)
+    if loaded or mechanism.frictions or tied:
         return spaces
-    driven = _driven(mechanism, efforts, balls)
-    whole = {
-        body: np.concatenate([space, motions(mechanism, links, body)], axis=1) if body in driven else space
-        for body, space in spaces.items()
-    }
+    driven, whole = _driven(mechanism, efforts, balls), dict(spaces)
+    for body in driven & spaces.keys():
+        whole[body] = np.concatenate([spaces[body], motions(mechanism, links, body)], axis=1)
     scale = np.repeat([1.0, 1.0 / mechanism.closure.extent], 3)  # moments relative to the extent
     pushed = {body for along in efforts.values() for body in along.wrenches(links, np.ones(len(links.q)))}
     for before, after in _passing(mechanism, pushed):
@@ -294,13 +277,8 @@ def _passing(mechanism: Mechanism, pushed: set[int]) -> Iterator[tuple[int, int]
         mechanism: The mechanism.
         pushed: Bodies that efforts along other coordinates than those of joints act on.
     """
-    model = mechanism.model
-    tied = {
-        model.frames[frame].parentJoint
-        for constraint in mechanism.constraints
-        if isinstance(constraint, LoopJoint)
-        for frame in (constraint.first, constraint.second)
-    }
+    model, loops = mechanism.model, [tie for tie in mechanism.constraints if isinstance(tie, LoopJoint)]
+    tied = {model.frames[frame].parentJoint for loop in loops for frame in (loop.first, loop.second)}
     for body in reversed(bodies_of(mechanism)):
         beyond = [k for k in range(1, model.njoints) if model.parents[k] == body]
         light = not model.inertias[body].mass and not np.any(model.inertias[body].inertia)
@@ -314,18 +292,13 @@ def _common(twist: Array, other: Array) -> Array:
     Both are spanned by the rows of arrays of shape (c, k, 6).
     """
     points = []
-    for first, second in zip(twist, other, strict=True):
-        a, b = (_basis(space) for space in (first, second))
+    for spaces in zip(twist, other, strict=True):
+        first, second = (np.linalg.svd(space, full_matrices=False)[1:] for space in spaces)
+        a, b = (right[values > SAME * values.max(initial=0.0)] for values, right in (first, second))
         left, values, _ = np.linalg.svd(a @ b.T)
         points.append(left.T[: np.count_nonzero(values > 1.0 - SAME)] @ a)
     least = min(map(len, points))
     return np.stack([basis[:least] for basis in points])
-
-
-def _basis(space: Array) -> Array:
-    """Return orthonormal rows that span those of a matrix, shape (k, 6)."""
-    _, values, right = np.linalg.svd(space, full_matrices=False)
-    return right[values > SAME * max(float(values.max(initial=0.0)), SAME)]
 
 
 def rows_along(mechanism: Mechanism, along: Coordinate, q: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -27,33 +27,28 @@ class Source(Record, frozen=True):
             ``pretension``, ``given``, ``tie``.
         wrenches: On every body, [f; m] at the world's origin, world axes, shape (njoints, 6); of an inertia what the
             motion demands.
-        efforts: Of an unknown that acts as efforts at joints: these, shape (nv,).
-        parts: Sums of the sizes of what the wrenches are sums of, shape (njoints, 6); ``None`` where they are no sums.
     """
 
     name: str
     kind: str
     wrenches: Array
-    efforts: Array | None = None
-    parts: Array | None = None
 
     def power(self, twists: Array) -> float:
         """Return the power in the motions of bodies, shape (njoints, 6): a term of the equation."""
         return float((self.wrenches * twists).sum())
 
     def size(self, twists: Array, extent: float) -> float:
-        """Return the size of that term's parts, whatever their directions: what its rounding is relative to.
+        """Return the size of that term whatever its directions are: what its rounding is relative to.
 
         A force has a moment by an arm of up to the extent [m].
         """
-        parts = self.wrenches if self.parts is None else self.parts
         force, moment, velocity, spin = (
-            np.linalg.norm(each, axis=1) for both in (parts, twists) for each in (both[:, :3], both[:, 3:])
+            np.linalg.norm(half, axis=1) for whole in (self.wrenches, twists) for half in (whole[:, :3], whole[:, 3:])
         )
         return float((force * (velocity + extent * spin) + moment * spin).max())
 
 
-def sources(state: Quantities, actions: Actions, *, split: bool = False) -> list[Source]:
+def sources(state: Quantities, actions: Actions, *, split: bool) -> list[Source]:
     """Return everything that acts on the bodies in one state, each inside and outside of any group.
 
     Args:
@@ -62,22 +57,14 @@ def sources(state: Quantities, actions: Actions, *, split: bool = False) -> list
         split: Whether what accelerations and what velocities demand are told apart.
     """
     run = state.trajectory
-    parts = {"": run}
-    if split:
-        still = np.zeros_like(run.a)
-        parts = {", accelerations": replace(run, v=still), ", velocities": replace(run, a=still)}
-    inertias = (inertia for words, part in parts.items() for inertia in _inertias(part, words))
-    weights = (inertia for inertia in _inertias(run, "") if inertia.kind == "weight")
-    actions_of_run = [
-        *_carried(state, actions),
-        *forces_of(run),
-        *weights,
-        *(inertia for inertia in inertias if inertia.kind == "inertia"),
-    ]
-    return [source for source in actions_of_run if source.wrenches.any() or source.parts is not None]
+    still = np.zeros_like(run.a)
+    parts = {", accelerations": replace(run, v=still), ", velocities": replace(run, a=still)} if split else {"": run}
+    inertias = (inertia for words, part in parts.items() for inertia in inertias_of(part, words))
+    acting = [*_carried(state, actions), *forces_of(run), *weights_of(run), *inertias]
+    return [source for source in acting if source.wrenches.any()]
 
 
-def _spread(run: Trajectory, acting: dict[int, Array]) -> Array:
+def _spread(run: Trajectory, acting: Mapping[int, Array]) -> Array:
     """Return wrenches on bodies as one array, shape (njoints, 6)."""
     spread = np.zeros((run.mechanism.model.njoints, 6))
     for body, wrench in acting.items():
@@ -91,62 +78,65 @@ def _efforts(run: Trajectory, load: Array) -> Array:
 
 
 def _carried(state: Quantities, actions: Actions) -> Iterator[Source]:
-    run = state.trajectory
-    model, links, lam = run.mechanism.model, run.link_motion[0], np.asarray(run.lam)
-    tree, total = LinkTree.of(model), state.reactions.joints
+    """Yield the actions of joints, constraints and drives."""
+    run, model = state.trajectory, state.trajectory.mechanism.model
+    links, total = run.link_motion[0], state.reactions.joints
     inner = links.inwards(moved(total, links.places))[0]
     for body in bodies_of(run.mechanism):
-        subspace = tree.subspace[:, model.joints[body].idx_v : model.joints[body].idx_v + model.joints[body].nv]
+        joint = model.joints[body]
+        subspace = LinkTree.of(model).subspace[:, joint.idx_v : joint.idx_v + joint.nv]
         part = np.zeros_like(total)
         part[0, body] = inner[body] - np.linalg.pinv(subspace).T @ (subspace.T @ inner[body])
         wrench = moved(links.outwards(part), links.places)[0, body]
-        acting = {int(model.parents[body]): -wrench, body: wrench}
-        yield Source(str(model.names[body]), "joint", _spread(run, acting))
+        yield Source(str(model.names[body]), "joint", _spread(run, {int(model.parents[body]): -wrench, body: wrench}))
     for constraint in run.mechanism.constraints:
-        kind = "loop" if isinstance(constraint, LoopJoint) else "tie" if hasattr(constraint, "rotor") else "coupling"
-        yield from _of_constraint(run, constraint, kind, lam[:, run.closure.slices[constraint.name]])
+        yield from _of_constraint(run, constraint)
     rest = run.tau[0].copy()
     for carrier in actions.carriers:
         if carrier.kind in ("drive", "law"):
             wrenches, used = _of_drive(run, carrier.name, carrier.kind)
             rest -= used
-            yield Source(carrier.name, carrier.kind, wrenches, used)
+            yield Source(carrier.name, carrier.kind, wrenches)
     yield Source("end stops and given efforts", "given", _efforts(run, rest))
 
 
-def _of_constraint(run: Trajectory, constraint: Constraint, kind: str, lam: Array) -> Iterator[Source]:
-    """Yield the action of a constraint, and its part without a multiplier, such as the pretension of a belt."""
-    links = run.link_motion[0]
+def _of_constraint(run: Trajectory, constraint: Constraint) -> Iterator[Source]:
+    """Yield the action of a constraint but for its part without a multiplier; see ``forces_of``."""
+    kind = "loop" if isinstance(constraint, LoopJoint) else "tie" if hasattr(constraint, "rotor") else "coupling"
+    links, lam = run.link_motion[0], np.asarray(run.lam)[:, run.closure.slices[constraint.name]]
     if acting := constraint.wrenches(links, lam):
         idle = _spread(run, constraint.wrenches(links, 0.0 * lam))
         yield Source(constraint.name, kind, _spread(run, acting) - idle)
-        yield Source(constraint.name, "pretension", idle)
-        return
-    load = lam[0] @ constraint.rows(run.mechanism.closure.state(run.q[0]))
-    yield Source(constraint.name, kind, _efforts(run, load), load)
+    else:
+        rows = constraint.rows(run.mechanism.closure.state(run.q[0]))
+        yield Source(constraint.name, kind, _efforts(run, lam[0] @ rows))
 
 
 def _of_drive(run: Trajectory, name: str, kind: str) -> tuple[Array, Array]:
     """Return the wrenches on bodies of a drive, or a known effort at a joint, and its part of ``tau``, shape (nv,)."""
-    mechanism, nothing = run.mechanism, np.zeros(run.v.shape[-1])
+    mechanism, load = run.mechanism, np.zeros(run.v.shape[-1])
     if name in mechanism.balls:
         ball = mechanism.model.joints[mechanism.balls[name].index]
-        nothing[ball.idx_v : ball.idx_v + ball.nv] = run.tau[0, ball.idx_v : ball.idx_v + ball.nv]
-        return _efforts(run, nothing), nothing
+        load[ball.idx_v : ball.idx_v + ball.nv] = run.tau[0, ball.idx_v : ball.idx_v + ball.nv]
+        return _efforts(run, load), load
     along = mechanism.coordinates[name]
     if isinstance(along, LinearCoordinate):
         effort = run.tau[:, along.joint] if kind == "law" and along.joint is not None else run.effort_along(name)
-        load = nothing if effort is None else effort[0] * along.weights
+        load = load if effort is None else effort[0] * along.weights
         return _efforts(run, load), load
     if name not in run.closure.slices or kind == "law":
-        return _spread(run, {}), nothing
+        return _spread(run, {}), load
     effort = run.lam.along[:, run.closure.slices[name].start - mechanism.closure.size]
-    return _spread(run, along.wrenches(run.link_motion[0], effort)), nothing
+    return _spread(run, along.wrenches(run.link_motion[0], effort)), load
 
 
 def forces_of(run: Trajectory) -> Iterator[Source]:
-    """Yield the actions of forces, frictions and rotors in one state."""
+    """Yield the actions of forces, pretensions of belts, frictions and rotors in one state."""
     links, [(_, dynamics)] = run.link_motion[0], run.intervals()
+    for constraint in run.mechanism.constraints:
+        yield Source(
+            constraint.name, "pretension", _spread(run, constraint.wrenches(links, np.zeros((1, constraint.size))))
+        )
     for name, force in dynamics.forces.items():
         acting, load = force.wrenches(links, run.grid.t, run.v), np.zeros_like(run.v)
         if not acting:
@@ -161,18 +151,24 @@ def forces_of(run: Trajectory) -> Iterator[Source]:
             yield Source(contact.name, "friction", _spread(run, acting) if acting else _efforts(run, f[0] * row))
     rotors = -run.mechanism.model.armature * run.a[0]
     for name, joint in run.mechanism.joints.items():
-        own = np.zeros_like(rotors)
-        own[joint.v] = rotors[joint.v]
-        yield Source(name, "rotor", _efforts(run, own))
+        yield Source(name, "rotor", _efforts(run, np.where(np.arange(len(rotors)) == joint.v, rotors, 0.0)))
 
 
-def _inertias(run: Trajectory, words: str) -> Iterator[Source]:
+def weights_of(run: Trajectory) -> Iterator[Source]:
+    """Yield the weights of the bodies."""
+    for body, name, demands in _demands(run):
+        yield Source(name, "weight", _spread(run, {body: -demands[2]}))
+
+
+def inertias_of(run: Trajectory, words: str = "") -> Iterator[Source]:
+    """Yield what the motion demands of the bodies; ``words`` are added to their names."""
+    for body, name, demands in _demands(run):
+        yield Source(name + words, "inertia", _spread(run, {body: demands[:2].sum(axis=0)}))
+
+
+def _demands(run: Trajectory) -> Iterator[tuple[int, str, Array]]:
+    """Yield bodies, their names, and the wrenches of accelerations, velocities and gravity, shape (3, 6)."""
     links = run.link_motion[0]
     demands = moved(links.outwards(run.demands), links.places)[:, 0]
     for body in bodies_of(run.mechanism):
-        name, moving, weight = body_name(run.mechanism.model, body), demands[:2, body], -demands[2, body]
-        if weight.any():
-            yield Source(name, "weight", _spread(run, {body: weight}))
-        if run.mechanism.model.inertias[body].mass or moving.any():
-            parts = _spread(run, {body: np.abs(moving).sum(axis=0)})
-            yield Source(name + words, "inertia", _spread(run, {body: moving.sum(axis=0)}), parts=parts)
+        yield body, body_name(run.mechanism.model, body), demands[:, body]

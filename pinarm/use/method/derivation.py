@@ -22,12 +22,12 @@ from pinarm.language import in_language, said
 from pinarm.mechanics.geometry.vectors import crossed, moved
 from pinarm.mechanics.joints import METRE
 from pinarm.records import Record, replace
-from pinarm.use.method.actions import Actions, Carrier, body_name, motions, unknown_actions
-from pinarm.use.method.balance import Source, forces_of, sources
+from pinarm.use.method.actions import Actions, Carrier, body_name, unknown_actions
+from pinarm.use.method.balance import Source, forces_of, inertias_of, sources, weights_of
 from pinarm.use.method.isolation import ROLES, WORDS, Equation, Isolation, Term
 from pinarm.use.method.search import NOTHING, Chain, Search, Step, configurations
 from pinarm.use.method.theorems import Landmarks, motion_of_whole
-from pinarm.use.method.wanted import Wanted, component, efforts_of, function_of, own_wrenches, wanted_of
+from pinarm.use.method.wanted import Wanted, efforts_of, function_of, symbols_of, wanted_of
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.numbers import RunNumber
 from pinarm.use.result.result import Result
@@ -44,6 +44,8 @@ ROUNDED = 1e-13
 
 ALIKE = 1e2 * NOTHING
 """Distance of rows and directions of length 1 below which they are the same."""
+
+TINY = float(np.finfo(float).tiny)
 
 
 class Derivation(Record, frozen=True):
@@ -63,7 +65,6 @@ class Derivation(Record, frozen=True):
 
     @property
     def mechanism(self) -> Mechanism:
-        """The mechanism."""
         return self.quantities.trajectory.mechanism
 
     @cached_property
@@ -88,7 +89,7 @@ class Derivation(Record, frozen=True):
         return Search(actions, Landmarks.at(self.mechanism, actions.links), function)
 
     @cached_property
-    def whole(self) -> tuple[str, Step] | None:
+    def whole(self) -> tuple[str, Chain] | None:
         """The power of the whole: ``whole``, the theorem of kinetic energy, or ``power``; ``None`` without such."""
         search, (efforts, balls, _) = self.search, self._acting
         if self.wanted.kind not in ("effort", "law") or balls or not self.mechanism.closure.size:
@@ -99,20 +100,17 @@ class Derivation(Record, frozen=True):
         group = np.isin(np.arange(twists.shape[1]), search.actions.bodies) & (np.abs(twists).max(axis=(0, 2)) > NOTHING)
         step = search.step(group, None, twists)
         left = [unknown.name for unknown in step.unknowns(search.actions)]
-        return ("whole" if alone else "power", step) if left == [self.wanted.of] else None
+        return ("whole" if alone else "power", Chain((step,))) if left == [self.wanted.of] else None
 
     @cached_property
     def chains(self) -> list[tuple[str, Chain]]:
         """Derivations with the key of their verdict, the shortest first."""
-        chains = [("alone", Chain((step,))) for step in self.search.single()]
-        whole = [(self.whole[0], Chain((self.whole[1],)))] if self.whole else []
-        energy = [one for one in whole if one[0] == "whole"]
-        chain = None
-        if not chains and (self.search.complete or not energy):
-            chain = self.search.chain()
-        key = "screw" if self.search.possible else "chain" if self.search.complete else "tried"
-        rest = [one for one in whole if one not in energy]
-        return [*chains, *energy, *([(key, chain)] if chain else []), *rest]
+        chains, search = [("alone", Chain((step,))) for step in self.search.single()], self.search
+        energy = self.whole is not None and self.whole[0] == "whole"
+        several = search.chain() if not chains and (search.complete or not energy) else None
+        key = "screw" if search.possible else "chain" if search.complete else "tried"
+        later = [*([self.whole] if self.whole else []), *([(key, several)] if several else [])]
+        return [*chains, *(later if energy else reversed(later))]
 
     def isolation(self, state: Quantities | None, where: str = "") -> Isolation:
         """Return the derivation, with numbers in a state, a row with efforts, where there is one."""
@@ -120,7 +118,7 @@ class Derivation(Record, frozen=True):
         if not self.chains:
             return Isolation(self.wanted, title, said(WORDS["nothing"], wanted=self.wanted.symbol))
         key, chain = self.chains[0]
-        others = tuple(self._told(*other) for other in self.chains[1 : 1 + ALTERNATIVES])
+        others = tuple(self._other(*other) for other in self.chains[1 : 1 + ALTERNATIVES])
         equations = tuple(self._equation(step, chain) for step in chain.steps)
         isolation = Isolation(self.wanted, title, self._verdict(key, chain), equations, others)
         return isolation if state is None else self._in_numbers(isolation, chain, state, where)
@@ -129,7 +127,7 @@ class Derivation(Record, frozen=True):
         names = {"wanted": self.wanted.symbol, "opened": ", ".join(place.name for place in chain.opened)}
         return said(WORDS[key], groups=len(self.search.groups), count=len(chain.steps), **names)
 
-    def _told(self, key: str, chain: Chain) -> str:
+    def _other(self, key: str, chain: Chain) -> str:
         if len(chain.steps) > 1:
             return self._verdict(key, chain)
         [step] = chain.steps
@@ -170,20 +168,20 @@ class Derivation(Record, frozen=True):
         given = said(WORDS["gives" if len(opened) == 1 else "ties"], of=said(" and ").join(opened))
         gives = "" if step is chain.steps[-1] else given
         perfect = [] if step.screw else [("", said(WORDS["perfect"]))]
-        return Equation(self._bodies(step), self._theorem(step), gives, (*vanishing, *perfect), self._terms(step))
+        terms = tuple(replace(term, value=np.nan) for term in self._terms(step, self._arbitrary))
+        return Equation(self._bodies(step), self._theorem(step), gives, (*vanishing, *perfect), terms)
 
     def _reason(self, carrier: Carrier, step: Step) -> str:
         """Return the key of why what something transmits to the group has no part in the equation."""
         marks, screw = self.search.landmarks, step.screw
         if screw is None or screw.point is None:
             return "no force along"
-        wrenches = self.search.actions.on(step.group[None])[0, 0, carrier.columns]
+        wrenches = self.search.actions.wrenches[0, step.group][..., carrier.columns, :].sum(axis=0)
         axis, place = marks.directions[screw.direction, 0], marks.place(carrier.name)
         if place is None or np.abs(moved(wrenches, -place)[:, 3:] @ axis).max() > NOTHING * marks.extent:
             return "no work"
-        if np.abs(np.cross(place - marks.points[screw.point, 0], axis)).max() < NOTHING * marks.extent:
-            return "meets"
-        return "parallel" if np.abs(np.cross(wrenches[:, :3], axis)).max() < NOTHING else "meets or parallel"
+        meets = np.abs(np.cross(place - marks.points[screw.point, 0], axis)).max() < NOTHING * marks.extent
+        return "meets" if meets else "meets or parallel"
 
     def _component(self, carrier: Carrier, step: Step) -> str:
         """Return the component of an opened joint in an equation, in words, or its symbol."""
@@ -215,48 +213,29 @@ class Derivation(Record, frozen=True):
     @cached_property
     def _symbols(self) -> Mapping[str, str]:
         """Symbols that stand for one quantity, by its name."""
-        known = {**self.mechanism.symbols, **self.quantities.symbols}
-        return {expression.text.strip(): name for name, expression in known.items()}
+        return {expression.text.strip(): name for name, expression in symbols_of(self.quantities).items()}
 
     @cached_property
-    def _known(self) -> list[Source]:
-        """Actions of forces, frictions and rotors in an arbitrary motion, to find the equations that contain them."""
+    def _arbitrary(self) -> list[Source]:
+        """What acts in an arbitrary motion, but for unknowns, to find the equations that contain it."""
         model, q = self.mechanism.model, self.search.actions.links.q[:1]
-        columns = {
-            friction.quantity: Series(friction.quantity, None, np.ones(1)) for friction in self.mechanism.frictions
-        }
+        frictions = (friction.quantity for friction in self.mechanism.frictions)
         moving = np.remainder(GOLDEN * np.arange(1.0, 1.0 + model.nv), 1.0)[None]
         row = Trajectory.schema_row(self.mechanism, q[0], "t", unit("s"))
-        return list(forces_of(replace(row, v=moving, a=moving, columns=columns)))
+        row = replace(row, v=moving, a=moving, columns={name: Series(name, None, np.ones(1)) for name in frictions})
+        return [*forces_of(row), *weights_of(row), *inertias_of(row)]
 
-    def _terms(self, step: Step) -> tuple[Term, ...]:
-        """Return the terms of an equation without numbers."""
-        model = self.mechanism.model
-        heavy = [
-            body_name(model, body)
-            for body in np.flatnonzero(step.group).tolist()
-            if model.inertias[body].mass or np.any(model.inertias[body].inertia)
-        ]
-        unknown = [Term(self._label(one.name, one.kind, step), "unknown") for one in step.unknowns(self.search.actions)]
-        known = [
-            Term(self._label(one.name, one.kind, step), "known")
-            for one in self._known
-            if abs(one.power(step.twists[0])) > ROUNDED * one.size(step.twists[0], self.search.landmarks.extent)
-        ]
-        roles = ("weight", "inertia") if np.any(model.gravity.linear) else ("inertia",)
-        return *unknown, *known, *(Term(said(WORDS[role], name=name), role, name) for role in roles for name in heavy)
-
-    def _valued(self, step: Step, acting: Sequence[Source]) -> tuple[Term, ...]:
-        """Return the terms of an equation with numbers: all that acts."""
-        unknown = {(one.name, one.kind) for one in step.unknowns(self.search.actions)}
-        size = self._size(acting, step)
-        idle = unknown - {(one.name, one.kind) for one in acting}
-        terms = [Term(self._label(*one, step), "unknown", value=0.0) for one in sorted(idle)]
-        for one in acting:
-            role = "unknown" if (one.name, one.kind) in unknown else one.kind if one.kind in ROLES else "known"
-            value = one.power(step.twists[0])
-            if role == "unknown" or abs(value) > ROUNDED * size:
-                terms.append(Term(self._label(one.name, one.kind, step), role, one.name.partition(",")[0], value))
+    def _terms(self, step: Step, acting: Sequence[Source]) -> tuple[Term, ...]:
+        """Return the terms of an equation in a state: its unknowns, and what acts and is not rounding."""
+        unknown = [(carrier.name, carrier.kind) for carrier in step.unknowns(self.search.actions)]
+        size, known = self._size(acting, step), {(source.name, source.kind) for source in acting}
+        terms = [Term(self._label(*name, step), "unknown", value=0.0) for name in unknown if name not in known]
+        for source in acting:
+            is_unknown, value = (source.name, source.kind) in unknown, source.power(step.twists[0])
+            role = "unknown" if is_unknown else source.kind if source.kind in ROLES else "known"
+            if is_unknown or abs(value) > ROUNDED * size:
+                label = self._label(source.name, source.kind, step)
+                terms.append(Term(label, role, source.name.partition(",")[0], value))
         return tuple(sorted(terms, key=lambda term: ROLES.index(term.role)))
 
     def _label(self, name: str, kind: str, step: Step) -> str:
@@ -287,26 +266,24 @@ class Derivation(Record, frozen=True):
         steps = [self._placed(step, row.q, Landmarks.at(row.mechanism, actions.links)) for step in chain.steps]
         inner = np.any([step.left for step in steps], axis=0)
         rows = np.array([np.einsum("bkw,bw->k", actions.wrenches[0], step.twists[0])[inner] for step in steps])
-        function = function_of(self.wanted, actions, state)[0, inner]
-        weights = np.linalg.lstsq(rows.T, function, rcond=None)[0]
-        rest = [_rest(acting, step, actions) for step in steps]
-        solution, value = self._solution(state), float(weights @ rest) + self._offset(state, actions, acting)
+        weights = np.linalg.lstsq(rows.T, function_of(self.wanted, actions, state)[0, inner], rcond=None)[0]
+        solution, value = self._solution(state), float(weights @ [_rest(acting, step, actions) for step in steps])
         scale = max(float(np.abs(weights) @ [self._size(acting, step) for step in steps]), abs(solution), TINY)
         if not abs(value - solution) <= AGREE * scale:
             raise InputError(
                 f"'{self.wanted.name}': the equations give {value:.9g}, the full solution {solution:.9g}: "
-                "something acts that isolations do not tell, such as losses of a drive",
+                "something acts that isolations do not tell, such as a spring in the joint or losses of a drive",
                 expected="the derivation without numbers: Mechanism.isolate(name)",
             )
         equations = tuple(
-            replace(equation, terms=self._valued(step, acting), unit=self._unit(step), scale=self._size(acting, step))
+            replace(equation, terms=self._terms(step, acting), unit=self._unit(step), scale=self._size(acting, step))
             for equation, step in zip(isolation.equations, steps, strict=True)
         )
         measured = self._unit(None) if self.wanted.kind == "law" else str(state[self.wanted.quantity].unit)
         asked = state[self.wanted.name] if self.wanted.formula else None
-        told = "" if asked is None else f"{asked.values[0]:.9g} {asked.unit}"
+        text = "" if asked is None else f"{asked.values[0]:.9g} {asked.unit}"
         isolation = replace(isolation, equations=equations, where=where, unit=measured)
-        return replace(isolation, value=value, solution=solution, scale=scale, asked=told)
+        return replace(isolation, value=value, solution=solution, scale=scale, asked=text)
 
     def _size(self, acting: Sequence[Source], step: Step) -> float:
         """Return the size of the largest term of an equation, or of its parts."""
@@ -335,29 +312,6 @@ class Derivation(Record, frozen=True):
         given = 0.0 if joint is None else state.trajectory.tau[0, joint.v]
         return float(given if effort is None else effort[0])
 
-    def _offset(self, state: Quantities, actions: Actions, acting: Sequence[Source]) -> float:
-        """Return the part of known efforts in the joint itself, such as those of springs, in a wanted reaction."""
-        if self.wanted.kind != "reaction":
-            return 0.0
-        row, place, of = state.trajectory, own_wrenches(self.wanted, actions)[1][0], self.wanted.of
-        if self.wanted.quantity.startswith("loop."):
-            lam = np.asarray(row.lam)[:, row.closure.slices[of]]
-            known = state.reactions.loop(of)[0] - state.reactions.loops[of].wrench(actions.links, lam)[0]
-        else:
-            body = (row.mechanism.joints.get(of) or row.mechanism.balls[of]).index
-            joint, held = row.mechanism.model.joints[body], np.zeros(6)
-            for source in acting:
-                if source.efforts is not None and source.kind != "tie":
-                    own = source.efforts[joint.idx_v : joint.idx_v + joint.nv]
-                    held += own @ motions(row.mechanism, actions.links, body)[0]
-                if (source.name, source.kind) == (of, "joint"):
-                    held += source.wrenches[body]
-            known = state.reactions.joints[0, body] - moved(held, -place)
-        return float(component(self.wanted, state, row.q[0], known[None], place)[0])
-
-
-TINY = float(np.finfo(float).tiny)
-
 
 def _direction(name: str) -> str:
     """Return the name of a direction in words; that of an axis of the world is its letter."""
@@ -381,17 +335,15 @@ UNNAMED = ("joint damping", "end stops and given efforts")
 def _rest(acting: Sequence[Source], step: Step, actions: Actions) -> float:
     """Return the sum of the unknown terms of an equation: inertias less known terms."""
     left = {(unknown.name, unknown.kind) for unknown in step.unknowns(actions)}
-    known = (one for one in acting if (one.name, one.kind) not in left)
-    return sum((1.0 if one.kind == "inertia" else -1.0) * one.power(step.twists[0]) for one in known)
+    known = (source for source in acting if (source.name, source.kind) not in left)
+    return sum((1.0 if source.kind == "inertia" else -1.0) * source.power(step.twists[0]) for source in known)
 
 
 def _senses(state: Quantities) -> dict[str, float]:
     """Return the signs of the multipliers of couplings in one row."""
     run, lam = state.trajectory, np.asarray(state.trajectory.lam)[0]
-    return {
-        relation.name: float(np.sign(lam[run.closure.slices[relation.name].start]))
-        for relation in run.mechanism.relations
-    }
+    starts = {relation.name: run.closure.slices[relation.name].start for relation in run.mechanism.relations}
+    return {name: float(np.sign(lam[start])) for name, start in starts.items()}
 
 
 @in_language

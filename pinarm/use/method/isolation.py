@@ -30,7 +30,6 @@ WORDS = {
     "nothing": "no equations give {wanted}: on every body other unknowns act as it does",
     "no force along": "transmits no force along it",
     "meets": "its force meets the axis, it transmits no moment along it",
-    "parallel": "its force is parallel to the axis, it transmits no moment along it",
     "meets or parallel": "its force meets the axis or is parallel to it, it transmits no moment along it",
     "no work": "does no work in this motion",
     "perfect": "joints and loop joints, inside and to the ground: the power of their actions is 0",

@@ -7,7 +7,7 @@ are told by ranks at several closed configurations of no special kind, so that t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from itertools import combinations
 
@@ -80,15 +80,10 @@ class Search(Record, frozen=True):
     landmarks: Landmarks
     wanted: Array
 
-    @property
-    def mechanism(self) -> Mechanism:
-        """The mechanism."""
-        return self.actions.mechanism
-
     @cached_property
     def groups(self) -> Flags:
         """Connected groups of bodies, the smallest first, shape (g, njoints)."""
-        return connected_groups(self.mechanism, self.actions)
+        return connected_groups(self.actions.mechanism, self.actions)
 
     @property
     def complete(self) -> bool:
@@ -155,7 +150,7 @@ class Search(Record, frozen=True):
 
     def cost(self, step: Step) -> tuple[int, ...]:
         """Return the sort key of an equation: unknowns, bodies with mass, bodies, and axes of joints before others."""
-        inertias = self.mechanism.model.inertias
+        inertias = self.actions.mechanism.model.inertias
         massive = sum(bool(inertias[body].mass) for body in np.flatnonzero(step.group).tolist())
         way = () if step.screw is None else (step.screw.direction, step.screw.point or 0)
         return int(step.left.sum()), massive, int(step.group.sum()), *way
@@ -169,7 +164,7 @@ class Search(Record, frozen=True):
         free = [carrier for carrier in self.actions.carriers if carrier.kind in ("joint", "loop", "coupling")]
         ordered = sorted(free, key=lambda place: (place.count, place.kind == "joint"))
         ties = tuple(place for place in free if place.kind != "joint")
-        alone = [(place,) for place in ordered] if self.complete and self.mechanism.closure.size else []
+        alone = [(place,) for place in ordered] if self.complete and self.actions.mechanism.closure.size else []
         for opened in (*alone, ties):
             if opened and (through := self._through(opened)):
                 return through
@@ -186,7 +181,9 @@ class Search(Record, frozen=True):
         rows = np.array([self._reduced(step.rows, inner) for step in steps])  # (e, c, 1 + k)
         unit = self._reduced(self.wanted, inner)
         chosen = _fewest(rows, unit)
-        return Chain(self._ordered([steps[k] for k in chosen], inner), opened) if chosen else None
+        place = np.abs(rows[:, 0]) > NOTHING  # the equation with the wanted unknown comes last
+        chosen.sort(key=lambda k: (bool(place[k, 0]), np.count_nonzero(place[k, 1:]), self.cost(steps[k])))
+        return Chain(tuple(steps[k] for k in chosen), opened) if chosen else None
 
     def _reduced(self, rows: Array, inner: Flags) -> Array:
         """Return rows as powers of the wanted unknown and of the opened ones, shape (c, 1 + k)."""
@@ -219,26 +216,6 @@ class Search(Record, frozen=True):
                 kept = np.vstack([kept, row])
                 yield step
 
-    def _ordered(self, steps: Sequence[Step], inner: Flags) -> tuple[Step, ...]:
-        """Return equations so that each has the fewest unknowns that those before do not give; the wanted one last."""
-        rest, known = list(steps), np.zeros((0, int(inner.sum())))
-        last = max(range(len(rest)), key=lambda k: abs((rest[k].rows / self.sizes)[0] @ self._wanted[0]))
-        final, found = rest.pop(last), list[Step]()
-        while rest:
-
-            def fresh(step: Step, known: Array = known) -> tuple[int, ...]:
-                row = step.rows[0, inner] / self.sizes[0, inner]
-                new = row - known.T @ (known @ row)
-                return int((np.abs(new) > NOTHING).sum()), *self.cost(step)
-
-            best = min(rest, key=fresh)
-            rest.remove(best)
-            found.append(best)
-            rows = np.array([step.rows[0, inner] / self.sizes[0, inner] for step in found])
-            _, values, right = np.linalg.svd(rows, full_matrices=False)
-            known = right[values > NOTHING]
-        return *found, final
-
 
 def _fewest(rows: Array, wanted: Array) -> list[int]:
     """Return the places of few rows, shape (e, c, k), of which the wanted one, shape (c, k), is a combination.
@@ -270,65 +247,39 @@ def _independent(rows: Array, head: int) -> list[int]:
 
 def _give(rows: Array, wanted: Array) -> bool:
     """Tell whether rows give the wanted one at all configurations."""
-    missed = []
-    for k, unknown in enumerate(wanted):
-        weights = np.linalg.lstsq(rows[:, k].T, unknown, rcond=None)[0]
-        missed.append(np.abs(rows[:, k].T @ weights - unknown).max())
+    weights = (np.linalg.lstsq(rows[:, k].T, unknown, rcond=None)[0] for k, unknown in enumerate(wanted))
+    missed = [np.abs(rows[:, k].T @ weight - wanted[k]).max() for k, weight in enumerate(weights)]
     return bool(max(missed) < NOTHING * 1e2 * max(1.0, float(np.abs(wanted).max())))
 
 
 def connected_groups(mechanism: Mechanism, actions: Actions) -> Flags:
     """Return connected groups of bodies, the smallest first, shape (g, njoints); see ``WHOLE``."""
-    bodies, near = actions.bodies, _near(mechanism, actions)
-    if len(bodies) <= WHOLE:
-        masks = {mask for mask in range(1, 1 << len(bodies)) if _spread(mask & -mask, mask, near) == mask}
-    else:
-        beyond = ([int(k) for k in mechanism.model.subtrees[body]] for body in bodies)
-        subtrees = {sum(1 << bodies.index(k) for k in each if k in bodies) for each in beyond}
-        masks = subtrees | {1 << k for k in range(len(bodies))}
-    ordered = sorted(masks, key=lambda mask: (mask.bit_count(), mask))
-    groups = np.zeros((len(ordered), mechanism.model.njoints), dtype=bool)
-    for row, mask in zip(groups, ordered, strict=True):
-        row[[body for k, body in enumerate(bodies) if mask >> k & 1]] = True
-    return groups
-
-
-def _near(mechanism: Mechanism, actions: Actions) -> list[int]:
-    """Return the bodies that joints, loop joints and couplings tie to each body, as masks of bits."""
-    near = [0] * len(actions.bodies)
-    for pair in _ties(mechanism, actions):
-        if 0 not in pair:
-            first, second = (actions.bodies.index(body) for body in pair)
-            near[first] |= 1 << second
-            near[second] |= 1 << first
-    return near
-
-
-def _spread(start: int, within: int, near: Sequence[int]) -> int:
-    """Return the bodies of a set that are tied to a first one inside of it; sets are masks of bits."""
-    reached = border = start
+    model, near = mechanism.model, _near(mechanism, actions)
+    groups = {frozenset([body]) for body in actions.bodies}
+    if len(near) > WHOLE:
+        groups |= {frozenset(map(int, model.subtrees[body])) & near.keys() for body in near}
+    border = groups if len(near) <= WHOLE else set()
     while border:
-        around = 0
-        for k, tied in enumerate(near):
-            around |= tied if border >> k & 1 else 0
-        border = around & within & ~reached
-        reached |= border
-    return reached
+        border = {group | {tied} for group in border for body in group for tied in near[body]} - groups
+        groups = groups | border
+    ordered = sorted(groups, key=lambda group: (len(group), sorted(group, reverse=True)))
+    return np.array([np.isin(np.arange(model.njoints), [*group]) for group in ordered])
 
 
-def _ties(mechanism: Mechanism, actions: Actions) -> list[tuple[int, int]]:
-    """Return pairs of bodies that joints, loop joints and couplings tie; 0 is the ground."""
-    model = mechanism.model
+def _near(mechanism: Mechanism, actions: Actions) -> dict[int, set[int]]:
+    """Return the bodies that joints, loop joints and couplings tie to each body, without the ground."""
+    model, near = mechanism.model, {body: set[int]() for body in actions.bodies}
     ties = [(int(model.parents[body]), body) for body in actions.bodies]
     for constraint in mechanism.constraints:
         if isinstance(constraint, LoopJoint):
-            ties.append(
-                (int(model.frames[constraint.first].parentJoint), int(model.frames[constraint.second].parentJoint))
-            )
-    ties += [
-        pair for carrier in actions.carriers if carrier.kind == "coupling" for pair in combinations(carrier.bodies, 2)
-    ]
-    return ties
+            first, second = (int(model.frames[k].parentJoint) for k in (constraint.first, constraint.second))
+            ties.append((first, second))
+    couplings = (carrier.bodies for carrier in actions.carriers if carrier.kind == "coupling")
+    for first, second in (*ties, *(pair for bodies in couplings for pair in combinations(bodies, 2))):
+        if first and second:
+            near[first].add(second)
+            near[second].add(first)
+    return near
 
 
 def configurations(mechanism: Mechanism, start: Array) -> Array:

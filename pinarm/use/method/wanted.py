@@ -130,24 +130,20 @@ def efforts_of(run: Trajectory, wanted: Wanted) -> tuple[dict[str, Coordinate], 
 def function_of(wanted: Wanted, actions: Actions, quantities: Quantities) -> Array:
     """Return the wanted quantity as a function of all unknowns, shape (c, K)."""
     function = np.zeros(actions.wrenches.shape[::2][:2])
-    if wanted.kind in ("effort", "law"):
-        one = actions.carrier(wanted.of, "drive") or actions.carrier(wanted.of, "law")
-        assert one is not None
-        function[:, one.columns] = 1.0
+    if wanted.kind == "reaction":
+        own, place = _own_wrenches(wanted, actions)
+        for k, q in enumerate(actions.links.q):
+            function[k] = _component(wanted, quantities, q, moved(own[k], -place[k]), place[k])
         return function
-    if wanted.kind == "multiplier":
-        carrier = actions.carrier(wanted.of, "coupling") or actions.carrier(wanted.of, "loop")
-        if carrier is None or carrier.count != 1:
-            raise InputError(f"'{wanted.name}': '{wanted.of}' has no single unknown", expected=WHAT, hint=EXAMPLES)
-        function[:, carrier.columns] = -1.0 if wanted.quantity.endswith("tension") else 1.0
-        return function
-    own, place = own_wrenches(wanted, actions)
-    for k, q in enumerate(actions.links.q):
-        function[k] = component(wanted, quantities, q, moved(own[k], -place[k]), place[k])
+    kinds = ("drive", "law") if wanted.kind in ("effort", "law") else ("coupling", "loop")
+    carrier = actions.carrier(wanted.of, *kinds)
+    if carrier is None or carrier.count != 1:
+        raise InputError(f"'{wanted.name}': '{wanted.of}' has no single unknown", expected=WHAT, hint=EXAMPLES)
+    function[:, carrier.columns] = -1.0 if wanted.quantity.endswith("tension") else 1.0
     return function
 
 
-def own_wrenches(wanted: Wanted, actions: Actions) -> tuple[Array, Array]:
+def _own_wrenches(wanted: Wanted, actions: Actions) -> tuple[Array, Array]:
     """Return wrenches of unknowns in a joint or loop joint at the world's origin, (c, K, 6), and its place, (c, 3)."""
     mechanism, links = actions.mechanism, actions.links
     own = np.zeros((len(links.q), actions.wrenches.shape[2], 6))
@@ -165,7 +161,7 @@ def own_wrenches(wanted: Wanted, actions: Actions) -> tuple[Array, Array]:
     return own, links.places[:, body]
 
 
-def component(wanted: Wanted, quantities: Quantities, q: Array, wrenches: Array, place: Array) -> Array:
+def _component(wanted: Wanted, quantities: Quantities, q: Array, wrenches: Array, place: Array) -> Array:
     """Return the wanted component of wrenches at a place, shape (k, 6), at a configuration, as an array (k,)."""
     run = quantities.trajectory
     row = Quantities(Trajectory.schema_row(run.mechanism, q, run.parameter, run.unit), quantities.symbols)

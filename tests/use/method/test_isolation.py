@@ -130,17 +130,16 @@ def test_reasons_name_why_an_action_has_no_part() -> None:
     assert np.isnan(found.value)
 
 
-def test_a_joint_with_a_spring_transmits_its_known_effort_too(tmp_path: Path) -> None:
-    """Moment of the joint: effort of the drive and of the spring, as the bodies beyond it ask for."""
+def test_the_moment_of_a_joint_along_its_spring_is_refused() -> None:
+    """It is the effort of the drive, which the equations give, and of the spring, which they do not tell."""
     arm = pinarm.Mechanism.load(
         MODELS / "handling_arm" / "mechanism.yaml",
         values={"forces": {"spring": {"kind": "joint_spring", "joint": "phi", "stiffness": "30 N*m/rad"}}},
     )
     q, v, a = (arm.rates({"theta": x, "phi": y}) for x, y in ((0.3, 0.7), (1.0, -2.0), (4.0, 5.0)))
-    effort, moment = (arm.isolate(name, q, v, a) for name in ("C2", "joint.phi.moment.z"))
-    assert effort.residual < 1e-12
-    assert moment.residual < 1e-12
-    assert effort.value == pytest.approx(moment.value + 30.0 * 0.7, rel=1e-12)
+    assert arm.isolate("C2", q, v, a).residual < 1e-12
+    with pytest.raises(InputError, match="such as a spring in the joint"):
+        arm.isolate("joint.phi.moment.z", q, v, a)
 
 
 @pytest.mark.parametrize(
@@ -225,3 +224,13 @@ def test_an_equation_of_which_only_rounding_is_left_holds(angle: float, tmp_path
     found = arm.isolate("joint.O.effort", q, drives=["O", "A"])
     assert abs(found.value) < 1e-14
     assert found.residual < 1e-14
+
+
+@pytest.mark.parametrize(("name", "terms"), [("gear", {"joint.in.force.x", "action of C"}),
+                                             ("belt", {"joint.in.force.x", "pretension of C"})])  # fmt: skip
+def test_the_reaction_of_a_wheel_has_the_force_of_teeth_or_belt(name: str, terms: set[str]) -> None:
+    """In numbers and without: the pretension of a belt is no unknown, and no zero."""
+    result = pinarm.run(SCENARIOS.parent / "docs" / "kind_examples" / "couplings" / f"{name}.yaml")
+    for derivation in (result.isolate("joint.in.force.x"), result.trajectory.mechanism.isolate("joint.in.force.x")):
+        assert {term.name for term in derivation.equations[-1].terms} == terms
+    assert result.isolate("joint.in.force.x").residual < 1e-12
