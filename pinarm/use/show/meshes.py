@@ -12,36 +12,27 @@ from array import array
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from xml.etree.ElementTree import Element, TreeBuilder
-from xml.parsers import expat
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
+from pinarm.errors import InputError, PinarmError
+from pinarm.input.xml_text import tree_of
 from pinarm.records import Record
 
 MOST_TRIANGLES = 220_000
 """In one page: more would neither fit the size of a page nor the speed of a laptop's graphics."""
 
-MOST_BYTES = 100_000_000
+MOST_BYTES = 50_000_000
 """Bytes of a file."""
 
-MOST_CORNERS = 6_000_000
-"""Of the triangles of a file, and as many vertices: 100 MB of binary STL. It bounds memory to 1 GB, and time."""
-
-MOST_LINE = 1_000_000
-"""Bytes of a line of OBJ: a face of a hundred thousand corners."""
-
-MOST_ELEMENTS = 200_000
-"""Elements of XML: each takes a hundred bytes of memory and more."""
+MOST_CORNERS = 3_000_000
+"""Of the triangles of a file, and as many vertices: 50 MB of binary STL. It bounds memory to 1 GB, and time."""
 
 MOST_NODES = 10_000
 """Nodes of a scene and surfaces in them, instances followed: a file of a few lines can name any number of them."""
-
-DEEPEST = 50
-"""Nodes in nodes, instances followed."""
 
 Triangles = NDArray[np.int64]
 Colour = tuple[float, float, float, float]
@@ -119,8 +110,11 @@ def read_mesh(path: Path) -> list[Mesh]:
             if path.suffix.lower() not in READERS:
                 raise ValueError(f"{path.suffix} is not .stl, .obj or .dae")
             meshes = [mesh for mesh in READERS[path.suffix.lower()](path.read_bytes()) if len(mesh.triangles)]
-    except (expat.ExpatError, ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
-        raise InputError(f"the mesh {path.name} cannot be read: {error}") from None
+    except RecursionError:
+        raise InputError(f"the mesh {path.name} cannot be read: its nodes are too many") from None
+    except (PinarmError, ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
+        reason = error.message if isinstance(error, PinarmError) else error
+        raise InputError(f"the mesh {path.name} cannot be read: {reason}") from None
     if not meshes or not all(np.isfinite(mesh.vertices).all() for mesh in meshes):
         raise InputError(f"the mesh {path.name} has no triangles, or some that are not finite")
     return meshes
@@ -146,8 +140,6 @@ def _read_obj(raw: bytes) -> list[Mesh]:
     """Return the mesh of a file; polygons are cut into fans."""
     points, fans = array("d"), array("q")
     for line in _OBJ_LINE.finditer(b"\n" + raw):
-        if len(line[2]) > MOST_LINE:
-            raise ValueError(f"a line has more than {MOST_LINE} bytes")
         words = line[2].split()
         if line[1] == b"v":
             x, y, z = map(float, words[:3])
@@ -177,37 +169,11 @@ def _joined(vertices: Array, triangles: Triangles, colour: Colour | None = None)
     return Mesh(unique.astype(float), same.reshape(-1)[places].reshape(-1, 3).astype(np.int64), colour)
 
 
-def _tree(raw: bytes) -> Element:
-    """Return the root element of XML in whatever encoding it has; names without their prefixes.
-
-    Raises:
-        ValueError: It declares entities, or has too many elements.
-    """
-    parser, builder, count = expat.ParserCreate(), TreeBuilder(), 0
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal count
-        count += 1
-        if count > MOST_ELEMENTS:
-            raise ValueError(f"it has more than {MOST_ELEMENTS} elements")
-        builder.start(name.rpartition(":")[2], attributes)
-
-    def refuse(*_: object) -> None:
-        raise ValueError("it declares entities")
-
-    parser.buffer_text = True
-    parser.StartElementHandler, parser.StartDoctypeDeclHandler = start, refuse
-    parser.EndElementHandler = lambda name: builder.end(name.rpartition(":")[2])
-    parser.CharacterDataHandler = builder.data
-    parser.Parse(raw, True)
-    return builder.close()
-
-
 class _Collada:
     """A COLLADA file, with its elements found by their ids."""
 
     def __init__(self, raw: bytes) -> None:
-        self.root = _tree(raw)
+        self.root = tree_of(raw.decode("utf-8-sig"), "the mesh")
         self.ids = {element.get("id"): element for element in self.root.iter() if element.get("id")}
         self.visited = self.corners = 0
         self.surfaces: dict[int, tuple[Array, Triangles]] = {}
@@ -223,13 +189,13 @@ class _Collada:
     def _named(self, element: Element | None, key: str = "url") -> Element | None:
         return self.ids.get(element.get(key, "").removeprefix("#")) if element is not None else None
 
-    def _visit(self, depth: int = 0) -> None:
+    def _visit(self) -> None:
         self.visited += 1
-        if self.visited > MOST_NODES or depth > DEEPEST:
-            raise ValueError("its nodes are too many, or nested too deeply")
+        if self.visited > MOST_NODES:
+            raise ValueError("its nodes are too many")
 
-    def _node(self, node: Element, placement: Array, depth: int = 0) -> Iterator[Mesh]:
-        self._visit(depth)
+    def _node(self, node: Element, placement: Array) -> Iterator[Mesh]:
+        self._visit()
         for element in node:
             if element.tag in _TRANSFORMS:
                 placement = placement @ _TRANSFORMS[element.tag](_floats(element))
@@ -237,7 +203,7 @@ class _Collada:
             yield from self._geometry(instance, placement)
         shared = map(self._named, node.findall("instance_node"))
         for child in [*node.findall("node"), *(child for child in shared if child is not None)]:
-            yield from self._node(child, placement, depth + 1)
+            yield from self._node(child, placement)
 
     def _geometry(self, instance: Element, placement: Array) -> Iterator[Mesh]:
         self._visit()

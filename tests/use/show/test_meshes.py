@@ -160,14 +160,9 @@ def test_a_collada_scene_that_calls_itself_ends(tmp_path: Path) -> None:
         read_mesh(tmp_path / "a.dae")
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])
-def test_entities_are_refused_in_every_encoding(tmp_path: Path, encoding: str) -> None:
-    head, entity = f'<?xml version="1.0" encoding="{encoding}"?>', '<!DOCTYPE COLLADA [<!ENTITY x "1">]>'
-    start = TETRAHEDRON.index("<COLLADA")
-    (tmp_path / "a.dae").write_bytes((head + TETRAHEDRON[start:]).encode(encoding))
-    assert len(read_mesh(tmp_path / "a.dae")) == 1
-    (tmp_path / "a.dae").write_bytes((head + entity + TETRAHEDRON[start:]).encode(encoding))
-    with pytest.raises(InputError, match="it declares entities"):
+def test_entities_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.dae").write_text('<!DOCTYPE COLLADA [<!ENTITY x "1">]>' + TETRAHEDRON)
+    with pytest.raises(InputError, match="no DOCTYPE"):
         read_mesh(tmp_path / "a.dae")
 
 

@@ -34,8 +34,7 @@ class Arrow(ValueRecord, frozen=True):
         of: Its kind, one of ``ARROWS``.
         at: Where it acts.
         moment: Whether it is a moment: an arc, not an arrow.
-        vectors: In world axes [N or N*m], shape (n, 3), or (3,) where it is constant; or along ``axis``, shape (n,).
-        axis: In the body's frame; ``None`` where ``vectors`` are vectors.
+        vectors: In world axes [N or N*m], shape (n, 3).
         partial: Whether components are left out that rigid bodies do not determine.
     """
 
@@ -43,14 +42,12 @@ class Arrow(ValueRecord, frozen=True):
     at: BodyPoint
     moment: bool
     vectors: Array
-    axis: Array | None = None
     partial: bool = False
 
     @property
     def largest(self) -> float:
         """Its largest magnitude [N or N*m]."""
-        sizes = np.abs(self.vectors) if self.axis is not None else np.linalg.norm(self.vectors, axis=-1)
-        return float(np.max(sizes))
+        return float(np.linalg.norm(self.vectors, axis=-1).max())
 
 
 def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
@@ -90,12 +87,14 @@ def arrows_of(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> l
             raise InputError(f"there are no arrows of '{kind}'", expected=expected, hint=hint)
     if wanted and run.no_efforts:
         raise InputError(f"arrows of {', '.join(wanted)}: {run.no_efforts}", hint="kind: inverse")
-    makers = {"forces": _forces, "torques": _torques, "reactions": _felt}
-    drawn = [arrow for kind in wanted for arrow in makers[kind](run, nodes)]
-    return [arrow for arrow in drawn if arrow.largest > 0.0]
+    places = placed(run.mechanism.model, run.q, len(run)) if wanted else np.zeros(0)
+    makers = {"forces": _forces, "torques": _torques, "reactions": _reactions}
+    drawn = [arrow for kind in wanted for arrow in makers[kind](run, nodes, places)]
+    least = ROUNDING * Reactions(run).size() if "reactions" in wanted else 0.0  # as of a body in free flight
+    return [arrow for arrow in drawn if arrow.largest > (least if arrow.of == "reactions" else 0.0)]
 
 
-def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
+def _forces(run: Trajectory, nodes: Sequence[Node], places: Array) -> Iterator[Arrow]:
     """Yield the weights, and the forces of loads and springs at their points."""
     from pinarm.mechanics.forces.along_coordinate import TautSpring
     from pinarm.mechanics.forces.bushing import LinearBushing
@@ -103,24 +102,22 @@ def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
 
     model = run.mechanism.model
     for centre, mass in _centres(model):
-        yield Arrow("forces", centre, False, mass * np.asarray(model.gravity.linear))
+        yield Arrow("forces", centre, False, np.tile(mass * np.asarray(model.gravity.linear), (len(run), 1)))
     for name, force in run.dynamics.forces.items():
-        if isinstance(force, AppliedWrench):
-            yield from _at_frame(run, name, force.frame)
-        elif isinstance(force, LinearBushing):
-            yield from (arrow for frame in force.frames for arrow in _at_frame(run, name, frame))
+        if isinstance(force, AppliedWrench | LinearBushing):
+            for frame in force.frames if isinstance(force, LinearBushing) else [force.frame]:
+                yield from _at_frame(run, name, point_of(model, frame), places)
         elif isinstance(force, TwoPointSpring | TautSpring):
             points = [point_of(model, frame) for frame in force.points]
             alone = [point for point in points if sum(other.node == point.node for other in points) == 1]
             yield from (Arrow("forces", point, False, _wrench(run, name, point.node)[:, :3]) for point in alone)
 
 
-def _at_frame(run: Trajectory, name: str, frame: int) -> Iterator[Arrow]:
-    """Yield the force and the moment of a force element on a link, at the origin of a frame."""
-    at = point_of(run.mechanism.model, frame)
+def _at_frame(run: Trajectory, name: str, at: BodyPoint, places: Array) -> Iterator[Arrow]:
+    """Yield the force and the moment of a force element on a link, at a point of it."""
     wrench = _wrench(run, name, at.node)
     yield Arrow("forces", at, False, wrench[:, :3])
-    moments = wrench[:, 3:] - np.cross(at.path(_placements(run)), wrench[:, :3])
+    moments = wrench[:, 3:] - np.cross(at.path(places), wrench[:, :3])
     if np.abs(moments).max() > 1e-9 * np.abs(wrench).max():  # less is rounding of the shift to the point
         yield Arrow("forces", at, True, moments)
 
@@ -135,25 +132,15 @@ def _wrench(run: Trajectory, name: str, joint: int) -> Array:
     return rows
 
 
-def _placements(run: Trajectory) -> Array:
-    return placed(run.mechanism.model, run.q, len(run))
-
-
-def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
+def _torques(run: Trajectory, nodes: Sequence[Node], places: Array) -> Iterator[Arrow]:
     """Yield the efforts of the drives, about or along the axes of their joints."""
     for joint in run.mechanism.joints.values():
         node, at = nodes[joint.index], BodyPoint(joint.index, np.zeros(3))
-        yield Arrow("torques", at, node.kind == "turn", run.supplied[:, joint.v], node.axis)
+        axis = places[:, joint.index, :3, :3] @ node.axis
+        yield Arrow("torques", at, node.kind == "turn", run.supplied[:, joint.v, None] * axis)
 
 
-def _felt(run: Trajectory, nodes: Sequence[Node]) -> list[Arrow]:
-    """Return the reactions without those that are rounding, as of a body in free flight."""
-    drawn = list(_reactions(run, nodes))
-    least = ROUNDING * Reactions(run).size() if drawn else 0.0
-    return [arrow for arrow in drawn if arrow.largest > least]
-
-
-def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
+def _reactions(run: Trajectory, nodes: Sequence[Node], places: Array) -> Iterator[Arrow]:
     """Yield the forces of the parents on the children at the joints, as far as rigid bodies determine them."""
     reactions, model, others = Reactions(run), run.mechanism.model, [Reactions(other) for other in run.others]
     size = np.abs(reactions.joints[:, 1:, :3]).max(initial=0.0) or 1.0
@@ -165,21 +152,13 @@ def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
         added = [stressed[:, :3] for stressed in reactions.stressed_loop(name)]
         added += [(other.loop(name) - reactions.loop(name))[:, :3] / size for other in others]
         yield _reaction(point_of(model, loop.second), reactions.loop(name)[:, :3], added)
-    for name in reactions.cables:
-        yield from _tensions(run, reactions, name)
-
-
-def _tensions(run: Trajectory, reactions: Reactions, name: str) -> Iterator[Arrow]:
-    """Yield the forces of a cable that does not stretch at every point of its path: its tension along both parts."""
-    (lam, stresses), frames = reactions.multiplier(name), reactions.cables[name].path.frames
-    ends, places = [point_of(run.mechanism.model, frame) for frame in frames], _placements(run)
-    points = [end.path(places) for end in ends]
-    parts = [(after - before) / np.linalg.norm(after - before, axis=1)[:, None] for before, after in pairwise(points)]
-    nothing = np.zeros_like(points[0])
-    for end, before, after in zip(ends, [nothing, *parts], [*parts, nothing], strict=True):
-        pull = after - before
-        added = [stress[:, None] * pull for stress in stresses]
-        yield _reaction(end, -lam[:, None] * pull, added)
+    for name, cable in reactions.cables.items():
+        (lam, stresses), ends = reactions.multiplier(name), [point_of(model, frame) for frame in cable.path.frames]
+        parts = [after.path(places) - before.path(places) for before, after in pairwise(ends)]
+        ways = [np.zeros((len(run), 3)), *(part / np.linalg.norm(part, axis=1)[:, None] for part in parts)]
+        for end, (before, after) in zip(ends, pairwise([*ways, ways[0]]), strict=True):
+            pull = after - before  # of a tension of 1 N along both parts
+            yield _reaction(end, -lam[:, None] * pull, [stress[:, None] * pull for stress in stresses])
 
 
 def _reaction(at: BodyPoint, forces: Array, added: Sequence[Array]) -> Arrow:

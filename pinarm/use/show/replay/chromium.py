@@ -8,7 +8,6 @@ JSON text that ends with a zero byte.
 from __future__ import annotations
 
 import base64
-import fcntl
 import json
 import math
 import os
@@ -20,7 +19,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -43,11 +41,7 @@ OPTIONS = (
 
 
 def chromium() -> str:
-    """Return the path of an installed Chromium or Chrome.
-
-    Raises:
-        PinarmError: There is none; says what to install.
-    """
+    """Return the path of an installed Chromium or Chrome."""
     programs = [path for name in PROGRAMS if (path := shutil.which(name))]
     programs += [str(file) for name in APPLICATIONS if (file := Path("/Applications") / name).is_file()]
     if not programs:
@@ -60,11 +54,7 @@ def chromium() -> str:
 
 
 class Page:
-    """One page in the browser.
-
-    Attributes:
-        events: What the browser has reported since the page was opened, such as requests and console messages.
-    """
+    """One page in the browser; ``events`` are its reports since it was opened, such as requests and messages."""
 
     def __init__(self, commands: int, answers: int) -> None:
         self.events: list[dict[str, Any]] = []
@@ -72,11 +62,7 @@ class Page:
         self._rest, self._count, self._session, self._target = b"", 0, "", ""
 
     def open(self, path: Path, fragment: str = "", *, width: int = 1280, height: int = 720) -> None:
-        """Show a page, in place of the one before, and wait until it is ready: ``<html data-ready="yes">``.
-
-        Raises:
-            PinarmError: The page does not start.
-        """
+        """Show a page, in place of the one before, and wait until it is ready: ``<html data-ready="yes">``."""
         self._session = ""
         if self._target:
             self.call("Target.closeTarget", targetId=self._target)
@@ -94,11 +80,7 @@ class Page:
             time.sleep(0.02)
 
     def evaluate(self, expression: str) -> Any:
-        """Return the value of a JavaScript expression, awaited, as plain data.
-
-        Raises:
-            PinarmError: It throws.
-        """
+        """Return the value of a JavaScript expression, awaited, as plain data."""
         answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in answer:
             details = answer["exceptionDetails"]
@@ -115,21 +97,15 @@ class Page:
         return base64.b64decode(self.call("Page.printToPDF", **options)["data"])
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Send a command and return its answer.
-
-        Raises:
-            PinarmError: The browser refuses it, or does not answer.
-        """
+        """Send a command and return its answer."""
         self._count += 1
         command = {"id": self._count, "method": method, "params": parameters}
         if self._session:
             command["sessionId"] = self._session
-        raw = json.dumps(command).encode() + b"\0"
-        try:
+        with suppress(BrokenPipeError):  # then no answer comes
+            raw = json.dumps(command).encode() + b"\0"
             while raw:
                 raw = raw[os.write(self._commands, raw) :]
-        except BrokenPipeError:
-            raise PinarmError("the browser has stopped") from None
         while True:
             message = self._next()
             if message.get("id") == self._count:
@@ -155,27 +131,18 @@ class Page:
 
 @contextmanager
 def browser(*options: str) -> Iterator[Page]:
-    """Start a browser with a profile of its own, and end it afterwards.
-
-    Args:
-        options: Further command-line options.
-
-    Raises:
-        PinarmError: There is no browser.
-    """
+    """Start a browser with a profile of its own and further options, and end it afterwards."""
     program = chromium()
     if os.geteuid() == 0:
         options = (*options, "--no-sandbox")  # which root must not use
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         theirs, commands = os.pipe()
         answers, writes = os.pipe()
-        # So that 3 and 4 overwrite neither. They may be files of this process that are closed at any time, by the
-        # collector of garbage: ``pass_fds`` would refuse them then; all others end with the call of the program.
-        high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs, writes)]
+        os.set_inheritable(theirs, True)  # where it is 3 already
 
         def connect() -> None:
-            os.dup2(high[0], 3)
-            os.dup2(high[1], 4)
+            os.dup2(theirs, 3)
+            os.dup2(writes, 4)
 
         process = subprocess.Popen(
             [program, *OPTIONS, *options, f"--user-data-dir={profile}", "about:blank"],
@@ -186,8 +153,8 @@ def browser(*options: str) -> Iterator[Page]:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        for end in (theirs, writes, *high):
-            os.close(end)
+        os.close(theirs)
+        os.close(writes)
         try:
             yield Page(commands, answers)
         finally:
@@ -222,17 +189,24 @@ def place(run: Trajectory, text: str) -> float:
     return number
 
 
+@contextmanager
+def _opened(replay: Replay) -> Iterator[tuple[Page, Path]]:
+    """Yield a replay in a browser, without its controls, and a folder for files."""
+    with browser() as shown, tempfile.TemporaryDirectory() as folder:
+        shown.open(replay.save(Path(folder) / "replay.html"))
+        shown.evaluate("replay.picture()")
+        yield shown, Path(folder)
+
+
 def picture(replay: Replay, value: float, target: Path) -> Path:
     """Write a PNG of a replay at a value of its parameter [SI].
 
     Raises:
         PinarmError: There is no Chromium, or the file cannot be written.
     """
-    with browser() as shown, tempfile.TemporaryDirectory() as folder:
-        shown.open(replay.save(Path(folder) / "replay.html"), f"#t={value!r}")
-        shown.evaluate(f"replay.picture(), replay.show({value!r})")
-        raw = shown.screenshot()
-    write_file(target, [raw])
+    with _opened(replay) as (shown, _):
+        shown.evaluate(f"replay.show({value!r})")
+        write_file(target, [shown.screenshot()])
     return target
 
 
@@ -259,53 +233,30 @@ def video(
     program = ffmpeg()
     if not (0.0 < fps <= 240.0 and 0.0 < speed < math.inf):
         raise InputError(f"{fps:g} pictures a second at speed {speed:g}", expected="positive numbers, at most 240 fps")
-    with browser() as shown, tempfile.TemporaryDirectory() as folder:
-        shown.open(replay.save(Path(folder) / "replay.html"), "#t=0")
-        shown.evaluate("replay.picture()")
-        encoded = Path(folder) / "video.mp4"
+    with _opened(replay) as (shown, folder):
         frames = 1 + round(shown.evaluate("replay.player.seconds()") * fps / speed)
         if frames > MOST_FRAMES:
-            raise InputError(
-                f"the video would have {frames} pictures",
-                expected=f"at most {MOST_FRAMES}",
-                hint="a higher --speed, or a lower --fps",
-            )
-        encoder = subprocess.Popen(
-            [program, "-y", "-loglevel", "error", "-f", "image2pipe", "-c:v", "png", "-framerate", f"{fps:g}",
-             "-i", "-", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(encoded)],
-            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        )  # fmt: skip
-        assert encoder.stdin is not None
-        try:
-            for k in range(frames):
-                progress(f"picture {k + 1} of {frames}")
-                shown.evaluate(f"replay.show(replay.player.at({k / max(frames - 1, 1)!r}))")
-                encoder.stdin.write(shown.screenshot())
-        except BrokenPipeError:
-            pass  # ffmpeg says why
-        finally:
-            progress("")
-            _, complaint = encoder.communicate()
+            words, hint = f"the video would have {frames} pictures", "a higher --speed, or a lower --fps"
+            raise InputError(words, expected=f"at most {MOST_FRAMES}", hint=hint)
+        for k in range(frames):
+            progress(f"picture {k + 1} of {frames}")
+            shown.evaluate(f"replay.show(replay.player.at({k / max(frames - 1, 1)!r}))")
+            (folder / f"{k}.png").write_bytes(shown.screenshot())
+        progress("")
+        encoded = folder / "video.mp4"
+        command = [program, "-loglevel", "error", "-framerate", f"{fps:g}", "-i", str(folder / "%d.png"),
+                   "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(encoded)]  # fmt: skip
+        encoder = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
         if encoder.returncode:
-            last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["it does not say why"]
+            last = encoder.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["it does not say why"]
             raise PinarmError(f"ffmpeg could not write {target}: {last[0]}")
-        with open(encoded, "rb") as stream:
-            write_file(target, iter(partial(stream.read, CHUNK), b""))
+        write_file(target, [encoded.read_bytes()])
     return target
 
 
-CHUNK = 1 << 20
-"""Bytes of a video that are copied at once."""
-
-
 def ffmpeg() -> str:
-    """Return the path of an ffmpeg: the one on the PATH, or that of the package imageio-ffmpeg.
-
-    Raises:
-        PinarmError: There is none; says what to install.
-    """
-    program = shutil.which("ffmpeg")
-    if program:
+    """Return the path of an ffmpeg: the one on the PATH, or that of the package imageio-ffmpeg."""
+    if program := shutil.which("ffmpeg"):
         return program
     try:
         from imageio_ffmpeg import get_ffmpeg_exe

@@ -259,12 +259,8 @@ def _trace(path: Sequence[tuple[Any, float]]) -> Plain:
 
 def _arrow(arrow: Arrow, largest: float, packing: Packing) -> Plain:
     """Return an arrow; ``largest`` is the magnitude of the longest one of its kind."""
-    plain: Plain = {"of": arrow.of, "moment": arrow.moment, "largest": largest, **arrow.at.plain()}
-    if arrow.axis is not None:
-        return {**plain, "axis": arrow.axis.tolist(), "values": packing.add(arrow.vectors.astype(np.float32))}
-    if arrow.vectors.ndim == 1 and not arrow.moment:
-        return {**plain, "vector": arrow.vectors.tolist()}
-    return {**plain, "vectors": packing.add(arrow.vectors.astype(np.float32))}
+    vectors = packing.add(arrow.vectors.astype(np.float32))
+    return {"of": arrow.of, "moment": arrow.moment, "largest": largest, "vectors": vectors, **arrow.at.plain()}
 
 
 def _paths(traces: Sequence[str]) -> Iterator[Plain]:

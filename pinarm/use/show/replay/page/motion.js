@@ -97,9 +97,4 @@ class Motion {
   point(node, local) {
     return new this.THREE.Vector3(...local).applyMatrix4(this.nodes[node].matrix);
   }
-
-  /** Return a direction of a body in the world's axes. */
-  aim(node, local) {
-    return new this.THREE.Vector3(...local).transformDirection(this.nodes[node].matrix);
-  }
 }

@@ -70,11 +70,9 @@ function straight(view, motion, arrow, array) {
   both.add(shaft, head);
   shaft.renderOrder = head.renderOrder = 9;
   view.world.add(both);
-  const vectors = arrow.vectors ? array(arrow.vectors) : null;
-  const values = arrow.values ? array(arrow.values) : null;
+  const vectors = array(arrow.vectors);
   return (at) => {
-    const vector = values ? motion.aim(arrow.node, arrow.axis).multiplyScalar(motion.blend(values, 1, at)[0])
-      : new THREE.Vector3(...(vectors ? motion.blend(vectors, 3, at) : arrow.vector));
+    const vector = new THREE.Vector3(...motion.blend(vectors, 3, at));
     const length = (longest * vector.length()) / arrow.largest;
     both.visible = length > 0.004 * size;
     if (!both.visible) return;
@@ -104,11 +102,9 @@ function twist(view, motion, arrow, array) {
   both.add(arc, head);
   arc.renderOrder = head.renderOrder = 9;
   view.world.add(both);
-  const vectors = arrow.vectors ? array(arrow.vectors) : null;
-  const values = arrow.values ? array(arrow.values) : null;
+  const vectors = array(arrow.vectors);
   return (at) => {
-    const vector = values ? motion.aim(arrow.node, arrow.axis).multiplyScalar(motion.blend(values, 1, at)[0])
-      : new THREE.Vector3(...motion.blend(vectors, 3, at));
+    const vector = new THREE.Vector3(...motion.blend(vectors, 3, at));
     const steps = Math.round((60 * vector.length()) / arrow.largest);
     both.visible = steps > 0;
     if (!both.visible) return;
