@@ -1,4 +1,4 @@
-"""Steps and dense output by the compiled library: many steps of one or of many motions in one call."""
+"""Steps and dense output of embedded pairs by the compiled library: many steps in one call."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array
 from pinarm.engine.integration.integrator import Interval, Solution
 from pinarm.engine.integration.runge_kutta import (
     FASTEST,
@@ -34,8 +34,7 @@ FEWEST, MOST = 16, 512
 the motion makes the steps after it useless, and memory is taken for all of them."""
 
 
-def kernel() -> ctypes.PyDLL:
-    """Return the library, which there is where a motion is compiled."""
+def _kernel() -> ctypes.PyDLL:
     compiled = library()
     assert compiled is not None, "a motion is compiled"
     return compiled
@@ -51,69 +50,56 @@ def pair_of(tableau: Tableau) -> tuple[PairStructure, list[Array]]:
 
 
 class CompiledSteps:
-    """The steps that a stepper takes, many in one call; with ``AdaptiveStepper``, those of its pair.
-
-    ``room`` is the largest number of steps of the next call.
-    """
+    """The steps of ``AdaptiveStepper``, many in one call."""
 
     def __init__(self, solution: Solution, stepper: AdaptiveStepper) -> None:
         self.solution, self.stepper = solution, stepper
-        self.prepare(FEWEST, stepper.tableau.stages + 1, 2)
+        self._make_room(FEWEST)
 
-    def prepare(self, room: int, rows: int, scratch: int) -> None:
-        """Make room for steps of some rows of slopes each.
+    def _make_room(self, room: int) -> None:
+        """Make room for the steps of one call.
 
-        Starts, lengths and ends of the steps [s], shape (3, room); how many were rejected before each, and whether
-        each was accepted as rounding, shape (room,); states at their starts, shape (room, n); slopes at their stages,
-        and those of the step that is tried last, shape (room + 1, rows, n).
+        Starts, lengths and ends [s], shape (3, room); how many were rejected before each, and whether each was accepted
+        as rounding, shape (room,); states at their starts, shape (room, n); slopes at their stages, and those of the
+        step that is tried last, shape (room + 1, s + 1, n).
         """
-        n, self.room = len(self.stepper.y), room
-        self.times, self.states, self._scratch = np.empty((3, room)), np.empty((room, n)), np.empty((scratch, n))
-        self.slopes, self.rejections = np.zeros((room + 1, rows, n)), np.empty(room, np.intp)
+        n, stages = len(self.stepper.y), self.stepper.tableau.stages
+        self.times, self.states, self._scratch = np.empty((3, room)), np.empty((room, n)), np.empty((2, n))
+        self.slopes, self.rejections = np.zeros((room + 1, stages + 1, n)), np.empty(room, np.intp)
         self.floored = np.empty(room, np.intc)
-        places = self.stepper.y, self._scratch, *self.times, self.rejections, self.floored
-        self.course = CourseStructure(*5 * [0.0], 0, room, 0, 0, 0, *map(pointer, (*places, self.states, self.slopes)))
+        places = self.stepper.y, self._scratch, *self.times, self.rejections, self.floored, self.states, self.slopes
+        self.course = CourseStructure(*5 * [0.0], 0, room, 0, 0, 0, *map(pointer, places))
 
     def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Take as many steps in an interval as there is room for; see ``SingleSteps.take``."""
-        flow, course = span.compiled, self.course
+        """Take as many steps in a span as there is room for; see ``SingleSteps.take``."""
+        flow, course, stepper = span.compiled, self.course, self.stepper
         assert flow is not None
         course.t, course.h, course.start, course.end = t, h, span.start, span.end
-        course.ceiling, course.tries = self.stepper.ceiling, tries
+        course.ceiling, course.tries = stepper.ceiling, tries
         course.written = course.rejected = course.handed = 0
         flow.ready()
-        evaluations, all_evaluations = self.call(flow, span)
-        self._add(index, evaluations, all_evaluations)
-        self.stepper.ceiling = course.ceiling
-        self.follow(flow, span)
-        return course.t, course.h
-
-    def call(self, flow: Flow, span: Interval) -> tuple[Indices, int]:
-        """Let the library take the steps; return the evaluations up to the end of each, and those of the call."""
-        stepper, course, each = self.stepper, self.course, self.stepper.tableau.stages
         self.slopes[0, 0] = stepper.slopes[0]
         control = ControlStructure(
             stepper.tolerance, span.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
         )
-        kernel().pair_steps(*map(ctypes.byref, (pair_of(stepper.tableau)[0], flow.structure, control, course)))
-        stepper.slopes[:] = self.slopes[course.written]
-        steps = np.arange(1, course.written + 1)
-        evaluations = each * (steps + self.rejections[: course.written]) + flow.settles * steps
-        return evaluations, each * (course.written + course.rejected) + flow.settles * course.written
+        _kernel().pair_steps(*map(ctypes.byref, (pair_of(stepper.tableau)[0], flow.structure, control, course)))
+        stepper.slopes[:], stepper.ceiling = self.slopes[course.written], course.ceiling
+        self._add(index, flow)
+        self._settle(flow, span)
+        return course.t, course.h
 
-    def _add(self, index: int, evaluations: Indices, all_evaluations: int) -> None:
+    def _add(self, index: int, flow: Flow) -> None:
         """Add the steps that the library has written to the solution, and their cost."""
-        count, written = self.solution.count, self.course.written
-        floored = self.floored[:written].cumsum()
-        work = np.stack([evaluations, self.rejections[:written], floored], axis=1)
+        count, written, stages = self.solution.count, self.course.written, self.stepper.tableau.stages
+        steps, rejections, floored = np.arange(1, written + 1), self.rejections[:written], self.floored[:written]
+        work = np.stack([stages * (steps + rejections) + flow.settles * steps, rejections, floored.cumsum()], axis=1)
         work += [count.evaluations, count.rejected, count.floored]
-        times, states, slopes = self.times[:, :written].T, self.states[:written], self.slopes[:written]
-        self.solution.steps.extend(times, states, slopes, index, work)
-        count.evaluations += all_evaluations
+        self.solution.steps.extend(self.times[:, :written].T, self.states[:written], self.slopes[:written], index, work)
+        count.evaluations += stages * (written + self.course.rejected) + flow.settles * written
         count.rejected += self.course.rejected
-        count.floored += int(floored[-1]) if written else 0
+        count.floored += int(floored.sum())
 
-    def follow(self, flow: Flow, interval: Interval) -> None:
+    def _settle(self, flow: Flow, span: Interval) -> None:
         """Let the motion know which states have been settled, let it settle the last one, and make more room."""
         course = self.course
         settled = course.written - course.handed
@@ -122,9 +108,9 @@ class CompiledSteps:
         if course.handed:
             self.stepper.settle(course.t)
             if self.floored[course.written - 1]:
-                course.h = max(course.h, interval.floor())
-        if course.written == self.room < MOST:
-            self.prepare(min(2 * self.room, MOST), self.stepper.tableau.stages + 1, 2)
+                course.h = max(course.h, span.floor())
+        if course.written == course.room < MOST:
+            self._make_room(2 * course.room)
 
 
 def terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Array) -> Array:
@@ -132,8 +118,11 @@ def terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Ar
     arrays = list(map(contiguous, (t, h, y, slopes)))
     scratch = np.empty((tableau.stages + 2 + len(tableau.dense_c), y.shape[1]))
     values = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
-    addresses = (ctypes.c_void_p(pointer(x)) for x in (*arrays, scratch, values))
-    flow.within(float(t[0]))
-    parts = map(ctypes.byref, (pair_of(tableau)[0], flow.structure, flow.held(t.tolist())))
-    kernel().pair_terms(*parts, ctypes.c_ssize_t(len(y)), *addresses)
+    size = 1 if flow.changes else len(y)
+    for begin in range(0, len(y), size):
+        flow.within(float(t[begin]))
+        some = [x[begin : begin + size] for x in arrays]
+        addresses = (ctypes.c_void_p(pointer(x)) for x in (*some, scratch, values[begin:]))
+        parts = map(ctypes.byref, (pair_of(tableau)[0], flow.structure))
+        _kernel().pair_terms(*parts, ctypes.c_ssize_t(size), *addresses)
     return values

@@ -19,13 +19,6 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.compiled_steps import CompiledSteps
     from pinarm.engine.integration.methods import Method, Stepper
 
-PROBED = 20
-"""Part of the largest number of steps after which the driver looks whether the rest can come to the end."""
-
-HOPELESS = 1000.0
-"""Remaining time, over the time of all steps allowed at ten times their length, above which the driver gives up."""
-
-
 NEAR = 0.1
 """Part of a first step within which a crossing is looked at again with a step that ends behind it: where a motion
 begins at a stop, or at rest, errors of a dense output that leaves in another direction may be all that crosses."""
@@ -35,16 +28,20 @@ APART = 1e3
 
 
 def integrate(
-    intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: Method, *,
-    max_steps: int = 1_000_000, watches: Sequence[Watch] = (), steps_over: StepsOver | None = None,
+    intervals: Sequence[Interval],
+    manifold: Manifold,
+    q: Array,
+    v: Array,
+    method: Method,
+    *,
+    max_steps: int = 1_000_000,
+    watches: Sequence[Watch] = (),
+    steps_over: StepsOver | None = None,
     begun_with: float = 0.0,
-) -> Solution:  # fmt: skip
+) -> Solution:
     """Integrate over consecutive intervals; a step ends exactly at the end of each.
 
     Args:
-        intervals: Consecutive intervals with their accelerations.
-        manifold: The configuration space.
-        method: The method.
         max_steps: Largest number of steps, rejected ones included.
         watches: Values whose zero crossings are located; one that stops ends the integration at its crossing.
         steps_over: Whether a step may have stepped over a piece of a load; methods with variable steps reject it.
@@ -60,9 +57,8 @@ def integrate(
     stepper = method.stepper(manifold, solution.count)
     usable = not steps_over and all(interval.compiled for interval in intervals)
     steps = (stepper.compiled(solution) if usable else None) or SingleSteps(solution, stepper, steps_over)
-    driver = _Driver(solution, stepper, steps, max_steps, watches)
     try:
-        driver.run(np.concatenate([q, v]))
+        _Driver(solution, stepper, steps, max_steps, watches).run(np.concatenate([q, v]))
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted at t = {solution.end:.9g} s", partial=solution) from None
     return solution
@@ -129,32 +125,29 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
         self.solution.final = y
 
     def run_span(self, interval: Interval, index: int, t: float, y: Array) -> tuple[float, Array]:
-        """Integrate from t [s] to the next sample of an interval, or to its end; return the instant and the state."""
+        """Integrate from t [s] to the next sample or knot of an interval, or to its end; return instant and state."""
+        solution, stepper = self.solution, self.stepper
         if interval.sampling:
-            nq = self.solution.manifold.nq
+            nq = solution.manifold.nq
             interval.sampling.act(t, y[:nq], y[nq:])
-            self.stopped = bool(self.solution.steps) and self.ends_under_loads(t, y[:nq], y[nq:])
+            self.stopped = bool(solution.steps) and self.ends_under_loads(t, y[:nq], y[nq:])
             if self.stopped:
                 return t, y
         span, begun = interval.span(t), y.copy()
-        self.stepper.begin(span, y)
-        if not self.stepper.finite:
-            raise _not_finite(self.solution, t, self.stepper.y)
-        self.h = self.stepper.first(self.h)
+        stepper.begin(span, y)
+        if not stepper.finite:
+            raise _not_finite(solution, t, stepper)
+        self.h = stepper.first(self.h)
         while t < span.end and not self.stopped:
             self.check_progress(t, span)
-            known = len(self.solution.steps)
-            t, self.h = self.steps.take(index, span, t, self.h, self.tries_until_check)
-            if self.watches:
-                self.stopped = self.locate_crossings(known)
+            known = len(solution.steps)
+            t, self.h = self.steps.take(index, span, t, self.h, self.max_steps - self.taken)
+            self.stopped = bool(self.watches) and self.locate_crossings(known)
             if self.stopped and not known and (shorter := self.shorter_first()):
                 t, self.h, self.stopped = span.start, shorter, False
-                self.solution.truncate(0)
-                self.solution.crossings.clear()
-                self.solution.unresolved.clear()
-                self.solution.nearest.clear()
-                self.stepper.begin(span, begun)
-        return t, self.stepper.y.copy()
+                solution.clear()
+                stepper.begin(span, begun)
+        return t, stepper.y.copy()
 
     def shorter_first(self) -> float:
         """Return the first step that shows a crossing in it better [s]; 0 where it is far from its start, or at it."""
@@ -183,41 +176,24 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
     def taken(self) -> int:
         return len(self.solution.steps) + self.solution.count.rejected
 
-    @property
-    def probe(self) -> int:
-        return max(self.max_steps // PROBED, 100)
-
-    @property
-    def tries_until_check(self) -> int:
-        """Number of steps after which ``check_progress`` has to see their number."""
-        taken = self.taken
-        return min(self.max_steps, self.probe if taken < self.probe else self.max_steps) - taken
-
-    def check_progress(self, t: float, interval: Interval) -> None:
+    def check_progress(self, t: float, span: Interval) -> None:
         """Raise where the steps have become too short or too many."""
-        solution = self.solution
-        if not self.h >= SHORTEST * math.ulp(max(abs(t), interval.end - interval.start)):  # NaN included
-            raise _stuck(solution, t, self.h, self.stepper)
-        if self.taken >= self.max_steps or (self.taken == self.probe and self.is_hopeless(t)):
-            raise _too_many(solution, t, self.h, self.taken)
-
-    def is_hopeless(self, t: float) -> bool:
-        """Tell whether steps ten times as long as until now would still be far too many, as with huge velocities."""
-        steps = self.solution.steps
-        longest = 10.0 * max(self.h, (t - float(steps.t[0])) / len(steps)) if steps else 10.0 * self.h
-        return self.solution.intervals[-1].end - t > HOPELESS * self.max_steps * longest
+        if not self.h >= SHORTEST * math.ulp(max(abs(t), span.end - span.start)):  # NaN included
+            raise _stuck(self.solution, t, self.h, self.stepper)
+        if self.taken >= self.max_steps:
+            raise _too_many(self.solution, t, self.h, self.taken)
 
 
-def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:
+def _failure(message: str, hint: str, solution: Solution, t: float, stepper: Stepper) -> IntegrationError:
     nq = solution.manifold.nq
-    return IntegrationError(
-        f"the acceleration is not finite at the start, t = {t:.9g} s",
-        hint="check for a body without mass that is free to move, and for a load that is infinite here",
-        partial=solution,
-        t=t,
-        q=y[:nq].copy(),
-        v=y[nq:].copy(),
-    )
+    q, v = stepper.y[:nq].copy(), stepper.y[nq:].copy()
+    return IntegrationError(message, hint=hint, partial=solution, t=t, q=q, v=v)
+
+
+def _not_finite(solution: Solution, t: float, stepper: Stepper) -> IntegrationError:
+    message = f"the acceleration is not finite at the start, t = {t:.9g} s"
+    hint = "check for a body without mass that is free to move, and for a load that is infinite here"
+    return _failure(message, hint, solution, t, stepper)
 
 
 def _too_many(solution: Solution, t: float, h: float, most: int) -> IntegrationError:
@@ -226,21 +202,15 @@ def _too_many(solution: Solution, t: float, h: float, most: int) -> IntegrationE
         f"the integration has taken {most} steps and is at t = {t:.9g} s; its steps are {h:.2g} s long",
         hint=doubts[0].text
         if doubts
-        else (f"{remedy}, a shorter time, softer springs, dry friction of a larger creep, or accuracy.max_steps"),
+        else f"{remedy}, a shorter time, softer springs, dry friction of a larger creep, or accuracy.max_steps",
         partial=solution,
         t=t,
     )
 
 
 def _stuck(solution: Solution, t: float, h: float, stepper: Stepper) -> IntegrationError:
-    nq = solution.manifold.nq
     reason = "the acceleration grows without bound" if stepper.finite else "the acceleration is not finite"
     cause = f"the step fell to {h:.2g} s because {reason}" if h else f"{reason} within one step"
-    return IntegrationError(
-        f"the integration cannot go on at t = {t:.12g} s: {cause}",
-        hint=f"{solution.method.remedy}, or look for a singular position or a load that jumps there",
-        partial=solution,
-        t=t,
-        q=stepper.y[:nq].copy(),
-        v=stepper.y[nq:].copy(),
-    )
+    message = f"the integration cannot go on at t = {t:.12g} s: {cause}"
+    hint = f"{solution.method.remedy}, or look for a singular position or a load that jumps there"
+    return _failure(message, hint, solution, t, stepper)

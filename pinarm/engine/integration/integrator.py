@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from msgspec import Struct, field
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Flags, Indices, distinct
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
+    from pinarm.engine.integration.methods import Method
     from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
@@ -66,9 +66,7 @@ class Interval(ValueRecord, frozen=True):
     """A time interval on which the acceleration is smooth, but for derivatives of it at knots.
 
     Attributes:
-        start: First instant [s].
-        end: Last instant [s].
-        acceleration: Acceleration of one state, smooth up to both ends; at a jump each interval has its own side.
+        acceleration: Of one state, smooth up to both ends; at a jump each interval has its own side.
         settle: Projection onto the constraints, applied after every accepted step; ``None`` without constraints.
         floor: Returns the smallest useful step [s]: close to a singular position, where rounding is amplified. Such a
             step is accepted with an error above the tolerance, up to ``runge_kutta.NOISE``.
@@ -107,7 +105,7 @@ class Interval(ValueRecord, frozen=True):
         return self.acceleration_of_step(start) if self.acceleration_of_step else self.acceleration
 
     def slope(self, manifold: Manifold, t: float, y: Array) -> Array:
-        """Return the slope [q', v'] of one state, whose q is projected onto the manifold in place."""
+        """Return the slope [q', v'] of a state [q, v], whose q is projected onto the manifold in place."""
         nq = manifold.nq
         y[:nq] = manifold.project(y[:nq])
         q, v = y[:nq], y[nq:]
@@ -150,16 +148,8 @@ class Doubt(ValueRecord, frozen=True):
     text: str
 
 
-LEAST = 16
-"""Rows for which a table has storage at least, once it grows."""
-
 Column = np.ndarray[tuple[Any, ...], np.dtype[Any]]
 """An array whose rows are numbers of any kind."""
-
-DenseOutput = tuple[Array, dict[int, tuple[Array, Array]]]
-"""Terms r of a polynomial over each of n steps, ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))`` with x from 0
-to 1 over the step, shape (n, d, nq + nv); and of steps that are divided, by their number, the states at the starts of
-equal parts, shape (p, nq + nv), and the terms over these, shape (p, d, nq + nv)."""
 
 
 class Step(NamedTuple):
@@ -180,7 +170,7 @@ class StepTable(Struct, eq=False):
     """The accepted steps of a motion, in order of time; columns are valid until further steps are added."""
 
     _count: int = 0
-    _storage: list[Column] = []
+    _storage: tuple[Column, ...] = (np.empty((0, 3)), *3 * (np.empty((0, 0)),), np.empty((0, 3), np.intp))
 
     def __len__(self) -> int:
         return self._count
@@ -189,13 +179,10 @@ class StepTable(Struct, eq=False):
         t, h, until = self.times[index].tolist()
         return Step(t, h, until, self.y[index], self.slopes[index], int(self.interval[index]))
 
-    def _column(self, k: int) -> Column:
-        return self._storage[k][: self._count] if self._storage else np.empty((0, 3))
-
     @property
     def times(self) -> Array:
         """Starts, lengths and ends [s], shape (n, 3)."""
-        return self._column(0)
+        return self._storage[0][: self._count]
 
     @property
     def t(self) -> Array:
@@ -211,41 +198,36 @@ class StepTable(Struct, eq=False):
 
     @property
     def y(self) -> Array:
-        return self._column(1)
+        return self._storage[1][: self._count]
 
     @property
     def slopes(self) -> Array:
-        return self._column(2)
+        return self._storage[2][: self._count]
 
     @property
     def interval(self) -> Indices:
-        return self._column(3).astype(np.intp, copy=False)
+        return self._storage[3][: self._count].astype(np.intp, copy=False)
 
     @property
     def work(self) -> Indices:
         """Evaluations, rejected and floored steps up to the end of each step, shape (n, 3)."""
-        return self._column(4)
+        return self._storage[4][: self._count]
 
-    def extend(self, times: Array, y: Array, slopes: Array, interval: int | Indices, work: Indices) -> None:
-        """Add n steps; the arguments are rows of the columns, the interval may be that of all."""
-        intervals = np.broadcast_to(np.asarray(interval, np.intp), len(times))
-        rows = [*(np.asarray(x, np.float64) for x in (times, y, slopes)), intervals, np.asarray(work, np.intp)]
-        end = self._count + len(times)
-        if not self._storage:
-            self._storage, self._count = [x.copy() for x in rows], end
-            return
-        if end > len(self._storage[0]):
-            room = max(2 * self._count, end, LEAST)
-            self._storage = [np.resize(self._column(k), (room, *x.shape[1:])) for k, x in enumerate(rows)]
+    def extend(self, times: Array, y: Array, slopes: Array, interval: int, work: Indices) -> None:
+        """Add n steps of one interval; the other arguments are rows of the columns."""
+        rows, end = (times, y, slopes, np.full(len(times), interval), work), self._count + len(times)
+        if end > len(self._storage[0]) or not self._count:
+            room = max(2 * self._count, end)
+            known, self._storage = self._storage, tuple(np.empty((room, *x.shape[1:]), x.dtype) for x in rows)
+            for k in range(len(rows) if self._count else 0):
+                self._storage[k][: self._count] = known[k][: self._count]
         for stored, x in zip(self._storage, rows, strict=True):
             stored[self._count : end] = x
         self._count = end
 
     def some(self, index: Indices) -> StepTable:
-        """Return some of the steps, to be read only: in place where they follow one another."""
-        first, last = int(index[0]), int(index[-1])
-        rows = slice(first, last + 1) if last - first + 1 == len(index) else index
-        return StepTable(len(index), [self._column(k)[rows] for k in range(5)])
+        """Return some of the steps, to be read only."""
+        return StepTable(len(index), tuple(column[index] for column in self._storage))
 
     def truncate(self, count: int) -> None:
         self._count = min(count, len(self))
@@ -337,26 +319,6 @@ class Turn(NamedTuple):
         return self.error / abs(self.margin) if self.margin else math.inf
 
 
-class SolutionMethod(Protocol):
-    """Interface of the method that made a solution; see ``methods.Method``."""
-
-    @property
-    def tolerance(self) -> float: ...
-
-    @property
-    def subdivisions(self) -> int: ...
-
-    @property
-    def tangent(self) -> bool: ...
-
-    @property
-    def remedy(self) -> str: ...
-
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput: ...
-
-    def diagnose(self, solution: Solution) -> list[Doubt]: ...
-
-
 class Solution(Struct, eq=False, dict=True, weakref=True):
     """The result of an integration: its steps, and by dense output the state at any time between.
 
@@ -369,7 +331,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         nearest: Index of a watch -> the turn at which it is the least certain whether its value comes to 0.
     """
 
-    method: SolutionMethod
+    method: Method
     manifold: Manifold
     intervals: Sequence[Interval]
     steps: StepTable = field(default_factory=StepTable)
@@ -382,7 +344,8 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
     _known: Flags = field(default_factory=lambda: np.zeros(0, bool))
     """Mask of the steps with a dense output; it is longer than the number of steps."""
     _terms: Array = field(default_factory=lambda: np.empty(0))
-    _divided: dict[int, tuple[Array, Array]] = {}
+    """Terms r of polynomials ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``, x from 0 to 1 over each step,
+    shape (n, d, nq + nv)."""
 
     @property
     def end(self) -> float:
@@ -419,22 +382,22 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         inside = (t != start).nonzero()[0]  # at the start of a step its state is known
         if len(inside):
             within = index[inside]
-            x = (t - start)[inside] / self.steps.h[within]
             self._interpolate(within)
-            y[inside] = interpolated(y[inside], self._terms[within], x)
-            for number in self._divided.keys() & set(within.tolist()) if self._divided else ():
-                (base, terms), here = self._divided[number], within == number
-                part = np.clip((x[here] * len(base)).astype(np.intp), 0, len(base) - 1)
-                y[inside[here]] = interpolated(base[part], terms[part], x[here] * len(base) - part)
+            y[inside] = interpolated(y[inside], self._terms[within], (t - start)[inside] / self.steps.h[within])
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
 
     def truncate(self, count: int) -> None:
         """Keep the first steps, and their cost; without any, the cost of those that go is kept."""
         self.steps.truncate(count)
         self._known[count:] = False
-        self._divided = {number: parts for number, parts in self._divided.items() if number < count}
         if count:
             self.count.evaluations, self.count.rejected, self.count.floored = self.steps.work[-1].tolist()
+
+    def clear(self) -> None:
+        """Forget all steps, and what was seen in them."""
+        self.truncate(0)
+        for seen in (self.crossings, self.unresolved, self.nearest):
+            seen.clear()
 
     @property
     def interpolated_steps(self) -> list[int]:
@@ -446,29 +409,19 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         if len(self._known) < len(self.steps):
             self._known = np.append(self._known, np.zeros(2 * len(self.steps) - len(self._known), bool))
         missing = index[~self._known[index]]
-        if not len(missing):
-            return
         missing = np.bincount(missing).nonzero()[0]
-        for some in _alike(missing, self.steps.interval[missing]):
-            interval = self.intervals[self.steps.interval[some[0]]]
-            terms, divided = self.method.dense_output(interval, self.manifold, self.steps.some(some))
+        owners = self.steps.interval[missing]
+        for number in distinct(owners).tolist():
+            some = missing[owners == number]
+            terms = self.method.dense_output(self.intervals[number], self.manifold, self.steps.some(some))
             if len(self._terms) < len(self._known):
                 known, self._terms = self._terms, np.empty((len(self._known), *terms.shape[1:]))
                 self._terms[: len(known)] = known.reshape(-1, *terms.shape[1:])
             self._terms[some], self._known[some] = terms, True
-            self._divided |= {int(some[number]): parts for number, parts in divided.items()}
-
-
-def _alike(index: Indices, intervals: Indices) -> Iterator[Indices]:
-    """Yield the steps of each interval."""
-    order = intervals.argsort(kind="stable")
-    ends = np.diff(intervals[order]).nonzero()[0] + 1
-    for start, end in pairwise([0, *ends.tolist(), len(index)]):
-        yield index[order[start:end]]
 
 
 def interpolated(base: Array, terms: Array, x: Array) -> Array:
-    """Return states of m polynomials, see ``DenseOutput``, at x of shape (m,), before they are projected."""
+    """Return states of m polynomials, see ``Solution._terms``, at x of shape (m,), before they are projected."""
     factors = np.empty(terms.shape[:2])  # x, x (1 - x), x (1 - x) x, ...
     factors[:, ::2], factors[:, 1::2] = x[:, None], 1.0 - x[:, None]
     y = np.vecmat(np.multiply.accumulate(factors, axis=1), terms)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.records import Record, replace
+from pinarm.records import Record
 
 SAFETY, GAIN, SLOWEST, FASTEST = 0.8, 0.8, 1 / 3, 6.0
 """Safety factor, gain of the step controller, and bounds of the factor by which a step changes.
@@ -39,9 +39,6 @@ NOISE = 1e-6
 NOISELESS = 1e-8
 """Smallest trial step for the first step, relative to the duration: a state that is 0 but for rounding would give a
 smaller one."""
-
-HALVES = np.array([0.0, 0.5, 1.0])
-"""Fractions of a step: start, middle, end."""
 
 Rates = Callable[[Any, Array], Array]
 """``(t, y) -> slopes`` of states, which are projected onto the manifold in place; shapes (...), (..., n), (..., n)."""
@@ -93,24 +90,6 @@ class Tableau(Record, frozen=True):
         """Weights and times of the stages that only the dense output needs; see ``rows``."""
         known = self.stages + 1
         return [(row[: known + k], float(c)) for k, (row, c) in enumerate(zip(self.dense_a, self.dense_c, strict=True))]
-
-    @cached_property
-    def examined(self) -> Tableau:
-        """Tableau with a further stage and a last term: the defect ``h (f(u) - u')`` of the dense output u.
-
-        The defect is taken in the middle of the step, where ``u = y + h w @ k`` and ``u' = w' @ k``.
-        """
-        s, width = self.stages + 1, self.stages + 1 + len(self.dense_c)
-        unit = np.eye(width)
-        change, first, last = np.concatenate([self.b, np.zeros(width - s + 1)]), unit[0], unit[s - 1]
-        weights, slopes = np.zeros((2, width))
-        for k, row in reversed([*enumerate([change, first - change, 2.0 * change - first - last, *self.dense_d])]):
-            slopes = 0.5 * slopes + (weights + row) * (-1.0) ** k
-            weights = 0.5 * (weights + row)
-        stages = np.pad(np.vstack([self.dense_a, weights]), ((0, 0), (0, 1)))
-        terms = np.pad(np.vstack([self.dense_d, -slopes]), ((0, 0), (0, 1)))
-        terms[-1, -1] = 1.0
-        return replace(self, dense_a=stages, dense_c=np.append(self.dense_c, 0.5), dense_d=terms)
 
 
 def stages(rows: Sequence[tuple[Array, float]], rates: Rates, t: Any, h: Any, y: Array, slopes: Array) -> Array:
@@ -179,17 +158,8 @@ def first_step(
     return float(min(100.0 * h0, h1))
 
 
-def along(t: float, h: float, y: Array, new: Array, slopes: Array) -> tuple[Array, Array]:
-    """Return instants and states of a step, shapes (3,) and (3, n): its ends, and its middle.
-
-    This is that of the cubic Hermite interpolant, ``(y + y_new) / 2 + h (k_0 - k_s) / 8``.
-    """
-    middle = 0.5 * (y + new) + 0.125 * h * (slopes[0] - slopes[-1])
-    return t + h * HALVES, np.stack([y, middle, new])
-
-
 def dense_terms(tableau: Tableau, rates: Rates, t: Array, h: Array, y: Array, slopes: Array) -> Array:
-    """Return the terms r of polynomials over n steps, see ``DenseOutput``; Hairer, Norsett, Wanner, section II.6.
+    """Return the terms r of polynomials over n steps, see ``Solution``; Hairer, Norsett, Wanner, section II.6.
 
     ``r_0 = y_new - y``, ``r_1 = h k_0 - r_0``, ``r_2 = 2 r_0 - h (k_0 + k_s)``; the higher ones are ``h dense_d @ k``
     over all stages, those of ``dense_a`` included. Shape (n, d, nq + nv).
@@ -202,6 +172,15 @@ def dense_terms(tableau: Tableau, rates: Rates, t: Array, h: Array, y: Array, sl
     change, first, last = tableau.b @ known[:, : s - 1], known[:, 0], known[:, s - 1]
     lowest = np.stack([change, first - change, 2 * change - first - last], axis=1)
     return np.concatenate([lowest, tableau.dense_d @ known], axis=1)
+
+
+def middle(terms: Array) -> tuple[Array, Array]:
+    """Return change and slope of polynomials in the middle of their steps, relative to the start and to 1 / h."""
+    change, slope = np.zeros((2, *terms[:, 0].shape))
+    for k in reversed(range(terms.shape[1])):
+        slope = 0.5 * slope + (-1.0) ** k * (change + terms[:, k])
+        change = 0.5 * (change + terms[:, k])
+    return change, slope
 
 
 def _matrix(rows: tuple[tuple[float, ...], ...], width: int) -> Array:

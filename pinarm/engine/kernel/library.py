@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kernel.structures import SIZES, FlowStructure, HeldStructure
+from pinarm.engine.kernel.structures import SIZES, FlowStructure
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ class Flow(Record, frozen=True):
     """Differential equation for the library: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``."""
 
     unshown: ClassVar[tuple[str, ...]] = ("system",)
+    changes: ClassVar[bool] = False
+    """Whether its loads may be others in each step; see ``within``."""
 
     structure: FlowStructure
     system: Any
@@ -48,12 +50,11 @@ class Flow(Record, frozen=True):
         """Bring the system to the present state of the motion."""
 
     def slope(self, t: float, y: Array) -> Array:
-        """Return the slope of a state [q, v], shape (nq + nv,), at an instant [s]."""
         self.ready()
         return self.rates(t, y)
 
     def slopes(self, starts: Array, t: Array, y: Array) -> Array:
-        """Return the slopes of states within steps."""
+        """Return the slopes of n states at instants t [s], within steps by their starts [s]."""
         slopes = np.empty_like(y)
         for k, (start, instant) in enumerate(zip(starts.tolist(), t.tolist(), strict=True)):
             self.within(start)
@@ -71,10 +72,6 @@ class Flow(Record, frozen=True):
         """The function of the library, its buffers for a state and its slope, and their addresses."""
         state, slope = np.zeros((2, self.structure.n))
         return RATES(self.structure.rates), state, slope, (pointer(state), pointer(slope))
-
-    def held(self, starts: Sequence[float]) -> HeldStructure:
-        """Return the numbers that were others in each of some steps, by their starts [s]; mostly none."""
-        return HeldStructure(None, 0, 0, None)
 
     def within(self, start: float) -> None:
         """Let rates be those of further stages in the step that begins at an instant [s]."""

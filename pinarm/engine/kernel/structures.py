@@ -168,39 +168,10 @@ class PairStructure(ctypes.Structure):
     ]
 
 
-class RadauStructure(ctypes.Structure):
-    """The coefficients of a Radau IIA method."""
-
-    _fields_ = [
-        *((name, SIZE) for name in ("stages", "systems")),
-        *((name, POINTER) for name in ("c", "inverse", "powers", "error", "eigenvalue", "forth", "back")),
-        ("iterations", SIZE),
-        *((name, REAL) for name in ("enough", "contraction", "kept")),
-    ]
-
-
-class NewtonStructure(ctypes.Structure):
-    """The state of Newton's method that implicit steps keep from one to the next."""
-
-    _fields_ = [
-        *((name, POINTER) for name in ("slope", "jacobian", "system", "pivot", "right", "last", "change")),
-        *((name, REAL) for name in ("length", "factorised", "rate", "promise", "before", "worst")),
-        *((name, SIZE) for name in ("iterations", "evaluations")),
-        ("spent", POINTER),
-        *((name, INT) for name in ("known", "fresh")),
-    ]
-
-
 class FlowStructure(ctypes.Structure):
     """A differential equation to integrate."""
 
     _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "system"))]
-
-
-class HeldStructure(ctypes.Structure):
-    """Numbers of a system that were others in each step."""
-
-    _fields_ = [("place", POINTER), ("stride", SIZE), ("count", SIZE), ("values", POINTER)]
 
 
 class ControlStructure(ctypes.Structure):
@@ -227,9 +198,15 @@ ARRAYS = (
     SCREW, BODY, LINK, DEGREE, ROTATION_SPRING, POINT_SPRING, LAW, LINK_STATE, DEGREE_STATE, LOOP, LOOP_STATE, FORCE,
 )  # fmt: skip
 STRUCTURES = (
-    TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
-    HeldStructure, ControlStructure, CourseStructure, RadauStructure, NewtonStructure,
-)  # fmt: skip
+    TreeStructure,
+    SkylineStructure,
+    ConstraintsStructure,
+    ClosingStructure,
+    PairStructure,
+    FlowStructure,
+    ControlStructure,
+    CourseStructure,
+)
 SIZES = (*(kind.itemsize for kind in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
 """Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""
 

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
+from pinarm.engine.kernel.library import Flow, address, library, pointer
 from pinarm.engine.kernel.structures import (
     DEGREE,
     DEGREE_STATE,
@@ -26,7 +26,6 @@ from pinarm.engine.kernel.structures import (
     ROTATION_SPRING,
     SCREW,
     FlowStructure,
-    HeldStructure,
     TreeStructure,
     finite,
 )
@@ -229,6 +228,7 @@ class HeldFlow(Flow, frozen=True):
     """
 
     unshown = ("system", "steady", "tree")
+    changes = True
 
     loads: HeldLoad
     steady: Array
@@ -243,13 +243,6 @@ class HeldFlow(Flow, frozen=True):
     def ready(self) -> None:
         """Bring in the loads in force."""
         np.add(self.steady, self.loads.present, out=self._efforts)
-
-    def held(self, starts: Sequence[float]) -> HeldStructure:
-        changes = np.array([self.loads.piece(t) for t in starts], dtype=np.intp)
-        values, efforts = contiguous(self.steady + self.loads.load_of(changes)), self._efforts
-        structure = HeldStructure(efforts.ctypes.data, efforts.strides[0] // 8, len(efforts), pointer(values))
-        structure.rows = values  # kept as long as the structure
-        return structure
 
     def within(self, start: float) -> None:
         self._efforts[:] = self.steady + self.loads.load_of(np.array([self.loads.piece(start)]))[0]

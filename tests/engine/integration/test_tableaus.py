@@ -4,7 +4,7 @@ from scipy.integrate import RK45
 from scipy.integrate._ivp import dop853_coefficients as scipy_coefficients
 
 from pinarm.engine.integration.integrator import interpolated
-from pinarm.engine.integration.runge_kutta import DOP853, DOPRI5, RK4, dense_terms
+from pinarm.engine.integration.runge_kutta import DOP853, DOPRI5, RK4, middle
 
 
 def test_coefficients_are_those_of_scipy_bit_for_bit():
@@ -37,17 +37,10 @@ def test_methods_are_stable_up_to_the_limit_that_they_give_and_not_far_beyond(ta
     assert growth(-1.06 * tableau.stability) > 1.0
 
 
-@pytest.mark.parametrize("tableau", [DOP853, DOPRI5], ids=lambda one: one.name)
-def test_the_last_term_is_the_defect_of_the_dense_output_in_the_middle_of_a_step(tableau):
-    """``h (f(u) - u')`` with u' by differences, of ``y' = A y``, in a step that is much too long."""
-    matrix, y, h = np.array([[0.0, 1.0], [-1.0, -2.5]]), np.array([[1.0, 0.5]]), 2.0
-    slopes = []
-    for row in [*tableau.a, tableau.b]:
-        slopes.append((y[0] + h * sum(w * k for w, k in zip(row, slopes, strict=False))) @ matrix.T)
-    here = np.zeros(1), np.array([h]), y, np.array([slopes])
-    terms = dense_terms(tableau.examined, lambda t, y: y @ matrix.T, *here)
-    apart, places = 1e-5, np.zeros(3, np.intp)
-    before, middle, after = interpolated(y[places], terms[places, :-1], 0.5 + apart * np.array([-1.0, 0.0, 1.0]))
-    defect = h * middle @ matrix.T - (after - before) / (2.0 * apart)
-    assert np.abs(defect).max() > 1e-4
-    assert terms[0, -1] == pytest.approx(defect, abs=1e-8)  # of differences
+def test_change_and_slope_in_the_middle_are_those_of_the_polynomial():
+    y, terms, apart = np.zeros((3, 2)), np.random.default_rng(0).normal(size=(1, 7, 2)), 1e-5
+    places = np.zeros(3, np.intp)
+    before, here, after = interpolated(y, terms[places], 0.5 + apart * np.array([-1.0, 0.0, 1.0]))
+    change, slope = middle(terms)
+    assert change[0] == pytest.approx(here, abs=1e-14)
+    assert slope[0] == pytest.approx((after - before) / (2.0 * apart), abs=1e-8)  # of differences

@@ -18,7 +18,7 @@ SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno
 TESTED = [
     "tests/engine/kernel/test_tree.py", "tests/engine/kernel/test_laws.py",
     "tests/loops/test_compiled.py",
-    "tests/engine/integration/test_compiled_steps.py", "tests/engine/integration/methods/test_compiled_radau.py",
+    "tests/engine/integration/test_compiled_steps.py",
 ]  # fmt: skip
 
 LOAD = """

@@ -13,16 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, distinct
-from pinarm.engine.integration.integrator import (
-    Count,
-    DenseOutput,
-    Doubt,
-    Interval,
-    Manifold,
-    Solution,
-    Step,
-    StepTable,
-)
+from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold, Solution, Step, StepTable
 from pinarm.engine.integration.runge_kutta import (
     DOP853,
     DOPRI5,
@@ -30,12 +21,13 @@ from pinarm.engine.integration.runge_kutta import (
     NOISE,
     RK4,
     TINY,
+    Rates,
     Tableau,
-    along,
     dense_terms,
     error_of,
     first_step,
     growth,
+    middle,
     shrinkage,
     stages,
 )
@@ -45,9 +37,9 @@ from pinarm.records import ValueRecord, replace
 if TYPE_CHECKING:
     from pinarm.engine.integration.compiled_steps import CompiledSteps
 
-DEFECT, PARTS = 30.0, 8
-"""Defect of the dense output in the middle of a step, over the tolerance, from which on steps of its eighth may take
-its place: it is about 0.1, seldom above 3, and 1e4 beyond the limit of stability."""
+DEFECT, CLEARLY = 30.0, 0.3
+"""Defect of the dense output in the middle of a step, over the tolerance, from which on a cubic may take its place: it
+is about 0.1, seldom above 3, and 1e4 beyond the limit of stability. And the part of it that the cubic's may be."""
 
 STIFF = 0.3
 """Share of steps at the stability limit from which a motion is reported as stiff for an explicit method."""
@@ -101,52 +93,35 @@ class Adaptive(ValueRecord, frozen=True):
     def stepper(self, manifold: Manifold, count: Count) -> AdaptiveStepper:
         return AdaptiveStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
-        """Return the dense output of steps, of shorter steps in place of those whose own does not follow the motion.
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> Array:
+        """Return the terms of the dense output, or of a cubic where that follows the motion better.
 
         Once the fast part of a motion has died away a step may go far beyond the limit of stability before its end
-        shows it: within, the stages blow up the rest of that part. The defect ``h (f(u) - u')`` of the dense output u
-        in the middle of the step shows it. Beside a singular position rounding makes defects too, and shorter steps
-        blow it up more: they have to come to the end of the step, whose error is known, closer than the defect.
+        shows it: within, the stages blow up the rest of that part, and spoil the dense output. The cubic through both
+        ends and their slopes needs no stage. The defect ``h (f(u) - u')`` of u in the middle of the step chooses.
         """
-        terms, interval = self._terms(interval, manifold, steps)
-        y, terms, defects = steps.y, terms[:, :-1], np.abs(terms[:, -1]).max(axis=1)
-        poor = (defects > DEFECT * self.tolerance * (interval.size + np.abs(y).max(axis=1))).nonzero()[0]
-        if not len(poor):
-            return terms, {}
-        base, parts, ends = self._parts(interval, manifold, steps.some(poor))
-        expected = y[poor] + terms[poor, 0]
-        expected[:, : manifold.nq] = manifold.project(expected[:, : manifold.nq])
-        better = np.abs(ends - expected).max(axis=1) < defects[poor]
-        return terms, {int(poor[k]): (base[k], parts[k]) for k in better.nonzero()[0]}
+        terms, rates = self._terms(interval, manifold, steps)
+        scale = self.tolerance * (interval.size + np.abs(steps.y).max(axis=1))
+        defects = _defects(terms, rates, steps)
+        if len(poor := (defects > DEFECT * scale).nonzero()[0]):
+            cubics, some = terms[poor, :3], steps.some(poor)
+            better = _defects(cubics, partial(interval.slopes, manifold, some.t), some) < CLEARLY * defects[poor]
+            terms[poor[better], 3:] = 0.0
+        return terms
 
-    def _terms(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Interval]:
-        """Return the terms of ``Tableau.examined``, and the interval in the code that could compute them."""
-        tableau, arrays = self.tableau.examined, (steps.t, steps.h, steps.y, steps.slopes)
+    def _terms(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Rates]:
+        """Return the terms of the dense output, and the rates in the steps."""
+        arrays = steps.t, steps.h, steps.y, steps.slopes
         if interval.compiled is not None:
             from pinarm.engine.integration.compiled_steps import terms
 
-            values = terms(tableau, interval.compiled, *arrays)
+            values = terms(self.tableau, interval.compiled, *arrays)
             if np.isfinite(values).all():
-                return values, interval
+                return values, partial(interval.slopes, manifold, steps.t)
             # Rows that the library cannot solve for in a further stage are solved for by singular values.
             interval = replace(interval, compiled=None)
-        return dense_terms(tableau, partial(interval.slopes, manifold, steps.t), *arrays), interval
-
-    def _parts(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Array, Array]:
-        """Return the starts of equal parts of n steps, their terms, and the states at the ends of the steps."""
-        t, h, tableau = steps.t[:, None] + steps.h[:, None] / PARTS * np.arange(PARTS), steps.h / PARTS, self.tableau
-        base = np.empty((len(h), PARTS, steps.y.shape[1]))
-        slopes = np.empty((len(h), PARTS, tableau.stages + 1, steps.y.shape[1]))
-        y, slope, rates = steps.y, steps.slopes[:, 0], partial(interval.slopes, manifold, steps.t)
-        for part in range(PARTS):
-            base[:, part], slopes[:, part, 0] = y, slope
-            y = stages(tableau.rows, rates, t[:, part], h, y, slopes[:, part])
-            slope = slopes[:, part, -1]
-        rates = partial(interval.slopes, manifold, np.repeat(steps.t, PARTS))
-        flat = base.reshape(-1, base.shape[-1]), slopes.reshape(-1, *slopes.shape[2:])
-        terms = dense_terms(tableau, rates, t.ravel(), np.repeat(h, PARTS), *flat)
-        return base, terms.reshape(len(h), PARTS, *terms.shape[1:]), y
+        rates = partial(interval.slopes, manifold, steps.t)
+        return dense_terms(self.tableau, rates, *arrays), rates
 
     def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return a note where the stability limit, not the error, keeps steps short.
@@ -170,6 +145,13 @@ class Adaptive(ValueRecord, frozen=True):
             "accuracy.method: stiff takes longer steps"
         )
         return [Doubt(LIMITED, share, text)]
+
+
+def _defects(terms: Array, rates: Rates, steps: StepTable) -> Array:
+    """Return the largest defect ``h (f(u) - u')`` of polynomials u in the middle of each step, shape (n,)."""
+    change, slope = middle(terms)
+    defects = steps.h[:, None] * rates(steps.t + 0.5 * steps.h, steps.y + change) - slope
+    return np.asarray(np.abs(defects).max(axis=1))
 
 
 def dopri5(tolerance: float) -> Adaptive:
@@ -210,9 +192,9 @@ class FixedStep(ValueRecord, frozen=True):
     def stepper(self, manifold: Manifold, count: Count) -> FixedStepper:
         return FixedStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> Array:
         rates = partial(interval.slopes, manifold, steps.t)
-        return dense_terms(self.tableau, rates, steps.t, steps.h, steps.y, steps.slopes), {}
+        return dense_terms(self.tableau, rates, steps.t, steps.h, steps.y, steps.slopes)
 
     def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return notes where a step and its two halves differ, or where steps may have stepped over a load."""
@@ -282,7 +264,9 @@ class ExplicitStepper:
         self.count.evaluations += self.tableau.stages
 
     def along(self, t: float, h: float) -> tuple[Array, Array]:
-        return along(t, h, self.y, self.new, self.slopes)
+        """Return instants and states of a step, shapes (3,) and (3, n): its ends, and the middle of its cubic."""
+        middle = 0.5 * (self.y + self.new) + 0.125 * h * (self.slopes[0] - self.slopes[-1])
+        return t + h * np.array([0.0, 0.5, 1.0]), np.stack([self.y, middle, self.new])
 
     def move(self, t: float) -> Array:
         """Move to the end t of the step, projected onto the constraints; return its slopes."""

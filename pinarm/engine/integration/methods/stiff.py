@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Complex, Indices
-from pinarm.engine.integration.compiled_steps import CompiledSteps, kernel
-from pinarm.engine.integration.runge_kutta import HUGE, SHORTEST, TINY, first_step
-from pinarm.engine.kernel.library import contiguous, pointer
-from pinarm.engine.kernel.structures import ControlStructure, NewtonStructure, RadauStructure
+from pinarm.arrays import Array, Complex
+from pinarm.engine.integration.runge_kutta import first_step
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pinarm.engine.integration.integrator import Count, DenseOutput, Doubt, Interval, Manifold, Solution, StepTable
-    from pinarm.engine.kernel.library import Flow
+    from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold, Solution, StepTable
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
 """Tolerance above which a number of stages is used. Many stages take long steps: at tight tolerances they save most of
@@ -40,12 +33,6 @@ kept, so that its matrices can be used again."""
 
 UNSOLVED = 0.5
 """Factor of the next step where Newton's method did not converge."""
-
-
-LARGEST, ROOM = 200, 16
-"""Most numbers in a state for compiled steps: with more, those in Python are faster, since LAPACK eliminates by blocks.
-For chains of 20, 100 and 300 links with springs, 40, 200 and 600 numbers, compiled steps take 0.6, 1.1 and 1.4 times as
-long. And most steps in one call."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +160,9 @@ class Radau(ValueRecord, frozen=True):
     def stepper(self, manifold: Manifold, count: Count) -> RadauStepper:
         return RadauStepper(self, manifold, count)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> DenseOutput:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> Array:
         """Return the terms of the collocation polynomial: ``terms @ Z``."""
-        return radau(self.stages).terms @ steps.slopes, {}
+        return radau(self.stages).terms @ steps.slopes
 
     def diagnose(self, solution: Solution) -> list[Doubt]:
         """Return nothing: its steps are neither limited by stability nor unchecked."""
@@ -203,10 +190,8 @@ class RadauStepper:
         self.exponent = -1.0 / (s + 1)
         self.before = (0.0, 1.0)
 
-    def compiled(self, solution: Solution) -> CompiledRadau | None:
-        """Return the steps of the compiled library; ``None`` where states need settling or are large."""
-        settles = any(interval.compiled and interval.compiled.settles for interval in solution.intervals)
-        return None if settles or len(self.y) > LARGEST else CompiledRadau(solution, self)
+    def compiled(self, solution: Solution) -> None:
+        """Return nothing: the library knows explicit methods; rates are computed by it."""
 
     @property
     def finite(self) -> bool:
@@ -335,44 +320,3 @@ class RadauStepper:
 
 def _size(x: Array) -> float:
     return math.sqrt(float(np.vdot(x, x)) / x.size)
-
-
-class CompiledRadau(CompiledSteps):
-    """The steps that ``RadauStepper`` takes, many in one call."""
-
-    stepper: RadauStepper  # type: ignore[assignment]
-
-    def __init__(self, solution: Solution, stepper: RadauStepper) -> None:
-        self.solution, self.stepper = solution, stepper
-        tableau, n, s, m = stepper.tableau, len(stepper.y), len(stepper.tableau.c), len(stepper.tableau.eigenvalues)
-        self.prepare(ROOM, s, 3)
-        self._slope, self._spent = np.empty(n), np.empty(ROOM, np.intp)
-        systems, pivots, right = np.empty((m, n, n), complex), np.empty((m, n), np.intp), np.empty((m, n), complex)
-        self._kept = [self._slope, np.empty((n, n)), systems, pivots, right, *np.empty((2, s, n))]
-        self._newton = NewtonStructure(*map(pointer, self._kept), promise=1.0, spent=pointer(self._spent))
-        limits = ITERATIONS, stepper.enough, CONTRACTION, KEPT
-        self._method = RadauStructure(s, m, *map(pointer, _arrays_of(tableau)), *limits)
-
-    def call(self, flow: Flow, span: Interval) -> tuple[Indices, int]:
-        """Let the library take the steps; return the evaluations up to the end of each, and those of the call."""
-        stepper, newton = self.stepper, self._newton
-        if stepper.slope is not self._slope:  # an interval, or the time after a sample, has begun
-            self._slope[:] = stepper.slope
-            stepper.slope, newton.known, newton.length = self._slope, 0, 0.0
-        control = ControlStructure(
-            stepper.tolerance, span.size, SAFETY, 0.0, SLOWEST, FASTEST, UNSOLVED, HUGE, TINY, SHORTEST, 0.0
-        )
-        parts = self._method, flow.structure, control, self.course, newton
-        kernel().radau_steps(*map(ctypes.byref, parts))
-        return self._spent[: self.course.written], newton.evaluations
-
-    def follow(self, flow: Flow, interval: Interval) -> None:
-        """Do nothing: states need not be settled, and the room stays."""
-
-
-@cache
-def _arrays_of(tableau: RadauTableau) -> list[NDArray[Any]]:
-    """Return the coefficients of a method in the order of ``RadauStructure``, kept for as long as the library reads."""
-    numbers = tableau.c, tableau.inverse, tableau.powers, tableau.error
-    others = tableau.eigenvalues, tableau.forth, tableau.back
-    return [*map(contiguous, numbers), *(np.ascontiguousarray(x, dtype=complex) for x in others)]

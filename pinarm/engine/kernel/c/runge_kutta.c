@@ -104,14 +104,12 @@ static void terms_of(const pair *p, const flow *f, double h, const double *slope
             add_scaled(n, h * p->dense_d[i * all + j], slopes + j * n, terms + (3 + i) * n);
 }
 
-void pair_terms(const pair *p, const flow *f, const held *x, ptrdiff_t m, const double *starts, const double *lengths,
+void pair_terms(const pair *p, const flow *f, ptrdiff_t m, const double *starts, const double *lengths,
                 const double *states, const double *slopes, double *scratch, double *terms) {
     const ptrdiff_t s = p->stages, n = f->n, all = s + 1 + p->dense_stages;
     double *at = scratch, *k = scratch + n;
     for (ptrdiff_t i = 0; i < m; i++) {
         const double *y = states + i * n;
-        for (ptrdiff_t j = 0; j < x->count; j++)
-            x->place[j * x->stride] = x->values[i * x->count + j];
         copy((s + 1) * n, slopes + i * (s + 1) * n, k);
         for (ptrdiff_t j = 0; j < p->dense_stages; j++) {
             stage(n, s + 1 + j, lengths[i], p->dense_a + j * all, y, k, at);

@@ -21,13 +21,6 @@ typedef struct {
  * `scratch` has 2 n numbers. */
 void pair_steps(const pair *p, const flow *f, const control *c, course *m);
 
-/* Numbers of a system that were others in each step: `count` of them, `stride` apart from `place` on. */
-typedef struct {
-    double *place;
-    ptrdiff_t stride, count;
-    const double *values; /* a row of `count` for each step */
-} held;
-
 /* Write the terms of the dense output of m steps, 3 + d rows of n for each; `scratch` has (s + 2 + e) n numbers. */
-void pair_terms(const pair *p, const flow *f, const held *x, ptrdiff_t m, const double *starts, const double *lengths,
+void pair_terms(const pair *p, const flow *f, ptrdiff_t m, const double *starts, const double *lengths,
                 const double *states, const double *slopes, double *scratch, double *terms);

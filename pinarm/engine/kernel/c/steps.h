@@ -23,7 +23,7 @@ typedef struct {
     void *system;
 } flow;
 
-/* Step control. Its numbers stand in pinarm/engine/integration: runge_kutta.py and methods/stiff.py. */
+/* Step control. Its numbers stand in pinarm/engine/integration/runge_kutta.py. */
 typedef struct {
     double tolerance, size;                /* errors are relative to tolerance (size + |y|) */
     double safety, gain, slowest, fastest; /* of the next step */
