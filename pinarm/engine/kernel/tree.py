@@ -66,21 +66,13 @@ COLUMNS: dict[int, tuple[tuple[int, float, float], ...]] = {
 """Kind of a joint with several velocities -> the axis, the slide and the turn of each: see ``structures.SCREW``."""
 
 
-ALONG = {"X": np.eye(3)[:, [1, 2, 0]], "Y": np.eye(3)[:, [2, 0, 1]], "Z": np.eye(3)}
-"""Last letter of the name of a joint, its axis -> a rotation whose last column is that axis."""
-
-
 def _frame(model: pin.Model, joint: pin.JointModel) -> tuple[int, tuple[tuple[int, float, float], ...], Array] | None:
     """Return the kind of a joint, the screws of its velocities, and the axes of its link's frame in Pinocchio's."""
-    name = joint.shortname().removeprefix("JointModel")
-    kind = KINDS.get(name)
+    kind = KINDS.get(joint.shortname().removeprefix("JointModel"))
     if kind is None:
         return None
     if kind in COLUMNS:
         return kind, COLUMNS[kind], np.eye(3)
-    if name[-1] in ALONG and name[0] != "H":
-        turns = name[0] == "R"
-        return kind, ((Z, float(not turns), float(turns)),), ALONG[name[-1]]
     data = joint.createData()
     joint.calc(data, pin.neutral(model))
     linear, angular = np.reshape(data.S, (2, 3))
@@ -93,17 +85,13 @@ def _frame(model: pin.Model, joint: pin.JointModel) -> tuple[int, tuple[tuple[in
 
 def _with_z_along(axis: Array) -> Array:
     """Return a rotation whose last column is a unit vector, shape (3, 3)."""
-    beside = np.eye(3)[(int(np.abs(axis).argmax()) + 1) % 3]
-    x = np.cross(beside, axis)
+    x = np.cross(np.eye(3)[(int(np.abs(axis).argmax()) + 1) % 3], axis)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
 EFFORT = -1
 """Place in q of what is no coordinate."""
-
-MOST_CUBICS = 10_000
-"""Most cubics of a spline: the library looks through all of them, at 1 to 2 ns each, for that of an instant."""
 
 
 class Followed(NamedTuple):
@@ -122,54 +110,38 @@ class Followed(NamedTuple):
 def laws_of(followed: Sequence[Followed], steady: Array) -> NDArray[np.void] | None:
     """Return laws for the library, shape (k,), of ``structures.LAW``: of a spline one for each of its cubics.
 
-    Args:
-        followed: What follows them.
-        steady: The sum of the steady loads [N*m or N], shape (nv,), which act beside.
-
-    Returns:
-        ``None`` where a law is another one on the interval, or where two have one velocity.
+    ``steady`` is the sum of the steady loads [N*m or N], shape (nv,). It is ``None`` where a law is of no known kind on
+    the interval, or where two have one velocity.
     """
     parts: list[NDArray[np.void]] = [np.zeros(0, LAW)]
     for law in followed:
-        known = _parts(law.function)
-        if known is None:
+        if (part := _laws(law.function)) is None:
             return None
-        known["v"], known["q"], known["steady"] = law.v, law.q, steady[law.v]
-        parts.append(known)
+        part["v"], part["q"], part["steady"] = law.v, law.q, steady[law.v]
+        parts.append(part)
     return np.concatenate(parts) if len({law.v for law in followed}) == len(followed) else None
 
 
-def _parts(function: Callable[[Array], Values] | None) -> NDArray[np.void] | None:
+def _laws(function: Callable[[Array], Values] | None) -> NDArray[np.void] | None:
     """Return the laws of a function on its intervals, of ``LAW``, shape (k,); ``None`` for functions of other kinds."""
-    if isinstance(function, ClampedSpline):
-        return _cubics(function)
-    if isinstance(function, Wave):
+    laws = np.zeros(function.coefficients.shape[1] if isinstance(function, ClampedSpline) else 1, LAW)
+    laws["from"], laws["until"] = -np.inf, np.inf
+    if isinstance(function, ClampedSpline):  # its first and last cubic have no end
+        laws["from"][1:] = laws["until"][:-1] = function.knots[1:-1]
+        laws["origin"], laws["size"], laws["unit"] = function.knots[:-1], 1.0, 1.0
+        laws["coefficients"][:, :4] = function.coefficients.T
+        return laws
+    numbers, coefficients = ["start", "size", "origin", "unit", "amplitude", "phase"], tuple[float, ...]()
+    if isinstance(function, Wave) and function.rate > 0.0:
         wave = function.start, function.size, function.begin, 1.0 / function.rate, 1.0, function.phase
-        return _one(wave, (0.0, function.slope)) if function.rate > 0.0 else None
-    if isinstance(function, PowerSeries):
-        return _one((function.start, function.size, function.origin, function.unit, 0.0, 0.0), function.coefficients)
-    return None
-
-
-def _one(numbers: tuple[float, ...], coefficients: tuple[float, ...]) -> NDArray[np.void] | None:
-    """Return a law that holds at all times, given start, size, origin, unit, amplitude and phase."""
-    if len(coefficients) > LAW_TERMS:
+        laws[numbers], coefficients = wave, (0.0, function.slope)
+    elif isinstance(function, PowerSeries) and len(function.coefficients) <= LAW_TERMS:
+        laws[numbers] = function.start, function.size, function.origin, function.unit, 0.0, 0.0
+        coefficients = function.coefficients
+    else:
         return None
-    filled = (*coefficients, *(LAW_TERMS - len(coefficients)) * (0.0,))
-    return np.array([(EFFORT, EFFORT, -np.inf, np.inf, 0.0, *numbers, filled)], LAW)
-
-
-def _cubics(spline: ClampedSpline) -> NDArray[np.void] | None:
-    """Return the cubics of a spline, the first and the last without end; ``None`` of more than are looked through."""
-    n = spline.coefficients.shape[1]
-    if n > MOST_CUBICS:
-        return None
-    cubics = np.zeros(n, LAW)
-    cubics["from"][0], cubics["from"][1:] = -np.inf, spline.knots[1:-1]
-    cubics["until"][-1], cubics["until"][:-1] = np.inf, spline.knots[1:-1]
-    cubics["origin"], cubics["size"], cubics["unit"] = spline.knots[:-1], 1.0, 1.0
-    cubics["coefficients"][:, :4] = spline.coefficients.T
-    return cubics
+    laws["coefficients"][:, : len(coefficients)] = coefficients
+    return laws
 
 
 AGREEMENT = 1e-12
@@ -184,7 +156,7 @@ NO_FLOOR = np.zeros(1)
 
 DEGREES, WORLD = 1, 5
 """Places among the arrays of a loaded tree: of the velocities, with what acts along each, and of the links' buffers,
-before which is that of the world."""
+the world's first."""
 
 DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
 
@@ -200,14 +172,7 @@ class LoadedTree(Record, frozen=True):
         """Return the tree of the sizes and arrays that the library reads, under gravity [m/s^2], shape (3,)."""
         world = np.zeros(1, LINK_STATE)
         world["rotation"], world["acceleration"][:, :3] = np.eye(3), -gravity
-        return cls(TreeStructure(*sizes, *map(pointer, arrays)), (*arrays, world)).copied()
-
-    def copied(self) -> LoadedTree:
-        """Return the tree with buffers of its own; efforts that follow laws are written to one of them."""
-        copy = self.with_unknowns(self.structure.nv)
-        degrees = copy.arrays[DEGREES].copy()
-        copy.structure.degree = pointer(degrees)
-        return LoadedTree(copy.structure, (*copy.arrays[:DEGREES], degrees, *copy.arrays[DEGREES + 1 :]))
+        return cls(TreeStructure(*sizes, *map(pointer, arrays)), (*arrays, world)).with_unknowns(sizes[2])
 
     def with_unknowns(self, count: int) -> LoadedTree:
         """Return the tree with buffers of its own, for velocities and the multipliers behind them."""
@@ -268,14 +233,22 @@ class CompiledTree(Record, frozen=True):
         return links_of(model) if library() is not None and model.nv else None
 
     def flow(self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()) -> Flow | None:
-        """Return the free motion under loads; ``None`` where the library does not know one of them, or refuses."""
-        held = [load for force in changing if (load := force.held) is not None]
-        compiled, tree = library(), self.loaded(steady, [force for force in changing if force.held is None], guided)
-        if compiled is None or tree is None or len(held) > 1 or (held and tree.structure.laws):
+        """Return the free motion under loads; ``None`` where the library does not know one of them; see ``loaded``."""
+        compiled, known = library(), self.under(steady, changing, guided)
+        if compiled is None or known is None:
             return None
+        tree, held = known
         size, rates = tree.structure.nq + tree.structure.nv, address(compiled.tree_rates)
         structure = FlowStructure(size, rates, None, pointer(NO_FLOOR), ctypes.addressof(tree.structure))
         return HeldFlow(structure, tree, held[0], steady, tree) if held else Flow(structure, tree)
+
+    def under(
+        self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
+    ) -> tuple[LoadedTree, list[HeldLoad]] | None:
+        """Return the tree with its loads, and a load that is held between samples, if any; see ``loaded``."""
+        held = [load for force in changing if (load := force.held) is not None]
+        tree = self.loaded(steady, [force for force in changing if force.held is None], guided)
+        return None if tree is None or len(held) > 1 or (held and tree.structure.laws) else (tree, held)
 
     def loaded(
         self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
@@ -299,7 +272,7 @@ class CompiledTree(Record, frozen=True):
         known = len(springs) + len(balls) + len(lines) + len(efforts)
         if laws is None or known < len(changing):
             return None
-        model, count = self.model, len(self.links)
+        model = self.model
         loads = (
             self._degrees(steady, SpringDamper.sum(springs)),
             np.array(balls, ROTATION_SPRING),
@@ -308,7 +281,7 @@ class CompiledTree(Record, frozen=True):
         )
         if not all(map(finite, (self.links, *loads))) or not np.isfinite(model.gravity.linear).all():
             return None
-        sizes = count, model.nq, model.nv, len(balls), len(lines), len(laws)
+        sizes = len(self.links), model.nq, model.nv, len(balls), len(lines), len(laws)
         return LoadedTree.of(sizes, (self.links.copy(), *loads), np.array(model.gravity.linear))
 
     def placed(self, joint: int, place: pin.SE3) -> tuple[int, Array, Array]:

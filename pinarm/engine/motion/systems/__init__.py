@@ -11,9 +11,10 @@ from msgspec import field
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, ValueRecord, replace
 
@@ -117,6 +118,26 @@ class CompletedStates(Record, frozen=True):
 
         opened, endless = (known(name, lambda x: np.zeros(len(x.q), dtype=bool)) for name in ("opened", "endless"))
         return cls(q, v, a, tau, lam, friction, opened, tuple(others), endless, known("pushed", lambda x: 0.0 * x.tau))
+
+
+def demand(dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array) -> Array:
+    """Return ``M a + nle - loads`` at the rows of a grid [N*m or N], shape (n, nv)."""
+    states = ((local, grid.t[rows], q[rows], v[rows], a[rows]) for rows, local in parts(dynamics, grid))
+    return np.concatenate([local.inverse(*state) for local, *state in states])
+
+
+def efforts_of(
+    prescribed: PrescribedCoordinates, closure: Closure, q: Array, needed: Array, along: Array
+) -> tuple[Array, Multipliers]:
+    """Return efforts at joints, and multipliers, that carry what a motion needs, shape (n, nv).
+
+    ``along`` are the efforts along the prescribed coordinates, those of joints and sums of joints last; ``closure`` has
+    rows of the others behind those of the constraints.
+    """
+    linear = [coordinate.weights for coordinate in prescribed.coordinates if isinstance(coordinate, LinearCoordinate)]
+    others = along.shape[1] - len(linear)
+    tau = along[:, others:] @ np.reshape(linear, (-1, needed.shape[1]))
+    return tau, Multipliers.least(closure, q, needed - tau, along[:, :others])
 
 
 class System(Protocol):

@@ -70,35 +70,13 @@ AWAY, STATES = (0.1, 0.01, 0.0), 2
 first that closes is used; and the number of these states."""
 
 
-class ClosingSystem(Record, frozen=True):
-    """A motion along loops for the library: the C structure, the loops, and what else it points to."""
-
-    structure: ClosingStructure
-    loops: LoadedLoops
-    kept: tuple[Array, ...]
-
-    @classmethod
-    def of(
-        cls, loops: LoadedLoops, scale: Array, nq: int, exact: ProximalStructure,
-        closing: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0), limits: LimitsStructure | None = None,
-    ) -> ClosingSystem | None:  # fmt: skip
-        """Return the motion; ``None`` where a number is none."""
-        nv = len(scale)
-        kept = scale.copy(), *(np.zeros(nv) for _ in range(3)), *(np.zeros(nq + nv) for _ in range(2))
-        if not np.isfinite([exact.term, exact.accuracy, *closing, *scale]).all():
-            return None
-        limits = limits or LimitsStructure()
-        structure = ClosingStructure(loops.structure, exact, exact, *closing, limits, *map(pointer, kept), t=-np.inf)
-        return cls(structure, loops, kept)
-
-    def flow(self, functions: tuple[Any, Any]) -> FlowStructure:
-        """Return the integrated system, with the functions of the library for rates and for accepted states."""
-        place = ctypes.addressof(self.structure)
-        return FlowStructure(len(self.kept[-1]), *map(address, functions), place + ClosingStructure.floor.offset, place)
-
-
 class JudgedLoops(Record, frozen=True):
-    """Loops in compiled code under their loads, and how their multipliers are solved for."""
+    """Loops in compiled code under their loads, and how their multipliers are solved for.
+
+    Attributes:
+        term: Proximal term for accelerations of closed states, and for projections [1/kg].
+        tree: The tree with its loads; ``alone`` where these are all loads.
+    """
 
     loops: LoadedLoops
     measure: Regularity
@@ -120,22 +98,41 @@ class JudgedLoops(Record, frozen=True):
             return ProximalStructure()
         return ProximalStructure(TOLERANT * float(np.linalg.eigvalsh(delassus)[-rank]), SOLVED, REPEATS)
 
-    def system(self, motion: LoopMotion) -> ClosingSystem | None:
-        """Return the motion with the numbers by which that in Python solves, closes and looks."""
+    def flow(self, motion: LoopMotion) -> LoopFlow | None:
+        """Return the motion, with the numbers by which that in Python solves, closes and looks."""
+        compiled, coarse = library(), motion.coarse
+        if compiled is None:
+            return None
         of_motion = (getattr(loop_motion, name) for name in ("NEAR", "AHEAD", "COARSE", "CLOSE", "BLIND"))
         limits = LimitsStructure(
             self.measure.usual, *of_motion, RANK**2, ALIKE, loop_motion.ASIDE, tuple(loop_motion.ACROSS),
-            loop_motion.PASSED * motion.coarse, loop_motion.FLOOR, self.measure.rank,
+            loop_motion.PASSED * coarse, loop_motion.FLOOR, self.measure.rank,
         )  # fmt: skip
-        gaps = loop_motion.ROUNDED * motion.coarse, loop_motion.STALLED * motion.coarse
-        return ClosingSystem.of(
-            self.loops,
-            motion.scale,
-            motion.rows.model.nq,
-            self.exact,
-            (self.term, *gaps, MET * LEAST, loop_motion.ITERATIONS),
-            limits,
-        )
+        gaps = loop_motion.ROUNDED * coarse, loop_motion.STALLED * coarse
+        settings = self.exact, self.exact, self.term, *gaps, MET * LEAST, loop_motion.ITERATIONS, limits
+        system = ClosingSystem.of(self.loops, motion.scale, motion.rows.model.nq, *settings)
+        return LoopFlow(system.flow(compiled.closing_rates, compiled.closing_settle), system, motion, self)
+
+
+class ClosingSystem(Record, frozen=True):
+    """A motion along loops for the library: the C structure, the loops, and what else it points to."""
+
+    structure: ClosingStructure
+    loops: LoadedLoops
+    kept: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, loops: LoadedLoops, scale: Array, nq: int, *settings: Any) -> ClosingSystem:
+        """Return the motion; ``settings`` are the fields of the structure from ``exact`` to ``limits``."""
+        nv = len(scale)
+        kept = scale.copy(), *(np.zeros(nv) for _ in range(3)), *(np.zeros(nq + nv) for _ in range(2))
+        places = dict(zip(("scale", "sum", "part", "aside", "state", "saved"), map(pointer, kept), strict=True))
+        return cls(ClosingStructure(loops.structure, *settings, **places, t=-np.inf), loops, kept)
+
+    def flow(self, *functions: Any) -> FlowStructure:
+        """Return the integrated system, with the functions of the library for rates and for accepted states."""
+        place = ctypes.addressof(self.structure)
+        return FlowStructure(len(self.kept[-1]), *map(address, functions), place + ClosingStructure.floor.offset, place)
 
 
 class LoopFlow(Flow, frozen=True):
@@ -148,14 +145,6 @@ class LoopFlow(Flow, frozen=True):
     motion: LoopMotion
     judged: JudgedLoops
 
-    @classmethod
-    def of(cls, judged: JudgedLoops, motion: LoopMotion) -> LoopFlow | None:
-        """Return the motion of loops under their loads; ``None`` where a number is none."""
-        compiled, system = library(), judged.system(motion)
-        if compiled is None or system is None:
-            return None
-        return cls(system.flow((compiled.closing_rates, compiled.closing_settle)), system, motion, judged)
-
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
         structure, motion = self.system.structure, self.motion
@@ -167,7 +156,6 @@ class LoopFlow(Flow, frozen=True):
         self.system.structure.near = True
 
     def advanced(self, ends: Sequence[float]) -> None:
-        """Let the motion know how far it is."""
         structure, motion = self.system.structure, self.motion
         motion.near, motion.regular = bool(structure.near), structure.regular
         motion.singular, motion.open = motion.regular < loop_motion.NEAR, structure.open
@@ -180,15 +168,14 @@ class LoadedMotion:
 
     def __init__(self, flow: LoopFlow) -> None:
         self.flow, self.motion, self.load = flow, flow.motion, flow.motion.dynamics.load()
-        self.efforts: Array = flow.judged.tree.arrays[DEGREES]["effort"]
         self.driven = np.array(flow.judged.measure.driven, dtype=np.intp)
-        self.places = scalar_places(flow.motion.rows.model)[self.driven]
-        self.inertia = flow.judged.tree.arrays[DEGREES]["armature"][self.driven]
+        degrees, self.places = flow.judged.tree.arrays[DEGREES], scalar_places(flow.motion.rows.model)[self.driven]
+        self.efforts: Array = degrees["effort"]
+        self.inertia = degrees["armature"][self.driven]
         self.closes = SETTLE(flow.structure.settle)
 
     def interval(self, start: float, end: float) -> Interval:
-        structure = self.flow.system.structure
-        floor = lambda: float(structure.floor)  # noqa: E731
+        floor = lambda: float(self.flow.system.structure.floor)  # noqa: E731
         return Interval(start, end, self.acceleration, self.settle, floor, lambda _: self.closed_acceleration)
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
@@ -242,32 +229,35 @@ def judged_loops(
     guided = [Followed(v, int(places[v]), law.on(*interval)) for v, law in laws.items()]
     tree = compiled.tree.loaded(dynamics.steady, dynamics.changing, guided)
     if tree is not None:
-        return _judged(tree, motion, settled, near, interval[0], alone=True)
+        return _judged(compiled, tree, motion, closed_states(motion, settled, near, interval[0]), near, interval[0])
     if not measure.bare and (bare := compiled.tree.loaded(np.zeros(len(motion.scale)), ())):
-        measure.bare.append(_judged(bare, motion, settled, near, interval[0], alone=False))
+        states = closed_states(motion, settled, near, interval[0])
+        measure.bare.append(_judged(compiled, bare, motion, states, near, interval[0], alone=False))
     return measure.bare[0] if measure.bare else (None, "")
 
 
 def _judged(
-    tree: LoadedTree, motion: LoopMotion, settled: Settled, near: Array, t: float, *, alone: bool
+    compiled: CompiledLoops,
+    tree: LoadedTree,
+    motion: LoopMotion,
+    states: Sequence[State],
+    near: Array,
+    t: float,
+    *,
+    alone: bool = True,
 ) -> tuple[JudgedLoops | None, str]:
     """Return loops of a tree with loads, or without any where these are not known, and what is to be said."""
-    measure, compiled, dynamics = motion.measure, _loops(motion.measure), motion.dynamics
+    measure, dynamics = motion.measure, motion.dynamics
     units = measure.closure.scale.copy()
     units[list(measure.driven)] = 0.0
-    weights = 1.0 / measure.closure.measure[measure.kept]
-    loops, term = compiled.loaded(tree, units**2, weights) if compiled else None, _term(measure, near)
+    loops = compiled.loaded(tree, units**2, 1.0 / measure.closure.measure[measure.kept])
+    term = _term(measure, near)
     judged = JudgedLoops(loops, measure, term, tree, alone) if loops and term else None
-    flow = LoopFlow.of(judged, motion) if judged else None
-    states = closed_states(motion, settled, near, t) if flow else []
+    flow = judged.flow(motion) if judged else None
     if flow is None or not states:
         return None, ""
     flow.system.structure.near, flow.system.structure.tolerant = 0, flow.judged.exact
-    apart, driven = disagreement(flow, dynamics if alone else Dynamics.of(dynamics.model), states, t), measure.driven
-    for q, v in states if driven and alone else ():
-        a = flow.rates(t, np.concatenate([q, v]))[len(q) :]
-        missed = a[list(driven)] - motion.targets(t)[2]
-        apart = float(np.maximum(apart, np.abs(missed).max() / np.abs(a).max()))
+    apart = disagreement(flow, dynamics if alone else Dynamics.of(dynamics.model), states, t)
     return (judged, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
 
 
@@ -311,18 +301,16 @@ def _tied(model: pin.Model, constraint: Constraint, kept: Indices, part: slice) 
 
 def _term(measure: Regularity, near: Array) -> float:
     """Return the proximal term by ``G M^-1 G^T`` [1/kg]; 0 where M is singular, or bodies differ too much."""
-    sizes = [_delassus(measure, q) for q in (*places(measure.closure), near)]
-    known = [delassus for delassus in sizes if delassus is not None]
-    if len(known) < len(sizes):
-        return 0.0
-    uneven = []
-    for delassus in known[:-1]:
+    uneven, here = list[float](), _delassus(measure, near)
+    for delassus in (_delassus(measure, q) for q in places(measure.closure)):
+        if delassus is None or here is None:
+            return 0.0
         size = np.sqrt(np.diag(delassus))
         values = np.linalg.eigvalsh(delassus / np.outer(size, size))
         uneven.append(float(values[-1] / max(values[-measure.rank], np.finfo(float).tiny)))
-    if not min(uneven) <= UNEVEN:
+    if here is None or not min(uneven) <= UNEVEN:
         return 0.0
-    diagonal = np.diag(known[-1])
+    diagonal = np.diag(here)
     return PROXIMAL * float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
 
 
@@ -357,32 +345,31 @@ def disagreement(flow: LoopFlow, dynamics: Dynamics, states: Sequence[State], t:
 
     ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors. The motion of the free
     tree and ``M^-1 G^T lam`` cancel in a, so G times the latter is a term as well. The condition of the equations,
-    which grows without bound near singular positions, does not enter; nor do efforts of joints that follow laws.
+    which grows without bound near singular positions, does not enter; nor do efforts of joints that follow laws, which
+    have to have the accelerations of these.
     """
-    measure, model, worst = flow.judged.measure, dynamics.model, 0.0
-    closure, free = measure.closure, np.delete(np.arange(model.nv), measure.driven)
+    measure, model, data, worst = flow.judged.measure, dynamics.model, dynamics.data, [0.0]
+    closure, driven = measure.closure, list(measure.driven)
+    free, still = np.delete(np.arange(model.nv), driven), np.zeros(model.nv)
     for q, v in states:
         a, lam = flow.rates(t, np.concatenate([q, v]))[model.nq :], flow.system.loops.multipliers
         load = dynamics.load()(t, q, v)
-        nle = np.array(pin.nonLinearEffects(model, dynamics.data, q, v))
-        inertial, state = np.array(pin.rnea(model, dynamics.data, q, v, a)) - nle, closure.state(q, v)
+        nle = np.array(pin.nonLinearEffects(model, data, q, v))
+        inertial, state = np.array(pin.rnea(model, data, q, v, a)) - nle, closure.state(q, v)
         matrix, drift = closure.rows(state)[measure.kept], closure.drift(state)[measure.kept]
-        held = matrix.T @ lam
-        largest, forced = float(abs(matrix).max()), float(np.abs(_response(model, dynamics.data, q, held)).max())
-        sizes = np.abs(inertial[free]).max(), largest * np.abs(lam).max(), np.abs(nle - load).max()
-        worst = _larger(worst, (inertial + nle - load - held)[free], *sizes)
-        worst = _larger(worst, matrix @ a + drift, largest * forced, largest * np.abs(a).max(), np.abs(drift).max())
-    return worst
+        held, largest = matrix.T @ lam, _size(matrix)
+        moved = np.array(pin.aba(model, data, q, still, held)) - pin.aba(model, data, q, still, still)
+        sizes = _size(inertial[free]) + largest * _size(lam) + _size(nle - load)
+        worst.append(_size((inertial + nle - load - held)[free]) / max(sizes, np.finfo(float).tiny))
+        sizes = largest * _size(moved) + largest * _size(a) + _size(drift)
+        worst.append(_size(matrix @ a + drift) / max(sizes, np.finfo(float).tiny))
+        if driven and flow.judged.alone:
+            worst.append(_size(a[driven] - flow.motion.targets(t)[2]) / _size(a))
+    return float(np.max(worst))  # NaN included
 
 
-def _response(model: pin.Model, data: pin.Data, q: Array, force: Array) -> Array:
-    """Return ``M^-1 force``, shape (nv,)."""
-    still = np.zeros_like(force)
-    return np.asarray(np.array(pin.aba(model, data, q, still, force)) - pin.aba(model, data, q, still, still))
-
-
-def _larger(worst: float, left: Array, *sizes: float) -> float:
-    return float(np.maximum(worst, np.abs(left).max() / max(float(sum(sizes)), np.finfo(float).tiny)))
+def _size(x: Array) -> float:
+    return float(np.abs(x).max(initial=0.0))
 
 
 def coupled_flow(closure: Closure, steady: Array, changing: Sequence[ForceElement]) -> Flow | None:
@@ -390,18 +377,16 @@ def coupled_flow(closure: Closure, steady: Array, changing: Sequence[ForceElemen
 
     For ``steady`` and ``changing`` loads see ``CompiledTree.flow``.
     """
-    compiled, measure = library(), Regularity.of(closure, ())
-    loops, (q, _) = _loops(measure), places(closure)
-    held = [load for force in changing if (load := force.held) is not None]
-    loaded = loops.tree.loaded(steady, [force for force in changing if force.held is None]) if loops else None
-    if compiled is None or loops is None or loaded is None or len(held) > 1 or (held and loaded.structure.laws):
+    compiled, measure, q = library(), Regularity.of(closure, ()), places(closure)[0]
+    loops = _loops(measure)
+    known, delassus = loops.tree.under(steady, changing) if loops else None, _delassus(measure, q)
+    if compiled is None or loops is None or known is None or delassus is None:
         return None
-    tied, delassus = loops.loaded(loaded, closure.scale**2, np.ones(len(measure.kept))), _delassus(measure, q)
-    if tied is None or delassus is None:
+    tree, held = known
+    tied = loops.loaded(tree, closure.scale**2, np.ones(len(measure.kept)))
+    if tied is None:
         return None
-    term = INDEPENDENT * float(np.diag(delassus).min())
-    system = ClosingSystem.of(tied, closure.scale, closure.model.nq, ProximalStructure(term, 0.0, 1))
-    if system is None:
-        return None
-    structure = system.flow((compiled.closing_rates, None))
-    return HeldFlow(structure, system, held[0], steady, loaded) if held else Flow(structure, system)
+    exact = ProximalStructure(INDEPENDENT * float(np.diag(delassus).min()), 0.0, 1)
+    system = ClosingSystem.of(tied, closure.scale, closure.model.nq, exact, exact)
+    structure = system.flow(compiled.closing_rates, None)
+    return HeldFlow(structure, system, held[0], steady, tree) if held else Flow(structure, system)

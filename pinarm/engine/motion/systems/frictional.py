@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +21,9 @@ from pinarm.engine.friction.complementarity import FrictionSolution
 from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
 from pinarm.engine.friction.joint_friction import JointFriction
 from pinarm.engine.integration.integrator import Watch
-from pinarm.engine.motion.systems import CompletedStates, System
+from pinarm.engine.motion.systems import CompletedStates, System, demand, efforts_of
 from pinarm.errors import IntegrationError
-from pinarm.mechanics.coordinates import LinearCoordinate, driven_along
+from pinarm.mechanics.coordinates import driven_along
 from pinarm.mechanics.friction.contact import same_joint, sizes, slip_rows
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
@@ -36,9 +36,8 @@ if TYPE_CHECKING:
 EXCEEDED = 1e-6
 """Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
 
-BEFORE = 1e-13, 1e-12, 1e-11, 1e-10
-"""Times by which a last row is moved back where loads jump at its switch, as when flanks meet, over that of the run:
-the first that takes it before the jump."""
+BEFORE = 1e-10
+"""Time by which a last row is moved back where loads jump at its switch, as when flanks meet, over that of the run."""
 
 ROUNDED = 1e-12
 """Load that friction leaves of what is asked for along a joint, over the terms, that is their rounding."""
@@ -53,12 +52,8 @@ Reserve = Callable[[Array, Array, Array], Array]
 """Instants and states of a mechanism -> distance of the friction of a stuck group from its bound, shape (n,)."""
 
 
-class SolvedRows(NamedTuple):
-    """Friction of some rows: the rows, what slips there, and the friction of all joints, row by row."""
-
-    rows: slice
-    sliding: JointFriction
-    solutions: list[FrictionSolution]
+SolvedRows = tuple[slice, JointFriction, list[FrictionSolution]]
+"""Some rows, what slips there, and the friction of all joints, row by row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +141,8 @@ class FrictionalSystem:
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion with the friction of all joints, and with the efforts of what follows laws."""
         inner, solved = self._solved(dynamics, grid, q, v)
-        for time in BEFORE:
-            if not any(self._beyond(rows.solutions[-1]).any() for rows in solved[-1:] if rows.solutions):
-                break
-            back = time * (self.cuts[-1] - self.cuts[0]) * self.manifold.velocity(q[-1:], v[-1:])
+        if any(self._beyond(solutions[-1]).any() for _, _, solutions in solved[-1:] if solutions):
+            back = BEFORE * (self.cuts[-1] - self.cuts[0]) * self.manifold.velocity(q[-1:], v[-1:])
             inner, solved = self._solved(dynamics, grid, np.vstack([q[:-1], q[-1:] - back]), v)
         extremes = list[Extremes]()
         for rows, local, solutions in solved:
@@ -157,22 +150,23 @@ class FrictionalSystem:
                 self._require_within_bounds(solution, t)
             if self._open:
                 extremes += local.extremes(grid.t[rows], inner.q[rows], inner.v[rows], solutions)
-        demand = _demand(dynamics, grid, inner)
-        states, others = self._under(inner, grid.t, demand, self._friction(solved)), []
+        needed = demand(dynamics, grid, inner.q, inner.v, inner.a)
+        states, others = self._under(inner, needed, self._friction(solved)), []
         for friction, endless in filled(states.friction, extremes):
-            other = self._under(inner, grid.t, demand, friction)
+            other = self._under(inner, needed, friction)
             part = held_part(self.closure, states.lam, other.lam)
             for stop in self.stops:
                 part = np.minimum(part, pushing_part(*(stop.side * x.tau[:, stop.joint] for x in (states, other))))
             within = states.friction + part[:, None] * (friction - states.friction)
             far = endless & (part == 1.0)  # a cable that goes slack there is an end
-            others.append(replace(self._under(inner, grid.t, demand, within), endless=far if far.any() else None))
+            others.append(replace(self._under(inner, needed, within), endless=far if far.any() else None))
         return replace(states, others=tuple(others))
 
     def tried(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return completed states in which the friction of a stuck joint may exceed its bound, as beyond a switch."""
         inner, solved = self._solved(dynamics, grid, q, v)
-        return self._under(inner, grid.t, _demand(dynamics, grid, inner), self._friction(solved))
+        needed = demand(dynamics, grid, inner.q, inner.v, inner.a)
+        return self._under(inner, needed, self._friction(solved))
 
     def _solved(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> tuple[CompletedStates, list[SolvedRows]]:
         """Return the motion under the friction of what slips, and the friction of all joints."""
@@ -181,35 +175,32 @@ class FrictionalSystem:
         inner, solved = self.inner.complete(slowed, grid, q, v), list[SolvedRows]()
         for rows, local in ((rows, local.forces[FRICTION]) for rows, local in parts(slowed, grid)):
             assert isinstance(local, JointFriction)
-            solved.append(SolvedRows(rows, local, local.solutions(grid.t[rows], inner.q[rows], inner.v[rows])))
+            solved.append((rows, local, local.solutions(grid.t[rows], inner.q[rows], inner.v[rows])))
         return inner, solved
 
     def _friction(self, solved: Sequence[SolvedRows]) -> Array:
         """Return the friction of all rows, shape (n, k)."""
-        each = [solution.f for part in solved for solution in part.solutions]
+        each = [solution.f for _, _, solutions in solved for solution in solutions]
         return np.array(each).reshape(-1, len(self.friction.contacts))
-
-    @property
-    def _moving(self) -> Flags:
-        return np.asarray(sizes(self.friction.contacts, self.friction.direction) > 0.0)
 
     @property
     def _open(self) -> bool:
         """Whether several joints at rest hold one motion, or laws and stops hold joints with friction at rest."""
         contacts, stuck = self.friction.contacts, self.friction.slip.stuck
-        grouped, moving = {i for group in stuck for i in group.members}, self._moving
+        grouped = {i for group in stuck for i in group.members}
+        still = np.flatnonzero(sizes(contacts, self.friction.direction) == 0.0)
         shares = any(len({contacts[i].name for i in group.members}) > 1 for group in stuck)
-        return shares or any(not moves and i not in grouped for i, moves in enumerate(moving.tolist()))
+        return shares or not grouped.issuperset(still.tolist())
 
-    def _under(self, states: CompletedStates, t: Array, demand: Array, friction: Array) -> CompletedStates:
+    def _under(self, states: CompletedStates, needed: Array, friction: Array) -> CompletedStates:
         """Return states with the efforts and multipliers under friction of all joints, shape (n, k)."""
         rows = slip_rows(self.friction.closure.model, self.friction.contacts, states.q)
         loads = np.vecmat(friction, rows)
-        left = demand - loads
-        left[np.abs(left) <= ROUNDED * (np.abs(demand) + np.abs(loads))] = 0.0  # friction carries it alone
+        left = needed - loads
+        left[np.abs(left) <= ROUNDED * (np.abs(needed) + np.abs(loads))] = 0.0  # friction carries it alone
         if not self.friction.closure.size:  # nor is there anything else to carry what nothing drives
             left[:, ~self._driven] = 0.0
-        tau, lam = self._efforts(t, states.q, left)
+        tau, lam = self._efforts(states.q, left)
         return replace(states, tau=tau, lam=lam, friction=friction)
 
     @cached_property
@@ -233,27 +224,15 @@ class FrictionalSystem:
         slack = 2.0 * np.array(self.friction.slip.slack)
         return np.asarray(np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED) + slack)
 
-    def _efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
-        prescribed, own = self.friction.prescribed, self.friction.closure
-        if not prescribed.names:
-            none = np.zeros((len(q), 0))
-            lam = Multipliers.least(own, q, demand, none) if own.size else Multipliers.zero(len(q), 0)
-            return np.zeros_like(demand), lam
-        first, count = prescribed.linear_last()
-        efforts = own.with_guides(first.names, first.coordinates).splits(q).multipliers(demand)[:, own.size :]
-        weights = [coordinate.weights for coordinate in first.coordinates if isinstance(coordinate, LinearCoordinate)]
-        tau = efforts[:, count:] @ np.reshape(weights, (-1, demand.shape[-1]))
-        return tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :count])
-
-
-def _demand(dynamics: Dynamics, grid: Grid, states: CompletedStates) -> Array:
-    """Return ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv)."""
-    return np.concatenate(
-        [
-            local.inverse(grid.t[rows], states.q[rows], states.v[rows], states.a[rows])
-            for rows, local in parts(dynamics, grid)
-        ]
-    )
+    def _efforts(self, q: Array, needed: Array) -> tuple[Array, Multipliers]:
+        prescribed, own = self.friction.prescribed.linear_last()[0], self.friction.closure
+        if not prescribed.names and not own.size:
+            return np.zeros_like(needed), Multipliers.zero(len(q), 0)
+        along = np.zeros((len(q), 0))
+        if prescribed.names:
+            rows = own.with_guides(prescribed.names, prescribed.coordinates)
+            along = rows.splits(q).multipliers(needed)[:, own.size :]
+        return efforts_of(prescribed, self.closure, q, needed, along)
 
 
 def remarks_on_rest(systems: Iterable[System]) -> list[str]:

@@ -16,7 +16,6 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import BLOCK, Closure
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, coupled_joints, split_rows
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
@@ -24,15 +23,14 @@ from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix, requi
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import KEPT, CompletedStates, Initial
+from pinarm.engine.motion.systems import KEPT, CompletedStates, Initial, demand, efforts_of
 from pinarm.engine.motion.systems.loop_motion import ITERATIONS, ROUNDED, LoopMotion, Regularity
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.motion.systems.compiled_loops import JudgedLoops, LoopFlow
+    from pinarm.engine.motion.systems.compiled_loops import JudgedLoops
 
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
@@ -158,15 +156,15 @@ class LoopSystem(Record, frozen=True):
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         motion = self._motion(dynamics, start, end)
-        flow, remark = self._compiled(dynamics, start, end, motion)
+        loops, remark = self._judged(dynamics, start, end) if self._driven is not None else (None, "")
+        flow = loops.flow(motion) if loops else None
         if flow and not flow.judged.alone:
             from pinarm.engine.motion.systems.compiled_loops import LoadedMotion
 
             return LoadedMotion(flow).interval(start, end)
-        return Interval(
-            start, end, motion.acceleration, motion.settle, motion.floor, lambda _: motion.closed_acceleration,
-            compiled=flow, remark=remark,
-        )  # fmt: skip
+        closed = lambda _: motion.closed_acceleration  # noqa: E731
+        routes = motion.acceleration, motion.settle, motion.floor, closed
+        return Interval(start, end, *routes, compiled=flow, remark=remark)
 
     def _motion(self, dynamics: Dynamics, start: float, end: float) -> LoopMotion:
         driven = self._driven
@@ -178,17 +176,6 @@ class LoopSystem(Record, frozen=True):
         """Indices in v of the joints that follow laws; ``None`` where something else follows one."""
         joints = tuple(self.prescribed.joint_laws)
         return joints if len(joints) == len(self.prescribed.names) else None
-
-    def _compiled(
-        self, dynamics: Dynamics, start: float, end: float, motion: LoopMotion
-    ) -> tuple[LoopFlow | None, str]:
-        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
-        if self._driven is None:
-            return None, ""
-        from pinarm.engine.motion.systems.compiled_loops import LoopFlow
-
-        loops, remark = self._judged(dynamics, start, end)
-        return LoopFlow.of(loops, motion) if loops else None, remark
 
     @cached_property
     def _judged(self) -> Callable[[Dynamics, float, float], tuple[JudgedLoops | None, str]]:
@@ -252,7 +239,10 @@ class LoopSystem(Record, frozen=True):
                 solved = self._solved(local, grid.t[some], w[:, :, some].transpose(0, 2, 1), q[some], v[some])
                 for whole, values in zip(states, solved, strict=True):
                     whole[some] = values
-        return self._with_efforts(dynamics, grid, *states)
+        q, v, a, efforts = states
+        needed = demand(dynamics, grid, q, v, a)
+        tau, lam = efforts_of(self.prescribed, self.closure, q, needed, efforts)
+        return CompletedStates(q, v, a, tau, lam)
 
     def _solved(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
         """Return closed states at n instants, their accelerations, and the efforts of what is prescribed."""
@@ -261,21 +251,6 @@ class LoopSystem(Record, frozen=True):
         a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
         efforts = splits.multipliers((mass @ a[..., None])[..., 0] - force)[:, self.own.size :] if w.size else w[0]
         return q, v, a, efforts
-
-    def _with_efforts(
-        self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array
-    ) -> CompletedStates:
-        """Return a motion with the efforts of the prescribed coordinates: at joints and along others."""
-        demand = np.concatenate(
-            [local.inverse(grid.t[rows], q[rows], v[rows], a[rows]) for rows, local in parts(dynamics, grid)]
-        )
-        others = self.closure.size - self.own.size
-        weights = [
-            coordinate.weights for coordinate in self.prescribed.coordinates if isinstance(coordinate, LinearCoordinate)
-        ]
-        tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
-        least = Multipliers.least(self.closure, q, demand - tau, efforts[:, :others])
-        return CompletedStates(q, v, a, tau, least)
 
 
 def _moved(model: pin.Model, q: Array, x: Array) -> Array:
