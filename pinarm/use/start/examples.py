@@ -35,10 +35,7 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
     try:
         target.mkdir(parents=True, exist_ok=True)
         write_new_file(target / ".pinarm-root", b"")
-        files = [*_files(source)]
-        for home in sorted({file.parent for file in files}):
-            _require_inside(target, home)
-        for file in files:
+        for file in _files(source):
             write_new_file(target / file, (source / file).read_bytes())
     except OSError as error:
         raise InputError(
@@ -49,26 +46,8 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
     return target
 
 
-def _require_inside(target: Path, folder: Path) -> None:
-    """Raise where a folder below the target is reached by a symbolic link: files would be written elsewhere.
-
-    Raises:
-        InputError: It is.
-    """
-    if (target / folder).resolve() != target.resolve() / folder:
-        raise InputError(
-            f"{target / folder} leads to {(target / folder).resolve()}, by a symbolic link",
-            expected="folders of their own in the folder of the examples",
-            hint="another folder: -o DIR",
-        )
-
-
 def example_files() -> Path:
-    """Return the folder that holds models, scenarios and examples.
-
-    Raises:
-        InputError: There is none.
-    """
+    """Return the folder that holds models, scenarios and examples."""
     package = Path(__file__).parents[2]
     for folder in (package / "example_files", package.parent):
         if all((folder / name).is_dir() for name in FOLDERS):

@@ -48,12 +48,7 @@ PLAIN = re.compile(r"(?!(?:true|false|null|yes|no|on|off|y|n)$)[A-Za-z_][A-Za-z0
 
 
 def mechanism_text(mechanism: Mechanism, robot: str) -> str:
-    """Return a mechanism file.
-
-    Args:
-        mechanism: The model, as it loads without such a file.
-        robot: The model's file relative to the mechanism file, or the name of a robot.
-    """
+    """Return a mechanism file for a model; ``robot`` is the model's file relative to it, or the name of a robot."""
     gravity = ", ".join(f"{part:g}" for part in mechanism.model.gravity.linear)
     lines = [
         "# What the model file does not say. All keys: python -m pinarm schema mechanism",
@@ -66,7 +61,7 @@ def mechanism_text(mechanism: Mechanism, robot: str) -> str:
 
 
 def _text(lines: Iterable[str]) -> str:
-    """Return lines as text; what names in them have that would end a line, or is no character of YAML, is escaped."""
+    """Return lines as text; what in names would end a line, or is no character of YAML, is escaped."""
     return "".join(f"{_printable(line)}\n" for line in lines)
 
 
@@ -101,11 +96,7 @@ def scenario_text(mechanism: Mechanism) -> str:
 
 
 def _solvable(mechanism: Mechanism) -> str:
-    """Return the first scenario that can be solved, of trees the first one.
-
-    Raises:
-        PinarmError: Why the last one cannot be, or the loops cannot be closed.
-    """
+    """Return the first scenario that can be solved, of trees the first one."""
     q = closed_generic(mechanism, {})
     names = _independent(mechanism, q)
     if not mechanism.closure.size:

@@ -47,7 +47,7 @@ def new(source: str | Path, folder: str | Path | None = None) -> Path:
         return _written(target, _drawing(file, target))
     if name.endswith(ENDINGS):
         target = Path(folder or file.parent)
-        return _written(target, _model(file, os.path.relpath(file, target), target))
+        return _written(target, _model(file, target))
     return _written(Path(folder or name), _robot(name))
 
 
@@ -56,33 +56,26 @@ def _template(name: str) -> dict[str, str]:
     return {file.name: file.read_text(encoding="utf-8") for file in files}
 
 
-def _model(file: Path, robot: str, folder: Path) -> dict[str, str]:
-    """Return the files for a model file; ``robot`` is its path from their folder.
-
-    Raises:
-        InputError: It lies where files in the folder may not refer to.
-    """
-    from pinarm.engine.mechanism_loading import load_mechanism
+def _model(file: Path, folder: Path) -> dict[str, str]:
+    """Return the files for a model file, which they must be allowed to refer to."""
     from pinarm.input.roots import contained_file, root_of
+
+    files = _first_files(file, Path(os.path.relpath(file, folder)).as_posix())
+    contained_file(file.absolute(), root_of(folder / "mechanism.yaml"))
+    return files
+
+
+def _first_files(source: str | Path, robot: str) -> dict[str, str]:
+    from pinarm.engine.mechanism_loading import load_mechanism
     from pinarm.use.start.first_files import mechanism_text, scenario_text
 
-    mechanism = load_mechanism(file)
-    contained_file(file.absolute(), root_of(folder / "mechanism.yaml"))
-    return {
-        "mechanism.yaml": mechanism_text(mechanism, Path(robot).as_posix()),
-        "scenario.yaml": scenario_text(mechanism),
-    }
+    mechanism = load_mechanism(source)
+    return {"mechanism.yaml": mechanism_text(mechanism, robot), "scenario.yaml": scenario_text(mechanism)}
 
 
 def _robot(name: str) -> dict[str, str]:
-    """Return the files for a robot of example-robot-data.
-
-    Raises:
-        InputError: There is no template or robot of that name.
-    """
-    from pinarm.engine.mechanism_loading import load_mechanism
+    """Return the files for a robot of example-robot-data."""
     from pinarm.input.robots import robots
-    from pinarm.use.start.first_files import mechanism_text, scenario_text
 
     if name not in robots():
         hint = choices(name, [*templates(), *robots()])[1]
@@ -92,16 +85,11 @@ def _robot(name: str) -> dict[str, str]:
             "'planar:'; or the name of a robot",
             hint=hint,
         )
-    mechanism = load_mechanism(name)
-    return {"mechanism.yaml": mechanism_text(mechanism, name), "scenario.yaml": scenario_text(mechanism)}
+    return _first_files(name, name)
 
 
 def _drawing(file: Path, folder: Path) -> dict[str, str]:
-    """Return the URDF of a drawing, and a mechanism file for it.
-
-    Raises:
-        InputError: The file has no drawing.
-    """
+    """Return the URDF of a drawing, and a mechanism file for it."""
     from pinarm.engine.mechanism_loading import load_mechanism
     from pinarm.input.yaml.document import Document
     from pinarm.use.store.save import LawTables, mechanism_text
@@ -117,26 +105,18 @@ def _drawing(file: Path, folder: Path) -> dict[str, str]:
 
 
 def _written(folder: Path, files: Mapping[str, str]) -> Path:
-    """Write all files to a folder, which is made where it does not exist, or none.
-
-    Raises:
-        InputError: One exists already, or the folder cannot be written.
-    """
-    written: list[Path] = []
+    """Write all files to a folder, which is made where it does not exist, or none where one exists already."""
+    paths = [folder / name for name in files]
+    for path in filter(os.path.lexists, paths):
+        raise InputError(
+            f"{path} exists already: nothing is written",
+            expected="a folder without files of these names",
+            hint="another folder: -o DIR",
+        )
     try:
-        for path in (folder / name for name in files):
-            if os.path.lexists(path) or not write_new_file(path, files[path.name].encode()):
-                raise InputError(
-                    f"{path} exists already: nothing is written",
-                    expected="a folder without files of these names",
-                    hint="another folder: -o DIR",
-                )
-            written.append(path)
-    except (OSError, InputError) as error:
-        for path in written:
-            path.unlink(missing_ok=True)
-        if isinstance(error, InputError):
-            raise
+        for path in paths:
+            write_new_file(path, files[path.name].encode())
+    except OSError as error:
         raise InputError(
             f"the files cannot be written to {folder}: {reason(error)}",
             expected="a folder, or a path where one can be made",

@@ -66,22 +66,12 @@ class Explanation:
     modes: Sequence[str] = ()
 
     def __repr__(self) -> str:
-        """Return of which mechanism it is, and its mobility."""
         return f"<Explanation of '{self.mechanism.title}': mobility {self.mobility.mobility} {self.where}>"
 
     def __str__(self) -> str:
         """Return it as text, a heading a paragraph."""
-        counted = [*self._mobility(), *self._counted()]
-        parts = (
-            self._joints(),
-            self._ties(),
-            self._transmitted(),
-            counted,
-            self._acting(),
-            self.modes,
-            self._modelled(),
-        )
-        return "\n".join([self.mechanism.title, *(line for part in parts for line in part)])
+        lines = [*self._joints(), *self._ties(), *self._transmitted(), *self._mobility(), *self._counted()]
+        return "\n".join([self.mechanism.title, *lines, *self._acting(), *self.modes, *self._modelled()])
 
     def summary(self) -> dict[str, Any]:
         """Return the mobility, what is left undetermined, and what need not be solved for, as plain data."""
@@ -124,7 +114,6 @@ class Explanation:
         return path
 
     def _repr_html_(self) -> str:
-        """Return the drawing and the text, for notebooks."""
         from pinarm.use.show.notebook import blocks, lines, picture
 
         return blocks(picture(self.sketch()), lines(str(self).split("\n")))
@@ -154,13 +143,9 @@ class Explanation:
                 lines.append(f"  {constraint.name}: cable {course}, 1 row; pulls only")
             elif isinstance(constraint, GearedRotor):
                 lines.append(f"  {constraint.name}: ties {constraint.rotor.name}, 1 row")
-        lines += self._slipping_belts()
-        return lines if len(lines) > 1 else ["no loops: an open chain"]
-
-    def _slipping_belts(self) -> list[str]:
-        """Return a line for every belt that slips: no row ties its wheels."""
         belts = [friction.coupling for friction in self.mechanism.frictions if friction.coupling and friction.replaces]
-        return [f"  {belt.name}: belt, no row: friction ties its wheels; {belt.description}" for belt in belts]
+        lines += [f"  {belt.name}: belt, no row: friction ties its wheels; {belt.description}" for belt in belts]
+        return lines if len(lines) > 1 else ["no loops: an open chain"]
 
     def _mobility(self) -> list[str]:
         mobility = self.mobility
@@ -175,25 +160,24 @@ class Explanation:
                 f"regularity {mobility.regularity:.2g} in this position: smallest singular value of the rows "
                 "over the largest. Runs tell how far it falls: 0 at a singular position"
             )
-        lines += [_spinning(mobility.spins)] if mobility.spins else []
+        if mobility.spins:
+            lines.append(
+                f"{len(mobility.spins)} of these are links that spin by themselves about their own axis, such as rods "
+                f"between two ball joints: {', '.join(mobility.spins)}. They move nothing else; a universal joint in "
+                "place of one of the ball joints, or a loop of the kind rod in place of the link, leaves them out"
+            )
         opened = self._left_open()
         if not mobility.degree:
             but = " but for what couplings leave open:" if opened else ""
             return [*lines, f"isostatic: every reaction is determined{but}", *opened]
         lines.append(f"hyperstatic of degree {mobility.degree}; not determined by rigid bodies:")
         lines += _together((name, f": {', '.join(parts)}") for name, parts in mobility.undetermined.items())
+        lines += ["left open by couplings:", *opened] if opened else []
         best: dict[str, Loosening] = {}
         for loosening in mobility.loosenings:
             best.setdefault(loosening.changes[0][0], loosening)
-        if opened:
-            lines += ["left open by couplings:", *opened]
-        alone = {
-            name: str(loosening).removeprefix(name) for name, loosening in best.items() if len(loosening.changes) == 1
-        }
-        looser = [
-            *_together(alone.items()),
-            *(f"  {loosening}" for name, loosening in best.items() if name not in alone),
-        ]
+        alone = {name: str(change).removeprefix(name) for name, change in best.items() if len(change.changes) == 1}
+        looser = [*_together(alone.items()), *(f"  {change}" for name, change in best.items() if name not in alone)]
         return [*lines, *(["what could be loosened without more mobility, one at a time:", *looser] if best else [])]
 
     def _transmitted(self) -> list[str]:
@@ -262,16 +246,14 @@ class Explanation:
         """Return remarks on the convention of q and v, meshes, joints left out with reasons, and a missing kernel."""
         model = self.mechanism.model
         lines = self._convention()
-        lines += ["meshes are not read: no mass is taken from them"] if self._unread_meshes() else []
+        if "<mesh" in self.mechanism.xml and MESH_MASSES not in self.mechanism.notes:
+            lines.append("meshes are not read: no mass is taken from them")
         if self.removals:
             count = model.njoints - 1
             lines.append(f"solved for: {count - len(self.removals)} of {count} joints")
         lines += [f"  {removal.joint}: {removal.how}, {removal.why}" for removal in self.removals]
         reason = absence()
         return [*lines, f"compiled kernel: {reason}; steps of motions are computed in Python"] if reason else lines
-
-    def _unread_meshes(self) -> bool:
-        return "<mesh" in self.mechanism.xml and MESH_MASSES not in self.mechanism.notes
 
     def _convention(self) -> list[str]:
         """Return the convention of q and v where it differs from that of Pinocchio's reader; empty elsewhere."""
@@ -290,15 +272,6 @@ def _together(said: Iterable[tuple[str, str]]) -> list[str]:
     for name, words in said:
         names.setdefault(words, []).append(f"'{name}'" if set(name) & set(" ,:'") else name)
     return [f"  {several(some, LISTED)}{words}" for words, some in names.items()]
-
-
-def _spinning(joints: Sequence[str]) -> str:
-    """Return a remark on free spins of links, and on ways to leave them out."""
-    return (
-        f"{len(joints)} of these are links that spin by themselves about their own axis, such as rods between "
-        f"two ball joints: {', '.join(joints)}. They move nothing else; a universal joint in place of one of the "
-        "ball joints, or a loop of the kind rod in place of the link, leaves them out"
-    )
 
 
 def explain(path: Subject, values: Values | None = None) -> Explanation:

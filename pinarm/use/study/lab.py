@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.yaml.document import Values
 from pinarm.language import document, in_language, said, spoken, told
-from pinarm.records import replace
 from pinarm.use.facade import Scenario, load
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.presentation import Presentation
@@ -147,30 +147,23 @@ class Sheet:
             self._require_derived(entry, text)
         else:
             text = " ".join(filter(None, number.groups()))
-        answer = replace(entry, value=text if is_number else None, formula=None if is_number else text, published=None,
-                         published_formula=None, because=None, verdict="agrees", erratum="", atol=None,
-                         rtol=NUMBER if is_number else FORMULA)  # fmt: skip
+        tolerance = NUMBER if is_number else FORMULA
+        given: dict[str, Any] = {"value": text} if is_number else {"formula": text}
+        answer = Expectation(quantity=entry.quantity, source="an answer", at=entry.at, rtol=tolerance, **given)
         quantities, series, _ = computed_rows(self._result, answer)
-        given, _ = wanted_rows(quantities, answer, series.unit, 0.0)
-        assert given is not None
+        values, _ = wanted_rows(quantities, answer, series.unit, 0.0)
+        assert values is not None
         if compare(self._result, answer).ok:
             return self._generally(answer) if not is_number else said("Right.")
-        mistake = likely_mistake(
-            given,
-            series.values,
-            self._result,
-            entry.quantity,
-            lambda run: computed_rows(run, answer)[1].values,
-            NUMBER if is_number else FORMULA,
-        )
+
+        def rows(run: Result) -> Array:
+            return computed_rows(run, answer)[1].values
+
+        mistake = likely_mistake(values, series.values, self._result, entry.quantity, rows, tolerance)
         return said("Not right: {mistake}.", mistake=mistake) if mistake else said("Not right.")
 
     def _require_derived(self, entry: Expectation, text: str) -> None:
-        """Refuse a formula that only names what the program computes.
-
-        Raises:
-            InputError: It has the quantity that is asked for in it, or an effort, a force, an energy or a power.
-        """
+        """Refuse a formula with the quantity that is asked for in it, or an effort, a force, an energy or a power."""
         symbols = self._scenario.mechanism.symbols
         names = Expression.parse(text).names
         asked = {entry.quantity, *Expression.parse(entry.quantity).names} - {*self._numbers}

@@ -34,8 +34,6 @@ from pinarm.use.show.terminal import aligned
 from pinarm.use.store.files import json_text, write
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from pinarm.use.show.picture import Picture
 
 WANTED = (1e-3, 1e-6, 1e-9)
@@ -57,8 +55,6 @@ class TriedSetting:
     """A setting, its error and its price.
 
     Attributes:
-        method: The method of integration: a curve of the plot.
-        setting: The setting in words.
         errors: Output -> largest difference to the reference over the run, relative to the output's scale; infinite
             where the integration failed, or takes another course.
         evaluations: Number of accelerations computed; 0 where the integration failed.
@@ -94,11 +90,9 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A model of the scenario, and how far its outputs are from those of the scenario's own.
+    """A model of the scenario, and how far its outputs are from those of the scenario's own, ``exact``.
 
     Attributes:
-        name: As the scenario has it; ``exact`` for the scenario itself.
-        result: Its result; none where it could not be solved.
         errors: Output -> largest difference over the run, in the output's unit.
         relative: The same, relative to the output's scale in the exact model.
         where: Output -> row parameter at which that occurs.
@@ -175,18 +169,17 @@ class Tradeoff:
 
     def plots(self) -> dict[str, Picture]:
         """Return the plots: error against cost of ``settings``, outputs of ``variants``."""
-        drawn = {"settings": work_precision} if self.reference else {}
-        drawn |= {"variants": outputs} if self.variants else {}
-        return {name: draw(self) for name, draw in drawn.items()}
+        drawn = {"settings": work_precision(self, self.reference)} if self.reference else {}
+        return {**drawn, "variants": outputs(self)} if self.variants else drawn
 
     def _repr_html_(self) -> str:
-        """Return tables and plots, for notebooks."""
         from pinarm.use.show.notebook import blocks, folded, heading, lines, picture, table
 
         drawn = {name: picture(figure) for name, figure in self.plots().items()}
         parts = [heading(self.scenario.content.title or self.scenario.name)]
         if self.reference:
-            parts += [lines(advice(self)), drawn["settings"], folded("all settings", table(settings(self)))]
+            parts += [lines(advice(self, self.reference)), drawn["settings"]]
+            parts.append(folded("all settings", table(settings(self, self.reference))))
         if self.variants:
             parts += [table(variant_rows(self)), lines(remarks(self)), drawn["variants"]]
         return blocks(*parts)
@@ -217,11 +210,7 @@ def tradeoff(scenario: Given, values: Values | None = None) -> Tradeoff:
 
 
 def reference_solution(scenario: Scenario) -> Reference:
-    """Return the reference of a scenario.
-
-    Raises:
-        IntegrationError: Fewer than two tight settings get to the end, or these contradict each other.
-    """
+    """Return the reference of a scenario, by two tight settings that have to get to the end and to agree."""
     solved: list[tuple[str, Result]] = []
     for seed, setting in enumerate(reference_settings()):
         most = step_limit(solved[-1][1], scenario.content.accuracy.max_steps) if solved else None
@@ -245,7 +234,6 @@ def reference_solution(scenario: Scenario) -> Reference:
 
 
 def _tried_settings(scenario: Scenario, against: Reference) -> list[TriedSetting]:
-    """Return all settings that are tried, method by method, the coarsest first."""
     most = max(MOST, step_limit(against.result, scenario.content.accuracy.max_steps))
     tried = []
     for method, settings in settings_by_method(against.result).items():
@@ -275,13 +263,8 @@ def _timed(scenario: ScenarioRecord, least: float = 0.0) -> tuple[Result | None,
 def recommended_setting(points: Sequence[TriedSetting], bound: float, wanted: float) -> TriedSetting | None:
     """Return the cheapest setting whose error, and that of every finer one, is below the wanted one by ``MARGIN``.
 
-    Finer settings that failed do not count: they say so. Those that take another course do. Evaluations decide because
-    they are the same on every machine.
-
-    Args:
-        points: Settings, those of a method the coarsest first.
-        bound: Error of the reference.
-        wanted: Error that is wanted.
+    Settings of a method come with the coarsest first. Finer settings that failed do not count: they say so. Those that
+    take another course do. Evaluations decide because they are the same on every machine.
     """
     good: list[TriedSetting] = []
     for method in dict.fromkeys(point.method for point in points):
@@ -291,11 +274,7 @@ def recommended_setting(points: Sequence[TriedSetting], bound: float, wanted: fl
 
 
 def solve_variants(scenario: Scenario) -> list[Variant]:
-    """Return the exact model and all variants of a scenario.
-
-    Raises:
-        PinarmError: The scenario itself cannot be solved, or a variant has a mistake.
-    """
+    """Return the exact model and all variants of a scenario."""
     exact, seconds, failure = _timed(scenario)
     if exact is None:
         raise failure or AssertionError
@@ -303,10 +282,10 @@ def solve_variants(scenario: Scenario) -> list[Variant]:
     for name in scenario.content.variants:
         with scenario.document.locating("variants", name):
             result, seconds, failure = _timed(scenario.variant(name))
-            if result is None:
-                variants.append(Variant(name, None, seconds=seconds, failure=failure.message if failure else ""))
-            else:
-                variants.append(_compared(name, result, exact, seconds))
+            why = failure.message if failure else ""
+            variants.append(
+                _compared(name, result, exact, seconds) if result else Variant(name, None, seconds=seconds, failure=why)
+            )
     return variants
 
 
@@ -327,45 +306,34 @@ def _compared(name: str, result: Result, exact: Result, seconds: float) -> Varia
     return Variant(name, result, errors, relative, where, seconds, course=different_course(exact, result))
 
 
-MARKERS = "os^Dv*"
-
-
 def report(trade: Tradeoff) -> str:
     """Return the tables of settings and variants, and what is recommended, as text."""
     lines = [trade.scenario.content.title or trade.scenario.name]
     if trade.reference:
-        lines += [*aligned(settings(trade)), *advice(trade)]
+        lines += [*aligned(settings(trade, trade.reference)), *advice(trade, trade.reference)]
     if trade.variants:
         lines += [*aligned(variant_rows(trade)), *remarks(trade)]
     return "\n".join(lines)
 
 
-def settings(trade: Tradeoff) -> list[list[str]]:
+def settings(trade: Tradeoff, reference: Reference) -> list[list[str]]:
     """Return a heading and the error and cost of every setting that was tried."""
-    assert trade.reference
     rows = [["setting", "error", "largest in", "evaluations", "time [ms]"]]
     for point in trade.points:
-        worst = max(point.errors, key=lambda name: point.errors[name])
-        error = f"{point.error:.1e}" if point.error > trade.reference.bound else f"< {trade.reference.bound:.0e}"
-        cells = (
-            [error, worst[:24]]
-            if math.isfinite(point.error)
-            else ["other events" if point.evaluations else "failed", ""]
-        )
-        rows.append([point.setting, *cells, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
+        error, worst = ("other events" if point.evaluations else "failed"), ""
+        if math.isfinite(point.error):
+            error = f"{point.error:.1e}" if point.error > reference.bound else f"< {reference.bound:.0e}"
+            worst = max(point.errors, key=lambda name: point.errors[name])[:24]
+        rows.append([point.setting, error, worst, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
     return rows
 
 
-def advice(trade: Tradeoff) -> list[str]:
+def advice(trade: Tradeoff, reference: Reference) -> list[str]:
     """Return the reference of the errors, and the cheapest setting for every wanted error, with a margin."""
-    assert trade.reference
-    return [
-        f"reference: {trade.reference.words}; known to {trade.reference.bound:.1e}",
-        *(
-            f"for {wanted:g}: {point.setting}; every finer one too" if point else f"for {wanted:g}: no setting tried"
-            for wanted, point in trade.recommended().items()
-        ),
-    ]
+    lines = [f"reference: {reference.words}; known to {reference.bound:.1e}"]
+    for wanted, point in trade.recommended().items():
+        lines.append(f"for {wanted:g}: {f'{point.setting}; every finer one too' if point else 'no setting tried'}")
+    return lines
 
 
 def variant_rows(trade: Tradeoff) -> list[list[str]]:
@@ -384,58 +352,41 @@ def variant_rows(trade: Tradeoff) -> list[list[str]]:
 
 def remarks(trade: Tradeoff) -> list[str]:
     """Return remarks on the variants: scale of their errors, failed variants, and variants with other events."""
-    exact = f"exact model: {1e3 * trade.variants[0].seconds:.1f} ms; relative to its largest value"
-    simpler = trade.variants[1:]
-    failed = [f"{variant.name}: failed: {variant.failure}" for variant in simpler if variant.result is None]
-    parted = [
-        f"{variant.name}: compared only in rows that both models have: {variant.course}"
-        for variant in simpler
-        if variant.course
-    ]
-    return [exact, *failed, *parted]
+    lines = [f"exact model: {1e3 * trade.variants[0].seconds:.1f} ms; relative to its largest value"]
+    for variant in trade.variants[1:]:
+        if variant.result is None:
+            lines.append(f"{variant.name}: failed: {variant.failure}")
+        if variant.course:
+            lines.append(f"{variant.name}: compared only in rows that both models have: {variant.course}")
+    return lines
 
 
-def work_precision(trade: Tradeoff) -> Picture:
-    """Return the errors of all settings over their evaluations and over their time, a curve for each method.
+def work_precision(trade: Tradeoff, reference: Reference) -> Picture:
+    """Return the errors of all settings over their evaluations, a curve for each method.
 
     Recommended settings are ringed; in the grey band below, errors are those of the reference.
     """
     from pinarm.use.show.labels import plain
-    from pinarm.use.show.picture import WIDTH, drawing
+    from pinarm.use.show.picture import COLOURS, WIDTH, drawing
 
-    assert trade.reference
+    floor = max(reference.bound, 1e-16)
     with drawing(WIDTH, 3.6, plain(trade.scenario.content.title or trade.scenario.name)) as figure:
-        left, right = figure.subplots(1, 2, sharey=True)
-        _curves(left, trade, "evaluations", 1.0)
-        _curves(right, trade, "seconds", 1e3)
-        left.set(xlabel="evaluations of the acceleration", ylabel="largest relative error of any output")
-        right.set(xlabel="time [ms]")
-        left.plot([], [], "o", markersize=10, fillstyle="none", color="black", label="recommended")
-        left.legend(frameon=False, loc="best")
+        axis = figure.subplots()
+        for k, method in enumerate(dict.fromkeys(point.method for point in trade.points)):
+            known = [point for point in trade.points if point.method == method and np.isfinite(point.error)]
+            x, y = [point.evaluations for point in known], [point.error for point in known]
+            axis.loglog(x, y, marker="os^Dv*"[k % 6], markersize=4, color=COLOURS[k % len(COLOURS)], label=method)
+        ring: dict[str, Any] = {"markersize": 10, "fillstyle": "none", "color": "black"}
+        for wanted, point in trade.recommended().items():
+            axis.axhline(wanted, color="0.6", linewidth=0.8, linestyle=":")
+            if point:
+                axis.plot(point.evaluations, point.error, "o", **ring)
+        axis.plot([], [], "o", label="recommended", **ring)
+        axis.axhspan(min(floor, axis.get_ylim()[0]), floor, color="0.9", zorder=0)
+        axis.set_ylim(top=max(axis.get_ylim()[1], WANTED[0]))
+        axis.set(xlabel="evaluations of the acceleration", ylabel="largest relative error of any output")
+        axis.legend(frameon=False, loc="best")
     return figure
-
-
-def _curves(axis: Axes, trade: Tradeoff, cost: str, scale: float) -> None:
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-
-    from pinarm.use.show.picture import COLOURS
-
-    assert trade.reference
-    floor = max(trade.reference.bound, 1e-16)
-    methods = list(dict.fromkeys(point.method for point in trade.points))
-    for k, method in enumerate(methods):
-        known = [point for point in trade.points if point.method == method and np.isfinite(point.error)]
-        x, y = [scale * getattr(point, cost) for point in known], [point.error for point in known]
-        axis.loglog(x, y, marker=MARKERS[k % len(MARKERS)], markersize=4, color=COLOURS[k % len(COLOURS)], label=method)
-    for wanted, point in trade.recommended().items():
-        axis.axhline(wanted, color="0.6", linewidth=0.8, linestyle=":")
-        if point:
-            axis.plot(scale * getattr(point, cost), point.error, "o", markersize=10, fillstyle="none", color="black")
-    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.axhspan(min(floor, axis.get_ylim()[0]), floor, color="0.9", zorder=0)
-    axis.set_ylim(top=max(axis.get_ylim()[1], WANTED[0]))
 
 
 def outputs(trade: Tradeoff) -> Picture:

@@ -161,7 +161,7 @@ def test_a_trade_off_tells_settings_with_other_events():
     trade = tradeoff(pinarm.load(asked))
     other = [point for point in trade.points if point.evaluations and point.error == np.inf]
     assert other
-    assert "other events" in {row[1] for row in settings(trade)}
+    assert "other events" in {row[1] for row in settings(trade, trade.reference)}
     fine = trade.recommended()[1e-6]
     assert fine is None or fine.error < 1e-6
 

@@ -54,10 +54,10 @@ def likely_mistake(answer: Array, right: Array, result: Result, quantity: str, r
     Args:
         answer: The answer [SI], shape (n,) or (1,).
         right: What is right, shape (n,).
-        result: Where it stands.
-        quantity: The quantity that is asked for.
+        result: The run that the quantity is asked of.
+        quantity: The quantity.
         rows: Its values in another run of the scenario.
-        tolerance: Difference, relative to the largest value, that is none.
+        tolerance: Largest difference that is none, relative to the largest value.
     """
     answer = np.broadcast_to(answer, right.shape)
 

@@ -20,14 +20,7 @@ from pinarm.use.workers.worker import versions as programs
 
 @dataclass(frozen=True)
 class KindCheck:
-    """Test of one kind of problem.
-
-    Attributes:
-        kind: The kind.
-        scenario: The scenario that was solved.
-        answers: Number of entries of its answer key.
-        problem: What is wrong; empty where all entries are met.
-    """
+    """Test of one kind of problem: the scenario, the number of its answers, and what is wrong, if anything."""
 
     kind: str
     scenario: str
@@ -41,12 +34,7 @@ class KindCheck:
 
 @dataclass(frozen=True)
 class SelfTest:
-    """Test of the installation.
-
-    Attributes:
-        versions: Name -> version, of the software that numbers depend on.
-        checks: Test of each kind of problem.
-    """
+    """Test of the installation: versions of the software that numbers depend on, a test of each kind of problem."""
 
     versions: dict[str, str]
     checks: tuple[KindCheck, ...]
