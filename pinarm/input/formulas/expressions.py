@@ -67,13 +67,7 @@ class Expression(Record, frozen=True):
         """Return functions that change their sign wherever the formula goes from one smooth part of it to another.
 
         Those are the arguments of ``abs`` and ``sign``, differences of what ``min``, ``max`` and comparisons compare,
-        and of what ``%``, ``//``, ``floor`` and ``ceil`` round the sine of pi times it.
-
-        Args:
-            names: As in ``evaluate``.
-
-        Returns:
-            Those that vary, in the order in which they are met, of the shape of the names.
+        and of what ``%``, ``//``, ``floor`` and ``ceil`` round the sine of pi times it; constant ones are left out.
         """
         switches = _Switches(names)
         with np.errstate(all="ignore"):

@@ -64,31 +64,19 @@ class MeasuredNumber(ValueRecord, frozen=True):
 
 
 class Algebra(Protocol[T]):
-    """Meaning of numbers, names and operations; operations are named by their symbols."""
+    """Meaning of numbers, names and operations; operations are named by their symbols.
 
-    def constant(self, value: Any, /) -> T:
-        """Return the meaning of a literal."""
+    Operands of ``and``, ``or`` and the branches of ``if`` are functions: they need not all be interpreted.
+    """
 
-    def name(self, name: str, /) -> T:
-        """Return the meaning of a name."""
-
-    def unary(self, symbol: str, operand: T, /) -> T:
-        """Apply ``+``, ``-`` or ``not``."""
-
-    def binary(self, symbol: str, left: T, right: T, /) -> T:
-        """Apply an arithmetic operator."""
-
-    def compare(self, symbols: Sequence[str], operands: Sequence[T], /) -> T:
-        """Compare neighbours, as in ``0 < x <= 1``."""
-
-    def logic(self, symbol: str, operands: Sequence[Callable[[], T]], /) -> T:
-        """Apply ``and`` or ``or`` to operands that need not all be interpreted."""
-
-    def choose(self, test: T, then: Callable[[], T], otherwise: Callable[[], T], /) -> T:
-        """Return one of two; the other need not be interpreted."""
-
-    def call(self, function: str, arguments: Sequence[T], /) -> T:
-        """Apply a function."""
+    def constant(self, value: Any, /) -> T: ...
+    def name(self, name: str, /) -> T: ...
+    def unary(self, symbol: str, operand: T, /) -> T: ...
+    def binary(self, symbol: str, left: T, right: T, /) -> T: ...
+    def compare(self, symbols: Sequence[str], operands: Sequence[T], /) -> T: ...
+    def logic(self, symbol: str, operands: Sequence[Callable[[], T]], /) -> T: ...
+    def choose(self, test: T, then: Callable[[], T], otherwise: Callable[[], T], /) -> T: ...
+    def call(self, function: str, arguments: Sequence[T], /) -> T: ...
 
 
 class Grammar(Record, frozen=True):
@@ -180,8 +168,7 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
     return tree
 
 
-_OF_THE_LANGUAGE = ("and", "else", "if", "not", "or")
-_BEFORE_NAME = re.compile(rf"(?:^|[-+*/%<>=(,]|\b(?:{'|'.join(_OF_THE_LANGUAGE)}))\s*$")
+_OF_THE_LANGUAGE = ("and", "else", "if", "not", "or", "True", "False", "None")
 _KEYWORD = re.compile(rf"(?<!\w)(?:{'|'.join(keyword.kwlist)})(?!\w)")
 _CHAIN, _NUMBER_WORD = re.compile(r"(?<![\w.])[^\W\d]\w*(?:\.\w+)+"), re.compile(r"(?<=\.)[0-9]+(?!\w)")
 """A name with dots, and a number in it."""
@@ -192,9 +179,9 @@ def _replaced(
 ) -> tuple[str, dict[int, str | MeasuredNumber]]:
     """Return the text as Python can read it, and what was replaced in it by place in bytes; columns stay.
 
-    Numbers with units become ``0`` and blanks, Python's keywords and numbers in names other letters. A keyword beside a
-    dot is part of a name. Alone it is a name where a name may stand, unless formulas use the word. Words of a name
-    behind its first may be whole numbers: ``mode.1.frequency``.
+    Numbers with units become ``0`` and blanks, Python's keywords and numbers in names other letters. A keyword is a
+    name, or part of one beside a dot, unless formulas use the word. Words of a name behind its first may be whole
+    numbers: ``mode.1.frequency``.
     """
     replaced = dict[int, str | MeasuredNumber]()
     for start, number in measured:
@@ -208,8 +195,7 @@ def _replaced(
     for match in _KEYWORD.finditer(text):
         word, (start, end) = match[0], match.span()
         dotted = text[start - 1 : start] == "." or text[end : end + 1] == "."
-        free = not grammar.collections and word not in (*_OF_THE_LANGUAGE, "True", "False", "None")
-        if dotted or (free and _BEFORE_NAME.search(text[:start])):
+        if dotted or not (grammar.collections or word in _OF_THE_LANGUAGE):
             replaced[len(text[:start].encode())] = word
             text = f"{text[:start]}{'x' * len(word)}{text[end:]}"
     return text, replaced
@@ -250,7 +236,9 @@ def _check(tree: ast.expr, grammar: Grammar, text: str) -> None:
             if depth > MAX_DEPTH or count > MAX_NODES:
                 raise ExpressionError("the formula is nested too deeply or has too many parts", hint="smaller formulas")
             if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-                _check_digits(text.encode()[node.col_offset : node.end_col_offset])
+                number = text.encode()[node.col_offset : node.end_col_offset].decode()
+                if "_" in number:
+                    raise ExpressionError("a number has no '_' between its digits", hint=number.replace("_", ""))
             pending += [(part, depth + 1) for part in _parts(node, grammar)]
         except ExpressionError as error:
             raise _in_words(error.at(_place(node)), text) from None
@@ -271,7 +259,10 @@ def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
             return [node.operand]
         case ast.BinOp() if type(node.op) in _SYMBOLS:
             return [node.left, node.right]
-        case ast.Compare() if all(_compares(operation, grammar) for operation in node.ops):
+        case ast.Compare() if all(
+            type(operation) in _SYMBOLS and (grammar.collections or not isinstance(operation, ast.In | ast.NotIn))
+            for operation in node.ops
+        ):
             return [node.left, *node.comparators]
         case ast.BoolOp():
             return node.values
@@ -288,10 +279,6 @@ def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
             return _entries(node)
     power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
     raise ExpressionError("this is not arithmetic", expected=_LANGUAGE, hint="** for powers" if power else "")
-
-
-def _compares(operation: ast.cmpop, grammar: Grammar) -> bool:
-    return type(operation) in _SYMBOLS and (grammar.collections or not isinstance(operation, ast.In | ast.NotIn))
 
 
 def _as_function(call: ast.Call, grammar: Grammar) -> ast.Call:
@@ -319,11 +306,6 @@ def _check_literal(value: Any, grammar: Grammar) -> None:
         raise ExpressionError(f"a {type(value).__name__} is not allowed in a formula", expected="numbers and names")
     if isinstance(value, int | float) and not abs(value) < (MAX_INTEGER if isinstance(value, int) else math.inf):
         raise ExpressionError("this number is too large", expected="integers below 2**64, others below 1e308")
-
-
-def _check_digits(number: bytes) -> None:
-    if b"_" in number:
-        raise ExpressionError("a number has no '_' between its digits", hint=number.replace(b"_", b"").decode())
 
 
 def _check_call(function: str, count: int, grammar: Grammar) -> None:
