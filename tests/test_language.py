@@ -27,8 +27,7 @@ from pinarm.use.show.replay.arrows import ARROWS
 from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import report as terminal
 from pinarm.use.study.answers.check import LOOKS
-from pinarm.use.study.answers.mistakes import FACTOR_IN, FACTORS, SIGN_IN
-from pinarm.use.study.lab import PARTLY
+from pinarm.use.study.lab import FACTOR_IN, FACTORS, PARTLY, SIGN_IN
 
 PACKAGE = Path(pinarm.__file__).parent
 ROOT = PACKAGE.parent

@@ -65,11 +65,7 @@ def command(text: str, examples: str, *options: Option) -> Callable[[Call], Call
 
 
 def pairs_of(texts: Sequence[str], expected: str) -> dict[str, str]:
-    """Return texts such as ``PATH=VALUES`` as a map.
-
-    Raises:
-        InputError: A name, an equals sign or a value is missing, or a name is given twice.
-    """
+    """Return texts such as ``PATH=VALUES`` as a map."""
     pairs: dict[str, str] = {}
     for text in texts:
         name, _, value = (part.strip() for part in text.partition("="))
@@ -201,8 +197,7 @@ def _check(options: Namespace) -> int:
 def _validate(options: Namespace) -> int:
     from pinarm.use.study.run import input_files
 
-    known = [input_files(path) for path in options.paths]
-    paths, others = [path for files, _ in known for path in files], sum(other for _, other in known)
+    paths = [file for path in options.paths for file in input_files(path)]
     if not paths:
         names = ", ".join(map(str, options.paths))
         expected = "files ending in .yaml, with a 'problem:', a 'robot:' or 'planar:'"
@@ -221,19 +216,14 @@ def _validate(options: Namespace) -> int:
     entries = [{"file": str(path), "error": str(error)} for path, error in mistakes]
     counts = f"{len(paths)} scenarios and mechanism files, {len(mistakes)} with mistakes"
     if options.json or any(path.is_dir() for path in options.paths):
-        data = {"mistakes": entries, "files": len(paths), "passed over": others}
-        show(options, data, f"{counts}; {others} other files passed over")
+        show(options, {"mistakes": entries, "files": len(paths)}, counts)
     for _, mistake in mistakes:
         say(f"error: {mistake}")
     return BAD_INPUT if mistakes else OK
 
 
 def _validated(path: Path, values: Sequence[str]) -> str:
-    """Return the checks that a valid scenario or mechanism file has passed, in words.
-
-    Raises:
-        PinarmError: The file is not valid; the message says where.
-    """
+    """Return the checks that a valid scenario or mechanism file has passed, in words."""
     from pinarm.use.study.run import is_mechanism_file
 
     if not is_mechanism_file(path):
@@ -461,20 +451,12 @@ def _replay(options: Namespace) -> int:
 
 
 def _replay_file(options: Namespace) -> Path:
-    """Return the file that ``replay`` writes.
-
-    Raises:
-        InputError: Two files are named, or one whose ending is that of another format.
-    """
+    """Return the file that ``replay`` writes, whose ending is that of its format."""
     if options.video and options.output:
-        raise InputError(
-            f"two files are named, {options.video} and {options.output}",
-            expected="the video's, after --video",
-            hint=f"leave -o out; replay {options.result} -o {options.output}, by itself, writes the other one",
-        )
-    what, ending = "a page", ".html"
-    if options.png or options.video:
-        what, ending = ("a picture", ".png") if options.png else ("a video", ".mp4")
+        message = f"two files are named, {options.video} and {options.output}"
+        raise InputError(message, expected="the video's, after --video", hint="leave -o out")
+    pictured = ("a picture", ".png") if options.png else ("a video", ".mp4")
+    what, ending = pictured if options.png or options.video else ("a page", ".html")
     file: Path = options.video or options.output or options.result / f"replay{ending}"
     if file.suffix.lower() != ending:
         expected = f"a file that ends in {ending}, such as {file.stem}{ending}"

@@ -21,12 +21,7 @@ def open_streams() -> None:
 
 
 def flush_output() -> None:
-    """Write what has been printed, while its failure can still be told.
-
-    Raises:
-        InputError: It cannot be written, as to a full disk.
-        BrokenPipeError: Its reader has gone.
-    """
+    """Write what has been printed, while its failure can still be told."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

@@ -133,7 +133,7 @@ def read_table(name: str, column: str | None, stamp: Stamp, *, jumps: bool = Fal
     Args:
         name: The file, as an absolute path that may be read.
         column: Name in the heading of the other column; ``None`` for the second, if it alone has a unit.
-        stamp: Of the file; part of the cache key, so that a changed file is read again.
+        stamp: Of the file, so that a changed file is read again.
         jumps: Whether two rows may have the same value in the first column.
     """
     file = Path(name).name
@@ -184,12 +184,12 @@ def read_headings(name: str) -> list[str]:
 def read_columns(
     name: str, names: frozenset[str], stamp: tuple[int, int], most: int | None = None
 ) -> dict[str, Column]:
-    """Read columns of a CSV file: headings as they are written, each with its numbers as they are written.
+    """Read columns of a CSV file: headings and numbers as they are written.
 
     Args:
         name: The file, as an absolute path that may be read.
         names: Names in the headings of the columns that are read; others may hold anything, and come without numbers.
-        stamp: Time and size of the file; part of the cache key, so that a changed file is read again.
+        stamp: Time and size of the file, so that a changed file is read again.
         most: How many rows to read; all where it is ``None``.
     """
     file = Path(name).name

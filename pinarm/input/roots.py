@@ -208,25 +208,13 @@ def _short(path: str | Path) -> str:
 
 @cache
 def example_robot_data() -> Path:
-    """Return the folder of the robots of ``example-robot-data``, without importing its loaders."""
-    for prefix in _prefixes():
+    """Return the folder of the robots of ``example-robot-data``, beside Pinocchio or under the interpreter."""
+    from importlib.util import find_spec
+
+    pinocchio = find_spec("pinocchio")  # prefix/lib/pythonX/site-packages/pinocchio/__init__.py
+    beside = Path(pinocchio.origin).parents[3:6] if pinocchio and pinocchio.origin else ()
+    for prefix in (*beside, Path(sys.prefix)):
         folder = prefix / "share" / "example-robot-data"
         if os.path.isdir(folder / "robots"):  # not of pathlib, which raises where a folder is closed to the user
             return folder
     raise ModelError("example-robot-data is not installed", hint="pip install example-robot-data")
-
-
-def _prefixes() -> Iterator[Path]:
-    """Yield the folders where it may be installed: beside Pinocchio, beside Python's packages, under the interpreter.
-
-    Its metadata tell the same, 20 ms later. The current folder, where Python looks for modules too, is none of them.
-    """
-    from importlib.util import find_spec
-
-    pinocchio = find_spec("pinocchio")
-    if pinocchio and pinocchio.origin:
-        yield from Path(pinocchio.origin).parents[3:6]  # prefix/lib/pythonX/site-packages/pinocchio/__init__.py
-    for folder in sys.path:
-        if isinstance(folder, str) and os.path.isabs(folder) and folder != os.getcwd():
-            yield Path(folder, "cmeel.prefix")
-    yield Path(sys.prefix)

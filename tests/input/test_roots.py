@@ -2,7 +2,6 @@
 
 import errno
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import InputError
-from pinarm.input.roots import example_robot_data, root_of
+from pinarm.input.roots import root_of
 from pinarm.input.xml_text import read
 
 URDF = """<robot name="r"><link name="base"/><link name="rod"><inertial><mass value="1"/>
@@ -123,19 +122,3 @@ def test_what_this_user_may_not_open_is_told_in_words(
     model.unlink()
     with pytest.raises(InputError, match=r"the file cannot be read as UTF-8 text \(No such file or directory\)"):
         read(model, "rod.urdf", 100)
-
-
-@pytest.mark.parametrize("named", ["", ".", "itself"])
-def test_robots_are_not_those_of_the_current_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: str
-) -> None:
-    """Where Python looks for modules too: with ``-c`` it is named '', with ``-m`` by its path. Bytes are no path."""
-    installed = example_robot_data.__wrapped__()
-    (tmp_path / "cmeel.prefix/share/example-robot-data/robots").mkdir(parents=True)
-    monkeypatch.chdir(tmp_path)
-    folder = os.getcwd() if named == "itself" else named
-    monkeypatch.setattr(sys, "path", [folder, b"/other", *sys.path])
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    found = example_robot_data.__wrapped__()
-    assert found == installed
-    assert found.is_absolute()

@@ -88,16 +88,12 @@ class Document(ValueRecord, frozen=True):
 
     @classmethod
     def parse(cls, text: str, *, source: str = "<text>", path: Path | None = None) -> Document:
-        """Read YAML text; see ``read``."""
         data, places, keys = _built(text, source)
         return cls(source, path, _copy(data), places, keys)
 
     @classmethod
     def of_data(cls, data: Any, source: str) -> Document:
-        """Return data built in Python as if they had been read: maps, lists, text, numbers, arrays, ``None``.
-
-        The location of a value is its path.
-        """
+        """Return data built in Python as if they had been read; the location of a value is its path."""
         try:
             plain = plain_data(data)
         except InputError as error:
@@ -128,20 +124,13 @@ class Document(ValueRecord, frozen=True):
             raise error.at(self.locate((*path, *error.path))) from error.__cause__
 
     def with_each(self, key: str, values: Iterable[T], call: Callable[[T], object]) -> None:
-        """Call a function with each of the values of a list, and locate its errors at them as ``locating`` does."""
+        """Call a function with each of the values of a list, and locate its errors at them."""
         for index, value in enumerate(values):
-            try:
+            with self.locating(key, index):
                 call(value)
-            except PinarmError as error:
-                raise error.at(self.locate((key, index, *error.path))) from error.__cause__
 
     def assigned(self, name: str, value: Any, option: Location) -> Document:
-        """Return the document with the value at a path such as ``problem.time.end`` replaced.
-
-        Args:
-            name: The path, see ``steps_of``; missing keys are created.
-            option: Location of the value, for messages.
-        """
+        """Return the document with the value at a path (see ``steps_of``) replaced; missing keys are created."""
         holder = data = _copy(self.data)
         path: Path_ = ()
         *parents, last = steps_of(name, data, option)
@@ -267,12 +256,7 @@ def step_into(data: Any, key: str, option: Location, *, create: bool) -> str | i
 
 
 def steps_of(path: str, data: Any, place: Location) -> list[str]:
-    """Return the keys and indices, as texts, by which a path leads through data.
-
-    Args:
-        data: What it leads into; a step that does not exist stays as it is written.
-        place: Of the path, for messages.
-    """
+    """Return the keys and indices, as texts, by which a path leads through data; unknown steps stay as written."""
     parts, steps = _parts(path, place), list[str]()
     if len(parts) > MAX_DEPTH:
         raise InputError(f"the path '{path[:SHOWN_LETTERS]}...' has {len(parts)} steps", expected=LEVELS).at(place)

@@ -16,9 +16,6 @@ MAX_DEPTH = 50
 NESTED, LEVELS = "maps and lists are nested too deeply", f"at most {MAX_DEPTH} levels"
 MAX_VALUES = 50_000
 """Largest number of values; they are read in half a second."""
-LONGEST_KEY = 1024
-"""Characters of a key, quotes included, for which YAML lets a reader look for the colon."""
-SHORTER_KEY = f"at most {LONGEST_KEY} characters; or '? KEY' in a line of its own, and ': VALUE' in the next"
 MAX_DIGITS = 400
 """Python refuses to convert integers beyond 4300 digits; no float needs more than this."""
 
@@ -67,8 +64,6 @@ class Builder:
             place, problem = self._location(error.problem_mark or error.context_mark), error.problem or error.context
             if "nesting depth" in str(problem):  # libyaml looks ahead, and has a bound of its own
                 raise InputError(NESTED, expected=LEVELS).at(place) from None
-            if place.column > LONGEST_KEY and place.text[place.column - 1 : place.column] == ":":
-                raise InputError("the key before this colon is too long", expected=SHORTER_KEY).at(place) from None
             hint = _yaml_hint(str(problem), place.text[place.column - 1 : place.column])
             raise InputError(f"this is not YAML: {problem}", hint=hint).at(place) from None
         except (yaml.YAMLError, ValueError, RecursionError, AttributeError) as error:

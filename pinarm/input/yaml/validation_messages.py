@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
-from pinarm.errors import InputError, PinarmError, UnitError, choices
+from pinarm.errors import InputError, PinarmError, choices
 from pinarm.input.numbers import leading_number
-from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.schema import InputStruct, convert
 
 Keys = tuple[str | int, ...]
@@ -63,7 +61,6 @@ def explain(
     if isinstance(cause, PinarmError):
         mistake = type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
         mistake.path = cause.path
-        mistake.hint = _as_neighbours(mistake.hint, data, path) if isinstance(mistake, UnitError) else mistake.hint
         return mistake
     if match := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
         expected, hint = choices(match[1], keys_at(struct, data, path), most=40)
@@ -87,36 +84,6 @@ def explain(
         what = "nothing" if path else "an empty file"
     quoted = f"'{written or shown}'" if expected == "text" and isinstance(shown, int | float) else ""
     return InputError(f"this is {what}", expected=expected, hint=quoted)
-
-
-def _as_neighbours(hint: str, data: Any, path: Keys) -> str:
-    """Return the value that a hint suggests in the unit that the values nearest to it in the file have: mm, not m."""
-    parts = leading_number(hint)
-    if not parts or not parts[1]:
-        return hint
-    try:
-        dimension = unit(parts[1]).dimension
-    except UnitError:
-        return hint
-    for length in range(len(path) - 1, -1, -1):
-        written = Counter(text for text in _units(_at(data, list(path[:length]))) if unit(text).dimension == dimension)
-        if written:
-            return f"{parts[0]} {written.most_common(1)[0][0]}"
-    return hint
-
-
-def _units(data: Any) -> Iterator[str]:
-    """Yield the units of the quantities in data, as they are written."""
-    if isinstance(data, dict | list):
-        for value in data.values() if isinstance(data, dict) else data:
-            yield from _units(value)
-    elif isinstance(data, str):
-        try:
-            measured = read_quantity(data)[1]
-        except UnitError:  # text
-            return
-        if measured is not None:
-            yield measured.text
 
 
 def _in_words(kinds: str) -> str:
@@ -166,17 +133,16 @@ def _structs(struct: type[InputStruct], data: Any, path: Keys) -> list[type[Inpu
     return [kind for kind in _kinds(struct, data, path) if isinstance(kind, type) and issubclass(kind, InputStruct)]
 
 
+def _tags(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
+    tags = (kind.__struct_config__.tag_field for kind in _structs(struct, data, path))
+    return [tag for tag in tags if tag]
+
+
 def keys_at(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
     """Return the keys that may stand at a path of data which are to be a struct; none where any may, or no map."""
-    names: list[str] = []
-    for kind in _structs(struct, data, path):
-        names += [field.encode_name for field in msgspec.structs.fields(kind)]
-        names += [kind.__struct_config__.tag_field] if kind.__struct_config__.tag_field else []
-    return names
-
-
-def _tags(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
-    return [str(kind.__struct_config__.tag_field) for kind in _structs(struct, data, path)]
+    kinds = _structs(struct, data, path)
+    names = [field.encode_name for kind in kinds for field in msgspec.structs.fields(kind)]
+    return [*names, *_tags(struct, data, path)]
 
 
 def _values(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:

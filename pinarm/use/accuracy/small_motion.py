@@ -51,20 +51,18 @@ def checked_by_motion(result: Result) -> Result:
     linear = problem.linearisation(result.trajectory.mechanism, Accuracy(), nowhere)
     if not len(linear.modes.eigenvalues):
         return result
+    figures = dict[str, float]()
     try:
         whole, half = (_difference(result, linear, amplitude) for amplitude in (AMPLITUDE, 0.5 * AMPLITUDE))
     except PinarmError as error:
-        return _noted(result, {}, f"no small motion of the integrator checks the modes: {error.message}")
-    left, bent = float(np.abs(2.0 * half - whole).max()), 2.0 * float(np.abs(whole - half).max())
-    figures = {"small motion": left}
-    said = f"a small motion of the integrator differs from exp(A t) x by {left:.1e} of its size"
-    if bent > 0.01 * AMPLITUDE:
-        figures["linear up to"] = 0.01 * AMPLITUDE / bent
-        said += f"; by 1 % at the amplitude {figures['linear up to']:.1g} rad or m"
-    return _noted(result, figures, said)
-
-
-def _noted(result: Result, figures: dict[str, float], note: str) -> Result:
+        note = f"no small motion of the integrator checks the modes: {error.message}"
+    else:
+        left, bent = float(np.abs(2.0 * half - whole).max()), 2.0 * float(np.abs(whole - half).max())
+        figures["small motion"] = left
+        note = f"a small motion of the integrator differs from exp(A t) x by {left:.1e} of its size"
+        if bent > 0.01 * AMPLITUDE:
+            figures["linear up to"] = 0.01 * AMPLITUDE / bent
+            note += f"; by 1 % at the amplitude {figures['linear up to']:.1g} rad or m"
     outcome = replace(result.outcome, notes=(*result.outcome.notes, note))
     return replace(result, outcome=outcome, figures={**result.figures, **figures})
 

@@ -45,10 +45,6 @@ class Unknown(Measured):
         """Read a start, such as ``100 kg``; two bounds; or bounds and a start: see ``BOUNDS``.
 
         A number needs no unit here: the number that it replaces may have none.
-
-        Raises:
-            UnitError: A unit is unknown, or of another dimension than that of the other bound.
-            InputError: It is no number, or the bounds are not in order.
         """
         if isinstance(value, Sequence) and not isinstance(value, str):
             value = dict(zip(("from", "to"), value, strict=True)) if len(value) == 2 else {}

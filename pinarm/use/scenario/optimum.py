@@ -216,9 +216,6 @@ def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = 
         starts: Number of starts.
         seed: Seed of their choice.
         everywhere: Whether differential evolution takes the place of the starts.
-
-    Raises:
-        IntegrationError: No start can be run, or none leads to where all conditions hold.
     """
     points = spread(len(landscape.low), starts, seed)
     points[0] = landscape.scaled_point(landscape.start)

@@ -87,11 +87,6 @@ def find_root(search: Find, residuals: Residuals, angles: Collection[str] = ()) 
         search: Unknown numbers and wanted quantities.
         residuals: Remainders of the wanted quantities.
         angles: Wanted quantities that are angles.
-
-    Raises:
-        InputError: An unknown has no effect on the wanted quantities, or several have the same.
-        IntegrationError: The search does not settle.
-        PinarmError: A run fails.
     """
     ends, failures = list[FoundValues](), list[PinarmError]()
     for turning in [angles, ()] if angles else [()]:

@@ -34,29 +34,14 @@ if TYPE_CHECKING:
 
         def requested(self, mechanism: Mechanism) -> list[str]:
             """Return the quantities and formulas that it needs, so that the joints in them are solved for."""
-            ...
 
         def units(self, quantities: Quantities) -> Mapping[str, Unit | None]: ...
 
         def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-            """Check its names and units, with nothing solved.
-
-            Args:
-                quantities: Those of one row.
-                scenario: What asks for it.
-
-            Raises:
-                InputError: A name does not exist, or a value has another dimension.
-            """
-            ...
+            """Check its names and units against the quantities of one row, with nothing solved."""
 
         def evaluate(self, result: Result) -> Section:
-            """Return the section with the findings in a result.
-
-            Raises:
-                InputError: The run does not have what it needs.
-            """
-            ...
+            """Return the section with the findings in a result; an InputError where the run lacks what it needs."""
 
 else:  # imported where a scenario has the key, see ScenarioFile.deferred
     Assessment = Find = Payload = Any
@@ -73,11 +58,7 @@ class Argument(Measured):
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read a number with or without a unit, a word, or a truth value.
-
-        Raises:
-            InputError: It is none of them.
-        """
+        """Read a number with or without a unit, a word, or a truth value."""
         if not isinstance(value, str | int | float):
             raise InputError("an argument is a number, with a unit where it has one, or a word")
         word = value.word if isinstance(value, cls) else argument_word(value)

@@ -48,13 +48,7 @@ NEAREST = 3
 
 
 def solve_found(scenario: Scenario, search: Find) -> Result:
-    """Find the unknown values and solve the problem with them.
-
-    Raises:
-        InputError: A name or a path is wrong, or what is wanted does not depend on the unknowns.
-        IntegrationError: Nothing has been found.
-        PinarmError: See ``Scenario.run``.
-    """
+    """Find the unknown values and solve the problem with them."""
     bare = scenario.restated({key: value for key, value in scenario.document.data.items() if key != "find"})
     check_search(scenario, search, bare.quantities())
     with scenario.document.locating("find"):
@@ -265,11 +259,7 @@ def _remarks(search: Find, best: Optimum, objective: Series, value: float, round
 
 
 def check_search(scenario: Scenario, search: Find, quantities: Quantities) -> None:
-    """Check names, units and paths of a search, with nothing solved.
-
-    Raises:
-        PinarmError: Something is wrong; the message says where.
-    """
+    """Check names, units and paths of a search, with nothing solved."""
     with scenario.document.locating("find"):
         search.check_names(quantities, scenario.concluded, scenario.unit_at)
     for path, unknown in search.unknown.items():

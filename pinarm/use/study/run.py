@@ -65,60 +65,40 @@ def validate(scenario: Given, values: Values | None = None) -> list[Scenario]:
 
 
 def scenarios(given: Given, values: Values | None = None) -> list[Scenario]:
-    """Return a scenario, that of a file, or those of a folder, with other values.
-
-    Raises:
-        InputError: A file has a mistake, or the folder has none.
-    """
+    """Return a scenario, that of a file, or those of a folder, with other values."""
     if isinstance(given, str | PathLike):
         return [load(file, values) for file in scenario_files(Path(given))]
     return [load(given, values)]
 
 
 def scenario_files(*paths: Path) -> Iterator[Path]:
-    """Yield scenario files, and those in folders in the order of their names; mechanism files there are passed over.
-
-    Raises:
-        InputError: There are none.
-    """
-    none = True
-    for path in paths:
-        for file in sorted(path.glob("*.yaml")) if path.is_dir() else [path]:
-            if not path.is_dir() or not is_mechanism_file(file):
-                none = False
-                yield file
-    if none:
+    """Yield scenario files, and those in folders in the order of their names; mechanism files there are passed over."""
+    files = [file for path in paths for file in (sorted(path.glob("*.yaml")) if path.is_dir() else [path])]
+    chosen = [file for file in files if file in paths or not is_mechanism_file(file)]
+    if not chosen:
         places = ", ".join(map(str, paths))
         below = sorted({str(file.parent) for path in paths if path.is_dir() for file in path.glob("*/*.yaml")})
         raise InputError(
             f"there are no scenarios in {places}",
             expected="files ending in .yaml, with a 'problem:'",
-            hint=f"the folders below: {' '.join(below[:MOST])}" if below else "",
+            hint=f"the folders below: {' '.join(below[:12])}" if below else "",
         )
+    yield from chosen
 
 
-MOST = 12
-"""Number of folders that a message lists."""
-
-
-def input_files(path: Path) -> tuple[list[Path], int]:
+def input_files(path: Path) -> list[Path]:
     """Return a file, or the scenarios and mechanism files in a folder and the folders below it.
 
     Hidden folders are left alone. So are folders of results below it, whose files are those of a run as it was.
-
-    Returns:
-        The files, in the order of their names, and the number of other files ending in .yaml.
     """
     from pinarm.use.output import read_manifest
 
     if not path.is_dir():
-        return [path], 0
-    visible = [
-        file for file in path.rglob("*.yaml") if not any(part.startswith(".") for part in file.relative_to(path).parts)
-    ]
+        return [path]
+    files = sorted(path.rglob("*.yaml"))
+    visible = [file for file in files if not any(part.startswith(".") for part in file.relative_to(path).parts)]
     written = {folder for folder in {file.parent for file in visible} - {path} if read_manifest(folder) is not None}
-    own = sorted(file for file in visible if file.parent not in written and is_input(file))
-    return own, len(visible) - len(own)
+    return [file for file in visible if file.parent not in written and is_input(file)]
 
 
 def is_mechanism_file(file: Path) -> bool:

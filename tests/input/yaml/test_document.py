@@ -240,21 +240,6 @@ def test_a_mistake_is_explained_where_it_stands(text: str, says: str, place: tup
     assert caught.value.hint == hint
 
 
-@pytest.mark.parametrize(
-    ("text", "hint"),
-    [
-        ("time: {end: 60}\nnamed: {a: {end: 3 ms}}\n", "60 ms"),  # as elsewhere in the file
-        ("time: {end: 1 s}\nparts: [{end: 2 ms}, {end: 60}]\n", "60 ms"),  # the nearest count
-        ("parts: [{end: 1 h}, {end: 2 min}, {end: 3 min}, {end: 60}]\ntime: {end: 1 s}\n", "60 min"),  # the most
-        ("time: {end: 60}\ntitle: 3 mm\n", "60 s"),
-    ],
-)
-def test_a_missing_unit_is_that_of_the_neighbours(text: str, hint: str) -> None:
-    with pytest.raises(InputError, match="'60' has no unit") as caught:
-        Document.parse(text).validate(Whole)
-    assert caught.value.hint == hint
-
-
 def test_data_built_in_python_are_read_as_files_are():
     document = Document.of_data({"a": (1, np.float64(2.5)), "b": {"c": np.arange(2)}, "d": Path("x")}, "here")
     assert document.data == {"a": [1, 2.5], "b": {"c": [0, 1]}, "d": "x"}
