@@ -1,27 +1,63 @@
-"""The tree of joints and bodies of a mechanism with its dimensions and masses as formulas."""
+"""The tree of joints and bodies of a mechanism with its dimensions and masses as formulas of its arguments.
+
+What a xacro file computes is followed through its expansion. Other models have numbers.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import math
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from typing import Any, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 import sympy
 
+from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import InputError
+from pinarm.errors import InputError, PinarmError
+from pinarm.input.roots import contained_file, file_root, root_of
+from pinarm.input.xacro.columns import Column, Rows, joined
+from pinarm.input.xacro.expander import Expander
 from pinarm.mechanics.forces.joint_forces import SpringDamper
 from pinarm.mechanics.joints import Joint
 from pinarm.records import ValueRecord, replace
-from pinarm.use.letters.traced_model import TracedModel, exact, traced_model
 
 MOST = 6
 """Largest number of joints: formulas of more are longer than anybody reads, and take minutes."""
 
 AXIAL = ("revolute", "continuous", "prismatic")
 """Kinds of joints whose motion is along or about one axis."""
+
+DENOMINATOR = 1000
+"""Largest denominator of a number that is written as a fraction, or as a fraction of pi."""
+
+OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": operator.pow,
+}
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    "neg": operator.neg, "pos": operator.pos, "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin,
+    "acos": sympy.acos, "atan": sympy.atan, "atan2": sympy.atan2, "sqrt": sympy.sqrt, "exp": sympy.exp,
+    "pow": operator.pow, "hypot": lambda *sides: sympy.sqrt(sum(side**2 for side in sides)),
+    "radians": lambda degrees: degrees * sympy.pi / 180,
+}  # fmt: skip
+
+WORD = re.compile(r"(-?)traced_([0-9]+)")
+"""A traced number in the text of an expanded model."""
+
+Placement: TypeAlias = tuple[sympy.Matrix, sympy.Matrix]
+"""Rotation, shape (3, 3), and position, shape (3, 1)."""
+
+NOWHERE: Placement = (sympy.eye(3), sympy.zeros(3, 1))
 
 
 class Body(ValueRecord, frozen=True):
@@ -44,7 +80,7 @@ class AxialJoint(ValueRecord, frozen=True):
     Attributes:
         name: Its name.
         parent: The joint before it; empty on the ground.
-        placement: Rotation and position in the frame behind the parent.
+        placement: In the frame behind the parent.
         axis: Shape (3, 1).
         turning: Whether it turns.
         damping: Viscous damping that the model gives it.
@@ -53,7 +89,7 @@ class AxialJoint(ValueRecord, frozen=True):
 
     name: str
     parent: str
-    placement: tuple[sympy.Matrix, sympy.Matrix]
+    placement: Placement
     axis: sympy.Matrix
     turning: bool
     damping: sympy.Expr
@@ -61,99 +97,158 @@ class AxialJoint(ValueRecord, frozen=True):
 
 
 class LetteredTree(ValueRecord, frozen=True):
-    """The joints of a mechanism, each behind its parent, and where links are.
-
-    Attributes:
-        joints: The joints.
-        links: Link -> the joint that it moves with, and rotation and position of its frame behind that joint.
-    """
+    """The joints of a mechanism, each behind its parent, and the joint and placement of every link."""
 
     joints: tuple[AxialJoint, ...]
-    links: Mapping[str, tuple[str, tuple[sympy.Matrix, sympy.Matrix]]]
+    links: Mapping[str, tuple[str, Placement]]
+
+
+def letter(name: str) -> sympy.Symbol:
+    """Return the symbol of a name."""
+    return sympy.Symbol(name, real=True)
+
+
+def exact(value: float) -> sympy.Expr:
+    """Return a number as a fraction, or as a fraction of pi, where it is one to rounding."""
+    for unit, factor in ((1.0, sympy.Integer(1)), (math.pi, sympy.pi)):
+        fraction = sympy.Rational(value / unit).limit_denominator(DENOMINATOR)
+        if abs(float(fraction) * unit - value) <= 4e-16 * abs(value):
+            return fraction * factor
+    return sympy.Float(value, 17)
 
 
 def lettered_tree(mechanism: Mechanism) -> LetteredTree:
-    """Return the tree of a mechanism, of formulas where its model is a xacro or URDF file with its own masses alone.
+    """Return the tree of a mechanism, of formulas where its model is a xacro file with its own masses alone.
 
     Raises:
         InputError: A joint has more than one coordinate, or there are more than ``MOST``.
     """
     if len(mechanism.joints) > MOST:
-        raise InputError(
-            f"equations in letters of {len(mechanism.joints)} joints are too long", expected=f"at most {MOST}"
-        )
+        words = f"equations in letters of {len(mechanism.joints)} joints are too long"
+        raise InputError(words, expected=f"at most {MOST}")
     if mechanism.balls or len(mechanism.joints) != mechanism.model.nv:
         raise InputError(
             "equations in letters are written of joints with one coordinate",
             expected="revolute, continuous and prismatic joints",
         )
-    if mechanism.xml.lstrip().startswith("<mujoco") or mechanism.payloads or not _follows(mechanism):
-        return _of_numbers(mechanism)
-    return _UrdfReader(traced_model(mechanism)).tree(mechanism)
+    with suppress(PinarmError):
+        if mechanism.source.robot.suffix == ".xacro" and not mechanism.payloads:
+            reader = _UrdfReader(*_traced(mechanism))
+            if reader.movable == {*mechanism.joints}:
+                return reader.tree(mechanism)
+    return _of_numbers(mechanism)
 
 
-def _follows(mechanism: Mechanism) -> bool:
-    """Return whether the movable joints of the text are those of the mechanism."""
-    if mechanism.description.planar is not None:
-        return False
-    root = ElementTree.fromstring(mechanism.xml)
-    movable = {joint.get("name") for joint in root.findall("joint") if joint.get("type") in AXIAL}
-    return movable == {*mechanism.joints}
+class TracedNumber(Column):
+    """A number of an expansion, and the formula that gives it; ``None`` where it is not followed."""
+
+    def __init__(self, rows: Rows, values: Array, formula: sympy.Expr | None) -> None:
+        super().__init__(rows, values)
+        self.formula = formula
+
+
+class TracedRows(Rows):
+    """The one row of a traced expansion."""
+
+    def applied(self, function: Callable[..., Any], operands: Sequence[Any], symbol: str = "") -> Column:
+        """Return the value of a function, with its formula; see ``Rows``."""
+        values = super().applied(function, operands, symbol).values
+        while isinstance(function, partial):
+            function = function.args[-1] if function.args and callable(function.args[-1]) else function.func
+        known = OPERATORS.get(symbol) or FUNCTIONS.get(getattr(function, "__name__", ""))
+        terms = [_formula(operand) for operand in operands]
+        formula = known(*terms) if known and all(term is not None for term in terms) else None
+        return TracedNumber(self, values, formula)
+
+    def lifted(self, text: str) -> Column:
+        """Return the number of a text with marks; a minus before a mark is followed."""
+        texts, columns = self.parts(text)
+        return self.applied(operator.neg, columns) if texts == ["-", ""] else super().lifted(text)
+
+
+def _formula(operand: Any) -> sympy.Expr | None:
+    if isinstance(operand, TracedNumber):
+        return operand.formula
+    return exact(float(operand)) if isinstance(operand, int | float) else None
+
+
+def _traced(mechanism: Mechanism) -> tuple[str, dict[str, sympy.Expr]]:
+    """Return the text of a xacro model with words for numbers that follow from its arguments, and their formulas."""
+    path, rows = mechanism.source.robot, TracedRows(1)
+    numbers = {name: value for name, value in mechanism.arguments.items() if isinstance(value, int | float)}
+    texts = {name: str(TracedNumber(rows, np.array([float(value)]), letter(name))) for name, value in numbers.items()}
+    root, words = root_of(mechanism.source.folder / "mechanism.yaml"), dict[str, sympy.Expr]()
+    with file_root(None, mechanism.source.packages):
+        expansion = Expander(root, texts, rows).run(contained_file(path.absolute(), root), str(path))
+        pieces, used = rows.parts(expansion.xml)
+        for number in used:
+            formula, value = _formula(number), number.values.tolist()[0]
+            plain = exact(float(value)) if isinstance(value, int | float) else sympy.nan
+            words[f"traced_{number.place}"] = plain if formula is None else formula
+        return joined(pieces, (f"traced_{number.place}" for number in used)), words
 
 
 class _UrdfReader:
-    """Reads joints and inertias of a URDF text with formulas."""
+    """Reads joints and inertias of a URDF text with words for formulas."""
 
-    def __init__(self, text: TracedModel) -> None:
-        self.text, root = text, ElementTree.fromstring(text.xml)
+    def __init__(self, xml: str, formulas: Mapping[str, sympy.Expr]) -> None:
+        root, self.formulas = ElementTree.fromstring(xml), formulas
         self.links = {str(link.get("name")): link for link in root.findall("link")}
-        self.behind: dict[str, list[Any]] = {}
-        for joint in root.findall("joint"):
-            self.behind.setdefault(joint.find("parent").get("link"), []).append(joint)  # type: ignore[union-attr,arg-type]
+        self.elements: list[Any] = root.findall("joint")
+        self.movable = {joint.get("name") for joint in self.elements if joint.get("type") in AXIAL}
         self.joints: dict[str, AxialJoint] = {}
-        self.places: dict[str, tuple[str, tuple[sympy.Matrix, sympy.Matrix]]] = {}
+        self.places: dict[str, tuple[str, Placement]] = {}
 
     def tree(self, mechanism: Mechanism) -> LetteredTree:
-        children = {joint.find("child").get("link") for joints in self.behind.values() for joint in joints}
-        (root,) = (name for name in self.links if name not in children)
-        self._walk(root, "", (sympy.eye(3), sympy.zeros(3, 1)))
+        (root,) = self.links.keys() - {joint.find("child").get("link") for joint in self.elements}
+        self._walk(root, "", NOWHERE)
         ordered = sorted(self.joints.values(), key=lambda joint: mechanism.joints[joint.name].index)
         return LetteredTree(tuple(ordered), self.places)
 
-    def _walk(self, link: str, carrier: str, placement: tuple[sympy.Matrix, sympy.Matrix]) -> None:
+    def _walk(self, link: str, carrier: str, placement: Placement) -> None:
         """Add a link that is placed behind a joint, and all that hangs on it."""
         self.places[link] = carrier, placement
         if carrier and (inertial := self.links[link].find("inertial")) is not None:
             joint = self.joints[carrier]
             self.joints[carrier] = replace(joint, bodies=(*joint.bodies, self._body(inertial, placement)))
-        for joint in self.behind.get(link, ()):
+        for joint in self.elements:
+            if joint.find("parent").get("link") != link:
+                continue
             own, child = self._placed(joint.find("origin"), placement), joint.find("child").get("link")
             if joint.get("type") not in AXIAL:
                 self._walk(child, carrier, own)
                 continue
-            name, element = joint.get("name"), joint.find("axis")
-            axis = self.text.vector(element.get("xyz") if element is not None else None, "1 0 0")
+            name, axis, dynamics = joint.get("name"), joint.find("axis"), joint.find("dynamics")
+            way = self._vector(axis.get("xyz") if axis is not None else None, "1 0 0")
+            damping = self._number(dynamics.get("damping", "0")) if dynamics is not None else sympy.Integer(0)
             turning = joint.get("type") != "prismatic"
-            direction, damping = axis / sympy.sqrt(axis.dot(axis)), self._damping(joint.find("dynamics"))
-            self.joints[name] = AxialJoint(name, carrier, own, direction, turning, damping)
-            self._walk(child, name, (sympy.eye(3), sympy.zeros(3, 1)))
+            self.joints[name] = AxialJoint(name, carrier, own, way / sympy.sqrt(way.dot(way)), turning, damping)
+            self._walk(child, name, NOWHERE)
 
-    def _damping(self, dynamics: Any) -> sympy.Expr:
-        return self.text.number(dynamics.get("damping", "0")) if dynamics is not None else sympy.Integer(0)
+    def _number(self, text: str) -> sympy.Expr:
+        match = WORD.fullmatch(text)
+        if match is None:
+            return exact(float(text))
+        formula = self.formulas[f"traced_{match[2]}"]
+        return -formula if match[1] else formula
 
-    def _placed(self, origin: Any, before: tuple[sympy.Matrix, sympy.Matrix]) -> tuple[sympy.Matrix, sympy.Matrix]:
+    def _vector(self, text: str | None, otherwise: str = "0 0 0") -> sympy.Matrix:
+        return sympy.Matrix([self._number(word) for word in (text or otherwise).split()])
+
+    def _placed(self, origin: Any, before: Placement) -> Placement:
         if origin is None:
             return before
-        roll, pitch, yaw = self.text.vector(origin.get("rpy"))
-        turn = rotation(sympy.Matrix([0, 0, 1]), yaw) * rotation(sympy.Matrix([0, 1, 0]), pitch)
-        turn = turn * rotation(sympy.Matrix([1, 0, 0]), roll)
-        return before[0] * turn, before[1] + before[0] * self.text.vector(origin.get("xyz"))
+        roll, pitch, yaw = self._vector(origin.get("rpy"))
+        turn = before[0]
+        for axis, angle in ((2, yaw), (1, pitch), (0, roll)):
+            turn = turn * rotation(sympy.eye(3)[:, axis], angle)
+        return turn, before[1] + before[0] * self._vector(origin.get("xyz"))
 
-    def _body(self, inertial: Any, placement: tuple[sympy.Matrix, sympy.Matrix]) -> Body:
+    def _body(self, inertial: Any, placement: Placement) -> Body:
         turn, centre = self._placed(inertial.find("origin"), placement)
-        read = {name: self.text.number(value) for name, value in inertial.find("inertia").attrib.items()}
+        read = {name: self._number(value) for name, value in inertial.find("inertia").attrib.items()}
         inertia = sympy.Matrix(3, 3, lambda i, j: read.get(f"i{''.join(sorted('xyz'[i] + 'xyz'[j]))}", 0))
-        return Body(self.text.number(inertial.find("mass").get("value")), centre, turn * inertia * turn.T)
+        return Body(self._number(inertial.find("mass").get("value")), centre, turn * inertia * turn.T)
 
 
 def rotation(axis: sympy.Matrix, angle: Any) -> sympy.Matrix:
@@ -166,32 +261,27 @@ def rotation(axis: sympy.Matrix, angle: Any) -> sympy.Matrix:
 def _of_numbers(mechanism: Mechanism) -> LetteredTree:
     """Return the tree with the numbers of Pinocchio's model."""
     model, joints = mechanism.model, {joint.index: joint for joint in mechanism.joints.values()}
-    places = {}
-    for frame in model.frames:
-        carrier = joints[frame.parentJoint].name if frame.parentJoint else ""
-        places[frame.name] = carrier, _pose(frame.placement)
+    names = {0: "", **{index: joint.name for index, joint in joints.items()}}
+    places = {frame.name: (names[frame.parentJoint], _pose(frame.placement)) for frame in model.frames}
     damping = dict.fromkeys(range(model.nv), 0.0)
     for element in mechanism.forces.values():
         if isinstance(element, SpringDamper) and not element.stiffness.any():
             damping |= dict(zip(element.v.tolist(), element.damping.tolist(), strict=True))
-    return LetteredTree(tuple(_axial(model, joints[k], damping[joints[k].v], joints) for k in sorted(joints)), places)
+    return LetteredTree(tuple(_axial(model, joints[k], damping[joints[k].v], names) for k in sorted(joints)), places)
 
 
-def _axial(model: pin.Model, joint: Joint, damping: float, joints: Mapping[int, Joint]) -> AxialJoint:
-    index = joint.index
-    kind = model.joints[index]
+def _axial(model: pin.Model, joint: Joint, damping: float, names: Mapping[int, str]) -> AxialJoint:
+    kind, inertia = model.joints[joint.index], model.inertias[joint.index]
     data = kind.createData()
     kind.calc(data, pin.neutral(model)[kind.idx_q : kind.idx_q + kind.nq])
     motion = np.asarray(data.S).reshape(6)
-    turning, parent = bool(np.any(motion[3:])), model.parents[index]
-    inertia = model.inertias[index]
+    turning, parent = bool(np.any(motion[3:])), names[model.parents[joint.index]]
     body = Body(exact(inertia.mass), _matrix(inertia.lever), _matrix(inertia.inertia))
-    axis = _matrix(motion[3:] if turning else motion[:3])
-    before = joints[parent].name if parent else ""
-    return AxialJoint(joint.name, before, _pose(model.jointPlacements[index]), axis, turning, exact(damping), (body,))
+    axis, place = _matrix(motion[3:] if turning else motion[:3]), _pose(model.jointPlacements[joint.index])
+    return AxialJoint(joint.name, parent, place, axis, turning, exact(damping), (body,))
 
 
-def _pose(placement: pin.SE3) -> tuple[sympy.Matrix, sympy.Matrix]:
+def _pose(placement: pin.SE3) -> Placement:
     return _matrix(placement.rotation), _matrix(placement.translation)
 
 

@@ -5,22 +5,31 @@ They are compared with the numeric equations at random states before anybody rea
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pinocchio as pin
 import sympy
 
+from pinarm.arrays import Array
+from pinarm.engine.kinematics.assembly import closed_generic
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import InputError
+from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.forces.kinds import bound
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.records import Record, ValueRecord
-from pinarm.use.letters.bodies import lettered_tree
-from pinarm.use.letters.coordinates import LetteredCoordinates, lettered_coordinates, named_symbols
+from pinarm.use.letters.bodies import exact, letter, lettered_tree
 from pinarm.use.letters.forces import LetteredForce, joint_damping, lettered_forces
-from pinarm.use.letters.projection import LetteredLoop, Letters
-from pinarm.use.letters.proof import STATES, Proof, require_same
-from pinarm.use.letters.traced_model import exact, letter
+from pinarm.use.letters.projection import (
+    LetteredCoordinates,
+    LetteredLoop,
+    Letters,
+    lettered_coordinates,
+    named_symbols,
+)
 from pinarm.use.letters.writing import compact, latex, mathml, shortest, written
 
 if TYPE_CHECKING:
@@ -113,11 +122,8 @@ class Question(ValueRecord, frozen=True):
         for name in row.drives:
             if not isinstance(mechanism.coordinates[name], LinearCoordinate):
                 raise InputError(f"the drive along '{name}' is not written in letters", expected="drives of joints")
-        driven = (
-            None
-            if row.driven is None
-            else frozenset(name for name, joint in mechanism.joints.items() if row.driven[joint.v])
-        )
+        flags = None if row.driven is None else row.driven.tolist()
+        driven = None if flags is None else frozenset(n for n, joint in mechanism.joints.items() if flags[joint.v])
         constant: dict[str, tuple[float | None, float]] = {}
         for name, law in laws.items():
             if isinstance(law, Constant | ConstantSpeed):
@@ -154,7 +160,7 @@ def equations_of(mechanism: Mechanism, question: Question, small: Mapping[str, f
     needed = letters.inertial_efforts()
     for efforts in (joint_damping(letters), *(force.efforts for force in forces)):
         needed |= {joint: needed[joint] - effort for joint, effort in efforts.items()}
-    proof = Proof(letters, forces)
+    proof = _Proof(letters, forces)
     difference = proof.efforts(needed)
     proof.loops(loops)
     form, zero = _Form(letters, question, small), sympy.Integer(0)
@@ -167,13 +173,7 @@ def equations_of(mechanism: Mechanism, question: Question, small: Mapping[str, f
 
 
 class _Form:
-    """Form of the equations under the conditions of a scenario.
-
-    Args:
-        letters: The symbolic mechanics.
-        question: Conditions of the scenario.
-        small: Values about which equations are linear; ``None`` where they are not.
-    """
+    """Form of the equations under the conditions of a scenario; ``small`` are values about which they are linear."""
 
     def __init__(self, letters: Letters, question: Question, small: Mapping[str, float] | None) -> None:
         self.letters, self.question, self.small = letters, question, small
@@ -212,7 +212,7 @@ class _Form:
         chosen, plain = self.coordinates.chosen, self._plain(formula)
         deviations = () if self.small is None else (c.value for c in chosen)
         short = compact(plain, [c.second for c in chosen], [*(c.rate for c in chosen), *deviations])
-        require_same(plain, short)
+        _require_same(plain, short)
         return short
 
     def _effort(self, joint: str) -> sympy.Expr:
@@ -232,6 +232,102 @@ class _Form:
                 momentum = compact(kinetic.diff(c.rate), rates, [])
                 equations.append(Equation(letter(f"p_{c.value}"), momentum, c.name))
         return tuple(equations)
+
+
+STATES, AGREED = 5, 1e-12
+"""Random states at which equations are compared, and the difference that is rounding, relative to the largest term."""
+
+SAME_ROWS = 1e-9
+"""Singular value of rows in letters beside the numeric ones, relative to the largest, that is 0."""
+
+
+def _require_same(plain: sympy.Expr, short: sympy.Expr) -> None:
+    """Compare a formula with a shorter one at a random value of each symbol."""
+    terms = sympy.Add.make_args(sympy.expand(plain))
+    symbols = sorted(plain.free_symbols | short.free_symbols, key=str)
+    values = np.random.default_rng(1).uniform(0.5, 1.5, len(symbols))
+    value, *sizes = sympy.lambdify(symbols, [short, *terms])(*values)
+    if not abs(value - sum(sizes)) <= AGREED * (abs(value) + sum(map(abs, sizes))):
+        raise DynamicsError("a shortened equation differs from what it was")
+
+
+class _Proof:
+    """The numbers behind the symbols of one mechanism with its forces."""
+
+    def __init__(self, letters: Letters, forces: Sequence[LetteredForce]) -> None:
+        self.letters, self.mechanism = letters, letters.mechanism
+        self.numbers = {letter(name): value for name, value in self.mechanism.arguments.items()}
+        self.numbers[letter("g")] = self.mechanism.gravity
+        for force in forces:
+            self.numbers |= {letter(symbol): number for symbol, (_, number) in force.symbols.items()}
+        self.order = [self.mechanism.joints[name].v for name in letters.motions]
+        model, known = self.mechanism, self.mechanism.description.forces
+        self.elements = [element for name, element in model.forces.items() if name not in known]
+        self.elements += [bound(f.definition, model.model, model.joints, model.coordinates) for f in forces]
+
+    def efforts(self, needed: Mapping[str, sympy.Expr]) -> float:
+        """Return the largest difference of efforts from Pinocchio's RNEA and the forces, relative to the largest terms.
+
+        Args:
+            needed: Joint -> the effort that is needed there, without the forces of loops.
+
+        Raises:
+            DynamicsError: The difference exceeds rounding.
+            InputError: All terms are 0.
+        """
+        function, random, worst = self._function([*needed.values()]), np.random.default_rng(0), 0.0
+        model = self.mechanism.model
+        for _ in range(STATES):
+            q = pin.integrate(model, pin.neutral(model), random.normal(size=model.nv))
+            v, a = random.normal(size=(2, model.nv))
+            inertial, load = pin.rnea(model, model.createData(), q, v, a), np.zeros(model.nv)
+            for element in self.elements:
+                element.on(0.0, 1.0).add_load(0.5, q, v, load)
+            masses = np.abs(pin.crba(model, model.createData(), q)).max()
+            scale = np.abs(inertial).max() + np.abs(load).max() + masses
+            if not scale:
+                words = "no body has a mass here: equations have nothing to be compared with"
+                raise InputError(words, expected="other masses than 0")
+            difference = np.array(function(q, v, a), float) - (inertial - load)[self.order]
+            worst = max(worst, float(np.abs(difference).max() / scale))
+        if not worst <= AGREED:
+            raise DynamicsError(f"the equations in letters differ from the numeric ones by {worst:.1e}")
+        return worst
+
+    def loops(self, loops: Sequence[LetteredLoop]) -> None:
+        """Check that loops close, and bind velocities, as the numeric ones in a closed position.
+
+        Raises:
+            DynamicsError: They do not.
+        """
+        if not loops:
+            return
+        model = self.mechanism.model
+        q, still = closed_generic(self.mechanism, {}), np.zeros(model.nv)
+        rows = self.mechanism.closure.rows(Kinematics.at(model, q))
+        gaps = [gap for loop in loops for gap in loop.gaps]
+        ways = [[loop.rows[name][k] for name in self.letters.motions] for loop in loops for k in loop.kept]
+        opening, ways = self._function([gaps, ways])(q, still, still)
+        own = np.zeros((len(gaps), model.nv))
+        own[:, self.order] = ways
+        small = SAME_ROWS * max(1.0, np.abs(rows).max())
+        own_rank, rank, both = (np.linalg.matrix_rank(some, small) for some in (own, rows, np.vstack([own, rows])))
+        if np.abs(opening).max() > small or not own_rank == rank == both:
+            raise DynamicsError("the closure in letters differs from the numeric one")
+
+    def _function(self, formulas: list[Any]) -> Callable[[Array, Array, Array], Any]:
+        """Return the function of states q, v and a that evaluates formulas."""
+        chosen = self.letters.coordinates.chosen
+        moving = [symbol for c in chosen for symbol in (c.value, c.rate, c.second)]
+        function = sympy.lambdify([*self.numbers, *moving], formulas, "numpy", cse=True)
+
+        def evaluate(q: Array, v: Array, a: Array) -> Any:
+            state = Kinematics.at(self.mechanism.model, q, v)
+            measured = [self.mechanism.coordinate(c.name) for c in chosen]
+            rates = [(w.value(state), w.row(state) @ v, w.row(state) @ a + w.drift(state)) for w in measured]
+            return function(*self.numbers.values(), *(float(number) for some in rates for number in some))
+
+        return evaluate
 
 
 def _meanings(letters: Letters, forces: Sequence[LetteredForce], loops: Sequence[LetteredLoop]) -> dict[str, str]:

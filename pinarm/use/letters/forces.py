@@ -14,8 +14,8 @@ from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring, Sprin
 from pinarm.mechanics.forces.points import Wrench
 from pinarm.mechanics.laws import Constant
 from pinarm.records import ValueRecord
+from pinarm.use.letters.bodies import exact, letter
 from pinarm.use.letters.projection import Letters
-from pinarm.use.letters.traced_model import exact, letter
 
 ONE = Constant(value=1.0)
 """The law of a load in the proof of its equations."""

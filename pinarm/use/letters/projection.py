@@ -1,4 +1,4 @@
-"""Newton and Euler's equations in letters, projected on the joints.
+"""Coordinates in letters, and Newton and Euler's equations projected on the joints.
 
 For each joint i, ``sum_b z_i (m (a_b - g)) + w_i (I alpha + omega x I omega)``, z_i and w_i the velocity of the centre
 of mass of body b and its angular velocity per unit of the joint's.
@@ -6,25 +6,103 @@ of mass of body b and its angular velocity per unit of the joint's.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import sympy
 
 from pinarm.engine.constraints.constraint_rows import Constraint
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
-from pinarm.mechanics.coordinates import PointCoordinate
+from pinarm.mechanics.coordinates import LinearCoordinate, PointCoordinate
 from pinarm.mechanics.joints import unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import ValueRecord
-from pinarm.use.letters.bodies import AxialJoint, Body, LetteredTree, rotation
-from pinarm.use.letters.coordinates import LetteredCoordinates, named_symbols
-from pinarm.use.letters.traced_model import exact, letter
+from pinarm.use.letters.bodies import NOWHERE, AxialJoint, Body, LetteredTree, exact, letter, rotation
 from pinarm.use.letters.writing import shortest
 
 POINTS = ("revolute", "spherical", "pin")
 """Kinds of loop joints that hold two points together and whose other rows vanish in a plane."""
+
+
+class LetteredCoordinate(ValueRecord, frozen=True):
+    """A coordinate of a mechanism, with the symbols of its value, its velocity and its acceleration."""
+
+    name: str
+    value: sympy.Symbol
+    rate: sympy.Symbol
+    second: sympy.Symbol
+
+
+class LetteredCoordinates(ValueRecord, frozen=True):
+    """Coordinates that equations are written in.
+
+    Attributes:
+        mechanism: The mechanism.
+        chosen: As many as joints, and prescribed ones beside them.
+        joints: Joint -> its coordinate as a formula of these.
+    """
+
+    mechanism: Mechanism
+    chosen: tuple[LetteredCoordinate, ...]
+    joints: Mapping[str, sympy.Expr]
+
+    def shares(self, name: str) -> dict[str, sympy.Expr]:
+        """Return the joints that a coordinate is a sum of, with their weights.
+
+        Raises:
+            InputError: It is another coordinate.
+        """
+        if isinstance(self.mechanism.coordinates.get(name), LinearCoordinate):
+            return _weights(self.mechanism, name)
+        raise InputError(f"a force along '{name}' is not written in letters", expected="a joint or a sum of joints")
+
+    def rate(self, formula: Any) -> Any:
+        """Return the derivative of a formula, or of each entry of a matrix, with respect to time."""
+        pairs = [pair for c in self.chosen for pair in ((c.value, c.rate), (c.rate, c.second))]
+        first, *others = (formula.diff(known) * rate for known, rate in pairs)
+        return sum(others, first)
+
+
+def named_symbols(mechanism: Mechanism) -> dict[str, str]:
+    """Return quantity -> the symbol that the mechanism's file has for it."""
+    return {formula.text: name for name, formula in reversed([*mechanism.symbols.items()])}
+
+
+def lettered_coordinates(mechanism: Mechanism, prescribed: Iterable[str] = ()) -> LetteredCoordinates:
+    """Return the coordinates of the joints; a sum of joint coordinates takes the place of the last joint in it."""
+    symbols, order, sums = named_symbols(mechanism), [*mechanism.joints], dict[str, str]()
+    for name, coordinate in mechanism.coordinates.items():
+        if name not in mechanism.joints and isinstance(coordinate, LinearCoordinate) and coordinate.joint is None:
+            sums.setdefault(max(_weights(mechanism, name), key=order.index), name)
+    joints: dict[str, sympy.Expr] = {}
+    chosen: list[LetteredCoordinate] = []
+    for name in mechanism.joints:
+        total = sums.get(name, name)
+        chosen.append(_coordinate(total, "joint" if total == name else "coordinate", symbols))
+        value: Any = chosen[-1].value
+        if total != name:
+            weights = _weights(mechanism, total)
+            value = (value - sum(weights[other] * joints[other] for other in weights if other != name)) / weights[name]
+        joints[name] = value
+    others = (name for name in prescribed if name not in joints and name not in sums.values())
+    chosen += [_coordinate(name, "coordinate", symbols) for name in others]
+    return LetteredCoordinates(mechanism, tuple(chosen), joints)
+
+
+def _weights(mechanism: Mechanism, name: str) -> dict[str, sympy.Expr]:
+    weights: Sequence[float] = mechanism.coordinates[name].weights.tolist()  # type: ignore[union-attr]
+    places = {joint.v: joint.name for joint in mechanism.joints.values()}
+    return {places[v]: exact(weight) for v, weight in enumerate(weights) if weight}
+
+
+def _coordinate(name: str, kind: str, symbols: Mapping[str, str]) -> LetteredCoordinate:
+    plain = symbols.get(f"{kind}.{name}.position", re.sub(r"\W", "_", name))
+    rate = symbols.get(f"{kind}.{name}.velocity", f"{plain}d")
+    second = symbols.get(f"{kind}.{name}.acceleration", f"{plain}dd")
+    return LetteredCoordinate(name, *map(letter, (plain, rate, second)))
 
 
 class Motion(ValueRecord, frozen=True):
@@ -97,7 +175,7 @@ class Letters:
     def _moved(self, joint: AxialJoint) -> Motion:
         before, (turn, place) = self.motions.get(joint.parent), joint.placement
         value = self.coordinates.joints[joint.name]
-        outer, shift = (before.rotation, before.origin) if before else (sympy.eye(3), sympy.zeros(3, 1))
+        outer, shift = (before.rotation, before.origin) if before else NOWHERE
         origin, rotated, path = shift + outer * place, outer * turn, (*(before.path if before else ()), joint.name)
         direction = rotated * joint.axis
         if not joint.turning:
@@ -129,13 +207,6 @@ class Letters:
         motion = self.motions[carrier]
         return motion.origin + motion.rotation * place, motion.path
 
-    def centres(self) -> Iterable[tuple[AxialJoint, Body, sympy.Matrix]]:
-        """Yield bodies with mass, the joints that carry them, and their centres of mass in world axes."""
-        for joint in self.tree.joints:
-            for body in joint.bodies:
-                motion = self.motions[joint.name]
-                yield joint, body, motion.origin + motion.rotation * body.centre
-
     def per_rate(self, joint: str, point: sympy.Matrix) -> sympy.Matrix:
         """Return the velocity of a point beyond a joint per unit of the joint's, shape (3, 1)."""
         motion, turning = self.motions[joint], self._turning[joint]
@@ -145,36 +216,29 @@ class Letters:
     def _turning(self) -> dict[str, bool]:
         return {joint.name: joint.turning for joint in self.tree.joints}
 
-    def _spins(self, carrier: str) -> dict[str, sympy.Matrix]:
-        """Return the angular velocity per unit of each joint's, in the frame behind a joint, shape (3, 1) each."""
-        motion = self.motions[carrier]
-        turned = [name for name in motion.path if self._turning[name]]
-        return {name: self._reduced(motion.rotation.T * self.motions[name].direction) for name in turned}
-
-    @staticmethod
-    def _reduced(vector: sympy.Matrix) -> sympy.Matrix:
-        return vector.applyfunc(lambda entry: sympy.trigsimp(sympy.expand(entry)))
-
     @cached_property
     def _rates(self) -> dict[str, sympy.Expr]:
         return {name: self.coordinates.rate(value) for name, value in self.coordinates.joints.items()}
 
     @cached_property
     def bodies_moving(self) -> list[tuple[Body, tuple[str, ...], sympy.Matrix, dict[str, sympy.Matrix], sympy.Matrix]]:
-        """Bodies, the joints that move each, its centre, its spins per joint and its angular velocity in its frame."""
+        """Bodies, the joints that move each, its centre, and in its frame its spins per joint and angular velocity."""
         moving = []
-        for joint, body, centre in self.centres():
-            spins = self._spins(joint.name)
+        for joint in self.tree.joints:
+            motion = self.motions[joint.name]
+            axes = {name: self.motions[name].direction for name in motion.path if self._turning[name]}
+            spins = {name: _reduced(motion.rotation.T * axis) for name, axis in axes.items()}
             omega = sum((spin * self._rates[name] for name, spin in spins.items()), sympy.zeros(3, 1))
-            moving.append((body, self.motions[joint.name].path, centre, spins, self._reduced(omega)))
+            for body in joint.bodies:
+                centre = motion.origin + motion.rotation * body.centre
+                moving.append((body, motion.path, centre, spins, _reduced(omega)))
         return moving
 
     def inertial_efforts(self) -> dict[str, sympy.Expr]:
         """Return the inertial and gravity efforts of each joint: ``(M a + nle)_i``."""
-        gravity = sympy.Matrix([self._gravity(float(x)) for x in self.mechanism.model.gravity.linear])
         efforts = dict.fromkeys(self.motions, sympy.Integer(0))
         for body, path, centre, spins, omega in self.bodies_moving:
-            acceleration = self.coordinates.rate(self.coordinates.rate(centre)) - gravity
+            acceleration = self.coordinates.rate(self.coordinates.rate(centre)) - self._gravity
             moment = body.inertia * self.coordinates.rate(omega) + omega.cross(body.inertia * omega)
             for name in path:
                 efforts[name] += body.mass * self.per_rate(name, centre).dot(acceleration)
@@ -184,18 +248,18 @@ class Letters:
             efforts[name] += exact(armature) * self.coordinates.rate(self._rates[name]) if armature else 0
         return efforts
 
-    def _gravity(self, component: float) -> sympy.Expr:
-        size = self.mechanism.gravity
-        return letter("g") * exact(component / size) if size else sympy.Integer(0)
+    @cached_property
+    def _gravity(self) -> sympy.Matrix:
+        size, components = self.mechanism.gravity, self.mechanism.model.gravity.linear.tolist()
+        return sympy.Matrix([letter("g") * exact(x / size) if size else sympy.Integer(0) for x in components])
 
     def energy(self) -> tuple[sympy.Expr, sympy.Expr]:
         """Return kinetic and potential energy."""
         kinetic = potential = sympy.Integer(0)
-        gravity = sympy.Matrix([self._gravity(float(x)) for x in self.mechanism.model.gravity.linear])
         for body, _, centre, _, omega in self.bodies_moving:
             velocity = self.coordinates.rate(centre)
             kinetic += (body.mass * velocity.dot(velocity) + omega.dot(body.inertia * omega)) / 2
-            potential -= body.mass * gravity.dot(centre)
+            potential -= body.mass * self._gravity.dot(centre)
         return kinetic, potential
 
     def loops(self) -> list[LetteredLoop]:
@@ -221,3 +285,7 @@ class Letters:
                 rows[name] += sense * self.per_rate(name, point)
         meaning = f"force of {names[0]} on {names[1]} in the loop {loop.name}"
         return LetteredLoop(loop.name, kept, [gap[k] for k in kept], [letter(name) for name in plain], rows, meaning)
+
+
+def _reduced(vector: sympy.Matrix) -> sympy.Matrix:
+    return vector.applyfunc(lambda entry: sympy.trigsimp(sympy.expand(entry)))

@@ -12,8 +12,8 @@ import yaml
 import pinarm
 from pinarm.use.letters import equations as equations_module
 from pinarm.use.letters import projection
-from pinarm.use.letters.coordinates import lettered_coordinates
-from pinarm.use.letters.traced_model import letter
+from pinarm.use.letters.bodies import letter
+from pinarm.use.letters.projection import lettered_coordinates
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -194,7 +194,7 @@ def test_joints_of_a_model_are_damped(chain, mechanism, tmp_path):
 
 def test_wrong_equations_are_not_printed(monkeypatch):
     """A term that is left out is found by the comparison with the numeric equations."""
-    monkeypatch.setattr(projection.Letters, "_gravity", lambda self, component: sympy.Integer(0))
+    monkeypatch.setattr(projection.Letters, "_gravity", sympy.zeros(3, 1))
     with pytest.raises(pinarm.PinarmError, match="differ from the numeric ones"):
         pinarm.equations(scenario("gen411_arm_swing"))
 
