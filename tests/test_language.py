@@ -18,8 +18,8 @@ from pinarm.language import catalogue, decimals, said, spoken, told
 from pinarm.problems import KINDS
 from pinarm.use.method.isolation import WORDS
 from pinarm.use.method.torsors import HEADING, LETTERS
+from pinarm.use.report.chapter import REMARK, TITLE
 from pinarm.use.report.given import LABELS
-from pinarm.use.report.torsors import REMARK, TITLE
 from pinarm.use.result.measures import COSTS, MEASURES
 from pinarm.use.show.free_bodies import IN_PLANE, LAW, PROJECTED
 from pinarm.use.show.plot import ERRORS, OPEN

@@ -5,20 +5,33 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, printable
-from pinarm.language import document, said, spoken, writing
+from pinarm.language import document, in_language, said, spoken, told, writing
 from pinarm.records import Record, replace
 from pinarm.use.facade import Result
 from pinarm.use.output import write_file
-from pinarm.use.report.chapter import Chapter, chapter_on, keyless
-from pinarm.use.report.sweep_chapter import chapter_on_sweep
-from pinarm.use.show.document import tag, text
+from pinarm.use.report.chapter import Chapter, appendix, chapter_on, figure, keyless, provenance
+from pinarm.use.report.given import problem_rows
+from pinarm.use.show.document import (
+    ReportTable,
+    number,
+    part,
+    rounded,
+    sentences,
+    tag,
+    text,
+    unit_text,
+    with_unit,
+)
 from pinarm.use.show.notebook import frame
 from pinarm.use.study.restore import restore
-from pinarm.use.study.sweep.table import Sweep, stored_sweep
+from pinarm.use.study.sweep.plots import pictures
+from pinarm.use.study.sweep.table import Sweep, ranges, remarks, stored_sweep
 
 STYLE = Path(__file__).parent / "report.css"
 HTML, PDF = ".html", ".pdf"
@@ -32,6 +45,9 @@ HEAD = """<!DOCTYPE html>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 """
+
+MOST_CASES = 100
+"""Cases of the table of a sweep that are printed; ``cases.csv`` has all."""
 
 READY = '<script>document.documentElement.dataset.ready = "yes";</script>'
 
@@ -122,10 +138,66 @@ def _chapter(source: Result | Sweep | str | Path, date: str, moving: bool, stude
     if not isinstance(source, Result | Sweep) and (Path(source) / "sweep.yaml").is_file():
         source = stored_sweep(Path(source))
     if isinstance(source, Sweep):
-        return chapter_on_sweep(source, date)
+        return _chapter_on_sweep(source, date)
     folder, result = (None, source) if isinstance(source, Result) else (Path(source), restore(source))
     shown = keyless(result) if student else result
     return chapter_on(shown, folder, date, moving=moving, student=student, equations=equations)
+
+
+@in_language
+def _chapter_on_sweep(sweep: Sweep, date: str) -> Chapter:
+    """Return the chapter on a sweep."""
+    (_, _, *columns), *rows = ranges(sweep)
+    answers = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
+    failed = (
+        [said("{failed} of {count} cases failed.", failed=len(sweep.errors), count=len(sweep))] if sweep.errors else []
+    )
+    origin = {
+        said("Scenario"): str(sweep.definition.get("scenario", sweep.name)),
+        said("Cases"): str(len(sweep)),
+    }
+    parts = [
+        sentences(failed, "box warnings"),
+        part("Question", ReportTable([said("Given"), said("Of"), said("Value")], [*_question(sweep)], range(3))),
+        part("Answers", ReportTable([said("Result"), said("unit"), *map(told, columns)], answers, range(2))),
+        part("Curves", *(figure(drawn.svg()) for _, drawn in pictures(sweep))),
+        part("Accuracy and notes", sentences(remarks(sweep))),
+        appendix(part("Cases", _cases(sweep)), part("Provenance", provenance(origin, date))),
+    ]  # fmt: skip
+    return Chapter(
+        sweep.title or sweep.name, said("Sweep over {count} cases", count=len(sweep)), "\n".join(filter(None, parts))
+    )
+
+
+def _question(sweep: Sweep) -> Iterator[tuple[str, str, str]]:
+    """Yield the swept values, the sampling, the problem that was solved for each case, and its results."""
+    for path, values in sweep.definition.get("over", {}).items():
+        yield said("Swept"), str(path), ", ".join(map(str, values)) if isinstance(values, list) else str(values)
+    drawn = {key: sweep.definition.get(key) for key in ("cases", "samples", "seed", "sampling")}
+    kept = ("cases",) if not drawn["samples"] else tuple(drawn)
+    yield from ((said(key.capitalize()), "", str(drawn[key])) for key in kept if drawn[key] is not None)
+    base: dict[str, Any] = sweep.definition.get("base", {})
+    yield from problem_rows(base.get("problem", {}))
+    yield said("Asked for"), "", ", ".join(series.name for series in sweep.results())
+
+
+def _cases(sweep: Sweep) -> ReportTable:
+    """Return the table of the first cases, numbers in the units that people are shown."""
+    shown = [*sweep.given, *map(sweep.presentation.shown, sweep.results())]
+    count = min(len(sweep), MOST_CASES)
+    given = len(sweep.given)
+    rows = [
+        [str(case), *(_cell(series, case, number if k < given else rounded) for k, series in enumerate(shown))]
+        for case in range(count)
+    ]
+    more = said("and {more} more in cases.csv", more=len(sweep) - count) if len(sweep) > count else ""
+    headings = [said("case"), *(with_unit(series.name, series.unit) for series in shown)]
+    return ReportTable(headings, rows, (), remark=more)
+
+
+def _cell(series: Series, case: int, form: Callable[[float], str]) -> str:
+    value = series.values[case]
+    return form(float(value)) if series.values.dtype.kind in "fiu" else str(value)
 
 
 def _told_apart(chapters: Sequence[Chapter], sources: Sequence[Result | Sweep | str | Path]) -> list[Chapter]:
