@@ -21,8 +21,7 @@ mechanism it is ``2 T / w²``, with the kinetic energy T at the speed w.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable
 from functools import partial
 
 import numpy as np
@@ -33,11 +32,25 @@ from pinarm.engine.motion.standstill import at_rest, directions
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
+from pinarm.records import Record
 from pinarm.use.result.curve_figures import ROUNDING, integrals
 from pinarm.use.result.row_lookup import PLATEAU, Lookup
 
 HELD = 1e-10
 """Singular value of what drives do to the free motions, relative to the largest, below which one holds the others."""
+
+SAMPLES = 2000
+"""Instants at which torques of all candidates, energies and temperatures are evaluated, spread over the intervals of a
+run by their lengths, besides eight in each."""
+
+Columns = Callable[[Quantities], tuple[Array, Array, Array]]
+"""Rows -> velocity, acceleration and y of the joint, each of shape (n,)."""
+
+Height = Callable[[Array, Array, Array], Array]
+"""Velocity, acceleration and y of the joint -> values, all of shape (n,)."""
+
+Known = tuple[float, float]
+"""A number and its error."""
 
 
 def load_inertia(run: Trajectory, coordinate: str, held: Iterable[str] = ()) -> Array:
@@ -73,64 +86,12 @@ def _felt(ways: Array, mass: Array) -> float:
     return float(u @ mass @ u)
 
 
-def rise_between(t: Array, values: Array) -> float:
-    """Return by how much a curve may be above the largest of its values.
-
-    From either end of a part of it the curve goes on no steeper than before: a concave one, as about a smooth peak,
-    does so less and less. The less steep of two slopes counts, as one may be that of a jump.
-
-    Args:
-        t: Instants, ascending, shape (n,); twice where the curve may jump.
-        values: Of the curve, shape (n,).
-    """
-    h, slopes = np.diff(t), _slopes(t, values)
-    gentle = np.where(np.abs(slopes[1:]) < np.abs(slopes[:-1]), slopes[1:], slopes[:-1])
-    ahead, behind = np.zeros_like(h), np.zeros_like(h)
-    ahead[2:], behind[:-2] = gentle[:-1], -gentle[1:]
-    reach = np.maximum(values[:-1] + h * ahead, values[1:] + h * behind)
-    return float(reach.max(initial=values.max()) - values.max())
-
-
-def left_of_trapezia(t: Array, values: Array) -> float:
-    """Return an upper estimate of the error of the trapezoidal rule for the integral of a curve.
-
-    A part of the length h with the second derivative f'' is wrong by ``h³ f'' / 12``, and with a jump D by ``h D / 2``;
-    with the second divided difference ``f'' / 2``, or ``D / (2 h²)``, the cube of h times it is no less than either.
-
-    Args:
-        t: Instants, ascending, shape (n,); twice where the curve may jump.
-        values: Of the curve, shape (n,).
-    """
-    h, slopes = np.diff(t), _slopes(t, values)
-    bends = np.zeros(len(t))
-    both = (h[1:] > 0.0) & (h[:-1] > 0.0)
-    bends[1:-1] = np.where(both, np.abs(np.diff(slopes)) / np.where(both, h[1:] + h[:-1], 1.0), 0.0)
-    return float((h**3 * np.maximum(bends[:-1], bends[1:])).sum())
-
-
-def _slopes(t: Array, values: Array) -> Array:
-    """Return the slopes between instants, 0 where two are one, shape (n - 1,)."""
-    h = np.diff(t)
-    return np.divide(np.diff(values), h, out=np.zeros_like(h), where=h > 0.0)
-
-
-SAMPLES = 2000
-"""Instants at which peaks and temperatures are looked at, spread over the intervals of a run by their lengths, besides
-eight in each, and all at which integrals and the largest velocity, acceleration and effort were looked for."""
-
-
-Columns = Callable[[Quantities], tuple[Array, Array, Array]]
-"""Rows -> velocity, acceleration and y of the joint, each of shape (n,)."""
-
-Known = tuple[float, float]
-"""A number and its error."""
-
-
-@dataclass(frozen=True)
-class Duty:
+class Duty(Record, frozen=True):
     """One cycle of a joint.
 
     Attributes:
+        run: The run.
+        columns: What gives velocity, acceleration and y of its rows.
         t: Instants [s], shape (n,).
         v: Velocity of the joint [rad/s or m/s], shape (n,).
         a: Its acceleration, shape (n,).
@@ -140,18 +101,18 @@ class Duty:
         fastest: Largest size of the velocity, and its error.
         integrals: A, B, C and the integral of the size of the velocity, and their errors, shape (2, 4).
         rest: How long the joint is held by a brake after the motion, the motor without torque [s].
-        course: The cycle itself; ``None`` where the instants are all that is known of it.
     """
 
-    t: Array = field(repr=False)
-    v: Array = field(repr=False)
-    a: Array = field(repr=False)
-    y: Array = field(repr=False)
+    run: Lookup
+    columns: Columns
+    t: Array
+    v: Array
+    a: Array
+    y: Array
     load_inertia: Known
     fastest: Known
     integrals: Array
     rest: float
-    course: Course | None = field(default=None, repr=False)
 
     @property
     def length(self) -> float:
@@ -190,69 +151,10 @@ class Duty:
         return float(way / self.length), float(error / self.length)
 
     def largest(self, height: Height, terms: float) -> Known:
-        """Return the largest of a function of velocity, acceleration and y at the instants, shape (n,).
+        """Return the largest of a function that is not negative, between instants too.
 
         Args:
-            height: The function; it is not negative.
-            terms: Size of what it sums.
-        """
-        values = height(self.v, self.a, self.y)
-        return float(values.max()), rise_between(self.t, values) + PLATEAU * terms
-
-    def energy(self, inertia: float, ratio: float) -> tuple[Known, Known]:
-        """Return the energy that a motor gives in a cycle, and what it takes back [J], both positive, of instants."""
-        power = self.torque(inertia, ratio) * ratio * self.v
-        delivered, taken = (
-            (float(np.trapezoid(part, self.t)), left_of_trapezia(self.t, part))
-            for part in (np.maximum(power, 0.0), np.maximum(-power, 0.0))
-        )
-        return delivered, taken
-
-    def warmest(self, load: Array, time_constant: float) -> Known:
-        """Return the peak of ``x' = (u - x) / T`` when cycles of the heat u follow each other for ever.
-
-        Its error is what the trapezia through u leave of the heat, that of a mean for the course of u between two
-        instants, ``h² |Δu| / (6 T)``, and how far x may be above both ends there where u falls below it,
-        ``h |Δu| / (8 T)``.
-
-        Args:
-            load: u at the instants, shape (n,); 0 while the joint rests.
-            time_constant: T [s].
-        """
-        h, rise = np.diff(self.t), np.abs(np.diff(load))
-        steps = h / time_constant
-        fade, mean = np.exp(-steps), 0.5 * (load[:-1] + load[1:])
-        course = np.concatenate([[0.0], _recursion(fade, -np.expm1(-steps) * mean)])
-        decay = np.exp(-(self.t - self.t[0]) / time_constant)
-        rest, returned = np.exp(-self.rest / time_constant), -np.expm1(-self.length / time_constant)
-        start = course[-1] * rest / returned
-        heat = left_of_trapezia(self.t, load) + float((h * steps * rise).sum()) / 6.0
-        above = float((steps * rise).max(initial=0.0)) / 8.0
-        peak = float((course + start * decay).max())
-        return peak, heat / time_constant / float(returned) + above + ROUNDING * len(load) * peak
-
-
-Height = Callable[[Array, Array, Array], Array]
-"""Velocity, acceleration and y of the joint -> values, all of shape (n,)."""
-
-
-@dataclass(frozen=True)
-class Course:
-    """The cycle itself, between instants too.
-
-    Attributes:
-        run: The run.
-        columns: What gives velocity, acceleration and y of its rows.
-    """
-
-    run: Lookup
-    columns: Columns
-
-    def largest(self, height: Height, terms: float) -> Known:
-        """Return the largest of a function of velocity, acceleration and y.
-
-        Args:
-            height: The function; it is not negative.
+            height: The function.
             terms: Size of what it sums.
 
         Raises:
@@ -283,6 +185,34 @@ class Course:
         delivered, taken = zip((scale * total).tolist(), (scale * (error + rounding)).tolist(), strict=True)
         return delivered, taken
 
+    def energy(self, inertia: float, ratio: float) -> tuple[float, float]:
+        """Return the energy that a motor gives in a cycle, and what it takes back [J], both positive, of instants."""
+        power = self.torque(inertia, ratio) * ratio * self.v
+        delivered, taken = (np.trapezoid(np.maximum(sign * power, 0.0), self.t) for sign in (1.0, -1.0))
+        return float(delivered), float(taken)
+
+    def warmest(self, load: Array, time_constant: float) -> Known:
+        """Return the peak of ``x' = (u - x) / T`` when cycles of the heat u follow each other for ever.
+
+        Its error is the difference to that of every other instant.
+
+        Args:
+            load: u at the instants, shape (n,); 0 while the joint rests.
+            time_constant: T [s].
+        """
+        half = np.unique(np.append(np.arange(0, len(self.t), 2), len(self.t) - 1))
+        peak, rough = (_peak(self.t[k], load[k], self.rest, time_constant) for k in (slice(None), half))
+        return peak, abs(peak - rough) + ROUNDING * len(load) * peak
+
+
+def _peak(t: Array, load: Array, rest: float, time_constant: float) -> float:
+    """Return the peak of ``x' = (u - x) / T`` in cycles without end, from u at instants, shape (n,)."""
+    steps = np.diff(t) / time_constant
+    course = np.append(0.0, _recursion(np.exp(-steps), -np.expm1(-steps) * 0.5 * (load[:-1] + load[1:])))
+    returned = -np.expm1(-(t[-1] - t[0] + rest) / time_constant)
+    start = course[-1] * np.exp(-rest / time_constant) / returned
+    return float((course + start * np.exp(-(t - t[0]) / time_constant)).max())
+
 
 def _recursion(factors: Array, terms: Array) -> Array:
     """Return x_k = factors_k x_(k-1) + terms_k from x = 0, shape (n,)."""
@@ -309,16 +239,13 @@ def duty_of(
     names = [f"coordinate.{coordinate}.{part}" for part in ("velocity", "acceleration", "effort")]
     rates = [run.quantities.determined(name).values for name in names][:2]
     pace = np.array([[np.abs(rate).max()] for rate in rates])  # of the whole run, whichever states are looked at
-    seen = list[tuple[Array, Array, Array, Array]]()
 
     def columns(rows: Quantities) -> tuple[Array, Array, Array]:
         v, a, effort = (rows[name].values for name in names)
         tau, sides = effort - armature * a, rows.trajectory.grid.sides()
         inside = _inside(run, rows, names[0], at_rest(v[:, None], a[:, None], pace)[:, 0])
         direction = directions(v[:, None], a[:, None], pace, sides, inside[:, None])[:, 0]
-        y = tau * np.where(tau * direction < 0.0, efficiency, 1.0 / efficiency)
-        seen.append((rows.trajectory.grid.t, v, a, y))
-        return v, a, y
+        return v, a, tau * np.where(tau * direction < 0.0, efficiency, 1.0 / efficiency)
 
     v, a, y = columns(run.quantities)
     scale = np.array([np.abs(of).max() or 1.0 for of in (v, a, y)])
@@ -337,10 +264,10 @@ def duty_of(
         for k, what in enumerate(("velocity", "acceleration", "effort"))
     )
     speed = float(size(0, fastest[0])[0]), fastest[1]
-    t, v, a, y = _in_order(run, columns, [*seen, *_evenly(run, columns)])
+    instants = _evenly(run, columns)
     felt, error = _mean_inertia(run, names[0], lambda rows: load_inertia(rows, coordinate, held))
     inertia = felt - armature, error + ROUNDING * armature
-    return Duty(t, v, a, y, inertia, speed, moments, rest, Course(run, columns))
+    return Duty(run, columns, *instants, inertia, speed, moments, rest)
 
 
 def _inside(run: Lookup, rows: Quantities, velocity: str, still: Flags) -> Array:
@@ -352,15 +279,16 @@ def _inside(run: Lookup, rows: Quantities, velocity: str, still: Flags) -> Array
     return velocities
 
 
-def _evenly(run: Lookup, columns: Columns) -> list[tuple[Array, Array, Array, Array]]:
-    """Return instants all over a run, and the columns there, interval by interval."""
+def _evenly(run: Lookup, columns: Columns) -> tuple[Array, Array, Array, Array]:
+    """Return instants all over a run, the ends of its intervals on both sides among them, and the columns there."""
     whole = run.run.grid.cuts[-1] - run.run.grid.cuts[0]
     parts = []
     for interval, (start, end, _) in enumerate(run.intervals):
         if end > start:
             t = np.linspace(start, end, 8 + round(SAMPLES * (end - start) / whole))
             parts.append((t, *columns(run.quantities_at(interval, t))))
-    return parts
+    t, v, a, y = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return t, v, a, y
 
 
 def _mean_inertia(run: Lookup, velocity: str, inertia: Callable[[Trajectory], Array]) -> Known:
@@ -388,21 +316,3 @@ def _mean_inertia(run: Lookup, velocity: str, inertia: Callable[[Trajectory], Ar
         return np.inf, 0.0
     mean = scale * float(energy / square)
     return mean, float((scale * errors[0] + abs(mean) * errors[1]) / square)
-
-
-def _in_order(run: Lookup, columns: Columns, seen: Sequence[tuple[Array, ...]]) -> tuple[Array, ...]:
-    """Return all instants that were looked at, both sides of jumps among them, and the columns there.
-
-    Args:
-        run: The run.
-        columns: What gives the columns.
-        seen: Instants, and the columns there.
-    """
-    every, parts = np.concatenate([np.array(columns_seen) for columns_seen in seen], axis=1), []
-    every = every[:, np.unique(every[0], return_index=True)[1]]
-    for interval, (start, end, _) in enumerate(run.intervals):
-        if end > start:
-            ends = np.array([(start, end), *columns(run.quantities_at(interval, np.array([start, end])))])
-            inside = every[:, (every[0] > start) & (every[0] < end)]
-            parts.append(np.concatenate([ends[:, :1], inside, ends[:, 1:]], axis=1))
-    return tuple(np.concatenate(parts, axis=1))

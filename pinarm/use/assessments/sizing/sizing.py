@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,8 +17,9 @@ from pinarm.input.numbers import decimal, is_whole
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, current_folder, number
+from pinarm.records import Record, replace
 from pinarm.use.assessments.sizing.catalogue import GREATEST, SMALLEST, Motor, read_catalogue
-from pinarm.use.assessments.sizing.duty import Course, Duty, Known, duty_of
+from pinarm.use.assessments.sizing.duty import Duty, Height, Known, duty_of
 from pinarm.use.result.curve_figures import made_a_motion
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
@@ -45,6 +45,9 @@ NUMBERS = {
 
 UNITS_OF = (None, None, None, None, TORQUE, None, TORQUE, None, SPEED, None, None, None, ENERGY, ENERGY)
 
+
+MARGINS = {"peak torque": "torque", "rms torque": "rms", "speed": "speed"}
+"""What a motor may lack -> name of its margin."""
 
 RATIOS = 25
 """Ratios that are tried in a range of which nothing else is said."""
@@ -184,21 +187,28 @@ class Sizing(InputStruct, frozen=True):
         return self._section(duty, ranked, drive)
 
     def _candidate(self, duty: Duty, motor: Motor, ratio: float) -> Candidate:
-        """Return the candidate of a motor and a ratio, evaluated at instants of the cycle."""
+        """Return the candidate of a motor and a ratio, with torques and energies of instants of the cycle."""
         inertia = motor.rotor_inertia
         rms, (mean, off) = duty.rms_torque(inertia, ratio), duty.mean_speed()
         continuous = [motor.continuous_torque(ratio * speed) for speed in (mean, mean - off, mean + off)]
-        speed, winding = (
-            _times(duty.fastest, ratio),
-            duty.warmest((duty.torque(inertia, ratio) / motor.stall_torque) ** 2, motor.time_constant),
-        )
+        heat = (duty.torque(inertia, ratio) / motor.stall_torque) ** 2
+        speed, winding = _times(duty.fastest, ratio), duty.warmest(heat, motor.time_constant)
         warmest, doubt = _times(winding, motor.temperature_rise)
-        return Candidate(
-            motor, ratio, self.safety, *_torques(duty, duty, motor, ratio), rms,
-            _over((continuous[0], float(np.ptp(continuous))), rms), speed, _over((motor.max_speed, 0.0), speed),
-            (self.ambient_temperature + warmest, doubt),
-            _over(duty.load_inertia, (inertia * ratio**2, 0.0)), *duty.energy(inertia, ratio),
-        )  # fmt: skip
+        torque, used = ((float(of(duty.v, duty.a, duty.y).max()), 0.0) for of in _torque_and_use(motor, ratio))
+        energy, regenerated = duty.energy(inertia, ratio)
+        known = {
+            "peak torque": torque,
+            "torque margin": _torque_margin(duty, motor, ratio, used),
+            "rms torque": rms,
+            "rms margin": _over((continuous[0], float(np.ptp(continuous))), rms),
+            "peak speed": speed,
+            "speed margin": _over((motor.max_speed, 0.0), speed),
+            "winding": (self.ambient_temperature + warmest, doubt),
+            "inertia ratio": _over(duty.load_inertia, (inertia * ratio**2, 0.0)),
+            "energy": (energy, 0.0),
+            "regenerated": (regenerated, 0.0),
+        }
+        return Candidate(motor, ratio, self.safety, known)
 
     def _section(self, duty: Duty, ranked: Sequence[Candidate], drive: Drive) -> Section:
         rows = [candidate.row(number) for number, candidate in enumerate(ranked, start=1)]
@@ -208,16 +218,16 @@ class Sizing(InputStruct, frozen=True):
         if others := [row for k, row in enumerate(rows) if k not in near]:
             tables.append(SectionTable("others", "Other ratios and motors", COLUMNS, UNITS_OF, others))
         best, fitting = ranked[0], sum(not candidate.reasons for candidate in ranked)
-        known = {"fitting": (float(fitting), 0.0), "ratio": (best.ratio, 0.0)}
-        known |= {name: getattr(best, name) for name in NUMBERS if name not in known}
+        known = {"fitting": (float(fitting), 0.0), "ratio": (best.ratio, 0.0), "reserve": best.reserve}
+        known |= {name: best.known[name.replace("_", " ")] for name in NUMBERS if name not in known}
         numbers = {name: Series(name.replace("_", " "), NUMBERS[name], np.array([x])) for name, (x, _) in known.items()}
         tables.append(_first_table(best, known))
         remarks = [
             f"{fitting} of {len(ranked)} fit; motors with a gear of efficiency "
             f"{drive.efficiency if self.efficiency is None else self.efficiency:g} by direction of power",
-            f"errors of the first: {_errors(best)}",
-            *_errors_of_others(ranked[1:], len(duty.t)),
         ]
+        if len(ranked) > 1:
+            remarks.append(f"torques and energies of the others are those of {len(duty.t)} instants")
         if not duty.a.any() and not duty.y.any():
             still = f"'{drive.coordinate}' carries no load and does not accelerate in this run"
             remarks.insert(0, f"nothing is sized: {still}")
@@ -227,46 +237,29 @@ class Sizing(InputStruct, frozen=True):
                        {name: error for name, (_, error) in known.items()})  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A motor at a ratio. Margins are available over needed; torques at the motor; all with their errors.
+class Candidate(Record, frozen=True):
+    """A motor at a ratio.
 
     Attributes:
         motor: The motor.
         ratio: The ratio.
         safety: Factor that margins have to reach.
-        peak_torque: Largest torque [N*m].
-        torque_margin: Smallest quotient of short-time torque and torque at an instant.
-        rms_torque: Over the cycle [N*m].
-        rms_margin: Continuous torque at the mean speed over the rms torque.
-        peak_speed: Largest speed [rad/s].
-        speed_margin: Largest speed of the motor over that.
-        winding: Highest temperature of the winding when cycles follow each other [degC].
-        inertia_ratio: Mean inertia that the drive feels of the load, at the motor, over that of the rotor.
-        energy: Given in a cycle [J].
-        regenerated: Taken back in a cycle [J].
+        known: Its numbers with their errors, by name of their column. Margins are available over needed; torques are
+            those at the motor, energies those of a cycle, and the winding's temperature is its highest in cycles that
+            follow each other.
         refined: Whether torques and energies are those of the motion, not of instants.
     """
 
-    motor: Motor = field(repr=False)
+    motor: Motor
     ratio: float
     safety: float
-    peak_torque: Known
-    torque_margin: Known
-    rms_torque: Known
-    rms_margin: Known
-    peak_speed: Known
-    speed_margin: Known
-    winding: Known
-    inertia_ratio: Known
-    energy: Known
-    regenerated: Known
+    known: Mapping[str, Known]
     refined: bool = False
 
     @property
     def margins(self) -> dict[str, Known]:
         """Margins of torque, rms torque and speed, by name."""
-        return {"peak torque": self.torque_margin, "rms torque": self.rms_margin, "speed": self.speed_margin}
+        return {what: self.known[f"{name} margin"] for what, name in MARGINS.items()}
 
     @property
     def reserve(self) -> Known:
@@ -285,17 +278,8 @@ class Candidate:
             f"needs {100.0 / margin:.0f} % of its {what}" if margin else f"has no {what} left"
             for what, margin in short.items()
         ]
-        warmest, _ = self.winding
+        warmest, _ = self.known["winding"]
         return said + [f"winding at {warmest:.0f} degC"] * (warmest > self.motor.max_temperature)
-
-    @property
-    def undecided(self) -> bool:
-        """Whether a margin is nearer to the safety, or the winding to its largest temperature, than its error."""
-        compared = [
-            *((margin, self.safety) for margin in self.margins.values()),
-            (self.winding, self.motor.max_temperature),
-        ]
-        return any(abs(value - bound) <= error for (value, error), bound in compared if error and np.isfinite(value))
 
     @property
     def verdict(self) -> str:
@@ -307,16 +291,6 @@ class Candidate:
         """Key to rank by: those that fit by mass, the others by how far they are from it; then by reserve."""
         fails, (reserve, _) = bool(self.reasons), self.reserve
         return fails, -reserve if fails else self.motor.mass, -reserve
-
-    @property
-    def known(self) -> dict[str, Known]:
-        """Numbers of the candidate with their errors, by name of their column."""
-        return {
-            "peak torque": self.peak_torque, "torque margin": self.torque_margin, "rms torque": self.rms_torque,
-            "rms margin": self.rms_margin, "peak speed": self.peak_speed, "speed margin": self.speed_margin,
-            "winding": self.winding, "inertia ratio": self.inertia_ratio, "energy": self.energy,
-            "regenerated": self.regenerated,
-        }  # fmt: skip
 
     def row(self, number: int) -> tuple[str | float, ...]:
         """Return its row of the table."""
@@ -336,42 +310,36 @@ NEAR = 5
 """Motors that do not fit at any ratio and are still shown first."""
 
 
-def _torques(duty: Duty, of: Duty | Course, motor: Motor, ratio: float) -> tuple[Known, Known]:
-    """Return the largest torque [N*m], and the least of the quotients of what the motor has and torque.
-
-    Args:
-        duty: The cycle.
-        of: What looks for them.
-        motor: The motor.
-        ratio: The ratio.
-    """
-    inertia, terms = motor.rotor_inertia, duty.terms(motor.rotor_inertia, ratio)
+def _torque_and_use(motor: Motor, ratio: float) -> tuple[Height, Height]:
+    """Return the size of the torque [N*m], and its quotient with what the motor has for a short time."""
 
     def torque(v: Array, a: Array, y: Array) -> Array:
-        return np.abs(inertia * ratio * a + y / ratio)
+        return np.abs(motor.rotor_inertia * ratio * a + y / ratio)
 
     def used(v: Array, a: Array, y: Array) -> Array:
         return torque(v, a, y) / motor.short_torque(np.minimum(ratio * np.abs(v), motor.max_speed))
 
+    return torque, used
+
+
+def _torque_margin(duty: Duty, motor: Motor, ratio: float, used: Known) -> Known:
     beyond = ratio * np.abs(duty.v) > motor.max_speed
-    peak = of.largest(torque, terms)
-    if duty.torque(inertia, ratio)[beyond].any():
-        return peak, (0.0, 0.0)
-    return peak, _over((1.0, 0.0), of.largest(used, terms / motor.rated_torque))
+    return (0.0, 0.0) if duty.torque(motor.rotor_inertia, ratio)[beyond].any() else _over((1.0, 0.0), used)
 
 
 def _refined(duty: Duty, candidate: Candidate) -> Candidate:
     """Return a candidate of which instants tell torques and energies with those of the motion, between instants too."""
-    assert duty.course is not None
     motor, ratio = candidate.motor, candidate.ratio
-    inertia = motor.rotor_inertia
+    terms, (torque, used) = duty.terms(motor.rotor_inertia, ratio), _torque_and_use(motor, ratio)
 
     def power(v: Array, a: Array, y: Array) -> Array:
-        return (inertia * ratio * a + y / ratio) * ratio * v
+        return (motor.rotor_inertia * ratio * a + y / ratio) * ratio * v
 
-    peak, margin = _torques(duty, duty.course, motor, ratio)
-    delivered, taken = duty.course.parts(power, duty.terms(inertia, ratio) * ratio * duty.fastest[0])
-    return replace(candidate, peak_torque=peak, torque_margin=margin, energy=delivered, regenerated=taken, refined=True)
+    delivered, taken = duty.parts(power, terms * ratio * duty.fastest[0])
+    margin = _torque_margin(duty, motor, ratio, duty.largest(used, terms / motor.rated_torque))
+    found = {"peak torque": duty.largest(torque, terms), "torque margin": margin}
+    known = {**candidate.known, **found, "energy": delivered, "regenerated": taken}
+    return replace(candidate, known=known, refined=True)
 
 
 def _times(known: Known, factor: float) -> Known:
@@ -391,33 +359,10 @@ def _over(known: Known, divisor: Known) -> Known:
 def _first_table(best: Candidate, known: Mapping[str, Known]) -> SectionTable:
     """Return the numbers of the first in the ranking, with their errors."""
     rows = [(name.replace("_", " "), str(NUMBERS[name]), *known[name]) for name in NUMBERS]
-    rows.append(("winding", "degC", *best.winding))
+    rows.append(("winding", "degC", *best.known["winding"]))
     return SectionTable(
         "first", "Numbers of the first, and their errors", ("", "unit", "value", "error"), (None,) * 4, rows, row_unit=1
     )
-
-
-def _errors(best: Candidate) -> str:
-    units = dict(zip(COLUMNS, UNITS_OF, strict=True)) | {"winding": "K"}
-    said = [f"{what} {error:.1e} {units[what] or ''}".rstrip() for what, (_, error) in best.known.items()]
-    return ", ".join(said)
-
-
-def _errors_of_others(others: Sequence[Candidate], count: int) -> list[str]:
-    """Return the largest errors of the other candidates, whose torques and energies are evaluated at instants."""
-    if not others:
-        return []
-    said = []
-    for what in ("peak torque", "torque margin", "energy", "regenerated"):
-        known = [other.known[what] for other in others]
-        errors = [error / abs(value) for value, error in known if error and value and np.isfinite(error / value)]
-        said.append(f"{what} {100.0 * max(errors, default=0.0):.1e} %")
-    winding = max(other.winding[1] for other in others)
-    undecided = sum(other.undecided for other in others)
-    return [
-        f"errors of the others, of {count} instants, at most: {', '.join(said)}, winding {winding:.1e} K",
-        *([f"{undecided} of them fit or do not within these errors"] if undecided else []),
-    ]
 
 
 def _best_ratios(duty: Duty, ranked: Sequence[Candidate]) -> SectionTable:
@@ -443,9 +388,8 @@ def _cloud(duty: Duty, best: Candidate) -> Graph:
         return Curve(across, Series("torque of the motor", TORQUE, values), label, points)
 
     cloud = curve(best.ratio * np.abs(duty.v), torque, "torque at all instants", points=True)
-    point = curve(
-        np.array([best.ratio * duty.mean_speed()[0]]), np.array([best.rms_torque[0]]), "rms torque", points=True
-    )
+    mean, rms = np.array([best.ratio * duty.mean_speed()[0]]), np.array([best.known["rms torque"][0]])
+    point = curve(mean, rms, "rms torque", points=True)
     return Graph(
         "torque_speed",
         f"{motor.name}, ratio {best.ratio:g}",

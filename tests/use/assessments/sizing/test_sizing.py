@@ -131,12 +131,10 @@ def test_motors_that_fail_say_why_and_those_that_fit_come_by_mass(sized: Callabl
 
 def test_a_winding_warms_as_its_differential_equation_says() -> None:
     """Heat 1 for 2 s, then none for 6 s, for ever: the peak is ``(1 - e^(-2/5)) / (1 - e^(-8/5))``."""
-    t = np.linspace(0.0, 2.0, 50)
-    zero = np.zeros(50)
-    duty = Duty(t, zero, zero, zero, (0.0, 0.0), (0.0, 0.0), np.zeros((2, 4)), rest=6.0)
-    assert duty.warmest(np.ones(50), 5.0)[0] == pytest.approx((1 - exp(-0.4)) / (1 - exp(-1.6)), rel=1e-13)
-    always = Duty(t, zero, zero, zero, (0.0, 0.0), (0.0, 0.0), np.zeros((2, 4)), rest=0.0)
-    assert always.warmest(np.ones(50), 5.0)[0] == pytest.approx(1.0, rel=1e-13)
+    t, zero = np.linspace(0.0, 2.0, 50), np.zeros(50)
+    for rest, peak in ((6.0, (1 - exp(-0.4)) / (1 - exp(-1.6))), (0.0, 1.0)):
+        duty = Duty(None, None, t, zero, zero, zero, (0.0, 0.0), (0.0, 0.0), np.zeros((2, 4)), rest=rest)
+        assert duty.warmest(np.ones(50), 5.0)[0] == pytest.approx(peak, rel=1e-13)
 
 
 @pytest.mark.parametrize(
