@@ -7,7 +7,7 @@ limit; its margin is not known, and so the least of all is not either. Of ``X @ 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -80,11 +80,16 @@ class Limits(InputStruct, frozen=True):
         self.check_names(result.quantities, result.scenario)
         compared = [_compared(condition, result) for condition in self.conditions]
         beyond = sum(number.verdict == BEYOND for number in compared)
-        least = np.min([number.relative for number in compared], keepdims=True)  # NaN where any is
-        numbers = {number.name: number.margin for number in compared} | {
-            "least_margin": Series("least margin", DIMENSIONLESS, least),
-            "beyond": Series("limits not kept", DIMENSIONLESS, np.array([float(beyond)])),
+        relative = [number.relative for number in compared]
+        nearest = compared[int(np.argmin(relative))]  # NaN where any is
+        numbers = {
+            number.name: Series(
+                f"margin of {number.condition.number.label}", number.value.unit, np.array([number.margin])
+            )
+            for number in compared
         }
+        numbers["least_margin"] = Series("least margin", DIMENSIONLESS, np.array([nearest.relative]))
+        numbers["beyond"] = Series("limits not kept", DIMENSIONLESS, np.array([float(beyond)]))
         remarks = [
             f"beyond its limit: {number.condition} is {number.text}" for number in compared if number.verdict == BEYOND
         ]
@@ -97,7 +102,9 @@ class Limits(InputStruct, frozen=True):
         table = SectionTable(
             "limits", "Numbers and their limits", columns, (None,) * len(columns), [number.row() for number in compared]
         )
-        errors = {number.name: number.known for number in compared} | {"least_margin": _error_of_least(compared)}
+        size = abs(float(nearest.condition.bound))
+        errors = {number.name: number.known for number in compared}
+        errors["least_margin"] = nearest.known / size if size else 0.0
         return Section("limits", "Limits", [table], numbers, remarks, errors=errors)
 
 
@@ -123,26 +130,22 @@ class _Compared:
         return f"{slug(self.condition.number)}.margin"
 
     @property
-    def margin(self) -> Series:
-        """Margin of the number to its bound, negative beyond the bound."""
-        left = self.condition.margin(float(self.value.values[0]))
-        return Series(f"margin of {self.condition.number.label}", self.value.unit, np.array([left]))
+    def margin(self) -> float:
+        """Margin to the bound [SI], negative beyond the bound."""
+        return self.condition.margin(float(self.value.values[0]))
 
     @property
     def relative(self) -> float:
         """The margin as a part of the bound; of a bound of 0, with the sign of the margin and no size."""
-        left, bound = float(self.margin.values[0]), abs(float(self.condition.bound))
-        if bound:
-            return left / bound
-        return float(np.sign(left) * np.inf) if left else 0.0
+        bound = abs(float(self.condition.bound))
+        return self.margin / bound if bound else float(np.sign(self.margin) * np.inf) if self.margin else 0.0
 
     @property
     def verdict(self) -> str:
         """``kept``, ``beyond``, or that the error does not allow to say which."""
-        left = float(self.margin.values[0])
-        if abs(left) < self.known:
+        if abs(self.margin) < self.known:
             return OPEN
-        return KEPT if left >= 0.0 else BEYOND
+        return KEPT if self.margin >= 0.0 else BEYOND
 
     @property
     def text(self) -> str:
@@ -169,15 +172,6 @@ class _Compared:
 def error_words(error: float) -> str:
     """Return the error of a number in SI in words."""
     return f"an error of {error:.1e} in SI" if np.isfinite(error) else "an error that has no bound"
-
-
-def _error_of_least(compared: Sequence[_Compared]) -> float:
-    """Return the error of the least relative margin: of all that may be it."""
-    sizes = [abs(float(number.condition.bound)) for number in compared]
-    known = [(number.relative, number.known / size) for number, size in zip(compared, sizes, strict=True) if size]
-    least = min((margin for margin, _ in known), default=0.0)
-    most = min((margin + error for margin, error in known), default=0.0)
-    return max((least - margin + error for margin, error in known if margin - error <= most), default=0.0)
 
 
 def _compared(condition: Condition, result: Result) -> _Compared:

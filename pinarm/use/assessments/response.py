@@ -45,9 +45,6 @@ PLATEAU = 1e-12
 TOUCH = 4e-12
 """Distance of a top from a level, relative to the largest z, beyond which it does not only touch the level."""
 
-INSTANT = 4e-16
-"""Rounding of an instant, relative to it."""
-
 SECOND = unit("s")
 
 
@@ -94,7 +91,7 @@ class Response(InputStruct, frozen=True):
         """
         self.check_names(result.quantities, result.scenario)
         result.quantities.determined(self.of)
-        step = _Step.of(self, result.lookup)
+        step = _Step(self, result.lookup)
         wrong = result.errors[self.of] * output_scales(result)[self.of] if self.of in result.errors else 0.0
         results, measured = step.numbers(self.band, step.doubt(wrong)), result.quantities[self.of].unit
         values, errors = ({name: pair[k] for name, pair in results.items()} for k in (0, 1))
@@ -114,42 +111,25 @@ class Response(InputStruct, frozen=True):
 
 
 class _Step:
-    """A response on its way; ``z`` is its part of the step.
+    """The response that is asked for of a run; ``z`` is its part of the step."""
 
-    Args:
-        run: The run.
-        of: The quantity.
-        begin: When the step begins [s].
-        bounds: First and final value.
-    """
-
-    def __init__(self, run: Lookup, of: str, begin: float, bounds: tuple[float, float]) -> None:
-        self.run, self.name, self.begin = run, of, begin
-        self.initial, self.final = bounds
-        self.end, self.size = float(run.run.grid.cuts[-1]), self.final - self.initial
+    def __init__(self, asked: Response, run: Lookup) -> None:
+        start, self.end = float(run.run.grid.cuts[0]), float(run.run.grid.cuts[-1])
+        self.run, self.name, self.begin = run, asked.of, start if asked.begin is None else float(asked.begin)
+        if not start <= self.begin < self.end:
+            with within("begin"):
+                raise InputError(f"the run does not come to {self.begin:.6g} s", expected="an instant before its end")
+        self.initial, self.final = (
+            float(run.at({"t": f"{at!r} s", "side": "left"}, asked.of)[asked.of].values[0] if value is None else value)
+            for value, at in ((asked.initial, self.begin), (asked.final, self.end))
+        )
+        self.size, self.curve = self.final - self.initial, run.curve_of(asked.of).after(self.begin)
         if not self.size:
             raise InputError(
-                f"'{of}' ends where it begins, at {self.final:.6g}: there is no step",
+                f"'{asked.of}' ends where it begins, at {self.final:.6g}: there is no step",
                 expected="a final value that differs",
                 hint="final: the value that it should reach",
             )
-        self.curve = run.curve_of(of).after(begin)
-
-    @classmethod
-    def of(cls, asked: Response, run: Lookup) -> _Step:
-        """Return the response that is asked for."""
-        begin = float(run.run.grid.cuts[0] if asked.begin is None else asked.begin)
-        if not run.run.grid.cuts[0] <= begin < run.run.grid.cuts[-1]:
-            with within("begin"):
-                raise InputError(f"the run does not come to {begin:.6g} s", expected="an instant before its end")
-        ends = run.run.grid.cuts[-1]
-        bounds = [
-            float(value)
-            if value is not None
-            else float(run.at({"t": f"{at!r} s", "side": "left"}, asked.of)[asked.of].values[0])
-            for value, at in ((asked.initial, begin), (asked.final, ends))
-        ]
-        return cls(run, asked.of, begin, (bounds[0], bounds[1]))
 
     def doubt(self, error: float) -> float:
         """Return the error of z: the larger of its rounding and of twice the error of y, over the size of the step."""
@@ -170,16 +150,15 @@ class _Step:
         settled, off = max(sides) if np.isfinite(sides).all() else (np.nan, 0.0)
         off = max([off, *(t + late - settled for t, late in sides if np.isfinite(settled))])
         left = self.final - float(self.run.at("end", self.name)[self.name].values[0])
-        rounding = INSTANT * max(abs(self.initial), abs(self.final))
         return {
-            "overshoot": (max(peak - 1.0, 0.0), max(rise, INSTANT * abs(peak))),
+            "overshoot": (max(peak - 1.0, 0.0), rise),
             "rise_time": (high - low, off_low + off_high),
             "peak_time": (when - self.begin, apart),
             "settling_time": (settled - self.begin, off),
             "initial": (self.initial, 0.0),
             "final": (self.final, 0.0),
             "peak": (self.initial + peak * self.size, rise * abs(self.size)),
-            "error": (left, rounding),
+            "error": (left, 0.0),
         }
 
     def _peak(self, doubt: float) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -201,7 +180,7 @@ class _Step:
                 lambda rows: sign * rows[self.name].values < peak.height - 2.0 * rise * abs(self.size),
             )
         part = (sign * peak.height - self.initial) / self.size
-        return (part, max(rise, bend)), (peak.place, apart + INSTANT * abs(peak.place))
+        return (part, max(rise, bend)), (peak.place, apart)
 
     def _timed(self, way: float, part: float, doubt: float, *, first: bool) -> tuple[float, float]:
         """Return where ``way (z - part)`` becomes positive, see ``_crossing``, and the error of that instant [s].
@@ -213,7 +192,7 @@ class _Step:
             return t, 0.0
         moved = [self._crossing(way, part + by, first=first)[0] for by in (-doubt, doubt)]
         off = float(np.abs(np.array(moved) - t).max())
-        return t, (self.end - self.begin if np.isnan(off) else off + apart) + INSTANT * abs(t)
+        return t, self.end - self.begin if np.isnan(off) else off + apart
 
     def _crossing(self, way: float, part: float, *, first: bool) -> tuple[float, float]:
         """Return where ``way (z - part)`` becomes positive, for the first or for the last time [s]; NaN where never.
@@ -236,16 +215,15 @@ class _Step:
 
     def _looked_at(self, level: float) -> tuple[Indices, Array, Array]:
         """Return intervals, and instants in them between which y has a value once at most, and ``y - level`` there."""
-        parts = list[tuple[Array, Array, Array]]()
-        for k, (start, end, rows) in enumerate(self.run.intervals):
+        owners, instants, gaps = list[Indices](), list[Array](), list[Array]()
+        for k, (start, end, _) in enumerate(self.run.intervals):
             if end > self.begin or start == end == self.begin:
-                ends = np.array([start, end, self.begin])
-                places = distinct(np.concatenate([self.run.run.grid.t[rows], ends, self.run.switches(self.name)[k]]))
-                inside = places[(places >= max(start, self.begin)) & (places <= end)]
-                t, gaps = looked_at(self.curve, k, inside, level)
-                parts.append((np.full(len(t), k), t, gaps))
-        owners, t, gaps = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return owners, t, gaps
+                places = distinct(np.append(self.run.looked_at(self.name, k), max(start, self.begin)))
+                t, of = looked_at(self.curve, k, places[places >= self.begin], level)
+                owners.append(np.full(len(t), k))
+                instants.append(t)
+                gaps.append(of)
+        return np.concatenate(owners), np.concatenate(instants), np.concatenate(gaps)
 
     def remarks(self, asked: Response, values: Mapping[str, float]) -> list[str]:
         """Return remarks on the numbers: resolution of the rows, assumed final value, unfinished response."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, Self, TypeVar
 
 import numpy as np
 
@@ -41,7 +41,32 @@ MAX_LENGTH = 2000
 _PLACE = re.compile(r"(start|end|max|min|largest)(?:\((.*)\))?")
 
 
-class RunNumber(ValueRecord, frozen=True):
+class Number(ValueRecord, frozen=True):
+    """A number of a run."""
+
+    @property
+    def parts(self) -> Sequence[RunNumber | SectionNumber]:
+        """The numbers that it is a formula of: itself, where it is none."""
+        assert isinstance(self, RunNumber | SectionNumber)
+        return (self,)
+
+    @property
+    def of_curves(self) -> bool:
+        """Whether it needs no section."""
+        return all(isinstance(part, RunNumber) for part in self.parts)
+
+    @property
+    def figure(self) -> str:
+        """The figure of the curve; empty where it is none."""
+        return ""
+
+    @property
+    def amount(self) -> Self:
+        """The number as bounds and searches compare it."""
+        return self
+
+
+class RunNumber(Number, frozen=True):
     """A number of a run: a quantity at a place, or a figure of its curve.
 
     Attributes:
@@ -95,22 +120,12 @@ class RunNumber(ValueRecord, frozen=True):
         return f"{self.quantity} @ {self.at}" + (f"({self.of})" if self.of != self.quantity else "")
 
     @property
-    def parts(self) -> Sequence[RunNumber | SectionNumber]:
-        """The numbers that it is a formula of: itself."""
-        return (self,)
-
-    @property
-    def of_curves(self) -> bool:
-        """Whether it needs no section."""
-        return True
-
-    @property
     def figure(self) -> str:
         """The figure of the curve; a place where it is asked at one."""
         return self.at if isinstance(self.at, str) else ""
 
     @property
-    def amount(self) -> RunNumber:
+    def amount(self) -> Self:
         """The number as bounds and searches compare it: of ``@ largest``, which has a sign, the size."""
         return replace(self, at="peak") if self.at == "largest" and self.of == self.quantity else self
 
@@ -184,7 +199,7 @@ class RunNumber(ValueRecord, frozen=True):
             )
 
 
-class SectionNumber(ValueRecord, frozen=True):
+class SectionNumber(Number, frozen=True):
     """A number of a section.
 
     Attributes:
@@ -197,28 +212,12 @@ class SectionNumber(ValueRecord, frozen=True):
 
     @property
     def label(self) -> str:
-        """Its name."""
         return f"{self.key}.{self.name}"
-
-    @property
-    def parts(self) -> Sequence[RunNumber | SectionNumber]:
-        """The numbers that it is a formula of: itself."""
-        return (self,)
-
-    @property
-    def of_curves(self) -> bool:
-        """Whether it needs no section."""
-        return False
 
     @property
     def figure(self) -> str:
         """The last part of its name: ``rms`` and ``peak`` mean what they mean for curves."""
         return self.name.rpartition(".")[2]
-
-    @property
-    def amount(self) -> SectionNumber:
-        """The number itself; see ``RunNumber.amount``."""
-        return self
 
     def described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
         """Return its name and unit as a series without values; see ``RunNumber.described``.
@@ -258,11 +257,8 @@ class SectionNumber(ValueRecord, frozen=True):
             names = [name for name in quantities.names() if name.partition(".")[0] in (self.key, EVENT)]
             expected, hint = choices(self.label, names)
             return InputError(error.message, expected=expected, hint=hint) if hint else None
-        return InputError(
-            f"'{self.label}' has a value at every row",
-            expected=f"the place of one: {self.label} @ max, "
-            f"{self.label} @ end, or a figure such as {self.label} @ rms",
-        )
+        examples = f"{self.label} @ max, {self.label} @ end, or a figure such as {self.label} @ rms"
+        return InputError(f"'{self.label}' has a value at every row", expected=f"the place of one: {examples}")
 
     def _missing(self, numbers: Mapping[str, object]) -> InputError:
         expected, hint = choices(self.name, numbers)
@@ -273,19 +269,22 @@ T = TypeVar("T")
 V = TypeVar("V")
 
 
-class CombinedNumber(ValueRecord, frozen=True):
+class CombinedNumber(Number, frozen=True):
     """A formula of numbers, such as ``w @ max - w @ min``.
 
     Attributes:
         label: As it is written.
         formula: The formula with names ``n_0``, ``n_1``, ... for its numbers.
-        parts: These numbers.
+        operands: These numbers.
     """
 
     label: str
     formula: str
-    parts: tuple[RunNumber | SectionNumber, ...]
-    figure = ""
+    operands: tuple[RunNumber | SectionNumber, ...]
+
+    @property
+    def parts(self) -> Sequence[RunNumber | SectionNumber]:
+        return self.operands
 
     @classmethod
     def read(cls, text: str) -> CombinedNumber:
@@ -320,16 +319,6 @@ class CombinedNumber(ValueRecord, frozen=True):
                     expected=f"a number: {name} @ max; or parentheses around a formula, such as (2*{name}) @ max",
                 )
         return cls(label, formula, tuple(parts))
-
-    @property
-    def of_curves(self) -> bool:
-        """Whether it needs no section."""
-        return all(part.of_curves for part in self.parts)
-
-    @property
-    def amount(self) -> CombinedNumber:
-        """The number itself; see ``RunNumber.amount``."""
-        return self
 
     def described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
         """Return its name and unit as a series without values; see ``RunNumber.described``.
@@ -498,13 +487,7 @@ _FORMULA = re.compile(r"\s[-+*/]|[-+*/]\s|[()]")
 
 
 class Condition(Record, frozen=True):
-    """A condition on a number of the run.
-
-    Attributes:
-        number: The number.
-        relation: ``<``, ``>`` or ``=``.
-        bound: Value that the number is compared with.
-    """
+    """A condition on a number of the run: the number, ``<``, ``>`` or ``=``, and the value it is compared with."""
 
     number: AnyNumber
     relation: Literal["<", ">", "="]

@@ -75,7 +75,6 @@ class RollingBearing(InputStruct, frozen=True):
 
     @property
     def exponent(self) -> float:
-        """The exponent of the life."""
         return 10.0 / 3.0 if self.p == "10/3" else float(self.p)
 
     @property
@@ -119,13 +118,7 @@ class RollingBearing(InputStruct, frozen=True):
         return np.stack([load**self.exponent * rate, rate], axis=1)
 
     def evaluated(self, worst: Worst, means: Array, errors: Array) -> Found:
-        """Return mean load, mean rate and rating life.
-
-        Args:
-            worst: The largest P and rate.
-            means: Of the integrands over the time, shape (2,).
-            errors: Of these by the quadrature, shape (2,).
-        """
+        """Return mean load, mean rate and rating life, from the means of the integrands and their errors."""
         (loaded, turned), (of_load, of_rate) = means.tolist(), (errors / means).tolist()
         mean = worst["load.peak"].value * (loaded / turned) ** (1.0 / self.exponent)
         rate, relative = worst["rate.peak"].value * turned, of_load + of_rate
@@ -173,11 +166,7 @@ class PlainBearing(InputStruct, frozen=True):
         return np.asarray(np.hypot(0.5 * self.diameter * turning, sliding))
 
     def worst(self, run: Lookup, joint: LoadedJoint) -> Worst:
-        """Return the largest pressure and speed, and the largest product of both.
-
-        Raises:
-            InputError: The load is not determined.
-        """
+        """Return the largest pressure and speed, and the largest product of both."""
         return {
             "pressure.peak": peak(run, PASCAL, lambda rows: self.pressure(rows, joint)),
             "speed.peak": peak(run, SPEED, lambda rows: self.speed(rows, joint)),
@@ -191,13 +180,7 @@ class PlainBearing(InputStruct, frozen=True):
         return np.stack([pressure * speed / most, speed / fastest], axis=1)
 
     def evaluated(self, worst: Worst, means: Array, errors: Array) -> Found:
-        """Return the means over the time of pressure times speed, and of the speed.
-
-        Args:
-            worst: The largest values.
-            means: Of the integrands over the time, shape (2,).
-            errors: Of these by the quadrature, shape (2,).
-        """
+        """Return the means over the time of pressure times speed, and of the speed; see ``RollingBearing``."""
         scaled = zip(("pv", "speed"), (INTENSITY, SPEED), means.tolist(), errors.tolist(), strict=True)
         numbers = dict(worst)
         for name, measured, mean, error in scaled:
@@ -238,15 +221,13 @@ def _left_out(run: Lookup, joint: LoadedJoint, bearing: RollingBearing | PlainBe
         return []
     try:
         axial, radial = (
-            np.abs(run.quantities.determined(f"{joint.prefix}.force.{part}").values) for part in ("axial", "radial")
+            float(np.abs(run.quantities.determined(f"{joint.prefix}.force.{part}").values).max())
+            for part in ("axial", "radial")
         )
     except InputError:
         return [f"{joint.name}: the axial load is not determined, and in no number of its {bearing.key}"]
-    size = float(axial.max())
-    unseen = size <= UNSEEN * float(radial.max())
-    return (
-        [] if unseen else [f"{joint.name}: the axial load of up to {size:.4g} N is in no number of its {bearing.key}"]
-    )
+    said = f"{joint.name}: the axial load of up to {axial:.4g} N is in no number of its {bearing.key}"
+    return [said] if axial > UNSEEN * radial else []
 
 
 UNSEEN = 1e-3

@@ -82,34 +82,26 @@ class Rotor(InputStruct, frozen=True):
             InputError: It does not turn, or its centre of mass is not between the planes.
         """
         with within("rotors", name):
-            rate = f"joint.{name}.velocity"
-            omega, spread = (float(self.speed), 0.0) if self.speed else _largest(run, rate)
+            omega, spread = (float(self.speed), 0.0) if self.speed else _largest(run, f"joint.{name}.velocity")
             if not omega:
                 raise InputError(f"'{name}' does not turn in this run", expected="speed: that at which it works")
             mass, centre, static, couple = _unbalance(run.run.mechanism, name)
-            off, off_couple = _rounding(run.run.mechanism, name)
-            eccentricity = float(np.linalg.norm(static)) / mass
+            unbalance = float(np.linalg.norm(static))
             numbers = {
-                f"{name}.unbalance": LoadNumber(mass * eccentricity, UNBALANCE, error=off),
-                f"{name}.eccentricity": LoadNumber(eccentricity, METRE, error=off / mass),
+                f"{name}.unbalance": LoadNumber(unbalance, UNBALANCE),
+                f"{name}.eccentricity": LoadNumber(unbalance / mass, METRE),
             }
-            graded = [(eccentricity, off / mass)]
+            eccentricity = unbalance / mass
             if self.planes:
-                inner, between = _in_planes(static, couple, *self.planes), abs(self.planes[1] - self.planes[0])
-                wrong = [(off_couple + abs(plane) * off) / between for plane in reversed(self.planes)]
-                numbers |= {
-                    f"{name}.unbalance.{k}": LoadNumber(x, UNBALANCE, error=error)
-                    for k, (x, error) in enumerate(zip(inner, wrong, strict=True), start=1)
-                }
-                permitted = [mass * share for share in _shares(centre, *self.planes)]
-                graded += [(x / m, error / m) for x, error, m in zip(inner, wrong, permitted, strict=True)]
-            largest, error = (max(pair[k] for pair in graded) for k in (0, 1))
-            quality, doubt = largest * omega, error * omega + largest * spread
+                inner = _in_planes(static, couple, *self.planes)
+                numbers |= {f"{name}.unbalance.{k}": LoadNumber(x, UNBALANCE) for k, x in enumerate(inner, start=1)}
+                shares = _shares(centre, *self.planes)
+                eccentricity = max(eccentricity, *(x / (mass * share) for x, share in zip(inner, shares, strict=True)))
+            quality = eccentricity * omega
         planes = "in both planes" if self.planes else "static unbalance only"
-        remark = (
-            f"{name}: e omega = {quality / MILLIMETRE:.4g} mm/s at {omega / RPM:.5g} rpm, {planes}: {grade(quality)}"
-        )
-        return numbers | {f"{name}.quality": LoadNumber(quality, QUALITY, error=doubt)}, [remark]
+        speed = f"at {omega / RPM:.5g} rpm"
+        remark = f"{name}: e omega = {quality / MILLIMETRE:.4g} mm/s {speed}, {planes}: {grade(quality)}"
+        return numbers | {f"{name}.quality": LoadNumber(quality, QUALITY, error=eccentricity * spread)}, [remark]
 
 
 def grade(quality: float) -> str:
@@ -117,9 +109,6 @@ def grade(quality: float) -> str:
     met = next((limit for limit in GRADES if quality <= limit * MILLIMETRE * (1.0 + ROUNDING)), None)
     return f"G {met:g} of ISO 21940-11" if met else f"beyond G {GRADES[-1]:g}, the coarsest grade of ISO 21940-11"
 
-
-SUMS = 1e-14
-"""Rounding of sums over the bodies of a rotor, relative to the sizes of their terms."""
 
 LEAST_SHARE = 0.3
 """Of the permitted unbalance that a plane has, however far from the centre of mass it is."""
@@ -143,16 +132,6 @@ def _largest(run: Lookup, rate: str) -> tuple[float, float]:
     """Return the largest size of a rate [rad/s], and what the search for it leaves."""
     row, error = run.extreme("largest", rate)
     return abs(float(row[rate].values[0])), error
-
-
-def _rounding(mechanism: Mechanism, name: str) -> tuple[float, float]:
-    """Return the rounding of U [kg*m] and D [kg*m²]: of sums over particles, which cancel where a rotor is balanced.
-
-    These are no more than m r and m r², with r the root of the mean square of the distances of particles.
-    """
-    inertia = mechanism.model.inertias[mechanism.joints[name].index]
-    spread = 0.5 * float(np.trace(inertia.matrix()[3:, 3:]))
-    return SUMS * float(inertia.mass * spread) ** 0.5, SUMS * spread
 
 
 def _in_planes(static: Array, couple: Array, first: float, second: float) -> tuple[float, float]:

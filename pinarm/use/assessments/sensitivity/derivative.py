@@ -13,9 +13,8 @@ differ by more than their errors, the number has a kink there: a maximum that mo
 
 A step over which the number is no such series, as where an oscillation turns by several radians, may look settled by
 accident. So a step is enough only where all three derivatives are about the same; otherwise smaller steps are taken
-too. Their ``4 e / h`` is a bound, and mostly far above what they scatter; so they contradict larger steps by what they
-differ beyond the scatter that is seen, the difference between their own extrapolations. Derivatives that differ from
-one another, other than those at a kink that is found again with another step, are as wrong as they differ.
+too, which contradict larger ones by what they differ beyond their own errors. Derivatives that differ from one another,
+other than those at a kink that is found again with another step, are as wrong as they differ.
 
 Source: Ridders, Accurate computation of F'(x) and F'(x) F''(x), Advances in Engineering Software 4 (1982).
 """
@@ -55,9 +54,6 @@ SQUARE = 2.0
 DOUBT = 2.0
 """Error of a derivative over what smaller steps contradict: these are wrong themselves, by about as much."""
 
-SCATTER = 3.0
-"""Change of one-sided derivatives with smaller steps, over their scatter, that noise alone may explain."""
-
 
 @dataclass(frozen=True)
 class Derivative:
@@ -83,8 +79,7 @@ class _Differences:
     """Derivatives of several numbers by steps of one size, and their errors, each of shape (m,).
 
     ``quotient`` is the larger one-sided quotient of differences over the whole step, ``rounding`` what the noise of the
-    numbers makes of a difference over the smallest one. ``scatter`` and ``one_sided_scatter`` are what is seen of the
-    errors: the differences between the extrapolations from the larger and from the smaller steps.
+    numbers makes of a difference over the smallest one.
     """
 
     central: Array
@@ -94,8 +89,6 @@ class _Differences:
     one_sided_error: Array
     quotient: Array
     rounding: Array
-    scatter: Array
-    one_sided_scatter: Array
 
     def derivative(self, k: int) -> Derivative:
         left, right, sided = float(self.left[k]), float(self.right[k]), float(self.one_sided_error[k])
@@ -111,11 +104,9 @@ class _Differences:
         return derivative.error <= GOOD * abs(derivative.value) + excused and self.apart(k) <= self.alike(k)
 
     def apart(self, k: int) -> float:
-        """Return the largest difference between the one-sided derivatives and the central one."""
         return float(max(abs(self.left[k] - self.central[k]), abs(self.right[k] - self.central[k])))
 
     def alike(self, k: int) -> float:
-        """Return the difference of two derivatives up to which they are about the same."""
         return float(REGULAR * self.quotient[k] + 8.0 * self.rounding[k])
 
     def finds(self, other: _Differences, k: int) -> bool:
@@ -124,14 +115,13 @@ class _Differences:
         return bool(self.moved(other, k) <= alike)
 
     def moved(self, other: _Differences, k: int) -> float:
-        """Return the largest difference between the one-sided derivatives of two steps."""
         return float(max(abs(self.left[k] - other.left[k]), abs(self.right[k] - other.right[k])))
 
     def contradicted(self, finer: _Differences, k: int) -> float:
         """Return the error that smaller steps show: of both sides at a kink, which they may be too small to see."""
         if self.derivative(k).kink:
-            return DOUBT * float(self.moved(finer, k) - SCATTER * finer.one_sided_scatter[k])
-        return float(DOUBT * abs(self.central[k] - finer.central[k]) - finer.scatter[k])
+            return DOUBT * self.moved(finer, k) - float(finer.one_sided_error[k])
+        return float(DOUBT * abs(self.central[k] - finer.central[k]) - finer.error[k])
 
 
 STEPS = np.array([1.0, 0.5, 0.25, -1.0, -0.5, -0.25])
@@ -223,23 +213,19 @@ def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise
     """Return derivatives by the numbers ahead and behind, both of shape (3, m), for steps halved each time."""
     steps = step / 2.0 ** np.arange(3)
     h = steps[:, None]
-    central, correction, scatter = _extrapolated((ahead - behind) / (2.0 * h), 2)
-    right, above, scatter_above = _extrapolated((ahead - at_zero) / h, 1)
-    left, below, scatter_below = _extrapolated((at_zero - behind) / h, 1)
+    central, correction = _extrapolated((ahead - behind) / (2.0 * h), 2)
+    right, above = _extrapolated((ahead - at_zero) / h, 1)
+    left, below = _extrapolated((at_zero - behind) / h, 1)
     rounding = noise / steps[-1]
     quotient = np.maximum(np.abs(ahead[0] - at_zero), np.abs(at_zero - behind[0])) / step
     apart = np.maximum(np.abs(right - central), np.abs(left - central))
     left_out = np.maximum(correction, SQUARE * apart**2 / np.where(quotient > 0.0, quotient, np.inf))
     error, sided = left_out + 2.0 * rounding, np.maximum(above, below) + 8.0 * rounding
-    return _Differences(central, error, left, right, sided, quotient, rounding, np.minimum(scatter, error),
-                        np.minimum(np.maximum(scatter_above, scatter_below), sided))  # fmt: skip
+    return _Differences(central, error, left, right, sided, quotient, rounding)
 
 
-def _extrapolated(differences: Array, order: int) -> tuple[Array, Array, Array]:
-    """Return three differences of steps halved each time, extrapolated, shape (m,), and what that tells of its error.
-
-    This is the last correction, and the difference between the two extrapolations before, which noise makes about as
-    large as the error.
+def _extrapolated(differences: Array, order: int) -> tuple[Array, Array]:
+    """Return three differences of steps halved each time, extrapolated, shape (m,), and the last correction.
 
     Args:
         differences: Shape (3, m).
@@ -248,4 +234,4 @@ def _extrapolated(differences: Array, order: int) -> tuple[Array, Array, Array]:
     first, second = 2.0**order, 2.0 ** (2 * order)
     once = (first * differences[1:] - differences[:-1]) / (first - 1.0)
     twice = (second * once[1] - once[0]) / (second - 1.0)
-    return twice, np.abs(twice - once[1]), np.abs(once[1] - once[0])
+    return twice, np.abs(twice - once[1])

@@ -19,7 +19,6 @@ Units in brackets may be others of the same dimension; the two temperatures are 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -27,12 +26,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, Location, choices
-from pinarm.input.csv_tables import table
-from pinarm.input.numbers import decimal, is_decimal
+from pinarm.input.csv_tables import read_columns, split_heading, table
 from pinarm.input.units import unit
 
-MAX_BYTES, MOST = 5_000_000, 10_000
-"""Size of a catalogue at most, and number of its motors."""
+MOST = 10_000
+"""Motors of a catalogue at most."""
 
 SMALLEST, GREATEST = 1e-30, 1e30
 """Of what a catalogue says of a motor, and of ratios: products of their squares stay numbers."""
@@ -80,63 +78,55 @@ def read_catalogue(path: Path) -> list[Motor]:
     Raises:
         InputError: The file cannot be read, a column is missing, or a cell is not a positive number; located.
     """
-    if path.stat().st_size > MAX_BYTES:
-        raise InputError(f"the catalogue {path.name} is too large", expected=f"at most {MAX_BYTES} bytes")
     heads, below = table(path, path.name)
     rows = list(below)
     if not 1 <= len(rows) <= MOST:
         raise InputError(f"the catalogue {path.name} has {len(rows)} motors", expected=f"1 to {MOST}")
-    columns = _columns(heads, path.name)
-    motors = [_motor(row, columns, Location(path.name, line)) for line, row in rows]
-    names = [motor.name for motor in motors]
+    place, factors = _headings(heads, path.name)
+    names = [row[place].strip() if place < len(row) else "" for _, row in rows]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"the catalogue {path.name} has the motor '{twice}' twice", expected="names of their own")
-    return motors
+    state = path.stat()
+    columns = read_columns(str(path), frozenset(UNITS), (state.st_mtime_ns, state.st_size))
+    numbers = [columns[heading] for heading, _ in factors.values()]
+    lines = zip(rows, names, *numbers, strict=True)
+    return [_motor(name, dict(zip(factors, row, strict=True)), factors, Location(path.name, line))
+            for (line, _), name, *row in lines]  # fmt: skip
 
 
-def _columns(headings: list[str], file: str) -> dict[str, tuple[int, float]]:
-    """Return where each value stands, and the factor of its unit."""
-    columns: dict[str, tuple[int, float]] = {}
-    for place, heading in enumerate(headings):
-        name, _, rest = heading.strip().partition("[")
-        name, written = name.strip(), rest.rstrip("] ").strip()
-        if UNITS.get(name):
-            measured = unit(written) if written else None
-            if measured is None or measured.dimension != unit(UNITS[name]).dimension:
-                raise InputError(
-                    f"the heading '{heading}' has no unit of this quantity", expected=f"{name} [{UNITS[name]}]"
-                ).at(Location(file, 1, 1, heading))
-            columns[name] = place, measured.factor
-        elif name in ("name", *UNITS):
-            columns[name] = place, 1.0
+def _headings(headings: list[str], file: str) -> tuple[int, dict[str, tuple[str, float]]]:
+    """Return the place of the names, and the heading and the factor of the unit of each number, by name."""
+    keys = [(split_heading(heading) or (heading.strip(), None))[0] for heading in headings]
+    known = dict(zip(keys, map(str.strip, headings), strict=True))
     for name in ("name", *UNITS):
-        if name not in columns:
-            expected, hint = choices(name, [heading.partition("[")[0].strip() for heading in headings])
+        if name not in known:
+            expected, hint = choices(name, known)
             needed = ", ".join(["name", *(f"{key} [{of}]" if of else key for key, of in UNITS.items())])
             raise InputError(
                 f"the catalogue has no column '{name}', but {expected}", expected=f"the columns {needed}", hint=hint
             ).at(Location(file, 1))
-    return columns
+    return keys.index("name"), {name: (known[name], _factor(name, known[name], file)) for name in UNITS}
 
 
-def _motor(row: list[str], columns: dict[str, tuple[int, float]], line: Location) -> Motor:
-    values: dict[str, float] = {}
-    for field in fields(Motor)[1:]:
-        place, factor = columns[field.name]
-        text = row[place].strip() if place < len(row) else ""
-        number = decimal(text) if is_decimal(text) else math.nan
-        if not 0.0 <= number < math.inf or (number == 0.0 and field.name != "rotor_inertia"):
-            raise InputError(f"{field.name} is '{text}'", expected="a positive number with a decimal point").at(line)
-        if number and not SMALLEST <= number <= GREATEST:
-            raise InputError(f"{field.name} is {number:g}", expected=f"a size from {SMALLEST:g} to {GREATEST:g}").at(
-                line
-            )
-        values[field.name] = number * factor
-    motor = Motor(row[columns["name"][0]].strip(), **values)
+def _factor(name: str, heading: str, file: str) -> float:
+    if not UNITS[name]:
+        return 1.0
+    _, written = split_heading(heading) or (name, None)
+    if written is not None and unit(written).dimension == unit(UNITS[name]).dimension:
+        return unit(written).factor
+    error = InputError(f"the heading '{heading}' has no unit of this quantity", expected=f"{name} [{UNITS[name]}]")
+    raise error.at(Location(file, 1, 1, heading))
+
+
+def _motor(name: str, numbers: dict[str, float], factors: dict[str, tuple[str, float]], line: Location) -> Motor:
+    for key, number in numbers.items():
+        free = key == "rotor_inertia" and number == 0.0
+        if not free and not SMALLEST <= number <= GREATEST:
+            raise InputError(f"{key} is {number:g}", expected=f"a size from {SMALLEST:g} to {GREATEST:g}").at(line)
+    motor = Motor(name, *(numbers[field.name] * factors[field.name][1] for field in fields(Motor)[1:]))
     for low, high in (("rated_torque", "stall_torque"), ("rated_torque", "peak_torque"), ("rated_speed", "max_speed")):
         if not getattr(motor, low) <= getattr(motor, high) or motor.rated_speed == motor.max_speed:
-            raise InputError(
-                f"{low} is beyond {high}", expected=f"{low} not above {high}, rated_speed below max_speed"
-            ).at(line)
+            expected = f"{low} not above {high}, rated_speed below max_speed"
+            raise InputError(f"{low} is beyond {high}", expected=expected).at(line)
     return motor

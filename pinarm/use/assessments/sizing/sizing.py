@@ -140,9 +140,6 @@ class Sizing(InputStruct, frozen=True):
         return NUMBERS
 
     def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
-        self._check_drive(quantities)
-
-    def _check_drive(self, quantities: Quantities) -> None:
         drives = quantities.trajectory.mechanism.drives
         if self.drive not in drives:
             expected, hint = choices(self.drive, drives)
@@ -170,7 +167,7 @@ class Sizing(InputStruct, frozen=True):
                 expected="a problem of kind inverse or forward",
                 hint=made_a_motion(run),
             )
-        self._check_drive(result.quantities)
+        self.check_names(result.quantities, result.scenario)
         drive = run.mechanism.drives[self.drive]
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency
         held = [removal.joint for removal in result.scenario.simplification.removals]
