@@ -35,9 +35,6 @@ NAMED = 5
 PATIENCE = 60.0
 """Seconds to wait for another process that replaces the files of a folder, which takes it milliseconds."""
 
-ABANDONED = 7 * 86400.0
-"""Seconds after which a draft counts as left behind by a killed process."""
-
 
 class Manifest(msgspec.Struct, frozen=True, omit_defaults=True):
     """Files that were written to a folder.
@@ -190,27 +187,16 @@ def _draft_name() -> str:
 def _draft(folder: Path) -> Iterator[Path]:
     """Yield an empty folder: inside of one that exists, which may be all that this user can write; else beside it.
 
-    It goes at the end of the block, unless it was renamed; so do drafts that killed processes left long ago.
+    It goes at the end of the block, unless it was renamed.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     home = folder if folder.exists() else folder.parent
-    for left in home.glob(f"{DRAFT}*.part"):
-        with suppress(OSError):
-            if time.time() - left.lstat().st_mtime > ABANDONED:
-                _remove(left)
     draft = home / _draft_name()
     draft.mkdir()
     try:
         yield draft
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink()
 
 
 def _publish(draft: Path, folder: Path, empty: Manifest, beside: Collection[str]) -> None:
@@ -238,11 +224,7 @@ def _publish(draft: Path, folder: Path, empty: Manifest, beside: Collection[str]
 
 @contextmanager
 def _locked(folder: Path, how: int) -> Iterator[None]:
-    """Hold the lock of a folder: nobody else replaces files in it meanwhile.
-
-    Raises:
-        OSError: Another process keeps it locked, or it is a symbolic link.
-    """
+    """Hold the lock of a folder: nobody else replaces files in it meanwhile."""
     if folder.is_symlink():  # which the system calls no directory
         raise OSError(errno.ELOOP, f"{folder} is a symbolic link")
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
@@ -290,12 +272,7 @@ def source_from(folder: Path, source: Path) -> str:
 
 
 def _own_files(folder: Path, kind: str, beside: Collection[str]) -> dict[str, str]:
-    """Return the digests of the files of a folder that were written here, without its manifest.
-
-    Raises:
-        InputError: It holds something else.
-        OSError: It cannot be read.
-    """
+    """Return the digests of the files of a folder that were written here, without its manifest."""
     if folder.is_symlink():
         raise InputError(f"{folder} is a symbolic link", hint=f"the folder itself: -o {os.path.realpath(folder)}")
     manifest = read_manifest(folder)
@@ -325,7 +302,6 @@ def _own_files(folder: Path, kind: str, beside: Collection[str]) -> dict[str, st
 
 
 def _listed(manifest: Manifest | None, inner: str) -> set[tuple[str, str]]:
-    """Return the names, below an inner folder, and the digests that a manifest lists."""
     parts = (manifest.files, manifest.arriving) if manifest else ()
     return {(f"{inner}{name}", digest) for part in parts for name, digest in part.items()}
 
@@ -349,7 +325,6 @@ def _is_file(path: Path) -> bool:
 
 
 def _digest(path: Path) -> str | None:
-    """Return the digest of a regular file; nothing for a link or anything else."""
     if not _is_file(path):
         return None
     with open(path, "rb") as stream:
@@ -367,7 +342,6 @@ def read_manifest(folder: Path) -> Manifest | None:
 
 
 def _write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write the manifest of a folder in place of an older one; its bytes do not depend on the order of the files."""
     files, arriving = (dict(sorted(part.items())) for part in (manifest.files, manifest.arriving))
     data = replace(manifest, files=files, arriving=arriving)
     draft = folder / _draft_name()
@@ -434,9 +408,10 @@ def destination(given: Path | None, scenario: Path, name: str, kind: str = "resu
 
 def _free(source: str, name: str, kind: str) -> Destination:
     """Return the first folder that no other file has taken, made where there was none; see ``destination``."""
-    taken = ""
-    for longer in (name, *_longer(Path(source), name)):
-        folder = RESULTS / f"{longer}{ENDINGS[kind]}"
+    above = [parent.name for parent in Path(source).parents if parent.name]
+    taken, names = "", [name, *above[above[:1] == [name] :]]
+    for count in range(1, len(names) + 1):
+        folder = RESULTS / f"{'-'.join(reversed(names[:count]))}{ENDINGS[kind]}"
         other = "" if _claimed(folder, kind, source) else _other(folder, source)
         if not other:
             return Destination(folder, taken and f"as {taken}")
@@ -459,25 +434,11 @@ def _claimed(folder: Path, kind: str, source: str) -> bool:
     return True
 
 
-def _longer(scenario: Path, name: str) -> Iterator[str]:
-    """Yield the name with that of the folder of the file before it, then of the one above that too ..."""
-    above = scenario.parents[1:] if scenario.parent.name == name else scenario.parents
-    for parent in above:
-        if parent.name:
-            name = f"{parent.name}-{name}"
-            yield name
-
-
 def _other(folder: Path, source: str) -> str:
     """Return in words whose results of another file a folder holds; empty for none."""
     for home in (folder, folder / PARTIAL):
-        manifest = read_manifest(home)
-        if manifest is not None:
-            try:
-                known = os.path.realpath(home / manifest.source) if manifest.source else ""
-            except (OSError, ValueError):  # it has been changed by hand
-                known = ""
-            of = os.path.relpath(known) if known else "no file"
-            article = "the" if known else "a"
-            return "" if known == source else f"{article} {manifest.kind} of {of}"
+        if manifest := read_manifest(home):
+            known = os.path.realpath(home / manifest.source.replace("\0", "")) if manifest.source else ""
+            of = f"the {manifest.kind} of {os.path.relpath(known)}" if known else f"a {manifest.kind} of no file"
+            return "" if known == source else of
     return ""

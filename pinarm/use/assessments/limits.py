@@ -42,7 +42,6 @@ class Limits(InputStruct, frozen=True):
     keep: Annotated[dict[str, str], msgspec.Meta(min_length=1, max_length=100)]
 
     def check(self) -> None:
-        """Read the conditions, so that their mistakes are located in the file."""
         names = [slug(condition.number) for condition in self.conditions]
         for text, condition in zip(self.keep, self.conditions, strict=True):
             with within("keep", text):
@@ -53,7 +52,6 @@ class Limits(InputStruct, frozen=True):
 
     @property
     def conditions(self) -> list[Condition]:
-        """Conditions on numbers of the run, read from ``keep``."""
         with within("keep"):
             return read_conditions(self.keep)
 
@@ -72,11 +70,7 @@ class Limits(InputStruct, frozen=True):
                 check_unit(condition.bound, unit or DIMENSIONLESS)
 
     def evaluate(self, result: Result) -> Section:
-        """Return every number beside its bound: see ``Assessment``.
-
-        Raises:
-            InputError: A name does not exist, or a bound has another dimension.
-        """
+        """Return every number beside its bound: see ``Assessment``."""
         self.check_names(result.quantities, result.scenario)
         compared = [_compared(condition, result) for condition in self.conditions]
         beyond = sum(number.verdict == BEYOND for number in compared)
@@ -126,12 +120,10 @@ class _Compared:
 
     @property
     def name(self) -> str:
-        """Name of its margin."""
         return f"{slug(self.condition.number)}.margin"
 
     @property
     def margin(self) -> float:
-        """Margin to the bound [SI], negative beyond the bound."""
         return self.condition.margin(float(self.value.values[0]))
 
     @property
@@ -142,14 +134,12 @@ class _Compared:
 
     @property
     def verdict(self) -> str:
-        """``kept``, ``beyond``, or that the error does not allow to say which."""
         if abs(self.margin) < self.known:
             return OPEN
         return KEPT if self.margin >= 0.0 else BEYOND
 
     @property
     def text(self) -> str:
-        """The number in the unit of its bound."""
         value, unit = self._as_bound(float(self.value.values[0])), self.condition.bound.unit
         return f"{value:.6g} {unit}" if unit else f"{value:.6g}"
 
@@ -159,7 +149,6 @@ class _Compared:
         return value / unit.factor if unit else value
 
     def row(self) -> tuple[Cell, ...]:
-        """Return its row of the table, with number and error in the unit of the bound."""
         bound = f"{self.condition.relation} {self.condition.bound_text}"
         error: Cell = (
             "not estimated"

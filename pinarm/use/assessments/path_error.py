@@ -52,9 +52,6 @@ def read_points(wanted: Mapping[str, Sequence[float]] | str) -> tuple[list[str],
 
     Args:
         wanted: Coordinates by axis [m], or a CSV file with the columns ``x [mm]`` and so on.
-
-    Raises:
-        InputError: An axis is unknown, lists have different lengths, or the file is no table of points; located.
     """
     columns = _columns(wanted) if isinstance(wanted, str) else {name: list(map(float, x)) for name, x in wanted.items()}
     for name in columns:
@@ -73,7 +70,6 @@ def read_points(wanted: Mapping[str, Sequence[float]] | str) -> tuple[list[str],
 
 
 def _columns(name: str) -> dict[str, list[float]]:
-    """Return the columns of a CSV file of points [m]."""
     folder = current_folder() or Path(name).absolute().parent
     path = contained_file((folder / name).absolute(), root_of(folder))
     headings = {head: split_heading(head) or (head, None) for head in read_headings(str(path))}
@@ -132,7 +128,6 @@ class PathError(InputStruct, frozen=True):
     times: list[Time] | None = None
 
     def check(self) -> None:
-        """Read the points, so that their mistakes are located in the file."""
         with within("wanted"):
             axes, points = read_points(self.wanted)
         if isinstance(self.wanted, str):
@@ -143,7 +138,6 @@ class PathError(InputStruct, frozen=True):
                     raise InputError(f"there are {len(self.times)} times for {len(points)} points", expected="as many")
 
     def quantities(self, kind: str) -> list[str]:
-        """Return the names of the point's coordinates, or of their rates, along the wanted axes."""
         axes, _ = read_points(self.wanted)
         return [f"point.{self.point}.{kind}.{axis}" for axis in axes]
 
@@ -158,11 +152,7 @@ class PathError(InputStruct, frozen=True):
             _ = [quantities[name] for name in self.quantities("position")]
 
     def evaluate(self, result: Result) -> Section:
-        """Return the errors at all points: see ``Assessment``.
-
-        Raises:
-            InputError: The run is no motion in time, or it does not meet the points in their order.
-        """
+        """Return the errors at all points: see ``Assessment``."""
         run = result.lookup
         if run.motion is None or run.run.parameter != "t":
             raise InputError(
@@ -229,11 +219,7 @@ class _Path(Record, frozen=True):
         return cls(run, names, wanted, interval, np.concatenate([t for _, t in spots]), places)
 
     def met(self) -> Array:
-        """Return the best instants in the order of the points, shape (n,).
-
-        Raises:
-            InputError: Two points are best met at one instant, or one after the other only in the other order.
-        """
+        """Return the best instants in the order of the points, shape (n,)."""
         t = self.refined[0]
         behind = np.roll(np.arange(len(t)), -1)
         others = np.linalg.norm(self.wanted[behind] - self.wanted, axis=1) > ONE_INSTANT
@@ -292,7 +278,6 @@ class _Path(Record, frozen=True):
 
     @cached_property
     def refined(self) -> tuple[Array, Array]:
-        """Instants near the nearest chords and those beside them at which the path is nearest, and its places there."""
         from scipy.optimize.elementwise import find_root
 
         count, shifts = len(self._chords), np.array([[0], [-1], [1]])
@@ -335,11 +320,7 @@ class _Path(Record, frozen=True):
         return left
 
     def at_times(self, times: Array) -> Array:
-        """Return where the path is at prescribed instants.
-
-        Raises:
-            InputError: One is not in the run, or the path jumps there.
-        """
+        """Return where the path is at prescribed instants."""
         with within("times"):
             rows = [self.run.at({"t": f"{time!r} s"}, self.names[0][0]) for time in times.tolist()]
         return np.concatenate([_stacked(row, self.names[0]) for row in rows])

@@ -84,11 +84,7 @@ class Response(InputStruct, frozen=True):
             raise InputError("a step response is one over time", expected="a forward, inverse or recorded motion")
 
     def evaluate(self, result: Result) -> Section:
-        """Return overshoot, rise and settling time: see ``Assessment``.
-
-        Raises:
-            InputError: There is no step, or the run does not come to what is asked.
-        """
+        """Return overshoot, rise and settling time: see ``Assessment``."""
         self.check_names(result.quantities, result.scenario)
         result.quantities.determined(self.of)
         step = _Step(self, result.lookup)
@@ -162,7 +158,6 @@ class _Step:
         }
 
     def _peak(self, doubt: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the largest z and when it is, each with its error: so far away z may be as large."""
         t, sign = self.run.run.grid.t, float(np.sign(self.size))
         values = np.where(t >= self.begin, self.run.quantities[self.name].values, -sign * np.inf)
         lacks = f"{self.name} has no {'largest' if sign > 0.0 else 'smallest'} value"

@@ -101,7 +101,6 @@ class Shaking(InputStruct, frozen=True):
         )
 
     def _figures(self, run: Lookup) -> dict[str, CurveFigure]:
-        """Return peak and rms value of every component and norm, by name."""
         parts = [*PARTS, "force.norm", "moment.norm"]
         peaks = {part: figure(run, self.quantity(part), "peak") for part in parts}
         scales = np.array([peaks[f"{part.partition('.')[0]}.norm"].value for part in parts])
@@ -135,11 +134,7 @@ def _length(run: Lookup) -> float:
 
 
 def _harmonics(run: Lookup, quantities: Sequence[str], count: int) -> tuple[Array, float]:
-    """Return the amplitudes of orders 1 to count, shape (count, number of quantities), and the error of the largest.
-
-    Raises:
-        InputError: The run is no whole number of periods.
-    """
+    """Return the amplitudes of orders 1 to count, shape (count, number of quantities), and the error of the largest."""
     ends = np.array([[run.at(place, name)[name].values[0] for place in ("start", "end")] for name in quantities])
     size = np.array([np.abs(run.quantities[name].values).max() for name in quantities])
     size = np.where(size > 0.0, size, 1.0)
@@ -174,7 +169,6 @@ def _harmonics_table(amplitudes: Array, units: Sequence[Unit | None], pulsation:
 
 
 def _hodograph(result: Result, forces: Sequence[str]) -> Graph:
-    """Return the path of the force's tip in the plane of its two largest components."""
     sizes = [float(np.abs(result[name].values).max()) for name in forces]
     plane = sorted(np.argsort(sizes)[-2:].tolist())
     across, up = (replace(result[forces[k]], name=PARTS[k]) for k in plane)

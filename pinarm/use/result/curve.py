@@ -107,14 +107,12 @@ class Pieces(Record, frozen=True):
         return Pieces(*(getattr(self, name)[places] for name in self.__struct_fields__))
 
     def joined(self, other: Pieces) -> Pieces:
-        """Return these and others, in the order of the run."""
         every = [np.concatenate([getattr(x, name) for x in (self, other)]) for name in self.__struct_fields__]
         order = np.lexsort((every[1], every[0]))
         return Pieces(*(part[order] for part in every))
 
     @cached_property
     def coefficients(self) -> Array:
-        """Coefficients of the Chebyshev polynomials, shape (m, 17, k)."""
         return np.asarray(np.einsum("np,mpk->mnk", TO_COEFFICIENTS, self.f))
 
     @cached_property
@@ -123,7 +121,6 @@ class Pieces(Record, frozen=True):
 
     @cached_property
     def tail(self) -> Array:
-        """Largest of the last coefficients, shape (m, k)."""
         return np.asarray(np.abs(self.coefficients[:, -3:]).max(axis=1))
 
     @cached_property
@@ -161,7 +158,6 @@ class Pieces(Record, frozen=True):
         return np.asarray(values.max(axis=1) + 0.25 * np.abs(np.diff(values, 2, axis=1)).max(axis=1))
 
     def at(self, piece: Indices, t: Array) -> Array:
-        """Return the polynomials of pieces at places, both of shape (n,), as an array of shape (n, k)."""
         x = (2.0 * t - self.low[piece] - self.high[piece]) / self.width[piece]
         waves = np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * _ORDERS)
         return np.asarray(np.einsum("np,npk->nk", waves, self.coefficients[piece]))
@@ -185,7 +181,6 @@ class Pieces(Record, frozen=True):
         return float(length.sum())
 
     def percentile(self, share: float) -> float:
-        """Return the value below which the first polynomials are for a share of their length."""
         from scipy.optimize import brentq
 
         turns = [self.at(np.full(len(t), k), t)[:, 0] for k in range(len(self)) if len(t := self.zeros(k, slope=True))]
@@ -232,14 +227,12 @@ class Span(Record, frozen=True):
         return float(self.bounds[-1] - self.bounds[0])
 
     def after(self, begin: float) -> Span:
-        """Return the part of the interval after a place inside it."""
         known = self.t >= begin
         later = {name: t[t > begin] for name in ("points", "steps", "jumps") for t in [getattr(self, name)]}
         bounds = np.append(begin, self.bounds[self.bounds > begin])
         return replace(self, bounds=bounds, **later, t=self.t[known], f=self.f[known])
 
     def divisible(self, width: Array) -> Flags:
-        """Return a mask of the pieces that can be halved, from their widths."""
         ends = np.abs(self.bounds[[0, -1]]).max()
         return np.asarray(width > max(NARROWEST * self.length, ULPS * math.ulp(float(ends))))
 
@@ -269,7 +262,6 @@ class Curve(Struct, eq=False, dict=True):
         return {span.number: span for span in self.spans}
 
     def after(self, begin: float) -> Curve:
-        """Return the functions from a place on."""
         later = [span for span in self.spans if span.bounds[-1] > begin]
         return Curve(self.values, [span if span.bounds[0] >= begin else span.after(begin) for span in later])
 
@@ -298,7 +290,6 @@ class Curve(Struct, eq=False, dict=True):
         return replace(pieces, off=self._off(pieces))
 
     def _evaluated(self, interval: Indices, t: Array) -> Array:
-        """Return the functions at the nodes of pieces, shape (m, 17, k)."""
         keys = [*zip(interval.tolist(), t[:, 0].tolist(), t[:, -1].tolist(), strict=True)]
         lacking = {key: (key[0], nodes) for key, nodes in zip(keys, t, strict=True) if key not in self._kept}
         for key, f in zip(lacking, self.values([*lacking.values()]) if lacking else (), strict=True):
@@ -321,7 +312,6 @@ class Curve(Struct, eq=False, dict=True):
         return off
 
     def divisible(self, pieces: Pieces) -> Flags:
-        """Return a mask of the pieces that can be halved, shape (m,)."""
         each = zip(pieces.interval.tolist(), pieces.width, strict=True)
         return np.array([self.span[number].divisible(width) for number, width in each], bool)
 
@@ -338,12 +328,10 @@ class Curve(Struct, eq=False, dict=True):
         return self.pieces(pieces.interval.repeat(2), low, high)
 
     def refined(self, pieces: Pieces, poor: Indices) -> Pieces:
-        """Return the pieces with some halved."""
         kept = np.ones(len(pieces), bool)
         kept[poor] = False
         return pieces.some(kept).joined(self.halves(pieces.some(poor)))
 
     def heights(self, number: int, t: Array) -> Array:
-        """Return the first function at places of an interval, shape (n,)."""
         (f,) = self.values([(number, t)])
         return np.asarray(f.reshape(len(t), -1)[:, 0])

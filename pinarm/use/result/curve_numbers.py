@@ -209,11 +209,7 @@ def higher(curve: Curve, sign: float, top: Peak, spots: Spots) -> Peak:
 
 
 def _require_end(curve: Curve, sign: float, top: Peak) -> None:
-    """Raise where the function grows without end towards its highest place, from one side at least.
-
-    Raises:
-        Endless: It does.
-    """
+    """Raise where the function grows without end towards its highest place, from one side at least."""
     span = curve.span[top.interval]
     low, high = span.bounds[[0, -1]].tolist()
     for way in (-span.length, span.length):

@@ -160,11 +160,7 @@ class Expectation(InputStruct, frozen=True):
                 located(self.at, quantities)
 
     def _described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
-        """Return its name and unit as a series.
-
-        Raises:
-            InputError: There is no such quantity or number.
-        """
+        """Return its name and unit as a series."""
         if not sections and "@" not in self.quantity:
             return quantities[self.quantity]
         from pinarm.use.result.numbers import names_number, read_number

@@ -70,22 +70,18 @@ class Figures(Mapping[str, float]):
         return {**self._known, **self._measure()}
 
     def __getitem__(self, name: str) -> float:
-        """Return a figure."""
         return self._known[name] if name in COSTS else self._all[name]
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether there is a figure of a name; costs are known without measuring."""
         return name in self._known or (name not in COSTS and name in self._all)
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over all names."""
         return iter(self._all)
 
     def __len__(self) -> int:
         return len(self._all)
 
     def __repr__(self) -> str:
-        """Return the names and figures, which are measured then."""
         return repr(dict(self))
 
 

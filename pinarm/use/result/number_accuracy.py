@@ -36,7 +36,6 @@ def rounded_to_zero(result: Result) -> dict[str, float]:
 
 
 def _sizes(result: Result) -> dict[str, tuple[float, float]]:
-    """Return the largest absolute value of every output, and what the run makes of its unit."""
     natural = natural_sizes(result.trajectory)
     columns = {name: result[name] for name in result.content.outputs}
     return {name: (float(np.abs(column.values).max()), natural(column.unit)) for name, column in columns.items()}
@@ -71,7 +70,6 @@ def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple
 
 
 def _noise_of_formula(result: Result, number: CombinedNumber) -> float:
-    """Return the noise of a formula from the noise of its numbers [SI]."""
     parts = [measured_number(part, result) for part in number.parts]
     changes = noise(result, number.parts, parts).tolist()
     return number.of([(float(series.values[0]), change) for (series, _), change in zip(parts, changes, strict=True)])[1]
@@ -109,5 +107,4 @@ def global_error(result: Result, number: AnyNumber) -> float | None:
 
 
 def _size(result: Result, number: AnyNumber) -> float:
-    """Return the largest absolute value of the quantity over the run; 0 for a number of a section."""
     return float(np.abs(result[number.quantity].values).max()) if isinstance(number, RunNumber) else 0.0

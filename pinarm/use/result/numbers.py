@@ -52,12 +52,10 @@ class Number(ValueRecord, frozen=True):
 
     @property
     def of_curves(self) -> bool:
-        """Whether it needs no section."""
         return all(isinstance(part, RunNumber) for part in self.parts)
 
     @property
     def figure(self) -> str:
-        """The figure of the curve; empty where it is none."""
         return ""
 
     @property
@@ -121,7 +119,6 @@ class RunNumber(Number, frozen=True):
 
     @property
     def figure(self) -> str:
-        """The figure of the curve; a place where it is asked at one."""
         return self.at if isinstance(self.at, str) else ""
 
     @property
@@ -161,7 +158,6 @@ class RunNumber(Number, frozen=True):
         return number
 
     def told(self, run: Lookup) -> tuple[float, float]:
-        """Return the number of a run in which friction leaves nothing open; see ``value``."""
         if isinstance(self.at, str) and is_figure(self.at):
             curve_figure = figure(run, self.quantity, self.at)
             return curve_figure.value, curve_figure.error
@@ -175,11 +171,7 @@ class RunNumber(Number, frozen=True):
         return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
 
     def _require_determined(self, result: Run, value: float) -> None:
-        """Raise where the number would be another one with other frictions that hold the same motion.
-
-        Raises:
-            InputError: Says between which values it lies.
-        """
+        """Raise where the number would be another one with other frictions that hold the same motion."""
         place = isinstance(self.at, str)
         ends = [
             replace(self, quantity=f"{self.quantity}.{extreme}", of=f"{self.of}.{extreme}" if place else self.of)
@@ -216,7 +208,6 @@ class SectionNumber(Number, frozen=True):
 
     @property
     def figure(self) -> str:
-        """The last part of its name: ``rms`` and ``peak`` mean what they mean for curves."""
         return self.name.rpartition(".")[2]
 
     def described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
@@ -339,7 +330,6 @@ class CombinedNumber(Number, frozen=True):
         return self.of([part.value(result) for part in self.parts])
 
     def told(self, run: Lookup) -> tuple[float, float]:
-        """Return the number of a run in which friction leaves nothing open; see ``value``."""
         return self.of([part.told(run) for part in self.parts if isinstance(part, RunNumber)])
 
     def of(self, numbers: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -401,7 +391,6 @@ def _named(values: Sequence[V]) -> dict[str, V]:
 
 
 def _balanced(text: str) -> bool:
-    """Tell whether every parenthesis of a text is closed in it."""
     depths = np.cumsum([(c == "(") - (c == ")") for c in text] or [0])
     return bool(depths.min() >= 0 and depths[-1] == 0)
 
@@ -421,7 +410,6 @@ _PLACE_TEXT = re.compile(rf"\s*(?:{_ENTRY}(?:\s*,\s*{_ENTRY})*|\w+(?:\.\d+)?)")
 
 
 def _end(text: str, start: int) -> int:
-    """Return where the place behind an ``@`` ends."""
     place = _PLACE_TEXT.match(text, start)
     end = place.end() if place else start
     if text[end : end + 1] == "(":
@@ -522,16 +510,13 @@ class Condition(Record, frozen=True):
 
     @property
     def bound_text(self) -> str:
-        """The bound as files write it, with its unit."""
         return self.measured(float(self.bound))
 
     def measured(self, value: float) -> str:
-        """Return a value in SI in the unit of the bound."""
         written = self.bound.unit
         return f"{value / written.factor:g} {written}" if written else f"{value:g}"
 
     def margin(self, value: float) -> float:
-        """Return by how much it holds, negative where it does not; for ``=`` the difference."""
         return float(self.bound - value if self.relation == "<" else value - self.bound)
 
 

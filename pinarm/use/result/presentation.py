@@ -91,7 +91,6 @@ class Presentation(ValueRecord, frozen=True):
         return (series.unit.factor / measured.factor if measured and series.unit else 1.0), measured
 
     def shown(self, series: Series) -> Series:
-        """Return a quantity in the unit that it is shown in to people."""
         measured = self.unit(series)
         return series.to(measured) if measured is not None and str(measured) != str(series.unit) else series
 

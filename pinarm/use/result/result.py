@@ -75,33 +75,27 @@ class Result(Run, frozen=True):
     source: Path | None = None
 
     def __repr__(self) -> str:
-        """Return its name, its kind, how many rows it has, and its outputs."""
         outputs = ", ".join(self.content.outputs)
         return f"<Result of '{self.name}', {self.kind}: {len(self)} rows; {outputs}>"
 
     @property
     def kind(self) -> str:
-        """Kind of its problem."""
         return self.scenario.problem.kind
 
     @property
     def content(self) -> ScenarioFile:
-        """The scenario, validated."""
         return self.scenario.content
 
     @cached_property
     def presentation(self) -> Presentation:
-        """In which units, and by which labels, quantities are shown."""
         return self.content.presentation
 
     @property
     def data(self) -> Mapping[str, Any]:
-        """The scenario as plain data."""
         return self.scenario.document.data  # type: ignore[no-any-return]
 
     @property
     def folder(self) -> Path:
-        """Folder of the scenario file; paths in it are relative to that."""
         return self.scenario.folder
 
     @property
@@ -111,7 +105,6 @@ class Result(Run, frozen=True):
 
     @property
     def missed(self) -> bool:
-        """Whether the bound of the error is not below the target of the scenario."""
         target = self.content.accuracy.target
         return target is not None and not (self.error is not None and self.error <= target)
 
@@ -126,12 +119,10 @@ class Result(Run, frozen=True):
 
     @property
     def events(self) -> Sequence[EventRecord]:
-        """Events and impacts, in order of time."""
         return self.outcome.events
 
     @property
     def parameter(self) -> Series:
-        """Parameter of the rows, such as the time ``t``."""
         return self.quantities.parameter
 
     def number(self, text: str) -> tuple[float, float]:
@@ -167,7 +158,6 @@ class Result(Run, frozen=True):
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
-        """Search and assessments of the run, by the key of their section; see ``section_number``."""
         return {**self._evaluated, **self.content.assessments}
 
     @property
@@ -183,7 +173,6 @@ class Result(Run, frozen=True):
 
     @property
     def written_sections(self) -> Mapping[str, Section]:
-        """The sections as CSV files have them: tables in the units that the scenario asks for."""
         return {key: section.shown(self._table_units) for key, section in self.sections.items()}
 
     @cached_property
@@ -293,7 +282,6 @@ class Result(Run, frozen=True):
         return f"modes of the state: {', '.join(self.arrays['eigenvalues'].columns) or 'none'}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the result as its scenario and rows, which are the same to the last bit."""
         from pinarm.use.result.stored_rows import states
 
         rows, figures = self.trajectory, dict(self.outcome.figures)
@@ -313,7 +301,6 @@ class Result(Run, frozen=True):
 
     @cached_property
     def _states_known(self) -> bool:
-        """Whether coordinates, velocities and accelerations are numbers in all rows."""
         run = self.trajectory
         return all(bool(np.isfinite(x).all()) for x in (run.q, run.v, run.a))
 
@@ -408,7 +395,6 @@ class Result(Run, frozen=True):
         }
 
     def _accuracy(self) -> dict[str, Any]:
-        """Return the measures of accuracy, and where it was requested, the estimate of the global error."""
         measured: dict[str, Any] = {name: self.figures[name] for name in self.figures if name in MEASURES}
         if "evaluations" in self.figures and not self.errors:
             measured["error"] = NOT_ESTIMATED
@@ -466,7 +452,6 @@ class Result(Run, frozen=True):
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 
     def _periods(self) -> list[str]:
-        """Return whether the numbers of the scenario are taken over whole periods."""
         if not self.content.numbers:
             return []
         from pinarm.use.result.numbers import read_number

@@ -127,7 +127,6 @@ class Lookup(Record, frozen=True):
 
     @property
     def run(self) -> Trajectory:
-        """The rows."""
         return self.quantities.trajectory
 
     @cached_property
@@ -139,12 +138,10 @@ class Lookup(Record, frozen=True):
 
     @property
     def length(self) -> float:
-        """Of all intervals together."""
         return sum(abs(end - start) for start, end, _ in self.intervals)
 
     @cached_property
     def steps(self) -> list[Array]:
-        """Where the steps of the integrator end, interval by interval, each ascending; empty of laws."""
         return self._within(self.motion.steps() if self.motion else np.empty(0))
 
     @cached_property
@@ -155,16 +152,13 @@ class Lookup(Record, frozen=True):
 
     @cached_property
     def knots(self) -> list[Array]:
-        """Points of the curves of laws, interval by interval, each ascending."""
         return self._within(self.motion.knots() if self.motion else np.empty(0))
 
     def _within(self, t: Array) -> list[Array]:
-        """Return the instants that are within each interval."""
         return [t[(t > min(start, end)) & (t < max(start, end))] for start, end, _ in self.intervals]
 
     @cached_property
     def _wide(self) -> list[int]:
-        """Numbers of the intervals that have a length."""
         return [k for k, (start, end, _) in enumerate(self.intervals) if start != end]
 
     def _bounds(self, interval: int) -> Array:
@@ -261,7 +255,6 @@ class Lookup(Record, frozen=True):
 
     @cached_property
     def _points(self) -> list[tuple[int, Array]]:
-        """Points of laws, and both sides of jumps of loads, in the wide intervals."""
         points = list[tuple[int, Array]]()
         for k in self._wide:
             jumps = self.jumps[k]
@@ -336,7 +329,6 @@ class Lookup(Record, frozen=True):
         return value, self.differs(spot, name, value, elsewhere)
 
     def _instant(self, where: dict[str, str | int | float], name: str) -> Spot:
-        """Return where a quantity has the value that ``where`` says; see ``at``."""
         along, value = located(where, self.quantities)
         spots = self._on_parameter(value) if along == self.run.parameter else self._crossings(along, value)
         return self._choose(spots, where, name, f"{along} = {where[along]}")
@@ -353,7 +345,6 @@ class Lookup(Record, frozen=True):
         return spots
 
     def _crossings(self, along: str, value: float) -> list[Spot]:
-        """Return where a quantity has a value, in order; intervals are looked into between the rows."""
         curve, spots = self.curve_of(along), list[Spot]()
         find = zeros_of_angle if self._is_told_to_half_a_turn(along, value) else zeros
         for k, (start, end, _) in enumerate(self.intervals):
@@ -449,7 +440,6 @@ class Lookup(Record, frozen=True):
         return self._row(peak.interval, peak.place), peak.error
 
     def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
-        """Return an extreme, and its row; see ``extreme``."""
         word, signs = _EXTREMES[which]
         lacks, series = f"{name} has no {word}", self.quantities[name]
         slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
@@ -511,12 +501,10 @@ class Lookup(Record, frozen=True):
 
     @property
     def _has_bands(self) -> bool:
-        """Whether friction gives efforts a band where joints are at rest, for an instant too."""
         return any(name.endswith(BAND_ENDS) for name in self.run.columns)
 
     @cached_property
     def _rests(self) -> list[tuple[int, Array]]:
-        """Intervals, and where in them joints with friction are at rest for an instant."""
         return [*enumerate(self.motion.rests())] if self.motion else []
 
     def _interval_of(self, row: int) -> int:
@@ -546,7 +534,6 @@ def _switch(rows: Quantities, name: str, k: int) -> Array:
 
 
 def _height(values: Array, signs: Sequence[float]) -> Array:
-    """Return the largest of values times signs, shape (n,)."""
     return np.asarray(np.max([sign * values for sign in signs], axis=0))
 
 

@@ -50,7 +50,6 @@ class Run(AbstractRecord, frozen=True):
 
     @property
     def trajectory(self) -> Trajectory:
-        """The states themselves: arrays of q, v, a and tau."""
         return self.outcome.rows
 
     @property
@@ -59,11 +58,7 @@ class Run(AbstractRecord, frozen=True):
         return self.outcome.arrays
 
     def __getitem__(self, name: str) -> Series:
-        """Return a quantity by name, symbol or formula, as an array with its unit.
-
-        Raises:
-            InputError: There is no such quantity; the message lists what there is.
-        """
+        """Return a quantity by name, symbol or formula, as an array with its unit."""
         return self.quantities[name]
 
     def __len__(self) -> int:
@@ -71,7 +66,6 @@ class Run(AbstractRecord, frozen=True):
 
     @cached_property
     def lookup(self) -> Lookup:
-        """The run, asked for its states at places between its rows."""
         return Lookup(self.quantities, self.outcome.motion)
 
     @property

@@ -173,11 +173,9 @@ class Section(Record, frozen=True):
     errors: Mapping[str, float] = field(default_factory=dict)
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return the units of its numbers by name: see ``Numbered``."""
         return {name: series.unit for name, series in self.numbers.items()}
 
     def shown(self, units: Mapping[str, Unit]) -> Section:
-        """Return the section with its tables in other units; see ``SectionTable.shown``."""
         return replace(self, tables=[table.shown(units) for table in self.tables])
 
     def bounded(self, bounds: Mapping[str, float]) -> Section:

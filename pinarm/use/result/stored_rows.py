@@ -128,11 +128,7 @@ class SolvedAnew(RelayedMotion, Record, frozen=True):
         return outcome.motion
 
     def _require_same(self, anew: Trajectory) -> None:
-        """Refuse a motion that does not lead through the rows.
-
-        Raises:
-            InputError: Positions, velocities or efforts differ by more than ``SAME``.
-        """
+        """Refuse a motion that does not lead through the rows."""
         for name in ("q", "v", "tau"):
             known, solved = getattr(self.rows, name), getattr(anew, name)
             allowed = ROUNDING + SAME * np.abs(known).max(initial=0.0)
@@ -153,12 +149,10 @@ class SolvedAnew(RelayedMotion, Record, frozen=True):
         return self._motion.at(grid)
 
     def positions(self, t: Array) -> Array:
-        """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
         return self._motion.positions(t)
 
     @property
     def relayed(self) -> SolvedMotion:
-        """The motion, solved anew."""
         return self._motion
 
 
@@ -193,7 +187,6 @@ def trajectory_of(problem: Problem, mechanism: Mechanism, arrays: Mapping[str, A
 
 
 def _fits(grid: Grid) -> bool:
-    """Tell whether the intervals of a grid cover its rows, in order."""
     rows = np.array(grid.rows)
     covers = len(rows) == len(grid.cuts) >= 2 and rows[0] == 0 and rows[-1] == len(grid.t)
     return bool(covers and (np.diff(rows) >= 0).all())

@@ -71,12 +71,10 @@ class Response(Record, frozen=True):
 
     @property
     def number(self) -> str:
-        """Beginning of the names of its numbers."""
         return _number(self.output, self.input)
 
     @property
     def amplitude(self) -> Series:
-        """Amplitude of the output per amplitude of the input."""
         return Series(f"|{self.output} / {self.input}|", self.unit, np.abs(self.values))
 
     @property
@@ -104,7 +102,6 @@ class ResponseNumbers(Record, frozen=True):
     outputs: Sequence[str]
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return ``OUTPUT.INPUT.largest``, the largest amplitude, and its ``frequency``, with their units."""
         inputs = self.problem.prepare(self.mechanism(), self.accuracy, self.place).inputs
         units = dict[str, Unit | None]()
         for output, driven in product(self.outputs, inputs):
@@ -186,7 +183,6 @@ def mode_shapes(result: Run) -> Complex:
 
 
 def _modes(result: Run) -> Section:
-    """Return the table of the modes, what takes part in them, and their eigenvalues in the complex plane."""
     eigenvalues = _eigenvalues(result)
     numbers = range(1, len(eigenvalues) + 1)
     measured = [[result[f"mode.{k}.{name}"] for name in MEASURES] for k in numbers]
@@ -214,7 +210,6 @@ def _parts(arrays: Mapping[str, LabelledArray], undamped: Flags) -> Iterator[tup
 
 
 def _part_table(name: str, table: LabelledArray) -> SectionTable:
-    """Return the parts of bodies, springs or dampers in each mode [%]."""
     rows = [
         (row, *("" if np.isnan(part) else round(100.0 * part, 4) + 0.0 for part in parts))
         for row, parts in zip(table.rows, table.values.tolist(), strict=True)
@@ -265,7 +260,6 @@ def _plane(eigenvalues: Complex, said: Sequence[str]) -> Iterator[Curve]:
 
 
 def _frequency_response(result: Run) -> Section:
-    """Return the largest amplitudes, and a Bode and a Nyquist plot for each output and unit of inputs."""
     known = responses(result.arrays)
     groups = [list(group) for _, group in groupby(known, key=lambda own: (own.output, str(own.unit)))]
     low, high = known[0].frequencies[[0, -1]].tolist()
@@ -333,7 +327,6 @@ def _names(groups: Sequence[Sequence[Response]]) -> list[str]:
 
 
 def _largest(known: Sequence[Response], peaks: Sequence[tuple[float, float]]) -> SectionTable:
-    """Return the largest amplitude of each response, and that at the lowest frequency."""
     rows = [
         (own.output, own.input, str(own.unit or "?"), float(np.abs(own.values[0])), *peak)
         for own, peak in zip(known, peaks, strict=True)

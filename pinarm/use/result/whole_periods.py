@@ -60,13 +60,11 @@ def _periodic(problem: Problem, mechanism: Mechanism) -> Iterator[tuple[str, str
 
 
 def _laws(problem: Problem, mechanism: Mechanism) -> Mapping[str, MotionLaw]:
-    """Return the laws over time of a motion in time; none of other problems."""
     motion, time = getattr(problem, "motion", {}), getattr(problem, "time", None)
     return laws_of(mechanism, motion, nowhere, (time.start, time.end)) if motion and time else {}
 
 
 def _way(problem: Problem, law: MotionLaw) -> float:
-    """Return the displacement of a coordinate from start to end of a run [rad or m]."""
     time = problem.time  # type: ignore[attr-defined]  # of a problem that has laws
     start, end = (float(law.on(time.start, time.end)(np.array([t]))[0][0]) for t in (time.start, time.end))
     return end - start

@@ -83,7 +83,6 @@ def save(
 
 
 def _write_rows(result: Result, draft: Path) -> None:
-    """Write the rows of the outputs, what is behind them, and further tables."""
     columns = result.table_columns()
     if result.kind == RECORDED:
         write_parts(draft / MOTION, recorded_csv(result))
@@ -271,7 +270,6 @@ _MESH = r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(?:(?!\w+://|/)([^<]*?)|packa
 
 
 def _model(mechanism: Mechanism, folder: Path) -> str:
-    """Return the model's text with the files of its meshes named from another folder."""
     home, packages = mechanism.source.robot.parent, mechanism.source.packages
 
     def named(match: re.Match[str]) -> str:
@@ -285,7 +283,6 @@ def _model(mechanism: Mechanism, folder: Path) -> str:
 
 
 def _tables(result: Result) -> dict[str, tuple[str, Path]]:
-    """Return the files that assessments of a result read, which its folder keeps: assessment -> name there, file."""
     named = {key: result.data[key].get(of) for key, of in FILES.items() if key in result.content.assessments}
     root = root_of(result.folder)
     return {

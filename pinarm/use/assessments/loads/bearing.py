@@ -59,7 +59,6 @@ class RollingBearing(InputStruct, frozen=True):
     e: Coefficient | None = None
 
     def check(self) -> None:
-        """Refuse factors that leave no load."""
         if not self.X and not self.Y:
             raise InputError("X and Y are both 0: no load is left", expected="the factors of the bearing's catalogue")
 
@@ -94,11 +93,7 @@ class RollingBearing(InputStruct, frozen=True):
         return combined if self.e is None else np.where(axial <= self.e * radial, radial, combined)
 
     def worst(self, run: Lookup, joint: LoadedJoint) -> Worst:
-        """Return the largest P [N] and rate [rad/s].
-
-        Raises:
-            InputError: A load is not determined, or the bearing does not turn or carries nothing but rounding.
-        """
+        """Return the largest P [N] and rate [rad/s]."""
         parts = {name: run.quantities.determined(f"{joint.prefix}.{name}") for name in self.carried}
         least = max(rounding(run, name, part) for name, part in parts.items())
         load = peak(run, NEWTON, lambda rows: self.equivalent(rows, joint), least)
@@ -190,11 +185,7 @@ class PlainBearing(InputStruct, frozen=True):
 
 
 def lives(run: Lookup, asked: Sequence[tuple[LoadedJoint, RollingBearing | PlainBearing]]) -> Found:
-    """Return the numbers of all bearings, and what is to be said of them.
-
-    Raises:
-        InputError: The run is no motion over time, a load is not determined, or a bearing does not turn.
-    """
+    """Return the numbers of all bearings, and what is to be said of them."""
     numbers, remarks = dict[str, LoadNumber](), list[str]()
     if not asked:
         return numbers, remarks
@@ -216,7 +207,6 @@ def lives(run: Lookup, asked: Sequence[tuple[LoadedJoint, RollingBearing | Plain
 
 
 def _left_out(run: Lookup, joint: LoadedJoint, bearing: RollingBearing | PlainBearing) -> list[str]:
-    """Return a remark where an axial load of the joint enters no number of its bearing."""
     if isinstance(bearing, RollingBearing) and (bearing.Y or bearing.e is not None):
         return []
     try:

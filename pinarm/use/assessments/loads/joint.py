@@ -45,11 +45,9 @@ class LoadNumber:
 
     @classmethod
     def pure(cls, value: float, error: float = 0.0) -> LoadNumber:
-        """Return a number without a unit."""
         return cls(value, DIMENSIONLESS, error=error)
 
     def series(self, name: str) -> Series:
-        """Return it as a series of one value."""
         return Series(name, self.unit, np.array([self.value]), self.doubt)
 
 
@@ -120,7 +118,6 @@ class LoadedJoint(Record, frozen=True):
 
     @property
     def axis(self) -> bool:
-        """Whether it has an axis."""
         return bool(self.rings)
 
     @classmethod
@@ -131,9 +128,6 @@ class LoadedJoint(Record, frozen=True):
             mechanism: The mechanism.
             name: Its name.
             coordinate: What turns in it, where it has no such coordinate of its own.
-
-        Raises:
-            InputError: There is no such joint, or two of that name, or no such coordinate.
         """
         known = dict(_known(mechanism, name))
         meant = [full for full in known if name in (full, full.partition(".")[2])]
@@ -152,11 +146,7 @@ class LoadedJoint(Record, frozen=True):
         return replace(joint, turning=coordinate, open=False)
 
     def check(self, *, bearing: bool, bushing: bool) -> None:
-        """Check that it has what is asked of it.
-
-        Raises:
-            InputError: It has no axis, or says nothing of how its bearing moves.
-        """
+        """Check that it has what is asked of it."""
         for key in [key for key, asked in (("bearing", bearing), ("bushing", bushing)) if asked]:
             with within(key):
                 if not self.axis:

@@ -232,7 +232,6 @@ def _of_friction(reactions: Reactions) -> Iterator[Action]:
 
 
 def _of_forces(reactions: Reactions) -> Iterator[Action]:
-    """Yield the wrenches of force elements, at the points of the bodies where they act."""
     run, model = reactions.run, reactions.model
     (_, dynamics), *_ = (
         (rows, dynamics_of_rows) for rows, dynamics_of_rows in run.intervals() if rows.start < rows.stop
@@ -246,7 +245,6 @@ def _of_forces(reactions: Reactions) -> Iterator[Action]:
 
 
 def _of_masses(run: Trajectory) -> Iterator[Action]:
-    """Yield weights and inertia relief of the bodies, at their centres of mass."""
     model, data = run.mechanism.model, new_data(run.mechanism.model)
     pin.forwardKinematics(model, data, run.q[0], run.v[0], run.a[0])
     for body in range(1, model.njoints):

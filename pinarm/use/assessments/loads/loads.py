@@ -72,7 +72,6 @@ class Loads(InputStruct, frozen=True):
     rotors: dict[str, Rotor] = {}
 
     def check(self) -> None:
-        """Refuse a block that asks nothing."""
         if not self.joints and not self.rotors:
             raise InputError("nothing is asked of any joint", expected="joints: {NAME: {}}, or rotors: {NAME: {}}")
 
@@ -131,7 +130,6 @@ class Loads(InputStruct, frozen=True):
         return Section("loads", "Loads of joints", tables, series, remarks, graphs, errors)
 
     def _polar(self, run: Lookup, joints: Sequence[LoadedJoint], numbers: Mapping[str, LoadNumber]) -> Iterator[Graph]:
-        """Yield the polar diagram of every joint with a radial load whose components are determined."""
         for joint in joints:
             if f"{joint.name}.radial.peak" in numbers:
                 with suppress(InputError):
@@ -210,9 +208,6 @@ def _across(rows: Quantities, joint: LoadedJoint, kind: str, link: str, axis: Ar
         kind: ``force`` or ``moment``.
         link: Name of the link; empty for the world.
         axis: Unit vector, shape (3,); 0 for the whole vector.
-
-    Raises:
-        InputError: A component is not determined. That along the axis need not be, where the axis is one of the link's.
     """
     name, still = f"{joint.prefix}.{kind}" + (f".along.{link}" if link else ""), np.zeros(len(rows.trajectory))
     vector = np.array(
@@ -225,11 +220,7 @@ def _across(rows: Quantities, joint: LoadedJoint, kind: str, link: str, axis: Ar
 
 
 def polar_diagram(run: Lookup, joint: LoadedJoint) -> Graph:
-    """Return the radial load over the run, seen along the joint's axis, in the axes of both links that meet there.
-
-    Raises:
-        InputError: A component is not determined.
-    """
+    """Return the radial load over the run, seen along the joint's axis, in the axes of both links that meet there."""
     curves = []
     for link, axis in joint.rings:
         k = int(np.abs(axis).argmax())

@@ -45,23 +45,17 @@ class Rotor(InputStruct, frozen=True):
     planes: tuple[Lead, Lead] | None = None
 
     def check(self) -> None:
-        """Refuse planes that are one."""
         if self.planes and self.planes[0] == self.planes[1]:
             raise InputError("both planes are at the same place", expected="two planes")
 
     @property
     def units(self) -> Mapping[str, Unit]:
-        """Its numbers by name, and their units."""
         inner = {f"unbalance.{k}": UNBALANCE for k in (1, 2)} if self.planes else {}
         return {"unbalance": UNBALANCE, "eccentricity": METRE, "quality": QUALITY, **inner}
 
     @staticmethod
     def check_joint(mechanism: Mechanism, name: str) -> None:
-        """Check that a joint moves a rigid rotor.
-
-        Raises:
-            InputError: There is no such revolute joint, or more joints move beyond it, or it moves no mass.
-        """
+        """Check that a joint moves a rigid rotor."""
         joint = mechanism.joints.get(name)
         if joint is None or joint.unit != RADIAN:
             expected, hint = choices(name, [k for k, moved in mechanism.joints.items() if moved.unit == RADIAN])
@@ -76,11 +70,7 @@ class Rotor(InputStruct, frozen=True):
             raise InputError(f"'{name}' moves no mass", expected="a joint that moves a body with mass")
 
     def balance(self, run: Lookup, name: str) -> tuple[dict[str, LoadNumber], list[str]]:
-        """Return unbalance and balance quality of the rotor of a joint, and its grade in words.
-
-        Raises:
-            InputError: It does not turn, or its centre of mass is not between the planes.
-        """
+        """Return unbalance and balance quality of the rotor of a joint, and its grade in words."""
         with within("rotors", name):
             omega, spread = (float(self.speed), 0.0) if self.speed else _largest(run, f"joint.{name}.velocity")
             if not omega:
@@ -129,7 +119,6 @@ def _unbalance(mechanism: Mechanism, name: str) -> tuple[float, float, Array, Ar
 
 
 def _largest(run: Lookup, rate: str) -> tuple[float, float]:
-    """Return the largest size of a rate [rad/s], and what the search for it leaves."""
     row, error = run.extreme("largest", rate)
     return abs(float(row[rate].values[0])), error
 
@@ -145,9 +134,6 @@ def _shares(centre: float, first: float, second: float) -> tuple[float, float]:
 
     By the lever rule, ``L_2 / L`` and ``L_1 / L`` with L_k the distance of the centre of mass to plane k, but no less
     than 0.3 and no more than 0.7: ISO 21940-11:2016, section 7, on rotors whose centre of mass is between the planes.
-
-    Raises:
-        InputError: The centre of mass is not between them.
     """
     share = (second - centre) / (second - first)
     if not 0.0 < share < 1.0:

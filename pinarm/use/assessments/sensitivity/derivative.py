@@ -185,9 +185,6 @@ def derivatives(
         at_zero: The numbers without a change, shape (m,).
         step_of: Input -> its first and largest change.
         noise: Error of the numbers that changes irregularly from run to run, shape (m,).
-
-    Raises:
-        InputError: No run succeeds on both sides of an input, however small the step.
     """
     sought = [_Sought(step_of(search)) for search in varied.inputs]
     left, unit = list(range(len(sought))), np.eye(len(sought))
@@ -210,7 +207,6 @@ def derivatives(
 
 
 def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise: Array) -> _Differences:
-    """Return derivatives by the numbers ahead and behind, both of shape (3, m), for steps halved each time."""
     steps = step / 2.0 ** np.arange(3)
     h = steps[:, None]
     central, correction = _extrapolated((ahead - behind) / (2.0 * h), 2)

@@ -50,11 +50,7 @@ def changes_of(draws: Array, tolerances: Array, distribution: DistributionName) 
 
 
 def monte_carlo(varied: Varied, count: int, seed: int, distribution: DistributionName) -> Samples:
-    """Return the numbers of runs whose inputs are drawn independently.
-
-    Raises:
-        InputError: Fewer than two of the runs can be solved.
-    """
+    """Return the numbers of runs whose inputs are drawn independently."""
     tolerances = np.array([of.tolerance for of in varied.inputs])
     draws = np.random.default_rng(seed).random((count, len(tolerances)))
     values, failures = list[tuple[float, ...]](), list[str]()
@@ -98,9 +94,6 @@ def sobol_indices(varied: Varied, count: int, seed: int, distribution: Distribut
 
     Source: Saltelli et al., Variance based sensitivity analysis of model output, Computer Physics Communications 181
     (2010), by SALib (Herman and Usher, Journal of Open Source Software, 2017).
-
-    Raises:
-        InputError: SALib is not installed, a run cannot be solved, or none of the numbers varies.
     """
     try:
         from SALib.analyze import sobol as analysis

@@ -75,7 +75,6 @@ class Sensitivity(InputStruct, frozen=True):
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)] = 0
 
     def check(self) -> None:
-        """Read the numbers, so that their mistakes are located in the file."""
         if self.monte_carlo == 1:
             with within("monte_carlo"):
                 raise InputError("one run has no distribution", expected="0 for none, or at least 2")
@@ -99,7 +98,6 @@ class Sensitivity(InputStruct, frozen=True):
         return list(self.of)
 
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
-        """Return bands and derivatives; units of derivatives, and of numbers of sections, are left open."""
         units = dict[str, Unit | None]()
         for number in self._asked():
             known = number.described(quantities, {}).unit if number.of_curves else None
@@ -118,12 +116,7 @@ class Sensitivity(InputStruct, frozen=True):
         inputs_of(scenario, self.to)
 
     def evaluate(self, result: Result) -> Section:
-        """Return derivatives, bands and distributions: see ``Assessment``.
-
-        Raises:
-            InputError: A name or a tolerance is wrong.
-            PinarmError: The scenario cannot be solved with an input changed.
-        """
+        """Return derivatives, bands and distributions: see ``Assessment``."""
         self.check_names(result.quantities, result.scenario)
         inputs, asked = inputs_of(result.scenario, self.to), self._asked()
         taken = [measured(number, result) for number in asked]

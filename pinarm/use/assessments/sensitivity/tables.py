@@ -63,7 +63,6 @@ class Band:
 
     @property
     def value(self) -> float:
-        """Its value in the run [SI]."""
         return float(self.measured.values[0])
 
     def parts(self, inputs: Sequence[Input]) -> Array:
@@ -72,11 +71,9 @@ class Band:
         return np.asarray(np.abs(slopes) * np.array([of.tolerance for of in inputs]))
 
     def worst_case(self, inputs: Sequence[Input]) -> float:
-        """Return the sum of the parts."""
         return float(self.parts(inputs).sum())
 
     def rss(self, inputs: Sequence[Input]) -> float:
-        """Return the root of the sum of their squares."""
         return float(np.linalg.norm(self.parts(inputs)))
 
     def is_rounding(self, inputs: Sequence[Input]) -> bool:

@@ -57,12 +57,7 @@ class Tolerance(Measured):
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read a tolerance: see above.
-
-        Raises:
-            UnitError: A unit is unknown, or value and size have different dimensions.
-            InputError: It is no tolerance, or not positive.
-        """
+        """Read a tolerance: see above."""
         if isinstance(value, cls):
             return value
         parts = [part.strip() for part in _SIGN.split(str(value))]
@@ -85,11 +80,7 @@ class Tolerance(Measured):
 
     @classmethod
     def of(cls, size: float, written: Unit | None, relative: bool, about: float | None) -> Self:
-        """Return a tolerance of its parts.
-
-        Raises:
-            InputError: It is not positive and finite.
-        """
+        """Return a tolerance of its parts."""
         if not 0.0 < size < float("inf"):
             raise InputError(f"a tolerance of {size:g} is none", expected=f"more than 0, {EXAMPLES}")
         tolerance = cls(size)
@@ -97,11 +88,7 @@ class Tolerance(Measured):
         return tolerance
 
     def size(self, value: float) -> float:
-        """Return the tolerance [SI] of a value of the file [SI].
-
-        Raises:
-            InputError: It is about another value, or a part of 0.
-        """
+        """Return the tolerance [SI] of a value of the file [SI]."""
         if self.about is not None and abs(self.about - value) > SAME * max(abs(value), abs(self.about)):
             raise InputError(
                 f"the tolerance is about {self._text(self.about)}, and the value is {self._text(value)}",
@@ -116,7 +103,6 @@ class Tolerance(Measured):
         return f"{value / self.unit.factor:.9g} {self.unit}" if self.unit else f"{value:.9g}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the tolerance as its constructor and arguments."""
         return type(self).of, (float(self), self.unit, self.relative, self.about)
 
 
@@ -144,24 +130,17 @@ class Input:
 
     @property
     def si(self) -> Unit:
-        """Its unit in SI."""
         return self.unit.si if self.unit else DIMENSIONLESS
 
     def text(self, value: float) -> str:
-        """Return a value in SI as files write it."""
         return f"{float(value / self.unit.factor)!r} {self.unit}" if self.unit else repr(float(value))
 
     def given(self, value: float) -> str | float:
-        """Return a value in SI as files have it: a number where there is no unit."""
         return self.text(value) if self.unit else float(value)
 
 
 def path_of(name: str, scenario: Scenario) -> str:
-    """Return the path that a name means: ``l2`` is ``arguments.l2``.
-
-    Raises:
-        InputError: It is no path, and the model has no argument of that name.
-    """
+    """Return the path that a name means: ``l2`` is ``arguments.l2``."""
     if "." in name:
         return name
     arguments = scenario.mechanism.arguments
@@ -173,11 +152,7 @@ def path_of(name: str, scenario: Scenario) -> str:
 
 
 def inputs_of(scenario: Scenario, tolerances: Mapping[str, Tolerance]) -> list[Input]:
-    """Return the inputs that have tolerances.
-
-    Raises:
-        InputError: A path leads to no number, two names mean the same, or a tolerance is none of that number.
-    """
+    """Return the inputs that have tolerances."""
     inputs = list[Input]()
     for name, tolerance in tolerances.items():
         with within("to", name):

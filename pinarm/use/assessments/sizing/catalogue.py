@@ -73,11 +73,7 @@ class Motor:
 
 
 def read_catalogue(path: Path) -> list[Motor]:
-    """Return the motors of a catalogue.
-
-    Raises:
-        InputError: The file cannot be read, a column is missing, or a cell is not a positive number; located.
-    """
+    """Return the motors of a catalogue."""
     heads, below = table(path, path.name)
     rows = list(below)
     if not 1 <= len(rows) <= MOST:

@@ -116,15 +116,12 @@ class Duty(Record, frozen=True):
 
     @property
     def length(self) -> float:
-        """Length L of the cycle, its rest included [s]."""
         return float(self.t[-1] - self.t[0]) + self.rest
 
     def torque(self, inertia: float, ratio: float) -> Array:
-        """Return the torque T of a motor [N*m], shape (n,)."""
         return inertia * ratio * self.a + self.y / ratio
 
     def terms(self, inertia: float, ratio: float) -> float:
-        """Return the size of the terms that the torque of a motor sums [N*m]."""
         return float(inertia * ratio * np.abs(self.a).max() + np.abs(self.y).max() / ratio)
 
     def rms_torque(self, inertia: float, ratio: float) -> Known:
@@ -146,7 +143,6 @@ class Duty(Record, frozen=True):
         return float((c / a) ** 0.25 / inertia**0.5) if a * inertia > 0.0 else float("inf")
 
     def mean_speed(self) -> Known:
-        """Return the mean size of the velocity over the cycle, its rest included."""
         way, error = self.integrals[:, 3]
         return float(way / self.length), float(error / self.length)
 
@@ -156,9 +152,6 @@ class Duty(Record, frozen=True):
         Args:
             height: The function.
             terms: Size of what it sums.
-
-        Raises:
-            InputError: It has no largest value.
         """
 
         def heights(rows: Quantities) -> Array:
@@ -206,7 +199,6 @@ class Duty(Record, frozen=True):
 
 
 def _peak(t: Array, load: Array, rest: float, time_constant: float) -> float:
-    """Return the peak of ``x' = (u - x) / T`` in cycles without end, from u at instants, shape (n,)."""
     steps = np.diff(t) / time_constant
     course = np.append(0.0, _recursion(np.exp(-steps), -np.expm1(-steps) * 0.5 * (load[:-1] + load[1:])))
     returned = -np.expm1(-(t[-1] - t[0] + rest) / time_constant)

@@ -82,7 +82,6 @@ class Sizing(InputStruct, frozen=True):
     safety: Safety = 1.0
 
     def check(self) -> None:
-        """Read the catalogue and the temperature, so that their mistakes are located in the file."""
         with within("ambient"):
             _ = self.ambient_temperature
         with within("catalogue"):
@@ -92,11 +91,7 @@ class Sizing(InputStruct, frozen=True):
 
     @property
     def ratios_tried(self) -> list[float]:
-        """Ratios of the gear to try.
-
-        Raises:
-            InputError: A text is no range of positive numbers.
-        """
+        """Ratios of the gear to try."""
         if not isinstance(self.ratios, str):
             return self.ratios
         parts = self.ratios.split(":")
@@ -155,11 +150,7 @@ class Sizing(InputStruct, frozen=True):
         _ = quantities[f"drive.{self.drive}.torque"]
 
     def evaluate(self, result: Result) -> Section:
-        """Return all motors at all ratios, ranked: see ``Assessment``.
-
-        Raises:
-            InputError: The run is no motion in time.
-        """
+        """Return all motors at all ratios, ranked: see ``Assessment``."""
         run = result.trajectory
         if result.outcome.motion is None or run.parameter != "t":
             raise InputError(
@@ -184,7 +175,6 @@ class Sizing(InputStruct, frozen=True):
         return self._section(duty, ranked, drive)
 
     def _candidate(self, duty: Duty, motor: Motor, ratio: float) -> Candidate:
-        """Return the candidate of a motor and a ratio, with torques and energies of instants of the cycle."""
         inertia = motor.rotor_inertia
         rms, (mean, off) = duty.rms_torque(inertia, ratio), duty.mean_speed()
         continuous = [motor.continuous_torque(ratio * speed) for speed in (mean, mean - off, mean + off)]
@@ -255,7 +245,6 @@ class Candidate(Record, frozen=True):
 
     @property
     def margins(self) -> dict[str, Known]:
-        """Margins of torque, rms torque and speed, by name."""
         return {what: self.known[f"{name} margin"] for what, name in MARGINS.items()}
 
     @property
@@ -280,7 +269,6 @@ class Candidate(Record, frozen=True):
 
     @property
     def verdict(self) -> str:
-        """``fits``, or why it does not."""
         return "; ".join(self.reasons) or "fits"
 
     @property
@@ -290,7 +278,6 @@ class Candidate(Record, frozen=True):
         return fails, -reserve if fails else self.motor.mass, -reserve
 
     def row(self, number: int) -> tuple[str | float, ...]:
-        """Return its row of the table."""
         return (float(number), self.motor.name, self.ratio, self.verdict, *(value for value, _ in self.known.values()))
 
 
@@ -325,7 +312,6 @@ def _torque_margin(duty: Duty, motor: Motor, ratio: float, used: Known) -> Known
 
 
 def _refined(duty: Duty, candidate: Candidate) -> Candidate:
-    """Return a candidate of which instants tell torques and energies with those of the motion, between instants too."""
     motor, ratio = candidate.motor, candidate.ratio
     terms, (torque, used) = duty.terms(motor.rotor_inertia, ratio), _torque_and_use(motor, ratio)
 
@@ -354,7 +340,6 @@ def _over(known: Known, divisor: Known) -> Known:
 
 
 def _first_table(best: Candidate, known: Mapping[str, Known]) -> SectionTable:
-    """Return the numbers of the first in the ranking, with their errors."""
     rows = [(name.replace("_", " "), str(NUMBERS[name]), *known[name]) for name in NUMBERS]
     rows.append(("winding", "degC", *best.known["winding"]))
     return SectionTable(
@@ -363,7 +348,6 @@ def _first_table(best: Candidate, known: Mapping[str, Known]) -> SectionTable:
 
 
 def _best_ratios(duty: Duty, ranked: Sequence[Candidate]) -> SectionTable:
-    """Return for every motor the ratio of the least rms torque."""
     motors = list({candidate.motor.name: candidate.motor for candidate in ranked}.values())
     best = [(motor, duty.best_ratio(motor.rotor_inertia)) for motor in motors]
     rows = [
