@@ -89,8 +89,8 @@ class Rotor(InputStruct, frozen=True):
                 eccentricity = max(eccentricity, *(x / (mass * share) for x, share in zip(inner, shares, strict=True)))
             quality = eccentricity * omega
         planes = "in both planes" if self.planes else "static unbalance only"
-        speed = f"at {omega / RPM:.5g} rpm"
-        remark = f"{name}: e omega = {quality / MILLIMETRE:.4g} mm/s {speed}, {planes}: {grade(quality)}"
+        size = quality / MILLIMETRE
+        remark = f"{name}: e omega = {size:.4g} mm/s at {omega / RPM:.5g} rpm, {planes}: {grade(quality)}"
         return numbers | {f"{name}.quality": LoadNumber(quality, QUALITY, error=eccentricity * spread)}, [remark]
 
 
