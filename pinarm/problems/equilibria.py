@@ -11,8 +11,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.assembly import start_near
-from pinarm.engine.linear.equilibrium import Equilibrium, ForceBalance, Modes
+from pinarm.engine.linear.equilibrium import Equilibrium, Modes, equilibrium_near
+from pinarm.engine.linear.force_balance import Driven, ForceBalance
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -90,7 +92,10 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         laws_of(mechanism, held, lambda _, name: place("hold", name))
         forces = bind_constant_loads(mechanism, self.loads, place)
         with place("hold"):
-            balance = ForceBalance.of(mechanism, forces, self.hold)
+            driven = Driven.at(mechanism, self.hold)
+            if len(self.hold) >= mechanism.model.nv:
+                raise InputError("every coordinate is held: nothing is left to balance", hint="kind: statics")
+        balance = ForceBalance(mechanism, Dynamics.of(mechanism.model, forces).on(0.0, 1.0), driven)
         for index, start in enumerate(self.starts):
             check_levels(mechanism, start, partial(place, "starts", index))
             for name in start:
@@ -98,7 +103,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
                     with place("starts", index, Key(name)):
                         raise InputError(f"'{name}' is held", expected="starting values of the other joints")
         grid = Grid.cover(np.zeros(1), [])
-        return balance, [start_near(mechanism, start, balance.held, grid) for start in self.starts]
+        return balance, [start_near(mechanism, start, driven.held, grid) for start in self.starts]
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
@@ -142,7 +147,7 @@ def _failure(index: int, error: AssemblyError) -> str:
 def _equilibrium(balance: ForceBalance, q: Array, start: str) -> Equilibrium:
     """Return the equilibrium that a start leads to, or a position that friction holds, with NaN for its modes."""
     try:
-        return balance.equilibrium(q, start)
+        return equilibrium_near(balance, q, start)
     except AssemblyError:
         hold = _friction_hold(balance, q)
         if hold is None or not hold.holds(q):
@@ -193,7 +198,7 @@ def outcome(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> Outcome
     notes = (
         *_weightless(equilibria),
         *_edges(equilibria),
-        *_slacks(balance, equilibria),
+        *_flat(equilibria),
         *_friction_notes(balance, equilibria, bands),
     )
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in equilibria)
@@ -226,18 +231,14 @@ def _edges(equilibria: Sequence[Equilibrium]) -> list[str]:
     ]
 
 
-def _slacks(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> list[str]:
+def _flat(equilibria: Sequence[Equilibrium]) -> list[str]:
     """Return notes on positions that rounding leaves uncertain, as a stiffness is 0 there."""
-    notes, joints = [], [*balance.mechanism.joints.values()]
-    for row, equilibrium in enumerate(equilibria, 1):
-        if equilibrium.slack is not None:
-            worst = int((equilibrium.slack / balance.closure.scale).argmax())
-            notes.append(
-                f"row {row}: a stiffness is 0 but for rounding: up to {equilibrium.slack[worst]:.1g} "
-                f"{joints[worst].unit} of {joints[worst].name} away the forces balance as well, and what balances "
-                "exactly, and whether it is stable, is known no better"
-            )
-    return notes
+    return [
+        f"row {row}: a stiffness is 0 but for rounding: beside this position the forces balance as well, and what "
+        "balances exactly, and whether it is stable, is known no better"
+        for row, equilibrium in enumerate(equilibria, 1)
+        if equilibrium.modes.stability == 0.0
+    ]
 
 
 def _friction_notes(
@@ -264,9 +265,9 @@ def _friction_notes(
             )
         if band.reason:
             notes.append(f"row {row}: the band of positions has no end: {band.reason}")
-    if balance.held.names:
+    if balance.driven.names:
         notes.append(
-            f"efforts that hold {', '.join(balance.held.names)} are those without friction; kind: statics at "
+            f"efforts that hold {', '.join(balance.driven.names)} are those without friction; kind: statics at "
             "these positions tells the band that friction leaves"
         )
     return notes
@@ -286,9 +287,21 @@ def rows_of(balance: ForceBalance, equilibria: Sequence[Equilibrium], bands: Seq
         ]
     )
     columns = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
+    mechanism, driven = balance.mechanism, balance.driven
     return Trajectory(
-        balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(equilibria) + 1.0), []), q, np.zeros_like(q),
-        np.zeros_like(q), tau, Multipliers.known(lam, balance.mechanism.closure.size), balance.closure,
-        balance.dynamics, columns=columns, separate=True,
-        driven=driven_along(balance.held.coordinates, q.shape[1]), drives=tuple(balance.held.names),
-    )  # fmt: skip
+        mechanism,
+        ROW,
+        unit("1"),
+        Grid.cover(np.arange(1.0, len(equilibria) + 1.0), []),
+        q,
+        np.zeros_like(q),
+        np.zeros_like(q),
+        tau,
+        Multipliers.known(lam, mechanism.closure.size),
+        along(mechanism, driven.names).closure,
+        balance.dynamics,
+        columns=columns,
+        separate=True,
+        driven=driven_along(driven.coordinates, q.shape[1]),
+        drives=tuple(driven.names),
+    )

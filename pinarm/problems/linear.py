@@ -14,10 +14,10 @@ from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.assembly import first_position, start_near
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.labelled_array import LabelledArray
+from pinarm.engine.linear.force_balance import Driven, ForceBalance, state_row
 from pinarm.engine.linear.inputs import Input, input_of, with_inputs
-from pinarm.engine.linear.linear_states import Linearisation, linearised, require_same
-from pinarm.engine.linear.participation import participations, rigid_modes
-from pinarm.engine.linear.steady import Driven, SteadyState, advanced, state_row, steady_state
+from pinarm.engine.linear.linear_states import Linearisation, linearised, participations, require_same, rigid_modes
+from pinarm.engine.linear.steady import SteadyState, advanced, steady_state
 from pinarm.engine.linear.stepped_state import Drives
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
@@ -262,7 +262,7 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
 
     def _about(self, mechanism: Mechanism, begun: Prepared, q: Array) -> Linearisation:
         """Return the motion linearised about the state near a configuration, shape (nq,)."""
-        state = steady_state(mechanism, begun.dynamics, begun.driven, q)
+        state = steady_state(ForceBalance(mechanism, begun.dynamics, begun.driven, mechanism.frictions), q)
         linear = self._linearised(mechanism, begun, state)
         for later in advanced(mechanism, state.q, state.v):
             require_same(linear, self._linearised(mechanism, begun, replace(state, q=later)))

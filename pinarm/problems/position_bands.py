@@ -16,7 +16,8 @@ from pinarm.arrays import Array
 from pinarm.engine.friction.columns import BANDS, own_effort
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.linear.equilibrium import ForceBalance, Modes
+from pinarm.engine.linear.equilibrium import Modes
+from pinarm.engine.linear.force_balance import ForceBalance
 from pinarm.engine.motion.prescribed_motion import Prescription
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import along
@@ -75,7 +76,7 @@ class FrictionHold:
             DynamicsError: The efforts are not determined, or no effort moves the mechanism.
         """
         mechanism = self.balance.mechanism
-        drives = along(mechanism, [*self.balance.held.names, joint])
+        drives = along(mechanism, [*self.balance.driven.names, joint])
         row = Trajectory.schema_row(mechanism, q, ROW, unit("1"), drives.closure)
         row = replace(row, dynamics=self.balance.dynamics, separate=True)
         nothing = PrescribedCoordinates((), (), ())

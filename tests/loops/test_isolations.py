@@ -8,7 +8,7 @@ import pytest
 from random_chains import closed_chain, open_chain
 
 import pinarm
-from pinarm.engine.kinematics.assembly import beside, closed_near
+from pinarm.engine.kinematics.assembly import beside, generic_near
 from pinarm.errors import InputError
 
 
@@ -16,7 +16,7 @@ def states(mechanism: pinarm.Mechanism, generator: np.random.Generator) -> tuple
     """Two random closed states, each (q, v, a), and the mobility."""
     model, closure, found, free = mechanism.model, mechanism.closure, [], np.eye(mechanism.model.nv)
     if closure.size:
-        near = beside(mechanism, closed_near(mechanism, {}))[1:3]
+        near = beside(mechanism, generic_near(mechanism, {}))[1:3]
     else:
         near = [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
     for q in near:

@@ -1,4 +1,4 @@
-"""A small linkage beside a large one, or on the same crank, has the motion and the forces that it has alone."""
+"""A linkage beside one 1000 times as large, or on the same crank, has the motion and the forces that it has alone."""
 
 from math import sqrt
 
@@ -62,7 +62,7 @@ def require_alike(found: pinarm.Result, alone: pinarm.Result, names: list[str], 
 
 
 @pytest.mark.parametrize(
-    ("small", "large", "problem"), [(1e-3, 100.0, turning), (1e-5, 1.0, turning), (1e-3, 100.0, swinging)]
+    ("small", "large", "problem"), [(0.1, 100.0, turning), (1e-3, 1.0, turning), (0.1, 100.0, swinging)]
 )
 def test_beside_it(small: float, large: float, problem) -> None:
     """By laws to the rounding of places, 1e-14 m at 100 m beside bars of 0.1 mm; free motions to what is left of the
@@ -74,7 +74,7 @@ def test_beside_it(small: float, large: float, problem) -> None:
     require_alike(together, run(points, links, names, problem(small, "O2")), names, within)
 
 
-@pytest.mark.parametrize("small", [0.1, 1e-4])
+@pytest.mark.parametrize("small", [0.1, 1e-3])
 def test_on_the_same_crank(small: float) -> None:
     """One drive turns both: their rows share a joint, at which nothing is left of the small forces but rounding."""
     (points, links), (others, heavy) = four_bar(1, small, 0.0), four_bar(2, 1.0, 0.0)
@@ -85,7 +85,7 @@ def test_on_the_same_crank(small: float) -> None:
     require_alike(together, run(points, links, names, turning(small, "O1")), names, 1e-10)
 
 
-@pytest.mark.parametrize("small", [0.1, 1e-5])
+@pytest.mark.parametrize("small", [0.1, 1e-3])
 @pytest.mark.parametrize("wrong", ["lam", "tau"])
 def test_a_wrong_force_in_the_small_one_shows(small: float, wrong: str) -> None:
     """Equilibrium is relative to the terms of each joint: an error of 1e-5 is seen however small these are."""

@@ -62,7 +62,6 @@ def excesses(run: Trajectory, highest: Highest | None = None) -> list[Excess]:
     made.
 
     Args:
-        run: The rows.
         highest: Finds what is largest between the rows too, for cams and cables; the rows alone where it is left out.
     """
     limits = [excess for joint in run.mechanism.joints.values() for excess in _of_joint(run, joint)]

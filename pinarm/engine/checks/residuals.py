@@ -6,7 +6,7 @@ A fixed, even choice of rows is checked, so that the cost of large tables stays 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +21,6 @@ from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.outcome import SolvedMotion
 
 
@@ -36,7 +35,6 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     """Return the residuals of the rows of a run, with its regularity and condition.
 
     Args:
-        run: The table of states.
         motion: The motion of these states; if given, regularity is sought between rows too.
         most: Largest number of rows to check.
 
@@ -55,32 +53,26 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     """
     if run.no_efforts and not run.mechanism.closure.size:
         return {}
-    rows = sampled(len(run), _bounded(run.mechanism, most))
+    nv, m = int(run.mechanism.model.nv), run.mechanism.closure.size
+    rows = sampled(len(run), max(FEWEST, min(most, NUMBERS // max(1, nv * max(nv, m)))))
     if run.opened is not None:  # what is open is not to be closed
         rows = rows[~run.opened[rows]]
     if not len(rows):
         return {}
-    checked = _CheckedRows(run.looked_at(rows))
-    figures: dict[str, Any] = {}
-    if run.mechanism.closure.size:
+    checked, figures = _CheckedRows(run.looked_at(rows)), dict[str, Any]()
+    if m:
         names = "closure", "closure rate", "closure acceleration"
         gaps = dict(zip(names, checked.gaps.max(axis=0), strict=True))
         figures = {name: gap for name, gap in gaps.items() if not (run.unknown and np.isnan(gap).any())}
         figures |= nearest_singularity(run, motion, rows, run.mechanism.closure.values_of(checked.own))
-    if run.no_efforts or run.mechanism.model.nv > LARGEST:
+    if run.no_efforts or nv > LARGEST:
         return figures
     alike = checked.of_one_freedom()
-    condition = np.max([rows.condition for rows in alike], axis=0)
+    condition = np.max([condition_along(part.mass, part.free) for part in alike], axis=0)
     if not np.isfinite(condition).all():
         return figures
-    error, size = (np.array(parts) for parts in zip(*(rows.return_trip() for rows in alike), strict=True))
+    error, size = (np.array(parts) for parts in zip(*(part.return_trip() for part in alike), strict=True))
     return figures | {"condition": condition, "return trip": relative(error, size)}
-
-
-def _bounded(mechanism: Mechanism, most: int) -> int:
-    """Return the number of rows to check: fewer of a mechanism with large matrices."""
-    nv, m = int(mechanism.model.nv), mechanism.closure.size
-    return max(FEWEST, min(most, NUMBERS // max(1, nv * max(nv, m))))
 
 
 class _CheckedRows(Record, frozen=True):
@@ -99,7 +91,7 @@ class _CheckedRows(Record, frozen=True):
         return self._rows[1][..., : self.run.mechanism.closure.size, :]
 
     @cached_property
-    def drift(self) -> Array:
+    def _drift(self) -> Array:
         """``G' v`` of the constraints, shape (n, m)."""
         return self.run.closure.drifts(self.run.q, self.run.v)[..., : self.run.mechanism.closure.size]
 
@@ -107,26 +99,19 @@ class _CheckedRows(Record, frozen=True):
     def gaps(self) -> Array:
         """Gaps of the loops, their rates and accelerations, the largest of each row, shape (n, 3)."""
         run, m = self.run, self.run.mechanism.closure.size
-        parts = self._rows[0][..., :m], np.matvec(self.own, run.v), np.matvec(self.own, run.a) + self.drift
+        parts = self._rows[0][..., :m], np.matvec(self.own, run.v), np.matvec(self.own, run.a) + self._drift
         return np.stack([np.abs(part).max(axis=-1, initial=0.0) for part in parts], axis=1)
-
-    @property
-    def guided(self) -> Array:
-        """Loads of the drives along task coordinates, shape (n, nv)."""
-        along = self.run.lam.along
-        if not along.size:
-            return np.zeros_like(self.run.v)
-        return np.asarray(np.vecmat(along, self._rows[1][..., self.run.mechanism.closure.size :, :]))
 
     def of_one_freedom(self) -> list[_FreeRows]:
         """Return groups of rows with as many free motions: at singular positions there are more."""
-        run, q, guided = self.run, self.run.q, self.guided
-        mass, closure = run.dynamics.mass_matrices(q), run.mechanism.closure
+        run, closure = self.run, self.run.mechanism.closure
+        mass, along, still = run.dynamics.mass_matrices(run.q), run.lam.along, np.zeros_like(run.v)
+        guided = np.vecmat(along, self._rows[1][..., closure.size :, :]) if along.size else still
         if not closure.size:
-            return [_FreeRows(run, mass, None, np.zeros_like(run.v), guided)]
+            return [_FreeRows(run, mass, None, still, guided)]
         return [
-            _FreeRows(run.looked_at(some), mass[some], split.free, split.particular(-self.drift[some]), guided[some])
-            for some, split in closure.splits(q, self.own).parts
+            _FreeRows(run.looked_at(some), mass[some], split.free, split.particular(-self._drift[some]), guided[some])
+            for some, split in closure.splits(run.q, self.own).parts
         ]
 
 
@@ -146,40 +131,31 @@ class _FreeRows(Record, frozen=True):
     particular: Array
     guided: Array
 
-    @property
-    def condition(self) -> Array:
-        """Largest condition number of ``T^T M T``, infinite if one is singular, shape (), or (k,) of variants."""
-        return condition_along(self.mass, self.free)
-
     def return_trip(self) -> tuple[Array, Array]:
         """Return the largest difference of accelerations, and the largest one that efforts and loads could give."""
-        run = self.run
-        t, q, v, still = run.grid.t, run.q, run.v, np.zeros_like(run.a)
+        run, mass, still = self.run, self.mass, np.zeros_like(self.run.a)
+        t, q, v = run.grid.t, run.q, run.v
         resisting = run.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], still[part]))
         sizes = run.gather(lambda dynamics, part: dynamics.load_sizes(t[part], q[part], v[part]))
         supplied = run.tau + run.friction_loads + self.guided
+        turning = run.link_motion[1][..., 3:]
+        omega = np.sqrt((turning * turning).sum(axis=-1).max(axis=-1))
+        whirl = omega * np.sqrt(np.maximum(np.vecdot(v, np.matvec(mass, v)), 0.0))
         pull = run.mechanism.gravity * np.sqrt(LinkTree.of(run.mechanism.model).mass)
-        levers = np.sqrt(np.maximum(self.mass.diagonal(axis1=-2, axis2=-1), 0.0))
-        left = supplied - resisting - np.matvec(self.mass, self.particular)
-        most = np.abs(supplied) + np.abs(resisting) + sizes + (pull + self._turning())[..., None] * levers
+        levers = np.sqrt(np.maximum(mass.diagonal(axis1=-2, axis2=-1), 0.0))
+        left = supplied - resisting - np.matvec(mass, self.particular)
+        most = np.abs(supplied) + np.abs(resisting) + sizes + (pull + whirl)[..., None] * levers
         back, bound = self._responses(left, most)
         return _largest(self.particular + back - run.a), np.maximum(_largest(run.a), _largest(bound))
 
     def _responses(self, loads: Array, sizes: Array) -> tuple[Array, Array]:
         """Return ``T (T^T M T)^-1 T^T`` times loads, and the same of ``|T|^T`` times sizes, shape (n, .., nv) each."""
         if self.free is None:
-            both = np.asarray(np.linalg.solve(self.mass, np.stack([loads, sizes], axis=-1)), dtype=np.float64)
-            return both[..., 0], both[..., 1]
-        along = np.stack([np.vecmat(loads, self.free), np.vecmat(sizes, np.abs(self.free))], axis=-1)
-        both = self.free @ np.linalg.solve(self.free.swapaxes(-2, -1) @ self.mass @ self.free, along)
-        return both[..., 0], both[..., 1]
-
-    def _turning(self) -> Array:
-        """Return ``omega sqrt(2 T)``, shape (n, ..)."""
-        v, (_, twists, _, _) = self.run.v, self.run.link_motion
-        turning = twists[..., 3:]
-        omega = np.sqrt((turning * turning).sum(axis=-1).max(axis=-1))
-        return np.asarray(omega * np.sqrt(np.maximum(np.vecdot(v, np.matvec(self.mass, v)), 0.0)))
+            both = np.linalg.solve(self.mass, np.stack([loads, sizes], axis=-1))
+        else:
+            along = np.stack([np.vecmat(loads, self.free), np.vecmat(sizes, np.abs(self.free))], axis=-1)
+            both = self.free @ np.linalg.solve(self.free.swapaxes(-2, -1) @ self.mass @ self.free, along)
+        return np.asarray(both[..., 0], dtype=np.float64), np.asarray(both[..., 1], dtype=np.float64)
 
 
 def condition_along(mass: Array, free: Array | None = None) -> Array:
@@ -216,8 +192,8 @@ def _largest(x: Array) -> Array:
 NEAR = 0.1
 """Regularity at the rows from which on it is looked for between them."""
 
-ROUNDS, PLACES = 7, 10
-"""Times that the interval about the least regularity is divided, and places on either side: 1e-7 of it are resolved."""
+ROUNDS, PLACES = 7, 21
+"""Times that the interval about the least regularity is divided, and places in it: 1e-7 of it are resolved."""
 
 SAME = 1e-9
 """Difference of regularities, relative to them, that is rounding: of positions that a motion takes twice the first
@@ -235,64 +211,45 @@ def nearest_singularity(
     or small the ratios of gears and arms are.
 
     Args:
-        run: The table of states.
         motion: What they are states of; none where nothing is looked for between rows.
         rows: Those of its rows that have been looked at, shape (n,).
         values: Singular values of the constraints there, descending, shape (n, s), of variants (n, k, s): what is told
             of these has the shape (k,), and is NaN where it would have to be looked for between rows.
     """
-    rank, t = run.mechanism.closure.rank(values), run.grid.t[rows]
+    closure, t = run.mechanism.closure, run.grid.t[rows]
+    rank, shape = closure.rank(values), values.shape[1:-1]
+    t = np.broadcast_to(t.reshape(len(t), -1), (len(t), *shape)) if shape else t
     if not rank:  # a second bearing in line with the first holds nothing that could be lost
-        ones = np.ones(values.shape[1:-1])
-        return _told(ones, t[0] * ones, ones)
+        ones = np.ones(shape)
+        return {"regularity": ones, "least regular at": t[0] * ones, "relative regularity": ones}
     largest = values[..., 0].max(axis=0)
     regular = values[..., rank - 1] / largest
-    if values.ndim > 2:
-        return _told(*_of_variants(t, regular, NEAR if not run.separate else RANK), regular.max(axis=0))
-    between = None if motion is None or run.separate else partial(_between, run, motion, rank, float(largest))
-    return _told(*_least(t, regular, between), float(regular.max()))
+    first = np.asarray(np.argmax(regular <= (1.0 + SAME) * regular.min(axis=0), axis=0))
+    least, at = (np.take_along_axis(x, first[None], axis=0)[0] for x in (regular, t))
+    inside = (first > 0) & (first < len(t) - 1) & (least > RANK) & (least < (RANK if run.separate else NEAR))
+    if shape:
+        least = np.where(inside, np.nan, least)
+    elif inside and motion is not None:
+        ends = float(t[first - 1]), float(t[first + 1])
+        least, at = _between(lambda x: closure.values(motion.positions(x))[:, rank - 1] / largest, *ends, least, at)
+    return {"regularity": least, "least regular at": at, "relative regularity": least / regular.max(axis=0)}
 
 
-def _told(least: float | Array, at: float | Array, usual: float | Array) -> dict[str, float | Array]:
-    return {"regularity": least, "least regular at": at, "relative regularity": least / usual}
-
-
-def _of_variants(t: Array, regular: Array, near: float) -> tuple[Array, Array]:
-    """Return the least regularity of variants, NaN where it is between rows, and the parameter there, shape (k,)."""
-    least = _first_least(regular)
-    t = np.broadcast_to(t.reshape(len(t), -1), regular.shape)
-    lowest, at = (np.take_along_axis(x, least[None], axis=0)[0] for x in (regular, t))
-    looked_for = (least > 0) & (least < len(t) - 1) & (lowest > RANK) & (lowest < near)
-    return np.where(looked_for, np.nan, lowest), at
-
-
-def _first_least(regular: Array) -> Indices:
-    """Return where each regularity is least, at the first of rows that differ by rounding: shape (n, ..) to (..)."""
-    return np.asarray(np.argmax(regular <= (1.0 + SAME) * regular.min(axis=0), axis=0))
-
-
-def _least(t: Array, regular: Array, at: Callable[[Array], Array] | None) -> tuple[float, float]:
-    """Return the least regularity, and the parameter there."""
-    k = int(_first_least(regular))
-    best = float(regular[k]), float(t[k])
-    for _ in range(ROUNDS if at else 0):
-        if not 0 < k < len(t) - 1 or not RANK < best[0] < NEAR:
-            break
-        t = np.concatenate([np.linspace(t[k - 1], t[k], PLACES + 1), np.linspace(t[k], t[k + 1], PLACES + 1)[1:]])
+def _between(
+    regularity: Callable[[Array], Array], start: float, end: float, least: Array, at: Array
+) -> tuple[Array, Array]:
+    """Return the least regularity between two values of the parameter, and its place, or those known already."""
+    best = float(least), float(at)
+    for _ in range(ROUNDS):
+        t = np.linspace(start, end, PLACES)
         try:
-            assert at
-            regular = at(t)
+            values = regularity(t)
         except PinarmError:  # singular: nothing closer can be looked at
             break
-        k = int(_first_least(regular))
-        best = min(best, (float(regular[k]), float(t[k])))
-    return best
-
-
-def _between(run: Trajectory, motion: SolvedMotion, rank: int, largest: float, t: Array) -> Array:
-    """Return the regularity at values of the parameter, shape (n,)."""
-    closure = run.mechanism.closure
-    return np.asarray(closure.values(motion.positions(t))[:, rank - 1] / largest)
+        k = int(values.argmin())
+        best = min(best, (float(values[k]), float(t[k])))
+        start, end = float(t[max(k - 1, 0)]), float(t[min(k + 1, PLACES - 1)])
+    return np.array(best[0]), np.array(best[1])
 
 
 ROUNDED = 1e-13

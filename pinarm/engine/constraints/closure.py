@@ -23,6 +23,7 @@ from pinarm.engine.constraints.nullspace import (
     split_rows,
 )
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.geometry.frame_pairs import Path
 from pinarm.mechanics.geometry.kinematics import Kinematics, cached_by_model
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import states_first
@@ -65,41 +66,22 @@ class Closure(Record, frozen=True):
         return extent(self.model)
 
     @cached_property
-    def loop_sizes(self) -> LoopSizes:
-        """Sizes of the loops that joints close."""
-        return LoopSizes.of(
-            self.model, [constraint for constraint in self.constraints if isinstance(constraint, LoopJoint)]
-        )
-
-    @cached_property
     def scale(self) -> Array:
-        """The unit of every coordinate's velocity, shape (nv,): 1 for angles, else of length.
-
-        That suits the smallest loop in which the coordinate slides, or the extent if there is none; see ``loop_sizes``.
-        """
-        moves = slides(self.model)
-        units = np.where(moves, unit_of_length(self.extent), 1.0)
-        for joints, unit in zip(self.loop_sizes.joints, unit_of_length(self.loop_sizes.sizes).tolist(), strict=True):
-            for joint in joints:
-                part = slice(start := self.model.idx_vs[joint], start + self.model.nvs[joint])
-                units[part] = np.where(moves[part], np.minimum(units[part], unit), 1.0)
-        return units
+        """The unit of every coordinate's velocity, shape (nv,): 1 for angles, else a length that suits the extent."""
+        return np.where(slides(self.model), unit_of_length(self.extent), 1.0)
 
     @cached_property
     def measure(self) -> Array:
-        """The unit of the gap in every row, shape (m,): 1 for angles, else that of length which suits the loop.
+        """The unit of the gap in every row, shape (m,): 1 for angles, else a length that suits the extent."""
+        return self._lengths(float(unit_of_length(self.extent)))
 
-        Of other constraints the smallest unit of what slides in them, or that which suits the extent.
-        """
-        moves, units = slides(self.model), iter(unit_of_length(self.loop_sizes.sizes).tolist())
-        anywhere, whole = self._anywhere if moves.any() else None, float(unit_of_length(self.extent))
-        sizes: list[float] = []
-        for constraint in self.constraints:
-            unit = next(units) if isinstance(constraint, LoopJoint) else whole
-            if anywhere and not isinstance(constraint, LoopJoint):
-                unit = float(self.scale[moves & constraint.rows(anywhere).any(axis=0)].min(initial=whole))
-            sizes += [unit ** float(constraint.unit(row).dimension[0]) for row in range(constraint.size)]
-        return np.array(sizes)
+    @cached_property
+    def reach(self) -> Array:
+        """The length that every row of G can have, shape (m,): the extent, or 1 where it measures an angle."""
+        return self._lengths(self.extent)
+
+    def _lengths(self, length: float) -> Array:
+        return np.array([length ** float(constraint.unit(row).dimension[0]) for constraint, row in self.owners()])
 
     @cached_property
     def groups(self) -> Indices:
@@ -131,10 +113,11 @@ class Closure(Record, frozen=True):
     @cached_property
     def _tied(self) -> list[list[int]]:
         """Places of the velocities that every constraint ties."""
-        tied, loops, anywhere = list[list[int]](), iter(self.loop_sizes.joints), None
+        tied, anywhere = list[list[int]](), None
         for constraint in self.constraints:
             if isinstance(constraint, LoopJoint):
-                joints = [self.model.joints[joint] for joint in next(loops)]
+                path = Path.between(self.model, constraint.first, constraint.second)
+                joints = [self.model.joints[joint] for joint in (*path.up, *path.down)]
                 tied.append([number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)])
             else:
                 anywhere = anywhere or self._anywhere
@@ -147,23 +130,10 @@ class Closure(Record, frozen=True):
         return float((self.reach / self.measure).max(initial=1.0))
 
     @cached_property
-    def reach(self) -> Array:
-        """Return the length that every row of G can have, shape (m,): the extent, or 1 where it measures an angle."""
-        return np.array([self.extent ** float(constraint.unit(row).dimension[0]) for constraint, row in self.owners()])
-
-    @cached_property
     def slack(self) -> Array:
         """Tolerated gap of every row where it repeats others [m or rad], shape (m,); 0 of guided coordinates."""
         own = [not isinstance(constraint, GuidedCoordinate) for constraint, _ in self.owners()]
         return np.asarray(UNCLOSED * self.reach * np.array(own, dtype=np.float64))
-
-    @cached_property
-    def ties(self) -> bool:
-        """Whether the rows surely take freedom: those of a second bearing in line with the first are 0 wherever it is.
-
-        Where it is a little out of line they are small, and what stays open says more.
-        """
-        return bool((np.abs(self.rows(self._anywhere)) > SMALL * self.reach[:, None]).any())
 
     @cached_property
     def redundant(self) -> bool:
@@ -378,68 +348,16 @@ SLIDES = {"Planar": 2, "Translation": 3, "FreeFlyer": 3}
 """Number of the first velocities of a joint that are translations; of one that slides along an axis all are."""
 
 
-class LoopSizes(Record, frozen=True):
-    """The joints of k loops, and how large each is.
-
-    Attributes:
-        joints: Indices of the joints of every loop.
-        sizes: Half the way around each from joint to joint, with coordinates 0 [m]: no two of its joints are farther
-            apart. Shape (k,), of variants (n, k) or (1, k).
-    """
-
-    joints: Sequence[Sequence[int]]
-    sizes: Array
-
-    @classmethod
-    def of(cls, model: Model, loops: Sequence[LoopJoint]) -> LoopSizes:
-        """Return the sizes of the loops that joints close."""
-        if not loops:
-            return cls((), np.zeros(0))
-        parents, places, along = list(model.parents), placements_of(model)[1], _distances(model)
-        joints, sizes = [], []
-        for loop in loops:
-            frames = [model.frames[frame] for frame in (loop.first, loop.second)]
-            branches = _branches(parents, *(frame.parentJoint for frame in frames))
-            ways, ends = np.zeros(along.shape[:-1]), []
-            for frame, branch in zip(frames, branches, strict=True):
-                end = frame.placement.translation
-                if branch:
-                    ways = ways + np.linalg.norm(end, axis=-1) + along[..., branch[0]] - along[..., branch[-1]]
-                ends.append(places[..., branch[-1], :] if branch else end)
-            joints.append([*branches[0], *branches[1]])
-            sizes.append(0.5 * (ways + np.linalg.norm(ends[1] - ends[0], axis=-1)))
-        return cls(joints, np.stack(np.broadcast_arrays(*sizes), axis=-1))
-
-
-def _branches(parents: Sequence[int], joint: int, other: int) -> tuple[list[int], list[int]]:
-    """Return the joints between two and the link on which both stand, from each of them inwards."""
-    first: list[int] = []
-    second: list[int] = []
-    while joint != other:
-        if joint > other:
-            first.append(joint)
-            joint = parents[joint]
-        else:
-            second.append(other)
-            other = parents[other]
-    return first, second
-
-
-def _distances(model: Model) -> Array:
-    """Return the length of the links from the world to every joint [m], shape (.., njoints)."""
-    parents, lengths = list(model.parents), np.moveaxis(np.linalg.norm(placements_of(model)[1], axis=-1), -1, 0)
-    distances = [np.zeros_like(lengths[0])]
-    for joint in range(1, model.njoints):
-        distances.append(distances[parents[joint]] + lengths[joint])
-    return np.stack(distances, axis=-1)
-
-
 def extents(model: Model, frames: Iterable[pin.Frame]) -> Array:
     """Return the length of the longest branch of links, from the world to a joint or one of the frames [m].
 
     Shape (), of variants (k,) or (1,). It is 1 m for a model without lengths.
     """
-    along = _distances(model)
+    parents, lengths = list(model.parents), np.moveaxis(np.linalg.norm(placements_of(model)[1], axis=-1), -1, 0)
+    distances = [np.zeros_like(lengths[0])]
+    for joint in range(1, model.njoints):
+        distances.append(distances[parents[joint]] + lengths[joint])
+    along = np.stack(distances, axis=-1)
     extent = along.max(axis=-1)
     for frame in frames:
         extent = np.maximum(

@@ -36,11 +36,10 @@ if TYPE_CHECKING:
 
 
 class Constraint(Protocol):
-    """Rows of G that belong together, such as those of one joint."""
+    """m rows of G that belong together, such as those of one joint."""
 
     @property
-    def name(self) -> str:
-        """Its name."""
+    def name(self) -> str: ...
 
     @property
     def size(self) -> int:
@@ -56,11 +55,9 @@ class Constraint(Protocol):
     def unit(self, row: int) -> Unit:
         """Return the unit of the gap in a row: m or rad."""
 
-    def gap(self, state: Kinematics) -> Array:
-        """Return the gaps [m or rad], shape (m,)."""
+    def gap(self, state: Kinematics) -> Array: ...
 
-    def rows(self, state: Kinematics) -> Array:
-        """Return G, shape (m, nv)."""
+    def rows(self, state: Kinematics) -> Array: ...
 
     def drift(self, state: Kinematics) -> Array:
         """Return G' v, shape (m,)."""
@@ -77,22 +74,16 @@ class OneSidedConstraint(Constraint, Protocol):
     """A constraint of one row that pushes only, or pulls only, and opens where it would have to do the other."""
 
     @property
-    def kind(self) -> str:
-        """Its kind, as files call it."""
+    def kind(self) -> str: ...
 
     @property
     def opens(self) -> str:
         """Effect of the opening, in words, such as "the follower lifts off"."""
 
     def push(self, q: Array, lam: Array) -> Array:
-        """Return with what it acts [N, or N*m], negative against its sense; shape (n,).
+        """Return with what multipliers, shape (n,), act [N, or N*m], negative against its sense; shape (n,)."""
 
-        Args:
-            lam: Its multipliers, shape (n,).
-        """
-
-    def push_unit(self) -> Unit:
-        """Return the unit of that."""
+    def push_unit(self) -> Unit: ...
 
     def whereabouts(self, q: Array) -> str:
         """Return the place of a configuration, shape (nq,), along the constraint, in words; may be empty."""
@@ -102,12 +93,10 @@ class JointTie(Constraint, Protocol):
     """Tie of a joint without a body to a coordinate: the joint of a rotor, or a joint that counts turns."""
 
     @property
-    def rotor(self) -> Joint:
-        """The joint."""
+    def rotor(self) -> Joint: ...
 
     @property
-    def coordinate(self) -> Coordinate:
-        """The coordinate that the joint follows."""
+    def coordinate(self) -> Coordinate: ...
 
 
 def one_sided(constraints: Iterable[Constraint]) -> list[OneSidedConstraint]:
@@ -133,25 +122,21 @@ class PairRows(Record, frozen=True):
     Attributes:
         sense: 1, or -1 of rows with the opposite sign.
         rows: The rows of each, shape (m, L).
-        entries: Places of their coefficients among the entries of G, shape (m, s, L).
     """
 
     pair: Pair
     sense: float
     frames: FramePairs
     rows: Indices
-    entries: Indices
 
 
 class ConstraintRows(Record, frozen=True):
     """Rows of constraints and coordinates, numbered through: gaps, G and drifts.
 
     Attributes:
-        model: The model, or variants of a model.
         constants: Constants that the gaps are measured from, such as the length of a cable [m or rad], shape (m,).
         relations: First row of each relation of joint coordinates, and the relation.
         turning: Row of each angle that is known up to whole turns, and the coordinate or rotor that counts them.
-        pattern: Places of the entries of G.
     """
 
     model: Model
@@ -159,7 +144,6 @@ class ConstraintRows(Record, frozen=True):
     constants: Array
     relations: tuple[tuple[int, JointRelation | LinearCoordinate], ...]
     turning: tuple[tuple[int, TurnedAbout | GearedRotor], ...]
-    pattern: Pattern
 
     @classmethod
     def of(cls, model: Model, ones: Sequence[Measured]) -> ConstraintRows:
@@ -188,12 +172,11 @@ class ConstraintRows(Record, frozen=True):
                 frames.append((part.first, part.second))
                 places.append(rows)
         known = {tuple(frames): FramePairs.of(model, frames) for _, _, frames, _ in alike.values()}
-        groups = [
-            (pair, sense, known[tuple(frames)], np.array(places).T) for pair, sense, frames, places in alike.values()
-        ]
-        pattern = Pattern.of(model.nv, len(constants), groups, relations)
-        pairs = (PairRows(*group, pattern.entries(group[3], group[2].velocities)) for group in groups)
-        return cls(model, tuple(pairs), np.array(constants), tuple(relations), tuple(turning), pattern)
+        pairs = (
+            PairRows(pair, sense, known[tuple(frames)], np.array(places).T)
+            for pair, sense, frames, places in alike.values()
+        )
+        return cls(model, tuple(pairs), np.array(constants), tuple(relations), tuple(turning))
 
     @property
     def size(self) -> int:
@@ -201,42 +184,6 @@ class ConstraintRows(Record, frozen=True):
 
     def at(self, q: Array) -> EvaluatedRows:
         return EvaluatedRows(self, q)
-
-
-class Pattern(Record, frozen=True):
-    """Where G may have entries other than 0, row by row.
-
-    Attributes:
-        rows: Row of every entry, ascending, shape (z,).
-        columns: Its velocity, ascending in each row, shape (z,).
-        starts: First entry of every row, shape (m + 1,).
-    """
-
-    nv: int
-    rows: Indices
-    columns: Indices
-    starts: Indices
-
-    @classmethod
-    def of(
-        cls,
-        nv: int,
-        size: int,
-        pairs: Sequence[tuple[Pair, float, FramePairs, Indices]],
-        relations: Sequence[tuple[int, JointRelation | LinearCoordinate]],
-    ) -> Pattern:
-        """Return the pattern of m rows."""
-        numbers = [(rows[:, None] * nv + frames.velocities).ravel() for _, _, frames, rows in pairs] + [
-            start * nv + (relation.moved if isinstance(relation, LinearCoordinate) else relation.joints)
-            for start, relation in relations
-        ]
-        every = np.array(sorted({place for part in numbers for place in part.tolist()}), dtype=np.intp)
-        rows, columns = np.divmod(every, nv) if nv else (every, every)
-        return cls(nv, rows, columns, np.searchsorted(rows, np.arange(size + 1)))
-
-    def entries(self, rows: Indices, columns: Indices) -> Indices:
-        """Return the places of entries, shape (m, s, L), in rows, shape (m, L), and columns, shape (s, L)."""
-        return np.searchsorted(self.rows * self.nv + self.columns, rows[:, None] * self.nv + columns)
 
 
 def parts_of(model: Model, element: Measured) -> Sequence[tuple[float, TiedFrames | JointRelation | LinearCoordinate]]:
@@ -303,47 +250,23 @@ class EvaluatedRows(Record, frozen=True):
         return states_first(gaps - self.rows.constants.reshape(-1, *(1,) * len(self.states)), 1)
 
     @cached_property
-    def entries(self) -> Array:
-        pattern, entries = self.rows.pattern, np.zeros((len(self.rows.pattern.rows), *self.states), self.q.dtype)
+    def columns(self) -> Array:
+        """G, components first, shape (m, nv, ..)."""
+        columns = np.zeros((self.rows.size, self.rows.model.nv, *self.states), self.q.dtype)
         for part, pairs, motion in self._pairs():
-            entries[pairs.entries, part] += pairs.sense * motion.rows(pairs.pair)
+            columns[pairs.rows[:, None], pairs.frames.velocities, part] += pairs.sense * motion.rows(pairs.pair)
         flat = self.q.reshape(-1, self.q.shape[-1])
         for row, relation in self.rows.relations:
-            own = slice(*pattern.starts[row : row + 2])
             if isinstance(relation, LinearCoordinate):
-                entries[own] += relation.weights[pattern.columns[own]].reshape(-1, *(1,) * len(self.states))
+                columns[row] += relation.weights.reshape(-1, *(1,) * len(self.states))
             else:
-                rows = relation.rows_at(flat)[:, pattern.columns[own]]
-                entries[own] += rows.T.reshape(rows.shape[1], *self.q.shape[:-1])
-        return entries
-
-    def times(self, x: Array) -> tuple[Array, Array]:
-        """Return ``G x``, of shape (.., m), for x of shape (.., nv), and the sums of the sizes of its terms."""
-        pattern, terms = self.rows.pattern, self.entries * components_first(x, 1)[self.rows.pattern.columns]
-        held = np.diff(pattern.starts) > 0
-        total, sizes = np.zeros((2, self.rows.size, *terms.shape[1:]))
-        if held.any():
-            total[held] = np.add.reduceat(terms, pattern.starts[:-1][held])
-            sizes[held] = np.add.reduceat(np.abs(terms), pattern.starts[:-1][held])
-        return states_first(total, 1), states_first(sizes, 1)
-
-    def some(self, rows: Indices, columns: Indices) -> Array:
-        """Return some rows and columns of G, ascending, components first, shape (r, c, ..)."""
-        pattern, place = self.rows.pattern, np.zeros(self.rows.pattern.nv, dtype=np.intp)
-        place[columns] = np.arange(len(columns))
-        chosen = np.zeros((len(rows), len(columns), *self.states))
-        for k, row in enumerate(rows.tolist()):
-            own = slice(pattern.starts[row], pattern.starts[row + 1])
-            chosen[k, place[pattern.columns[own]]] = self.entries[own]
-        return chosen
+                columns[row] += relation.rows_at(flat).T.reshape(-1, *self.q.shape[:-1])
+        return columns
 
     @cached_property
     def matrices(self) -> Array:
         """G, shape (.., m, nv)."""
-        pattern = self.rows.pattern
-        matrices = np.zeros((*self.states, self.rows.size, pattern.nv), self.q.dtype)
-        matrices[..., pattern.rows, pattern.columns] = np.moveaxis(self.entries, 0, -1)
-        return matrices
+        return np.ascontiguousarray(np.moveaxis(self.columns, (0, 1), (-2, -1)))
 
     def drifts(self, v: Array) -> Array:
         """Return ``G' v`` for velocities, shape (.., nv), as an array of shape (.., m)."""

@@ -7,9 +7,8 @@ group: 200 joints in one group take about 20 ms a state, 1,000 joints seconds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from contextvars import ContextVar
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache, cached_property, lru_cache
 from typing import Any
 
@@ -53,9 +52,6 @@ CONSISTENT = 1e-9
 LEAST = 1e-8
 """Least weight of a joint, relative to the largest, when rounding is shared among joints by the size of their forces:
 joints then take no more than 1e-16 of the rounding of others, and weighted free motions stay independent."""
-
-Groups = list[tuple[Indices, Indices]]
-"""Rows and joints of each group."""
 
 
 class RowGroup(Record, frozen=True):
@@ -141,7 +137,6 @@ class SplitRows(Record, frozen=True):
     """The null space of G, and its rows decomposed by group, at one or at several configurations of the same rank.
 
     Attributes:
-        groups: Groups of rows that share no joint.
         shape: Of G, (.., m, nv).
     """
 
@@ -190,15 +185,6 @@ class SplitRows(Record, frozen=True):
             self.shape[-2], [(group.rows, group.reached(right[..., group.rows])) for group in self.groups]
         )
 
-    def shaped(self, states: tuple[int, ...]) -> SplitRows:
-        """Return the decompositions of n configurations with other leading axes."""
-        arrays = ("matrix", "scale", "left", "values", "right", "free")
-        groups = [
-            replace(group, **{name: (x := getattr(group, name)).reshape(*states, *x.shape[1:]) for name in arrays})
-            for group in self.groups
-        ]
-        return SplitRows(groups, self.alone, (*states, *self.shape[1:]))
-
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
         return self._joined(
@@ -229,10 +215,16 @@ def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
 
 
 def of_one_rank(rows: Array, reach: Array | float = 1.0) -> SplitRows:
-    """Return the decomposition of G, shape (n, m, nv); NaN at configurations without the rank of the first."""
-    groups, alone = _groups_of(rows, reach)
-    decomposed = [_decomposed(rows, group, reach, one_rank=True)[1] for group in groups]
-    return SplitRows([cut(np.arange(len(rows))) for cut in decomposed], alone, rows.shape)
+    """Return the decomposition of G, shape (n, k, m, nv); NaN at configurations without the rank of the first."""
+    flat, states = rows.reshape(-1, *rows.shape[-2:]), rows.shape[:-2]
+    groups, alone = _groups_of(flat, reach)
+    cuts = (_decomposed(flat, group, reach, one_rank=True)[1](np.arange(len(flat))) for group in groups)
+    arrays = ("matrix", "scale", "left", "values", "right", "free")
+    shaped = [
+        replace(cut, **{name: (x := getattr(cut, name)).reshape(*states, *x.shape[1:]) for name in arrays})
+        for cut in cuts
+    ]
+    return SplitRows(shaped, alone, rows.shape)
 
 
 class RowDecompositions(Record, frozen=True):
@@ -317,7 +309,7 @@ def _decomposed(
     return ranks, cut
 
 
-def _groups_of(rows: Array, reach: Array | float) -> tuple[Groups, Indices]:
+def _groups_of(rows: Array, reach: Array | float) -> tuple[list[tuple[Indices, Indices]], Indices]:
     """Return rows and joints of each group of G, shape (n, m, nv), and the joints that no row ties."""
     _, m, nv = rows.shape
     largest = np.maximum(rows.max(axis=0, initial=0.0), -rows.min(axis=0, initial=0.0))
@@ -325,7 +317,7 @@ def _groups_of(rows: Array, reach: Array | float) -> tuple[Groups, Indices]:
 
 
 @lru_cache(maxsize=64)
-def _groups(pattern: bytes, m: int, nv: int) -> tuple[Groups, Indices]:
+def _groups(pattern: bytes, m: int, nv: int) -> tuple[list[tuple[Indices, Indices]], Indices]:
     """Return the groups of a pattern, the bytes of flags of shape (m, nv)."""
     tied, labels, before = np.frombuffer(pattern, dtype=bool).reshape(m, nv), np.arange(nv), None
     while before is None or (labels != before).any():  # joints take the least label of those that are tied to them
@@ -410,28 +402,9 @@ they have as many rows as velocities and constraints together."""
 def one_blas_thread(nv: int) -> AbstractContextManager[Any]:
     """Let linear algebra use one thread in a ``with`` block, if it would use more for a mechanism of nv velocities.
 
-    Two threads take longer for all matrices up to 256 rows (``docs/speed.md``). What the process used before is in
-    force again after the block; environment variables stay as they are. Of blocks that overlap the first decides, as
-    the limit is the whole process's.
+    Two threads take longer for all matrices up to 256 rows (``docs/speed.md``).
     """
-    return nullcontext() if nv <= SMALL else _one_thread()
-
-
-_limited = ContextVar("limited", default=False)
-"""Whether a block around has set the limit."""
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    if _limited.get():
-        yield
-        return
-    token = _limited.set(True)
-    try:
-        with _libraries().limit(limits=1):
-            yield
-    finally:
-        _limited.reset(token)
+    return nullcontext() if nv <= SMALL else _libraries().limit(limits=1)
 
 
 @cache

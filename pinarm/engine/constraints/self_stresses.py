@@ -71,7 +71,7 @@ class SelfStresses(Record, frozen=True):
             return self._nothing
         second, arm = self.closure.model.frames[joint.second].parentJoint, -self.links.frame(joint.second)[1]
         held = moved(self._acting[joint.name][second], arm[..., None, :])
-        return self.on(self._functions({joint.name: held}))
+        return self.on(self.functions({joint.name: held}))
 
     def on_joint(self, joint: int) -> Array:
         """Return the changes of the wrench of the parent on the child of a joint, see ``transmitted``, shape (s, n, 6).
@@ -88,11 +88,7 @@ class SelfStresses(Record, frozen=True):
         """Return the changes of a weighted sum of multipliers, shape (s, n)."""
         if not self.degree or not weights:
             return self._nothing[..., 0]
-        return self.on(self._functions({name: weight[:, None, None] for name, weight in weights.items()}))[..., 0]
-
-    def own(self, constraint: Constraint) -> Array:
-        """Return the multipliers of a constraint as functions of all, shape (n, m, size)."""
-        return self._functions({constraint.name: np.eye(constraint.size)})
+        return self.on(self.functions({name: weight[:, None, None] for name, weight in weights.items()}))[..., 0]
 
     def transmitted(self, joint: int) -> Array:
         """Return the wrench of the parent on the child per unit of every multiplier, shape (n, m, 6).
@@ -104,13 +100,13 @@ class SelfStresses(Record, frozen=True):
     def _about(self, joint: int, beyond: Mapping[str, Array]) -> Array:
         """Return wrenches at a joint's origin that balance wrenches at the world's, by constraint, shape (n, m, 6)."""
         arm = -self.links.places[..., joint, None, :]
-        return self._functions({name: moved(-part, arm) for name, part in beyond.items()})
+        return self.functions({name: moved(-part, arm) for name, part in beyond.items()})
 
     @property
     def _nothing(self) -> Array:
         return np.zeros((0, len(self.q), 6))
 
-    def _functions(self, parts: Mapping[str, Array]) -> Array:
+    def functions(self, parts: Mapping[str, Array]) -> Array:
         """Return functions of all multipliers from those of some constraints, shape (.., size, k) each."""
         width = max((part.shape[-1] for part in parts.values()), default=6)
         states = np.broadcast_shapes(self.links.places.shape[:-2], *(part.shape[:-2] for part in parts.values()))
@@ -219,13 +215,34 @@ class Mobility(Record, frozen=True):
 
     @cached_property
     def undetermined(self) -> dict[str, list[str]]:
-        """Joint -> components of its reaction that rigid bodies do not determine, in its own axes."""
-        return _undetermined(self.stresses) if self.degree else {}
+        """Joint -> components of its reaction that rigid bodies do not determine.
+
+        Of loop joints in frame 1, of joints of the tree in their own axes.
+        """
+        if not self.degree:
+            return {}
+        stresses, links, model = self.stresses, self.stresses.links, self.stresses.closure.model
+        added = [
+            (joint.name, links.frame(joint.first)[0][0], stresses.on_loop(joint)[:, 0])
+            for joint in stresses.closure.constraints
+            if isinstance(joint, LoopJoint)
+        ]
+        added += [(str(model.names[k]), links.turns[0, k], stresses.on_joint(k)[:, 0]) for k in range(1, model.njoints)]
+        undetermined = {name: _acting(turn, wrenches) for name, turn, wrenches in added}
+        return {name: parts for name, parts in undetermined.items() if parts}
 
     @cached_property
     def loosenings(self) -> tuple[Loosening, ...]:
-        """Loosenings that keep the mobility, with the degree of hyperstatism that each leaves."""
-        return loosenings(self.stresses) if self.degree else ()
+        """Loosenings that keep the mobility and reduce the redundant rows, the best first."""
+        loose, stresses = list[Loosening](), self.stresses
+        loops = [joint for joint in stresses.closure.constraints if isinstance(joint, LoopJoint) and self.degree]
+        for joint, kind, given_up in ((loop, *other) for loop in loops for other in looser(loop.pair)):
+            if not given_up.size:
+                continue
+            added = stresses.on(stresses.functions({joint.name: given_up}))[:, 0]
+            if np.count_nonzero(np.linalg.svd(added, compute_uv=False) > ACTS) == given_up.shape[-1]:  # independently
+                loose.append(Loosening(((joint.name, kind),), self.degree - given_up.shape[-1]))
+        return tuple(sorted(loose, key=lambda loosening: (loosening.degree, loosening.changes)))
 
     @property
     def shared(self) -> str:
@@ -263,18 +280,6 @@ def _spins(mechanism: Mechanism, q: Array) -> tuple[str, ...]:
     return tuple(spins)
 
 
-def _undetermined(stresses: SelfStresses) -> dict[str, list[str]]:
-    """Return the components that self-stresses act on, of loop joints in frame 1, of tree joints in their own axes."""
-    model, links, added = stresses.closure.model, stresses.links, dict[str, tuple[Array, Array]]()
-    for joint in stresses.closure.constraints:
-        if isinstance(joint, LoopJoint):
-            added[joint.name] = links.frame(joint.first)[0][0], stresses.on_loop(joint)[:, 0]
-    for index in range(1, model.njoints):
-        added[str(model.names[index])] = links.turns[0, index], stresses.on_joint(index)[:, 0]
-    undetermined = {name: _acting(*part) for name, part in added.items()}
-    return {name: parts for name, parts in undetermined.items() if parts}
-
-
 def _acting(turn: Array, wrenches: Array) -> list[str]:
     """Return the components of wrenches, shape (s, 6), in the axes of a rotation matrix, that are not 0."""
     local = np.hstack([wrenches[:, :3] @ turn, wrenches[:, 3:] @ turn])
@@ -302,20 +307,3 @@ class Loosening(ValueRecord, frozen=True):
 
     def __str__(self) -> str:
         return f"{' and '.join(f'{joint} as {kind}' for joint, kind in self.changes)}: degree {self.degree}"
-
-
-def loosenings(stresses: SelfStresses) -> tuple[Loosening, ...]:
-    """Return the loosenings that keep the mobility and reduce the redundant rows, the best first."""
-    loose = list[Loosening]()
-    for joint in (joint for joint in stresses.closure.constraints if isinstance(joint, LoopJoint)):
-        for kind, given_up in looser(joint.pair):
-            components = stresses.own(joint) @ given_up
-            if components.size and _independent(stresses, components):
-                loose.append(Loosening(((joint.name, kind),), stresses.degree - components.shape[-1]))
-    return tuple(sorted(loose, key=lambda loosening: (loosening.degree, loosening.changes)))
-
-
-def _independent(stresses: SelfStresses, components: Array) -> bool:
-    """Tell whether self-stresses act independently on components, functions of all multipliers, shape (1, m, c)."""
-    added = stresses.on(components)[:, 0]
-    return bool(np.count_nonzero(np.linalg.svd(added, compute_uv=False) > ACTS) == components.shape[-1])

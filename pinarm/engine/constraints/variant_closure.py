@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -40,29 +39,15 @@ class VariantClosure(Closure, frozen=True):
         """The groups of the first variant: constraints tie the joints of all variants alike."""
         return self.first.groups
 
-    @property
-    def scale(self) -> Array:
-        """The units of the first variant's velocities."""
-        return self.first.scale
-
-    @property
-    def measure(self) -> Array:
-        return self.first.measure
-
     @cached_property
     def alike_in_size(self) -> Flags:
         """Mask of the variants with the same units of length as the first, shape (k,) or (1,)."""
         whole = extents(self.model, [frame for frame in self.model.frames if frame.placed is not None])
-        same = unit_of_length(self.loop_sizes.sizes) == unit_of_length(self.first.loop_sizes.sizes)
-        return np.asarray((unit_of_length(whole) == unit_of_length(self.extent)) & same.all(axis=-1))
+        return np.asarray(unit_of_length(whole) == unit_of_length(self.extent))
 
     @cached_property
     def constraint_rows(self) -> ConstraintRows:
-        """Rows of the constraints.
-
-        Raises:
-            VariantsDiffer: The rows cannot be computed of many states at once.
-        """
+        """Rows of the constraints."""
         if self.model.nv > WIDE:
             raise VariantsDiffer("loops or couplings of many joints")
         if self.first.rolls:
@@ -92,6 +77,4 @@ class VariantClosure(Closure, frozen=True):
     def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
         """Return G decomposed, shape (n, k, ..) in one part; NaN where a variant has another rank than the first."""
         rows = self.at(q)[1] if rows is None else rows
-        states = rows.shape[:2]
-        split = of_one_rank(rows.reshape(math.prod(states), *rows.shape[2:]), self.reach).shaped(states)
-        return RowDecompositions([(np.arange(len(rows)), split)], rows.shape)
+        return RowDecompositions([(np.arange(len(rows)), of_one_rank(rows, self.reach))], rows.shape)

@@ -18,14 +18,13 @@ from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics import mass_matrix
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad, LawElement
 from pinarm.mechanics.geometry.kinematics import WIDE, cached_by_model, new_data, require_depth_first
-from pinarm.mechanics.geometry.link_placements import speeding, summed_wrenches
+from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration, Manifold
-    from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 
 def rnea(model: Model, q: Array, v: Array, a: Array) -> Array:
@@ -63,27 +62,6 @@ def mass_matrices(model: Model, q: Array) -> Array:
     if not isinstance(model, ModelVariants):
         return mass_matrix.mass_matrices(model, q)
     return _of_variants(model, lambda pool, rows: mass_matrix.mass_matrices(pool.getModel(0), rows), q)
-
-
-def transmitted(links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
-    """Return the wrench of the parent on the child at every joint's origin; see ``summed_wrenches``.
-
-    Of variants, and of complex steps, which numpy moves, by the sums of what the links beyond a joint demand.
-    """
-    if isinstance(links.model, ModelVariants) or np.iscomplexobj(q):
-        return summed_wrenches(links, q, v, a, acting)
-    outside, model, data = links.inwards(acting), links.model, new_data(links.model)
-    inner, loaded = np.empty_like(outside), np.flatnonzero(outside.any(axis=(0, 2))).tolist()
-    forces = pin.StdVec_Force()
-    forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
-    external, internal = [forces[joint] for joint in loaded], [data.f[joint] for joint in range(model.njoints)]
-    for k, loads in enumerate(outside[:, loaded]):
-        for force, load in zip(external, loads, strict=True):
-            force.vector = load
-        pin.rnea(model, data, q[k], v[k], a[k], forces)
-        inner[k] = [wrench.vector for wrench in internal]
-    inner[:, 0] = 0.0  # of the world, not of a joint
-    return links.outwards(inner)
 
 
 def _of_variants(variants: ModelVariants, call: Callable[..., Array], *arrays: Array) -> Array:
@@ -127,7 +105,6 @@ class Dynamics(Record, frozen=True):
     Attributes:
         model: Pinocchio's model; gravity and the rotors' armature are in it. Or variants of one: states are then of
             shape (n, k, ..), see ``link_tree``.
-        forces: Force elements, by name.
         data: Pinocchio's buffers; every call fills them and reads them, and leaves nothing in them for another.
     """
 

@@ -65,8 +65,6 @@ def accelerations(dynamics: Dynamics, closure: Closure, t: Array | float, q: Arr
     """Return the accelerations of a mechanism under efforts of its drives, shape (n, nv).
 
     Args:
-        dynamics: Masses, weights and loads.
-        closure: The constraints.
         t: Instants [s], shape (n,), or one for all.
         q: Configurations, shape (n, nq), at which the constraints are closed.
         v: Velocities, shape (n, nv), that they allow.

@@ -7,7 +7,6 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import SplitRows
 from pinarm.errors import DynamicsError, listed
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.geometry.kinematics import give_back, take, with_masses
@@ -17,9 +16,6 @@ MASSLESS = 1e-12
 
 LARGE = 100
 """Velocities above which masses of bodies that all have one are not looked at as matrices."""
-
-EPSILON = float(np.finfo(float).eps)
-"""Rounding of a number, relative to it."""
 
 NOTHING = 1e-24
 """Diagonal entry of M, relative to the largest, that is rounding of 0."""
@@ -40,29 +36,20 @@ def mass_matrices(model: pin.Model, q: Array) -> Array:
 
 
 def require_masses(closure: Closure, q: Array, t: float) -> None:
-    """Raise where a motion that constraints and laws leave free moves no mass.
+    """Raise where a motion that constraints and laws leave free moves no mass, at configurations, shape (n, nq).
 
     With T a basis of the free motions, ``T^T M T`` must be positive definite; it is scaled to a diagonal of ones, so
     that large ratios of masses do no harm.
     """
-    if closure.model.nv > LARGE and massive(closure.model):
+    model = closure.model
+    if model.nv > LARGE and massive(model):
         return  # M is definite in all directions; elsewhere it is looked at as a matrix
-    mass = mass_matrices(closure.model, q)
-    if closure.size:
-        splits = closure.splits(q)
-        definite = splits.each(1, _definite_along, mass)[:, 0] > 0.0
-    else:
-        definite = np.full(len(q), _all_definite(mass))
-    for i in np.flatnonzero(~definite):
-        rows = closure.rows(closure.state(q[i]))
-        _require(closure.model, closure.split(rows).free, mass[i], q[i], t)
-
-
-def _definite_along(split: SplitRows, mass: Array) -> Array:
-    """Return whether masses, shape (n, nv, nv), are definite along the free motions of all rows, shape (n, 1)."""
-    if not split.free.shape[-1]:
-        return np.ones((len(mass), 1))
-    return np.full((len(mass), 1), _all_definite(split.free.swapaxes(1, 2) @ mass @ split.free), dtype=float)
+    mass = mass_matrices(model, q)
+    if not closure.size:
+        _require(model, np.broadcast_to(np.eye(model.nv), mass.shape), mass, q, t)
+        return
+    for places, split in closure.splits(q).parts:
+        _require(model, split.free, mass[places], q[places], t)
 
 
 def massive(model: pin.Model) -> bool:
@@ -70,44 +57,28 @@ def massive(model: pin.Model) -> bool:
     return all(body.mass > 0.0 and np.linalg.eigvalsh(body.inertia)[0] > 0.0 for body in model.inertias[1:])
 
 
-def _all_definite(mass: Array) -> bool:
-    """Return whether matrices, shape (n, nv, nv), are as definite as masses must be, by Cholesky's decomposition."""
-    with np.errstate(all="ignore"):
-        scale = 1.0 / np.sqrt(np.diagonal(mass, axis1=1, axis2=2))
-        scaled = scale[:, :, None] * mass * scale[:, None] - MASSLESS * np.eye(mass.shape[1])
-        try:
-            return bool(np.isfinite(np.linalg.cholesky(scaled)).all())
-        except np.linalg.LinAlgError:
-            return False
-
-
 def _require(model: pin.Model, free: Array, mass: Array, q: Array, t: float) -> None:
-    """Raise where a motion moves no mass, of those whose basis is ``free``, shape (nv, nu).
-
-    The computed ``T^T M T`` is off by up to ``nv eps |T|^T |M| |T|``, its eigenvalues by no more than the norm of that:
-    a smaller one is 0 but for rounding.
-    """
-    mass, terms = free.T @ mass @ free, np.abs(free).T @ np.abs(mass) @ np.abs(free)
-    size = np.abs(np.diag(mass))
-    if not len(size):
+    """Raise where a motion moves no mass, of those whose bases are ``free``, shape (n, nv, nu)."""
+    if not free.shape[-1]:
         return
-    idle = size <= NOTHING * size.max()
+    along = free.swapaxes(-2, -1) @ mass @ free
+    size = np.abs(np.diagonal(along, axis1=-2, axis2=-1))
+    idle = size <= NOTHING * size.max(axis=-1, keepdims=True)
     scale = np.where(idle, 1.0, 1.0 / np.sqrt(np.where(idle, 1.0, size)))
-    values, vectors = np.linalg.eigh(scale[:, None] * mass * scale)
-    if values[0] > MASSLESS:
+    values, vectors = np.linalg.eigh(scale[:, :, None] * along * scale[:, None])
+    if (values[:, 0] > MASSLESS).all():
         return
-    ways = np.linalg.norm(free @ (scale[:, None] * vectors[:, values <= MASSLESS]), axis=1)
+    k = int((values[:, 0] <= MASSLESS).argmax())
+    ways = np.linalg.norm(free[k] @ (scale[k][:, None] * vectors[k][:, values[k] <= MASSLESS]), axis=1)
     moved = [int(index) for index in np.flatnonzero(ways > 0.1 * ways.max())]
     joints = listed("joint", [coordinate_name(model, index) for index in moved])
-    rounding = len(free) * EPSILON * float(np.linalg.norm(scale[:, None] * terms * scale))
-    how = "without mass" if abs(values[0]) <= rounding else f"with {values[0]:.1g} of the mass that they carry"
-    how = how if values[0] > -MASSLESS else "against a negative mass"
+    how = "without mass" if values[k, 0] > -MASSLESS else "against a negative mass"
     raise DynamicsError(
         f"at t = {t:.9g} s {joints} can move {how}, carrying {_carried(model, moved)}: accelerations are undetermined",
-        expected="inertias of these links that bodies can have",
+        expected="inertias of these links that bodies can have, above 1e-12 of what they carry",
         hint="an <inertial> in the model, a drive with a rotor, or a law for the joint; kind: inverse needs no masses",
         t=t,
-        q=q,
+        q=q[k],
     )
 
 

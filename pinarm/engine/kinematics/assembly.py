@@ -24,10 +24,9 @@ from pinarm.engine.constraints.closure import Closure, slides
 from pinarm.engine.constraints.constraint_rows import GuidedCoordinate
 from pinarm.engine.kinematics.newton import NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates, StateFunction
-from pinarm.engine.kinematics.singular import SINGULAR
+from pinarm.engine.kinematics.singular import SINGULAR, named_values
 from pinarm.errors import LISTED, AssemblyError, InputError, several
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.joints import RADIAN
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 
@@ -68,17 +67,15 @@ def near_given(
         q: The configuration, shape (nq,).
         given: Names of coordinates of joints that are given in it for the first row; where there are none, those of the
             mechanism's own start count, which is at no row: values of laws play no part.
-        prescribed: What follows laws.
-        grid: Instants of the laws.
     """
     prescribed = prescribed if given else OPEN
     own = [name for name in given or mechanism.start if name in mechanism.joints and name not in prescribed.names]
     if not own or not mechanism.closure.size:
         return q
     places = [mechanism.joints[name].q for name in own]
-    names, w = (*prescribed.names, *own), np.append(prescribed.first(grid), q[places])
-    coordinates = *prescribed.coordinates, *(mechanism.coordinate(name) for name in own)
-    solver = NewtonSolver(mechanism.closure, PrescribedCoordinates(names, coordinates, ()))
+    known = prescribed.holding(own, [mechanism.coordinate(name) for name in own], q[places].tolist())
+    solver = NewtonSolver(mechanism.closure, known)
+    w = np.append(prescribed.first(grid), q[places])
     closest = solver.closest(q, w, solver.sliding * solver.untied)[0].copy()
     closest[places] = q[places]
     return closest
@@ -92,7 +89,6 @@ def first_position(
     Args:
         prescribed: The coordinates; there may be fewer than degrees of freedom.
         w: Their first values, shape (k,).
-        t: The first instant, for messages.
         drawn: A configuration near the drawing, or that of the start, shape (nq,).
         near: A configuration with the first values, rough elsewhere; the drawn one with those of joints where it is
             left out.
@@ -155,6 +151,7 @@ class _Part:
         self.closure, self.model, self.prescribed = closure, closure.model, prescribed
         self.w, self.t, self.moving = w, t, moving
         self.solver = NewtonSolver(closure, prescribed, moving)
+        self.sliding = slides(self.model)
 
     def has_values(self, q: Array) -> bool:
         """Tell whether the loops are closed and the coordinates have their first values."""
@@ -166,7 +163,9 @@ class _Part:
         direct, error = self._closed(drawn if near is None else self._copied(near, drawn))
         way = self._way(drawn, direct)
         if way.end is not None and not way.fault:
-            return Assembly(direct if direct is not None and self._same(way.end, direct) else way.end)
+            if direct is not None and not self.solver.sliding.all() and self._apart(way.end, direct) <= APART:
+                return Assembly(direct)  # in the nearest turn of its threads
+            return Assembly(way.end)
         if error is not None and way.begun:
             raise error
         positions = self._found(drawn, [q for q in (way.end, direct) if q is not None])
@@ -198,31 +197,23 @@ class _Part:
         kept = self._kept(begun, direct)
         if kept is None:
             return _Way(False, None, fault or "the start is a singular position")
-        way = self._straight(begun, kept, direct)
+        way = self._followed(begun, kept, direct)
+        if way.end is None and kept and direct is not None:
+            way = self._followed(begun, kept, None)
         return _Way(False, way.end, fault) if fault else way
 
-    def _same(self, end: Array, direct: Array) -> bool:
-        """Tell whether the end of a way is the position found directly, in the same turn of every joint."""
-        if not self.solver.sliding.all():
-            return self._apart(end, direct) <= APART
-        return bool(np.abs(pin.difference(self.model, end, direct) / self.closure.scale).max() <= APART)
+    def _followed(self, begun: Array, kept: Sequence[StateFunction], direct: Array | None) -> _Way:
+        """Return the straight way of coordinates to their values, by steps of the continuation.
 
-    def _straight(self, begun: Array, kept: Sequence[StateFunction], direct: Array | None) -> _Way:
-        """Return the way on which what is kept goes to the position found directly, or else the one where it rests."""
-        if kept and direct is not None:
-            state = self.closure.state(direct)
-            way = self._followed(begun, kept, np.array([*self.w, *(coordinate.value(state) for coordinate in kept)]))
-            if way.end is not None:
-                return way
-        return self._followed(begun, kept, np.append(self.w, np.zeros(len(kept))))
-
-    def _followed(self, begun: Array, kept: Sequence[StateFunction], w: Array) -> _Way:
-        """Return the straight way of the coordinates to values, shape (k + f,), by steps of the continuation."""
+        What is kept goes where it is in the position found directly, or rests where there is none.
+        """
         names, q, fault = (*self.prescribed.names, *(f"free motion {k}" for k in range(len(kept)))), begun, ""
         everything = PrescribedCoordinates(names, (*self.prescribed.coordinates, *kept), ())  # type: ignore[arg-type]
         solver, state = NewtonSolver(self.closure, everything, self.moving), self.closure.state(begun)
-        first, still = np.array([coordinate.value(state) for coordinate in everything.coordinates]), np.zeros(len(w))
-        change = w - first
+        there = None if direct is None else self.closure.state(direct)
+        first = np.array([coordinate.value(state) for coordinate in everything.coordinates])
+        change = np.append(self.w, [coordinate.value(there) if there else 0.0 for coordinate in kept]) - first
+        still = np.zeros(len(first))
         try:
             rates = solver.rates(begun, change, still, 0.0)
             for _, q, _, _ in solver.steps(begun, *rates, 0.0, 1.0, lambda s: (first + s * change, change, still)):
@@ -242,14 +233,13 @@ class _Part:
         own = min(len(null_space(end[: self.closure.size])) for end in ends)
         if len(free) != own - len(self.w):
             return None
-        directions = np.zeros((len(free), self.model.nv))
-        directions[:, self.moving] = free
-        return [_distance(begun, direction / self.closure.scale) for direction in directions]
+        return [_distance(begun, self.solver.spread(way) / self.closure.scale**2) for way in free]
 
     def _found(self, drawn: Array, known: Sequence[Array]) -> list[Array]:
         """Return the first positions that are known, and others to which other starts lead, each once."""
-        positions, others = list[Array](), (self._closed(start)[0] for start in self._starts(drawn))
-        for q in map(self._turned_back, chain(known, (q for q in others if q is not None))):
+        positions, rough = list[Array](), self._starts(drawn)
+        others = (closed for start in rough if (closed := self._closed(start)[0]) is not None)
+        for q in map(self._turned_back, chain(known, others)):
             if all(self._apart(q, other) > APART for other in positions):
                 positions.append(q)
                 if not self.beyond(q, drawn) and len(null_space(self.solver.rows(self.closure.state(q)))):
@@ -258,7 +248,7 @@ class _Part:
 
     def _starts(self, drawn: Array) -> Iterator[Array]:
         """Yield other starts: the middle of the limits, then random ones within them, the same every time."""
-        neutral, reach = pin.neutral(self.model), np.where(slides(self.model), self.closure.extent, np.pi)
+        neutral, reach = pin.neutral(self.model), np.where(self.sliding, self.closure.extent, np.pi)
         middle = pin.difference(self.model, neutral, drawn)
         low, high = middle - reach, middle + reach
         for _, v, q in self._singles:
@@ -270,7 +260,7 @@ class _Part:
             yield self._copied(pin.integrate(self.model, neutral, way), drawn)
 
     def _closed(self, rough: Array) -> tuple[Array | None, AssemblyError | None]:
-        """Return the first position near a rough one, whole turns back in the limits, or why there is none."""
+        """Return the first position near a rough one, or why there is none."""
         q = rough.copy()
         for coordinate, value in zip(self.prescribed.coordinates, self.w, strict=True):
             if isinstance(coordinate, LinearCoordinate) and coordinate.joint is not None:
@@ -283,7 +273,7 @@ class _Part:
     def _turned_back(self, q: Array) -> Array:
         """Return a first position with joints turned back by whole turns towards the middle of their limits."""
         turned, low, high = q.copy(), self.model.lowerPositionLimit, self.model.upperPositionLimit
-        for place in (q for _, v, q in self._singles if not slides(self.model)[v]):
+        for place in (q for _, v, q in self._singles if not self.sliding[v]):
             middle = 0.5 * (low[place] + high[place]) if np.isfinite(high[place] - low[place]) else 0.0
             turned[place] -= 2.0 * np.pi * np.round((q[place] - middle) / (2.0 * np.pi))
         return turned if self.has_values(turned) else q
@@ -293,53 +283,42 @@ class _Part:
         within = [q for q in positions if not self.beyond(q, drawn)]
         chosen = within or (positions if way.end is None else positions[:1])
         if len(chosen) > 1:
-            raise self._undecided(chosen, way)
+            raise InputError(
+                f"{len(chosen)} assemblies have the prescribed values, and none is reached from the start: {way.fault}",
+                expected=f"joint coordinates near the one that is meant, such as "
+                f"{' or '.join(map(self._words, chosen[:2]))}",
+                hint="limits of joints in the model, which choose where they leave one",
+            )
         q = chosen[0]
-        if within and way.end is not None and self._apart(q, way.end) <= APART:
+        at_end = way.end is not None and self._apart(q, way.end) <= APART
+        if within and at_end:
             return Assembly(q)
-        led = "The way leads" if way.end is not None and self._apart(q, way.end) <= APART else "Other starts lead"
         limits = "within the limits" if within else "as none is found within the limits"
         note = (
-            f"assembly: {way.fault}. {led} to one that is taken, {limits}: {self._words(q)}. Tried were the "
-            f"middle of the limits and {STARTS} random starts only; start: chooses another"
+            f"assembly: {way.fault}. {'The way leads' if at_end else 'Other starts lead'} to one that is taken, "
+            f"{limits}: {self._words(q)}. Tried were the middle of the limits and {STARTS} random starts only; "
+            "start: chooses another"
         )
         return Assembly(q, (note,))
 
-    def _undecided(self, chosen: Sequence[Array], way: _Way) -> InputError:
-        words = " or ".join(map(self._words, chosen[:2]))
-        return InputError(
-            f"{len(chosen)} assemblies have the prescribed values, and none is reached from the start: {way.fault}",
-            expected=f"joint coordinates near the one that is meant, such as {words}",
-            hint="limits of joints in the model, which choose where they leave one",
-        )
-
     def _words(self, q: Array) -> str:
         """Return the joints at a configuration, as a file says them."""
-        units = slides(self.model)
         values = [
-            f"{self.model.names[joint]}: " + (f"{q[place]:.6g} m" if units[v] else f"{math.degrees(q[place]):.6g} deg")
+            f"{self.model.names[joint]}: "
+            + (f"{q[place]:.6g} m" if self.sliding[v] else f"{math.degrees(q[place]):.6g} deg")
             for joint, v, place in self._singles
         ]
         return f"start: {{{several(values, LISTED)}}}"
 
     def _at(self, q: Array) -> str:
         """Return the prescribed coordinates at a configuration, in words."""
-        state = self.closure.state(q)
-        told = [
-            f"{name} = "
-            + (
-                f"{math.degrees(coordinate.value(state)):.6g} deg"
-                if coordinate.unit == RADIAN
-                else f"{coordinate.value(state):.6g} {coordinate.unit}"
-            )
-            for name, coordinate in zip(self.prescribed.names, self.prescribed.coordinates, strict=True)
-        ]
-        return f" at {several(told, LISTED)}" if told else ""
+        values = named_values(self.prescribed.names, self.prescribed.coordinates, self.closure.state(q))
+        return f" at {several(values, LISTED)}" if values else ""
 
     def _apart(self, q: Array, other: Array) -> float:
         """Return the largest difference of two configurations, without whole turns [rad, or units of length]."""
         apart = pin.difference(self.model, other, q) / self.closure.scale
-        turned = np.where(slides(self.model), apart, np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi)
+        turned = np.where(self.sliding, apart, np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi)
         return float(np.abs(turned[self.moving]).max(initial=0.0))
 
     def _copied(self, q: Array, other: Array) -> Array:
@@ -353,22 +332,15 @@ class _Part:
     @cached_property
     def _joints(self) -> list[int]:
         """Indices of the joints of the part."""
-        moving = np.zeros(self.model.nv, dtype=bool)
-        moving[self.moving] = True
-        return [joint for joint in range(1, self.model.njoints) if moving[self.model.idx_vs[joint]]]
+        moving = set(np.arange(self.model.nv)[self.moving].tolist())
+        return [joint for joint in range(1, self.model.njoints) if self.model.idx_vs[joint] in moving]
 
     @cached_property
     def _singles(self) -> list[tuple[int, int, int]]:
         """Joints of the part with one coordinate that is not prescribed: their indices, those in v and in q."""
-        given = {
-            coordinate.joint for coordinate in self.prescribed.coordinates if isinstance(coordinate, LinearCoordinate)
-        }
-        places = [(joint, self.model.idx_vs[joint], self.model.idx_qs[joint]) for joint in self._joints]
-        return [
-            place
-            for place in places
-            if self.model.nqs[place[0]] == self.model.nvs[place[0]] == 1 and place[1] not in given
-        ]
+        model, given = self.model, {getattr(coordinate, "joint", None) for coordinate in self.prescribed.coordinates}
+        places = [(joint, model.idx_vs[joint], model.idx_qs[joint]) for joint in self._joints]
+        return [place for place in places if model.nqs[place[0]] == model.nvs[place[0]] == 1 and place[1] not in given]
 
 
 def _distance(start: Array, way: Array) -> StateFunction:
@@ -395,11 +367,6 @@ GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 import)."""
 
 
-def closed_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
-    """Return a closed configuration, shape (nq,), near rough joint coordinates; see ``closed_drawing``."""
-    return closed_drawing(mechanism.closure, start_configuration(mechanism, start)).q
-
-
 def generic_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
     """Return a closed configuration of no special kind, shape (nq,), near rough joint coordinates if there is one.
 
@@ -412,13 +379,13 @@ def generic_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
 
 
 def closed_generic(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
-    """Return a closed configuration of no special kind, shape (nq,), near a start; errors as ``closed_near``."""
-    q = closed_near(mechanism, start)
-    return generic(mechanism, beside(mechanism, q)) if mechanism.closure.size else q
+    """Return a closed configuration of no special kind, shape (nq,), near a start; see ``closed_drawing``."""
+    q = closed_drawing(mechanism.closure, start_configuration(mechanism, start)).q
+    return generic(mechanism, beside(mechanism, q))
 
 
 def mobility_when_closed(mechanism: Mechanism) -> int:
-    """Return the degrees of freedom in closed configurations of no special kind; see ``closed_near``."""
+    """Return the degrees of freedom in closed configurations of no special kind."""
     closure = mechanism.closure
     return int(closure.split_at(closed_generic(mechanism, mechanism.start)).free.shape[1])
 
@@ -435,7 +402,7 @@ def determining(mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Prescr
         with suppress(AssemblyError):
             least = mobility_when_closed(mechanism)
         raise prescribed.miscounted(mechanism, least)
-    if len(prescribed.names) > mechanism.model.nv - int(closure.ties):
+    if len(prescribed.names) > mechanism.model.nv - bool(closure.size):
         check_excess(mechanism, prescribed)
     return prescribed
 
@@ -458,8 +425,8 @@ def beside(mechanism: Mechanism, q: Array) -> list[Array]:
         if not size:
             break
         try:
-            beside = pin.integrate(mechanism.model, positions[-1], STEP / size * way)
-            positions.append(assembled(closure, OPEN, beside, np.zeros(0), 0.0))
+            near = pin.integrate(mechanism.model, positions[-1], STEP / size * way)
+            positions.append(assembled(closure, OPEN, near, np.zeros(0), 0.0))
         except AssemblyError:  # the step was too long, as next to the end of a reach
             break
     return positions
@@ -467,8 +434,6 @@ def beside(mechanism: Mechanism, q: Array) -> list[Array]:
 
 def generic(mechanism: Mechanism, q: Sequence[Array]) -> Array:
     """Return the first of some closed configurations, shape (nq,), whose rank most of them have."""
-    closure = mechanism.closure
-    ranks = [closure.split_at(configuration).rank for configuration in q]
+    ranks = [mechanism.closure.split_at(configuration).rank for configuration in q]
     counted = Counter(ranks)
-    usual = max(counted, key=lambda rank: (counted[rank], rank))
-    return q[ranks.index(usual)]
+    return q[ranks.index(max(counted, key=lambda rank: (counted[rank], rank)))]

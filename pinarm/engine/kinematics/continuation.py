@@ -27,7 +27,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import EvaluatedRows
 from pinarm.engine.constraints.nullspace import independent_rows
-from pinarm.engine.kinematics.assembly import null_space
+from pinarm.engine.kinematics.assembly import beside, null_space
 from pinarm.engine.kinematics.newton import CLOSED, CONTRACTION, NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import ENOUGH, instant, on_branch
@@ -69,7 +69,6 @@ class Corrected(NamedTuple):
     """Solutions near predictions.
 
     Attributes:
-        q: Configurations, shape (n, nv).
         correction: Size of the first correction, shape (n,).
         near: Where the chosen rows are closed, surely on the branch of the prediction, shape (n,).
         closed: Where all rows are closed, shape (n,).
@@ -136,7 +135,6 @@ class BatchClosing(Record, frozen=True):
         Args:
             q: Configurations, shape (.., nv).
             w: Wanted values of the prescribed coordinates, shape (.., k).
-            steps: Most steps.
 
         Returns:
             The solutions, shape (.., nv); the sizes of the first corrections, shape (..); where every correction was
@@ -162,7 +160,7 @@ class BatchClosing(Record, frozen=True):
 
         Args:
             predicted: Configurations, shape (n, nv).
-            slope: Predicted velocities, shape (n, nv).
+            slope: Predicted velocities, likewise.
             h: Times of the predictions [s], shape (n,).
             laws: Prescribed coordinates and their two derivatives, shape (3, n, k).
         """
@@ -187,8 +185,7 @@ class BatchClosing(Record, frozen=True):
 
     def _matrices(self, measured: EvaluatedRows) -> Array:
         """Return the chosen rows, shape (.., nv, nv)."""
-        some = measured.some(np.array(self.kept, dtype=np.intp), np.arange(self.rows.model.nv))
-        return np.ascontiguousarray(np.moveaxis(some, (0, 1), (-2, -1)))
+        return np.ascontiguousarray(np.moveaxis(measured.columns[self.kept], (0, 1), (-2, -1)))
 
 
 def _solved(matrices: Array, right: Array) -> Array:
@@ -202,10 +199,6 @@ SHORTEST = 4
 
 WANTED = 1e-2
 """Correction of a prediction that the length of sweeps aims at [rad or m]."""
-
-NOTHING: tuple[Array, ...] = (np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)))
-"""No rows of q, v and a."""
-
 KNOWN = 3
 """Accelerations that a prediction is made of: of the rows before, as many as there are since the laws last jumped."""
 
@@ -241,22 +234,22 @@ class Ahead:
         """Return q, v and a, shape (m, nv), at as many of the instants after the first as surely are on its branch."""
         h, wanted = t[: self._length] - t[0], w[:, : self._length]
         if (chosen := self._chosen_at(q)) is None:
-            return NOTHING
+            return ()
         with np.errstate(all="ignore"):  # beyond the branch anything may come out: it is not accepted
             predicted, slope = _predicted(h[:, None], q, v, before, a)
             states = chosen.corrected(predicted, slope, h, wanted)
             n = self._leading(chosen, states.rates, states.near & states.closed)
             self._length = _next_length(n, states.correction, 2 + len(a))
-        return states.q[1:n], states.rates.v[1:n], states.rates.a[1:n]
+        return (states.q[1:n], states.rates.v[1:n], states.rates.a[1:n]) if n > 1 else ()
 
     def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, ...]:
         """Return v and a, shape (m, nv), at as many of the first configurations as surely are regular."""
         if (chosen := self._chosen_at(q[0])) is None:
-            return NOTHING[1:]
+            return ()
         with np.errstate(all="ignore"):
             rates = chosen.rates(chosen.at(q[:BLOCK]), dw[:BLOCK], ddw[:BLOCK])
             n = self._leading(chosen, rates, np.ones(len(rates.v), dtype=bool))
-        return rates.v[:n], rates.a[:n]
+        return (rates.v[:n], rates.a[:n]) if n else ()
 
     def _chosen_at(self, q: Array) -> BatchClosing | None:
         """Return the rows that determine the motion: the last ones, or else those of a regular configuration."""
@@ -283,19 +276,17 @@ def follow_branch(
         w[:, :, k] = grid.evaluate(law)
     q, (v, a) = np.empty((len(t), len(start))), np.empty((2, len(t), solver.model.nv))
     q[0] = solver.assemble(start, w[0, 0], float(t[0]))
-    _check_regular(mechanism, prescribed, q[0], float(t[0]))
-    prescribed.check_mobility(mechanism, q[0])
+    _check_begun(mechanism, prescribed, q[0], float(t[0]))
     v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
     before = 0
     for interval, (begin, end, part) in enumerate(grid.intervals()):
         row, target, within = max(part.start, 1), _across(prescribed, grid, before, interval), prescribed.on(begin, end)
         while row < part.stop:
             last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
-            states, known = NOTHING, slice(max(part.start, row - KNOWN), row)
+            known, states = slice(max(part.start, row - KNOWN), row), tuple[Array, ...]()
             if sweep and row > part.start:
                 states = sweep.ahead(t[ahead], w[:, ahead], *last[:2], t[known], a[known])
-            if not len(states[0]):
-                states = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
+            states = states or tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
             rows = slice(row, row + len(states[0]))
             (q[rows], v[rows], a[rows]), row = states, rows.stop
             before, target = interval, within
@@ -311,16 +302,12 @@ def _across(
     return lambda t: pieces[bisect_right(meetings, t)](t)
 
 
-def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, t: float) -> None:
-    """Raise where a motion begins at a singular position of the mechanism, beside which the laws are enough."""
-    closure = mechanism.closure
+def _check_begun(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, t: float) -> None:
+    """Raise where laws do not determine a motion, or it begins at a singular position, beside which they do."""
+    closure, laws = mechanism.closure, len(prescribed.names)
     freedom = closure.split_at(q).free.shape[1]
-    if freedom <= len(prescribed.names):
-        return
-    from pinarm.engine.kinematics.assembly import beside
-
-    usual = min(closure.split_at(other).free.shape[1] for other in beside(mechanism, q))
-    if usual == len(prescribed.names):
+    usual = min(closure.split_at(other).free.shape[1] for other in beside(mechanism, q)) if freedom > laws else freedom
+    if usual == laws < freedom:
         raise InputError(
             f"at {instant(t)} the motion begins exactly at a singular position, such as a change point: there the "
             f"mechanism has {freedom} degrees of freedom, beside it {usual}; the motions that meet there obey the same "
@@ -329,6 +316,8 @@ def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: A
             "from another value",
             hint="a time that starts earlier",
         )
+    if freedom != laws:
+        raise prescribed.miscounted(mechanism, freedom)
 
 
 def branch_rates(
@@ -342,11 +331,10 @@ def branch_rates(
     (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
     dw, ddw = (np.broadcast_to(x, (len(q), len(prescribed.names))) for x in (dw, ddw))
     while row < len(q):
-        dq, ddq = sweep.rates(q[row:], dw[row:], ddw[row:]) if sweep else NOTHING[1:]
-        if not len(dq):
-            dq, ddq = (x[None] for x in solver.rates(q[row], dw[row], ddw[row], float(row)))
-        rows = slice(row, row + len(dq))
-        v[rows], a[rows], row = dq, ddq, rows.stop
+        states = sweep.rates(q[row:], dw[row:], ddw[row:]) if sweep else ()
+        states = states or tuple(x[None] for x in solver.rates(q[row], dw[row], ddw[row], float(row)))
+        rows = slice(row, row + len(states[0]))
+        (v[rows], a[rows]), row = states, rows.stop
     return v, a
 
 
@@ -358,13 +346,12 @@ def _predicted(h: Array, q: Array, v: Array, t: Array, a: Array) -> tuple[Array,
         t: The last instants, ascending, at most three, shape (p,).
         a: Accelerations there, shape (p, nv).
     """
-    derivatives = [a[-1]]
-    if len(a) > 1:
-        slopes, steps = np.diff(a, axis=0) / np.diff(t)[:, None], np.diff(t)
-        derivatives.append(slopes[-1])
-        if len(a) > 2:
-            bend = (slopes[1] - slopes[0]) / (t[2] - t[0])
-            derivatives = [a[-1], slopes[1] + steps[1] * bend, 2.0 * bend]
+    slopes, derivatives = np.diff(a, axis=0) / np.diff(t)[:, None], [a[-1]]
+    if len(a) == 2:
+        derivatives.append(slopes[0])
+    elif len(a) > 2:
+        bend = (slopes[1] - slopes[0]) / (t[2] - t[0])
+        derivatives += [slopes[1] + (t[2] - t[1]) * bend, 2.0 * bend]
     position, velocity = np.zeros((2, len(h), len(q)))
     for order, derivative in reversed([*enumerate(derivatives, 2)]):  # Horner's scheme, from the highest power down
         position = h / order * (derivative + position)

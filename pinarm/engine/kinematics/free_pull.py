@@ -11,12 +11,9 @@ row of J holds vanishes:
 
 With the path these rows determine the motion, which ``NewtonSolver`` continues. It is a strict minimum, and smooth,
 where J has its full rank and ``Z^T H Z`` is positive definite (Nocedal and Wright, Numerical Optimization, theorem
-12.6; Fiacco, Introduction to Sensitivity and Stability Analysis in Nonlinear Programming, theorem 3.2.2). It depends on
-the path's present point only, so that a closed path closes in the joints as well. Limits that hold a joint have a
-multiplier that presses it inwards.
-
-Derivatives of J are complex steps, exact to rounding; second ones, of the acceleration alone, differences of order 6 of
-these.
+12.6; Fiacco, Introduction to Sensitivity and Stability Analysis in Nonlinear Programming, theorem 3.2.2). Limits that
+hold a joint have a multiplier that presses it inwards. Derivatives of J are complex steps, exact to rounding; second
+ones, of the acceleration alone, differences of order 6 of these.
 """
 
 from __future__ import annotations
@@ -33,15 +30,9 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.records import Record
 
-AT_LIMIT = 1e-9
-"""Distance from a limit, relative to ``1 + |limit|`` [rad or m], below which a joint is at it."""
-
-IMAGINARY, STEP = 1e-20, 0.01
-"""Complex step, and distance of the configurations between which derivatives of J are differentiated [rad, or units of
-length of the mechanism]."""
-
-DIFFERENCES = np.array([3 / 4, -3 / 20, 1 / 60])
-"""Weights of the central difference of order 6, at 1 to 3 steps to either side."""
+IMAGINARY, STEP, DIFFERENCES = 1e-20, 0.01, np.array([3 / 4, -3 / 20, 1 / 60])
+"""Complex step; distance of the configurations between which derivatives of J are differentiated [rad, or units of
+length of the mechanism]; weights of the central difference of order 6."""
 
 TINY = 1e-300
 """Least divisor."""
@@ -56,7 +47,6 @@ class Posture(Record, frozen=True):
         lower: Lower limits [rad or m], infinite where there is none, shape (nv,).
         upper: Upper limits, likewise.
         places: Index in q of the coordinates that have a weight or a limit, by their index in v, shape (nv,).
-        names: Names of the coordinates, in the order of v.
     """
 
     target: Array
@@ -66,19 +56,19 @@ class Posture(Record, frozen=True):
     places: Indices
     names: tuple[str, ...]
 
-    def margins(self, positions: Array) -> Array:
-        """Return the margins of positions, shape (.., nv), to the lower and upper limits, shape (.., 2, nv)."""
-        return np.stack([positions - self.lower, self.upper - positions], axis=-2)
+    def margins(self, q: Array) -> Array:
+        """Return the margins of a configuration to the lower and upper limits, shape (2, nv)."""
+        return np.stack([q[self.places] - self.lower, self.upper - q[self.places]])
 
     def limit(self, joint: int, side: int) -> float:
         """Return the lower (0) or the upper (1) limit of a joint, by its index in v [rad or m]."""
         return float((self.lower, self.upper)[side][joint])
 
     @cached_property
-    def slack(self) -> Array:
-        """Distance from a limit within which a joint counts as at it [rad or m], shape (2, nv)."""
+    def sizes(self) -> Array:
+        """``1 + |limit|``, shape (2, nv)."""
         limits = np.stack([self.lower, self.upper])
-        return np.asarray(AT_LIMIT * (1.0 + np.where(np.isfinite(limits), np.abs(limits), 0.0)))
+        return 1.0 + np.where(np.isfinite(limits), np.abs(limits), 0.0)
 
 
 class FreePull:
@@ -88,7 +78,6 @@ class FreePull:
 
     Args:
         path: The rows of J: constraints, coordinates of the path and joints at limits.
-        posture: The target and limits.
         rank: That of J in a position of no special kind.
     """
 
@@ -129,19 +118,20 @@ class FreePull:
             self._last = PullAt(self, q)
         return self._last
 
+    def whole(self, q: Array) -> Array:
+        """Return the pull W (q - q0), shape (nv,)."""
+        return np.asarray(self.pulled * (q[self.posture.places] - self.posture.target) / self.units)
+
     def jacobian(self, q: Array) -> Array:
-        """Return J, shape (m, nv)."""
         return np.asarray(self.path.rows(self.path.closure.state(q)) * (self.units / self.path.scale))
 
     def moved(self, q: Array, step: Array) -> Array:
-        """Return the configuration a step away."""
         return np.asarray(pin.integrate(self.path.model, q, self.units * step))
 
     def rates(self, q: Array, ways: Array) -> Array:
         """Return the derivatives of J along ways, shape (k, nv), as an array of shape (k, m, nv).
 
-        Args:
-            q: The configuration, shape (nq,), or one for each way, shape (k, nq).
+        At a configuration, shape (nq,), or at one for each way, shape (k, nq).
         """
         maps = np.array([pin.tangentMap(self.path.model, row) for row in np.atleast_2d(q)])
         steps = 1j * IMAGINARY * np.matvec(maps, ways * self.units)
@@ -156,45 +146,24 @@ class FreePull:
         return np.asarray(np.tensordot(DIFFERENCES, after - before, 1) / h)
 
 
-class PullAt(Record, frozen=True):
-    """The pull at one configuration, shape (nq,)."""
+class PullAt:
+    """The pull at one configuration q, shape (nq,).
 
-    pull: FreePull
-    q: Array
+    Attributes:
+        regularity: Least singular value of J that counts, over the largest; 1 where none counts.
+        inverse: Pseudo-inverse of J, shape (nv, m).
+        free: Z, shape (nv, f).
+        whole: W (q - q0), shape (nv,).
+        lam: Multipliers of J, shape (m,).
+    """
 
-    @cached_property
-    def _split(self) -> tuple[Array, Array, Array]:
-        """Singular values of J, its pseudo-inverse, shape (nv, m), and Z, shape (nv, f)."""
-        u, s, vt = np.linalg.svd(self.pull.jacobian(self.q))
-        r = min(self.pull.rank, len(s))
-        return s, (vt[:r].T / np.maximum(s[:r], TINY)) @ u[:, :r].T, vt[r:].T
-
-    @property
-    def inverse(self) -> Array:
-        """Pseudo-inverse of J, shape (nv, m)."""
-        return self._split[1]
-
-    @property
-    def free(self) -> Array:
-        """Z, shape (nv, f)."""
-        return self._split[2]
-
-    @property
-    def regularity(self) -> float:
-        """Least singular value of J that counts, over the largest; 1 where none counts."""
-        s, r = self._split[0], self.pull.rank
-        return 0.0 if len(s) < r else float(s[r - 1] / s[0]) if r else 1.0
-
-    @cached_property
-    def whole(self) -> Array:
-        """The pull W (q - q0), shape (nv,)."""
-        pull = self.pull
-        return np.asarray(pull.pulled * (self.q[pull.posture.places] - pull.posture.target) / pull.units)
-
-    @property
-    def lam(self) -> Array:
-        """Multipliers of J, shape (m,)."""
-        return np.asarray(self.whole @ self.inverse)
+    def __init__(self, pull: FreePull, q: Array) -> None:
+        u, s, vt = np.linalg.svd(pull.jacobian(q))
+        r = min(pull.rank, len(s))
+        self.pull, self.q, self.whole = pull, q, pull.whole(q)
+        self.regularity = 0.0 if len(s) < pull.rank else float(s[r - 1] / s[0]) if r else 1.0
+        self.inverse, self.free = (vt[:r].T / np.maximum(s[:r], TINY)) @ u[:, :r].T, vt[r:].T
+        self.lam = self.whole @ self.inverse
 
     @cached_property
     def bent(self) -> Array:
@@ -203,13 +172,10 @@ class PullAt(Record, frozen=True):
         return np.asarray(self.pull.pulled[:, None] * self.free - bend)
 
     @cached_property
-    def stiffness(self) -> tuple[Array, Array]:
-        """Eigenvalues of ``Z^T H Z``, ascending, shape (f,), and the motions that belong to them, shape (nv, f)."""
+    def stiffness(self) -> tuple[float, Array]:
+        """Least eigenvalue of ``Z^T H Z``, infinite without freedom, and the motion that belongs to it, shape (nv,)."""
         reduced = self.free.T @ self.bent
+        if not len(reduced):
+            return np.inf, np.zeros(len(self.free))
         values, ways = np.linalg.eigh(0.5 * (reduced + reduced.T))
-        return values, self.free @ ways
-
-    @property
-    def least(self) -> float:
-        """Least of these eigenvalues; infinite without freedom."""
-        return float(self.stiffness[0].min(initial=np.inf))
+        return float(values[0]), self.free @ ways[:, 0]

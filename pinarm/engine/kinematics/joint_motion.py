@@ -40,7 +40,6 @@ class JointMotion(AbstractRecord, frozen=True):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The prescribed coordinates."""
         return self.prescribed.coordinates
 
     @property
@@ -119,14 +118,10 @@ def follow(
     """Return the motion of the joints under prescribed coordinates.
 
     Args:
-        prescribed: As many coordinates as it has degrees of freedom.
         start: A configuration near the first one, shape (nq,): it chooses the branch.
 
     Returns:
         q of shape (n, nq), v and a of shape (n, nv).
-
-    Raises:
-        AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
     """
     if prescribed.linear_in(mechanism.closure):
         return _follow_linear(mechanism, prescribed, grid)
@@ -152,7 +147,7 @@ def _follow_linear(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid
     linear = [c for c in prescribed.coordinates if isinstance(c, LinearCoordinate)]
     rows = np.array([coordinate.weights for coordinate in [*(coupling.coordinate for coupling in couplings), *linear]])
     if len(rows) != mechanism.model.nv:
-        prescribed.check_mobility(mechanism, pin.neutral(mechanism.model))
+        raise prescribed.miscounted(mechanism, mechanism.model.nv - len(couplings))
     check_rank(rows, (*(coupling.name for coupling in couplings), *prescribed.names), grid.t[0])
     still, n = np.zeros(len(grid.t)), len(grid.t)
     values: list[Values] = [(np.full(n, coupling.constant), still, still) for coupling in couplings]
@@ -196,23 +191,26 @@ class RolledMotion(JointMotion, frozen=True):
         return self.mechanism.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     def begin(self, grid: Grid, start: Array) -> Assembly:
-        """Return the first position: that of the start, closed; see ``first_position``."""
         prescribed = self.prescribed
         return first_position(self.mechanism.closure, prescribed, prescribed.first(grid), float(grid.t[0]), start)
 
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
         """Return the motion; the first time it is integrated from the start, then read from what is known."""
-        solved = self if self.ways else replace(self, ways=self._integrated(grid, start))
-        arrays = [solved.states(begin, end, grid.t[rows]) for begin, end, rows in grid.intervals()]
-        q, v, a = (np.concatenate([part[k] for part in arrays]) for k in range(3))
+        solved, states = self if self.ways else replace(self, ways=self._integrated(grid, start)), []
+        for begin, end, rows in grid.intervals():
+            target = self.prescribed.on(begin, end)
+            way = min(solved.ways, key=lambda span: abs(span.start - begin) + abs(span.end - end))
+            for t, rough in zip(grid.t[rows].tolist(), way.at(grid.t[rows]).T, strict=True):
+                w, dw, ddw = target(t)
+                near = pin.normalize(self.mechanism.model, rough)
+                q = assembled(self.mechanism.closure, self.prescribed, near, w, t)
+                states.append((q, *self._rates(t, q, dw, ddw)))
+        q, v, a = (np.array(part) for part in zip(*states, strict=True))
         return JointTrajectory(solved, grid, q, v, a)
 
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-        """Return velocities and accelerations: see ``JointMotion``."""
-        rates = [self._rates(t, x, dw, ddw) for x in q]
-        nv = self.mechanism.model.nv
-        v, a = (np.array([pair[k] for pair in rates]).reshape(-1, nv) for k in range(2))
-        return v, a
+        v, a = zip(*(self._rates(t, x, dw, ddw) for x in q), strict=True)
+        return np.array(v), np.array(a)
 
     def figures(self, states: JointTrajectory) -> Mapping[str, float]:
         """Return the error of what has rolled: that of the steps, added up."""
@@ -229,7 +227,7 @@ class RolledMotion(JointMotion, frozen=True):
 
             def velocity(t: float, q: Array, target: Callable[[float], tuple[Array, Array, Array]] = target) -> Array:
                 q = pin.normalize(model, q)
-                return np.asarray(pin.tangentMap(model, q) @ self._velocity(t, q, target(t)[1]))
+                return np.asarray(pin.tangentMap(model, q) @ self._rates(t, q, *target(t)[1:])[0])
 
             solution = solve_ivp(
                 velocity, (begin, end), q, method="DOP853", dense_output=True, rtol=TOLERANCE, atol=TOLERANCE
@@ -245,29 +243,11 @@ class RolledMotion(JointMotion, frozen=True):
             q, begin = solution.y[:, -1], end
         return tuple(ways)
 
-    def states(self, start: float, end: float, t: Array) -> tuple[Array, Array, Array]:
-        """Return closed configurations, velocities and accelerations at instants of an interval, shape (n,)."""
-        model, target = self.mechanism.model, self.prescribed.on(start, end)
-        way = min(self.ways, key=lambda span: abs(span.start - start) + abs(span.end - end))
-        q, v, a = np.zeros((len(t), model.nq)), np.zeros((len(t), model.nv)), np.zeros((len(t), model.nv))
-        for row, (instant, rough) in enumerate(zip(t.tolist(), way.at(t).T, strict=True)):
-            w, dw, ddw = target(instant)
-            q[row] = assembled(self.mechanism.closure, self.prescribed, pin.normalize(model, rough), w, instant)
-            v[row], a[row] = self._rates(instant, q[row], dw, ddw)
-        return q, v, a
-
-    def _velocity(self, t: float, q: Array, dw: Array) -> Array:
-        rows = self.closure.rows(self.closure.state(q))
+    def _rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+        rows, still = self.closure.rows(self.closure.state(q)), np.zeros(self.closure.size - len(dw))
         split = self.closure.split(rows)
         if split.free.shape[1]:
             check_rank(rows, [constraint.name for constraint, _ in self.closure.owners()], t)
-        return split.particular(self._right(dw))
-
-    def _rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-        v = self._velocity(t, q, dw)
-        state = self.closure.state(q, v)
-        right = self._right(ddw) - self.closure.drift(state)
-        return v, self.closure.split(self.closure.rows(state)).particular(right)
-
-    def _right(self, targets: Array) -> Array:
-        return np.concatenate([np.zeros(self.closure.size - len(targets)), targets])
+        v = split.particular(np.concatenate([still, dw]))
+        drift = self.closure.drift(self.closure.state(q, v))
+        return v, split.particular(np.concatenate([still, ddw]) - drift)

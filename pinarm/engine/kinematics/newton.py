@@ -69,6 +69,11 @@ SMALLEST = 1e-9
 CUTS, CUTS_A_ROW = 10_000, 20
 """Cuts of the intervals between the rows of a table, in all and more for each row; a turn of a crank takes about 30."""
 
+REDUNDANT = (
+    f"; where joints hold more than the motion needs, their places to more digits ({UNCLOSED:g} of the extent, or rad, "
+    "counts as rounding), or a loop joint that holds less"
+)
+"""Hint where only a small gap is left."""
 
 Target = Callable[[float], tuple[Array, Array, Array]]
 """``t -> w, w', w''`` of prescribed coordinates, each of shape (k,)."""
@@ -78,11 +83,7 @@ Motion = tuple[Array, Array, Array]
 
 
 def assembled(closure: Closure, prescribed: PrescribedCoordinates, q: Array, w: Array, t: float) -> Array:
-    """Return the configuration near q in which the loops are closed and the coordinates have the values w, shape (k,).
-
-    Raises:
-        AssemblyError: There is none that damped steps reach; ``data`` holds the closest configuration and its gap.
-    """
+    """Return the configuration near q with closed loops in which the coordinates have the values w, shape (k,)."""
     solver = NewtonSolver(closure, prescribed)
     return solver.assemble(q, w, t) if solver.names else q
 
@@ -110,10 +111,8 @@ class NewtonSolver:
         self.coordinates = prescribed.coordinates
         self.whole = closure.with_guides(prescribed.names, prescribed.coordinates)
         owners = self.whole.owners()
-        self.names, self.units = (
-            [constraint.name for constraint, _ in owners],
-            [constraint.unit(row) for constraint, row in owners],
-        )
+        self.names = [constraint.name for constraint, _ in owners]
+        self.units = [constraint.unit(row) for constraint, row in owners]
         self.curved = np.array([not _is_straight(constraint) for constraint, _ in owners], dtype=bool)
         self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
         threads = [hasattr(constraint, "helical") and constraint.helical(row) for constraint, row in owners]
@@ -234,32 +233,36 @@ class NewtonSolver:
         self.cuts += CUTS_A_ROW
         rows = self.rows(self.closure.state(q))
         while pending:
-            h = pending[-1] - t
+            h, part = pending[-1] - t, 0.5
             w, dw, ddw = target(pending[-1])
             predicted = pin.integrate(self.model, q, h * v + 0.5 * h * h * a)
             newton = self._newton(predicted, w)
-            part = 0.5
-            try:
-                rates = None if newton is None else self.rates(newton, dw, ddw, pending[-1])
-            except AssemblyError:
-                if len(pending) == 1 or abs(h) <= smallest:
-                    raise
-                pending[-1] = t + part * h  # between rows, and all but singular: there are others beside it
-                continue
-            if newton is not None and rates and self.continues(h * (rates[0] - v - h * a), predicted, newton):
-                there = self.rows(self.closure.state(newton))
-                part = part_of_leap(rows, there)
-                if part == 1.0:
-                    q, (v, a), t, rows = newton, rates, pending.pop(), there
-                    yield t, q, v, a
+            if newton is not None:
+                try:
+                    rates = self.rates(newton, dw, ddw, pending[-1])
+                except AssemblyError:
+                    if len(pending) == 1 or abs(h) <= smallest:
+                        raise
+                    pending[-1] = t + part * h  # between rows, and all but singular: there are others beside it
                     continue
-            if abs(h) > smallest:
-                self.cuts -= 1
-                if self.cuts < 0:
-                    raise _too_fast(t, to)
-                pending.append(t + part * h)
-            else:
+                if self.continues(h * (rates[0] - v - h * a), predicted, newton):
+                    there = self.rows(self.closure.state(newton))
+                    part = part_of_leap(rows, there)
+                    if part == 1.0:
+                        q, (v, a), t, rows = newton, rates, pending.pop(), there
+                        yield t, q, v, a
+                        continue
+            self.cuts -= 1
+            if abs(h) <= smallest:
                 raise self._lost(q, t, to, target(to)[0])
+            if self.cuts < 0:
+                raise InputError(
+                    "the rows of the table are too far apart to follow the motion between them: after some "
+                    f"{CUTS} steps it has come to {instant(t)} on the way to {instant(to)}",
+                    expected="a few turns between two rows",
+                    hint="more samples, a shorter range, or a slower law",
+                )
+            pending.append(t + part * h)
 
     def continues(self, turned: Array, predicted: Array, closed: Array) -> bool:
         """Return whether a solution is on the branch of its prediction; see ``on_branch``."""
@@ -323,16 +326,16 @@ class NewtonSolver:
     def _lost(self, q: Array, t: float, to: float, w: Array) -> AssemblyError:
         """Return why a branch that has come to q at t does not go on: values w out of reach at ``to``, or what else."""
         closest, gap = self.closest(q, w, np.ones(len(self.names)))
-        if not self.closed(self.closure.state(closest), gap, w):
-            why = end_of_travel(self, q) if self._regularity(q) < NEAR_SINGULAR else ""
-            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}{why and f'; {why}'}")
         ratio = self._regularity(q)
-        singular = f"singular position: the smallest singular value of the rows is {ratio:.1e} of the largest"
+        if not self.closed(self.closure.state(closest), gap, w):
+            why = end_of_travel(self, q) if ratio < NEAR_SINGULAR else ""
+            return self.unreachable(closest, gap, to, f", as it does up to {instant(t)}{why and f'; {why}'}")
         return AssemblyError(
             f"the motion cannot be followed beyond {instant(t)}, though the loops close at {instant(to)} on another "
             "branch",
             expected="laws and velocities that are continuous, along positions that are not singular",
-            hint=f"a motion that keeps clear of the {singular}"
+            hint="a motion that keeps clear of the singular position: the smallest singular value of the rows is "
+            f"{ratio:.1e} of the largest"
             if ratio < NEAR_SINGULAR
             else "another start, which chooses the branch; "
             f"at {instant(t)} it is {format_configuration(self.model, q)}",
@@ -348,43 +351,29 @@ class NewtonSolver:
 
     def unreachable(self, q: Array, gap: Array, t: float, followed: str = "") -> AssemblyError:
         """Return the error of a position out of reach, with the largest gap and the closest configuration."""
-        owners = list(zip(self.names, self.units, strict=True))
+        owners, given = list(zip(self.names, self.units, strict=True)), self.names[self.closure.size :]
         sizes = {owner: float(np.linalg.norm(gap[[other == owner for other in owners]])) for owner in owners}
         worst = max(sizes, key=sizes.__getitem__)
-        missed = "misses its value" if worst in owners[self.closure.size :] else "stays open"
         torn = dict.fromkeys(name for (name, _), size in sizes.items() if size > 0.1 * sizes[worst])
         others = ", ".join(name for name in torn if name != worst[0])
-        beside = f", and with it {others}" if others else ""
-        what = f"the motion is out of reach at {instant(t)}" if self.coordinates else "the loops do not close"
-        wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
-        if self.coordinates and is_in_states():
+        others = f", and with it {others}" if others else ""
+        what = f"the motion is out of reach at {instant(t)}" if given else "the loops do not close"
+        wanted = "a motion that the mechanism can follow" if given else "loops that close"
+        if given and is_in_states():
             what, wanted = "the values are out of reach", "values that the mechanism can take"
-        still = "" if worst in owners[self.closure.size :] else f", with {worst[0]} still open,"
+        missed, still = (
+            ("misses its value", "") if worst[0] in given else ("stays open", f", with {worst[0]} still open,")
+        )
+        turning = [name for name, coordinate in zip(given, self.coordinates, strict=True) if coordinate.wraps]
+        counted = f"; beyond 180 deg, turns: [{', '.join(turning)}] in the mechanism file" if turning else ""
+        small = (np.abs(gap) <= SMALL * self.whole.reach).all()
         return AssemblyError(
-            f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
+            f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{others}",
             expected=f"{wanted}{followed}; the closest it comes{still} is {format_configuration(self.model, q)}",
-            hint=f"other values, or another start that chooses the branch{self._beyond()}{self._out_of_line(gap)}",
+            hint=f"other values, or another start that chooses the branch{counted}{REDUNDANT if small else ''}",
             t=t,
             q=q,
             gap=gap,
-        )
-
-    def _beyond(self) -> str:
-        """Return the hint on angles without counted turns, whose laws may pass half a turn; empty without any."""
-        told = [
-            name
-            for name, coordinate in zip(self.names[self.closure.size :], self.coordinates, strict=True)
-            if coordinate.wraps
-        ]
-        return f"; beyond 180 deg, turns: [{', '.join(told)}] in the mechanism file" if told else ""
-
-    def _out_of_line(self, gap: Array) -> str:
-        """Return the hint on redundant joints, which may cause a small gap; empty for a large gap."""
-        if (np.abs(gap) > SMALL * self.whole.reach).any():
-            return ""
-        return (
-            f"; where joints hold more than the motion needs, their places to more digits ({UNCLOSED:g} of the extent, "
-            "or rad, counts as rounding), or a loop joint that holds less"
         )
 
 
@@ -392,15 +381,6 @@ def _is_straight(constraint: Constraint) -> bool:
     """Tell whether the row of a constraint is the same in all configurations, of couplings and their like."""
     guided = isinstance(constraint, GuidedCoordinate) and isinstance(constraint.coordinate, LinearCoordinate)
     return guided or isinstance(constraint, Coupling)
-
-
-def _too_fast(t: float, to: float) -> InputError:
-    return InputError(
-        "the rows of the table are too far apart to follow the motion between them: after some "
-        f"{CUTS} steps it has come to {instant(t)} on the way to {instant(to)}",
-        expected="a few turns between two rows",
-        hint="more samples, a shorter range, or a slower law",
-    )
 
 
 def _damped(rows: Array, right: Array, damping: float) -> Array:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pinarm.engine.constraints.closure import Closure
     from pinarm.engine.mechanism import Mechanism
     from pinarm.mechanics.geometry.kinematics import Kinematics
-    from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 
 class Assembly(Record, frozen=True):
@@ -45,17 +44,9 @@ class StateFunction(Record, frozen=True):
     row: Callable[[Kinematics], Array]
     drift: Callable[[Kinematics], float]
 
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        return {}
-
 
 class PrescribedCoordinates(ValueRecord, frozen=True):
-    """Coordinates with the laws that they follow.
-
-    Attributes:
-        coordinates: The coordinates, in the same order.
-        laws: Their laws, in the same order.
-    """
+    """Coordinates with the laws that they follow."""
 
     names: tuple[str, ...]
     coordinates: tuple[Coordinate, ...]
@@ -95,13 +86,6 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         """Return these coordinates, and others after them that have constant values."""
         return self.with_others(names, coordinates, (Constant(value=value) for value in values))
 
-    def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
-        """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom."""
-        closure = mechanism.closure
-        mobility = closure.split_at(q).free.shape[1]
-        if len(self.names) != mobility:
-            raise self.miscounted(mechanism, mobility)
-
     def miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
         """Return the error of too few or too many laws for the degrees of freedom, with joints that could be added."""
         missing = mobility - len(self.names)
@@ -127,11 +111,8 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
     def linear_in(self, closure: Closure) -> bool:
         """Tell whether the positions of joints are linear in the coordinates: only couplings tie them."""
         straight = all(isinstance(coordinate, LinearCoordinate) for coordinate in self.coordinates)
-        return (
-            straight
-            and all(isinstance(constraint, Coupling) for constraint in closure.constraints)
-            and not closure.redundant
-        )
+        coupled = all(isinstance(constraint, Coupling) for constraint in closure.constraints)
+        return straight and coupled and not closure.redundant
 
     def picked(self, places: Sequence[int]) -> PrescribedCoordinates:
         """Return some of the coordinates, those with laws with theirs."""

@@ -18,6 +18,8 @@ from pinarm.mechanics.joints import RADIAN
 
 if TYPE_CHECKING:
     from pinarm.engine.kinematics.newton import NewtonSolver
+    from pinarm.mechanics.coordinates import Coordinate
+    from pinarm.mechanics.geometry.kinematics import Kinematics
 
 _running: ContextVar[tuple[str, Unit] | None] = ContextVar("running", default=None)
 
@@ -118,16 +120,12 @@ def part_of_leap(rows: Array, there: Array) -> float:
 
 
 def tied(rows: Array, rank: int, names: Sequence[str]) -> str:
-    """Return the names of dependent rows: rows with a part in a combination that nearly vanishes."""
+    """Return in words which rows depend on each other: those with a part in a combination that nearly vanishes."""
     size = np.linalg.norm(rows, axis=1)
     units = np.where(size > RANK * size.max(), size, 1.0)  # a part does not hang on the unit of its row
     weak = np.linalg.svd(rows / units[:, None])[0][:, rank - 1]
-    return ", ".join(dict.fromkeys(name for name, part in zip(names, weak, strict=True) if abs(part) > PART))
-
-
-def dependent(names: str) -> str:
-    """Return in words that coordinates, told by ``tied``, depend on each other."""
-    return f"{names} {'do' if ', ' in names else 'does'} not move independently"
+    tied = dict.fromkeys(name for name, part in zip(names, weak, strict=True) if abs(part) > PART)
+    return f"{', '.join(tied)} {'do' if len(tied) > 1 else 'does'} not move independently"
 
 
 def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], str] = str) -> None:
@@ -135,9 +133,8 @@ def check_rank(rows: Array, names: Sequence[str], t: float, why: Callable[[], st
     nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
-        groups = tied(rows, min(len(rows), nv), names)
         raise AssemblyError(
-            f"the position is singular{at(t)}: {why()}{dependent(groups)} there",
+            f"the position is singular{at(t)}: {why()}{tied(rows, min(len(rows), nv), names)} there",
             expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
             "beside it, between which the motion passes it; or other coordinates",
@@ -161,12 +158,16 @@ def end_of_travel(solver: NewtonSolver, q: Array) -> str:
     bend = abs(float(u[:, -1] @ (solver.whole.drift(state) / solver.measure)))
     if bend < STRAIGHT or values[-1] > PART * bend or (values[:-1] < STRAIGHT * values[0]).any():
         return ""
-    named = zip(solver.names[own:], solver.coordinates, u[own:, -1], strict=True)
-    stuck = [
+    values_there = named_values(solver.names[own:], solver.coordinates, state)
+    stuck = [text for text, part in zip(values_there, u[own:, -1], strict=True) if abs(part) > PART]
+    return f"{', '.join(stuck)} {'is' if len(stuck) == 1 else 'are'} the end of travel" if stuck else ""
+
+
+def named_values(names: Sequence[str], coordinates: Sequence[Coordinate], state: Kinematics) -> list[str]:
+    """Return coordinates with their values at a state, in words."""
+    return [
         f"{name} = {math.degrees(coordinate.value(state)):.6g} deg"
         if coordinate.unit == RADIAN
         else f"{name} = {coordinate.value(state):.6g} {coordinate.unit}"
-        for name, coordinate, part in named
-        if abs(part) > PART
+        for name, coordinate in zip(names, coordinates, strict=True)
     ]
-    return f"{', '.join(stuck)} {'is' if len(stuck) == 1 else 'are'} the end of travel" if stuck else ""

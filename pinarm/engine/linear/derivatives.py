@@ -69,20 +69,16 @@ def equation_derivatives(
     """Return the derivatives at a state.
 
     Args:
-        dynamics: The equation of motion with its loads.
         constraints: Its constraints, and coordinates along which efforts act.
         t: Instant of loads that follow laws [s].
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,).
         a: Acceleration, shape (nv,).
         lam: Multipliers of the constraints, and these efforts, shape (m,).
-
-    Raises:
-        InputError: A constraint or a load has no derivative here.
     """
     mass, force_q, force_v, speed = tree_derivatives(dynamics.model, q, v, a)
     rows, rows_q, drift_q, drift_v = _row_derivatives(dynamics.model, constraints, q, v)
-    pull, levers = _pull(dynamics.model), np.sqrt(np.maximum(np.diag(mass), 0.0))
+    pull, levers = weight_bound(dynamics.model), np.sqrt(np.maximum(np.diag(mass), 0.0))
     whirl = speed * np.outer(levers, levers)
     terms_q = np.abs(force_q) + pull * np.minimum.outer(levers, levers) + speed * whirl
     terms_q += np.einsum("kmj,m->jk", np.abs(rows_q), np.abs(lam))
@@ -96,17 +92,13 @@ def equation_derivatives(
     return EquationDerivatives(mass, force_q, force_v, rows, rows_q, acceleration_q, drift_v, terms_q, terms_v)
 
 
-def _pull(model: pin.Model) -> float:
+def weight_bound(model: pin.Model) -> float:
     """Return ``g sqrt(m)``: times sqrt(M_kk) it is the most that weights can do at a joint (Cauchy-Schwarz)."""
     return float(np.linalg.norm(model.gravity.linear) * np.sqrt(sum(body.mass for body in model.inertias)))
 
 
 def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, float]:
-    """Return M, the derivatives of ``M a + nle`` by q and by v, shape (nv, nv) each, and the fastest turn [rad/s].
-
-    Raises:
-        InputError: The model has more velocities than Pinocchio's buffers allow.
-    """
+    """Return M, the derivatives of ``M a + nle`` by q and by v, shape (nv, nv) each, and the fastest turn [rad/s]."""
     if model.nv > MOST_VELOCITIES:
         raise InputError(
             f"the linear analysis of {model.nv} velocities would take {60e-9 * model.nv**3:.0f} GB",
@@ -157,7 +149,6 @@ def load_at_kink(dynamics: Dynamics, t: float, q: Array, v: Array, scale: Array,
     The change of a slope at a kink stays as it is over half the step, that of a curve is half of it.
 
     Args:
-        dynamics: The equation of motion with its loads.
         t: Instant of loads that follow laws [s].
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,).

@@ -34,7 +34,6 @@ class FrictionState(Record, frozen=True):
     """Friction at one state.
 
     Attributes:
-        contacts: The k slips.
         f: Friction along them [N*m or N], shape (k,).
         stuck: Which of them friction holds, shape (k,).
     """
@@ -57,11 +56,7 @@ def at_rest(contacts: Sequence[FrictionContact], slips: Array, v: Array) -> Flag
 
 
 def friction_state(state: Trajectory) -> FrictionState:
-    """Return the friction of a state, a table of one row with accelerations, multipliers and friction.
-
-    Raises:
-        DynamicsError: A joint begins to slip.
-    """
+    """Return the friction of a state, a table of one row with accelerations, multipliers and friction."""
     contacts, f = state.mechanism.frictions, state.friction[0]
     slips = slips_of(state, contacts)[0]
     stuck = at_rest(contacts, slips, state.v[0])
@@ -97,11 +92,7 @@ def slip_friction(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array
 
 
 def friction_slopes(steps: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
-    """Return the slopes of the friction of contacts that slip, along imaginary steps, a row each; shape (k, n).
-
-    Raises:
-        InputError: A load of a bearing has a kink.
-    """
+    """Return the slopes of the friction of contacts that slip, along imaginary steps, a row each; shape (k, n)."""
     with complex_kept():
         return np.asarray(np.imag(slip_friction(steps, contacts)).T / STEP)
 
@@ -119,11 +110,7 @@ def with_friction(run: Trajectory, friction: Array) -> Trajectory:
 
 
 def measured(contact: FrictionContact) -> Coordinate:
-    """Return the slip of a contact as a coordinate.
-
-    Raises:
-        InputError: Its row has no derivative.
-    """
+    """Return the slip of a contact as a coordinate."""
     if isinstance(contact.slip, LinearCoordinate | PairCoordinate):
         return contact.slip
     raise InputError(

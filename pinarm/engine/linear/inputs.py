@@ -29,8 +29,6 @@ class Input(Record, frozen=True):
     """An input of a linearised motion: an effort at joints, the amplitude of a force, or the position of a coordinate.
 
     Attributes:
-        name: Its name.
-        unit: Its unit.
         weights: Efforts at joints per unit, shape (nv,); ``None`` of other inputs.
         force: Name of the force element; empty of other inputs.
         position: Name of the coordinate whose position it is; empty of other inputs.
@@ -48,9 +46,6 @@ def input_of(mechanism: Mechanism, forces: Mapping[str, ForceElement], name: str
 
     ``C`` or ``joint.C.effort`` is the effort along a coordinate, ``drive.D.torque`` that of a motor, ``force.F`` the
     amplitude of a force that follows a law, ``joint.C.position`` the prescribed position of a coordinate.
-
-    Raises:
-        InputError: There is none of that name.
     """
     word, _, rest = name.partition(".")
     stem, _, last = rest.rpartition(".")
@@ -136,12 +131,7 @@ def _factor(force: ForceElement) -> float:
 
 
 class SteppedLaw(Record, frozen=True):
-    """A law with an imaginary step.
-
-    Attributes:
-        law: The law.
-        step: The step.
-    """
+    """A law with an imaginary step."""
 
     law: MotionLaw
     step: complex

@@ -1,8 +1,8 @@
-"""Linear analysis of a mechanism at a state of the user's own: derivatives, state-space matrices, modes by name."""
+"""Linear analysis of a mechanism at a state: derivatives, state-space matrices, modes by name, their energies."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,20 +14,27 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.mass_matrix import require_masses
 from pinarm.engine.labelled_array import LabelledArray
-from pinarm.engine.linear.derivatives import EquationDerivatives, equation_derivatives, load_at_kink
+from pinarm.engine.linear.derivatives import (
+    EquationDerivatives,
+    element_derivatives,
+    equation_derivatives,
+    load_at_kink,
+    tree_derivatives,
+)
+from pinarm.engine.linear.force_balance import state_row
 from pinarm.engine.linear.friction import with_friction
 from pinarm.engine.linear.inputs import Input
 from pinarm.engine.linear.linearisation import LinearMotion, Modes
-from pinarm.engine.linear.steady import state_row
 from pinarm.engine.linear.stepped_state import Drives, SteppedState
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities import states
 from pinarm.engine.quantities.state_arrays import LeadingAxes, states_of
 from pinarm.errors import DynamicsError, InputError
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.joints import METRE
+from pinarm.mechanics.geometry.link_placements import speeding
+from pinarm.mechanics.joints import METRE, links_behind
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
@@ -41,13 +48,9 @@ class Linearisation(Record, frozen=True):
     """A motion linearised about a state: ``x' = A x + B u``, with names.
 
     Attributes:
-        motion: The matrices and their bases.
         states: Names of the states x: deviations of d independent coordinates, then of their velocities ``NAME'``.
         inputs: Names of the inputs u: efforts at joints, then accelerations ``NAME''`` of prescribed coordinates.
-        state_units: Units of the states.
-        input_units: Units of the inputs.
         joints: Names of all joints' coordinates.
-        joint_units: Their units.
         acceleration: Accelerations at the state, shape (nv,): 0 at an equilibrium.
         at: The state, and what holds, moves and slips at it.
     """
@@ -87,7 +90,6 @@ class Linearisation(Record, frozen=True):
         """Return inputs as combinations of the columns of B, shape (i, k).
 
         Args:
-            inputs: The k inputs.
             loads: Loads of the forces among them per amplitude, shape (nv, forces).
         """
         columns, forces = np.zeros((len(self.inputs), len(inputs))), iter(loads.T)
@@ -173,11 +175,7 @@ def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None
 
 
 def linearised_row(row: Trajectory, prescribed: Sequence[str]) -> Linearisation:
-    """Return the motion linearised about a row of a run; see ``Result.linearise``.
-
-    Raises:
-        InputError: The row has no efforts, a joint rests on an end stop, or a cable is slack.
-    """
+    """Return the motion linearised about a row of a run; see ``Result.linearise``."""
     if row.no_efforts:
         raise InputError(f"the run has no efforts to linearise with: {row.no_efforts}")
     stops = [name for name, column in row.columns.items() if name.endswith(".stop") and column.values.any()]
@@ -270,11 +268,7 @@ def _require_pushes(mechanism: Mechanism, lam: Array) -> None:
 
 
 def require_same(linear: Linearisation, later: Linearisation) -> None:
-    """Raise where a steady motion has other coefficients later: its small motions are then not those of constant ones.
-
-    Raises:
-        DynamicsError: They differ.
-    """
+    """Raise where a steady motion has other coefficients later: its small motions then have no modes."""
     if linear.states != later.states or np.abs(linear.A - later.A).max() > CHANGED * np.abs(linear.A).max():
         raise DynamicsError(
             "the linear motion about this steady one has periodic coefficients, and no modes: it depends on how far "
@@ -307,3 +301,106 @@ def _require_smooth(
                 f"the profile of '{relation.name}' has a kink here: its second derivative jumps",
                 expected="a state beside it, or a profile that is smooth there, such as cycloidal or polynomial",
             )
+
+
+NONE = 1e-9
+"""Sum of parts, relative to the sum of their sizes, that is rounding of none."""
+
+WEIGHTS, CONSTRAINTS = "weights and velocities", "forces of constraints"
+"""Parts of the stiffness beside force elements."""
+
+
+def participations(linear: Linearisation) -> dict[str, LabelledArray]:
+    """Return the parts of bodies, springs and dampers in the energy of each mode as tables: rows are their names.
+
+    With the mode shape x of all joints, the velocities v of the mode, a body's mass matrix ``M_i``, and the derivatives
+    ``K_F = -dtau_F/dq`` and ``D_F = -dtau_F/dv`` of the load of a force element, the parts are
+
+        x^H M_i x,    Re x^H K_F x,    Re v^H D_F v
+
+    each relative to their sum. K_F has the geometric stiffness of a prestressed element; those of the weights, of what
+    moves and of the forces of constraints are parts as well, so that the sum is the whole stiffness. Scaling a spring
+    by ``1 + e`` raises the frequency of an undamped mode by ``e / 2`` times its part (Rayleigh).
+    """
+    tables = {"masses": _masses(linear), "springs": _stiffness_parts(linear), "dampers": _dampings(linear)}
+    modes = [f"mode.{k}" for k in range(1, len(linear.modes.eigenvalues) + 1)]
+    return {
+        name: LabelledArray(_shares(parts), [*parts], modes, [DIMENSIONLESS] * len(parts), [DIMENSIONLESS] * len(modes))
+        for name, parts in tables.items()
+        if parts
+    }
+
+
+def rigid_modes(linear: Linearisation) -> list[str]:
+    """Return notes on the modes with the eigenvalue 0, with what acts in them."""
+    modes, shapes = linear.modes, np.abs(linear.shapes())
+    parts, rigid = _stiffness_parts(linear), dict[str, list[str]]()
+    for k in np.flatnonzero(modes.eigenvalues == 0.0).tolist():
+        moving = [name for name, part in zip(linear.joints, shapes[:, k], strict=True) if part > 1e-6]
+        largest = max((abs(part).max() for part in parts.values()), default=0.0)
+        acting = ", ".join(name for name, part in parts.items() if abs(part[k]) > NONE * largest)
+        slow = f"{acting} cancel each other, or leave less than {modes.errors[k] / (2.0 * np.pi):.2g} Hz"
+        why = slow if acting else "no force depends on where they are"
+        rigid.setdefault(f"nothing drives {', '.join(moving)} back: {why}", []).append(str(k + 1))
+    return [f"mode {', '.join(numbers)}: {why}" for why, numbers in rigid.items()]
+
+
+def _stiffness_parts(linear: Linearisation) -> dict[str, Array]:
+    """Return ``Re x^H K x`` of force elements, weights and constraints that have any stiffness, shape (k,) each."""
+    at, shapes = linear.at, linear.motion.shapes[0]
+    loads = _slopes(linear, 0)
+    tree = tree_derivatives(at.state.mechanism.model, at.state.q[0], at.state.v[0], at.state.a[0])[1]
+    held = at.derivatives.force_q - tree - sum(loads.values(), np.zeros_like(tree))
+    least = NONE * float(at.derivatives.terms_q.max(initial=0.0))
+    loads |= {name: k for name, k in ((WEIGHTS, tree), (CONSTRAINTS, held)) if np.abs(k).max(initial=0.0) > least}
+    return {name: _power(shapes, k) for name, k in loads.items() if k.any()}
+
+
+def _masses(linear: Linearisation) -> dict[str, Array]:
+    """Return ``x^H M_i x / 2`` of all bodies and rotors, shape (k,) each."""
+    state, shapes = linear.at.state, linear.motion.shapes[0]
+    model, masses = state.mechanism.model, dict[str, Array]()
+    both = np.hstack([shapes.real, shapes.imag]).T
+    links, twists = speeding(model, np.broadcast_to(state.q, (len(both), model.nq)), both)
+    halves = links.energies(twists)[0]
+    energies = halves.reshape(2, shapes.shape[1], halves.shape[-1]).sum(axis=0)
+    for index, names in enumerate(links_behind(model)[1:], 1):
+        if model.inertias[index].mass:
+            masses[names[0] if names else str(model.names[index])] = energies[:, index]
+    rotors = 0.5 * model.armature[:, None] * np.abs(shapes) ** 2
+    return masses | {f"rotor at {linear.joints[k]}": rotors[k] for k in np.flatnonzero(model.armature).tolist()}
+
+
+def _dampings(linear: Linearisation) -> dict[str, Array]:
+    """Return ``Re v^H D v`` of force elements and of friction that slips, shape (k,) each; those that have any."""
+    motion, at = linear.motion, linear.at
+    velocities = motion.shapes[1]
+    powers = {name: _power(velocities, d) for name, d in _slopes(linear, 1).items()}
+    slipping = np.flatnonzero(~at.friction.stuck).tolist()
+    friction: Complex = motion.friction[:, motion.free] @ linear.modes.vectors
+    for row, k, f in zip(at.derivatives.rows[at.rows.slipping], slipping, friction, strict=True):
+        powers[f"friction of {at.friction.contacts[k].name}"] = -np.real(np.conj(row @ velocities) * f)
+    return {name: parts for name, parts in powers.items() if parts.any()}
+
+
+def _slopes(linear: Linearisation, order: int) -> dict[str, Array]:
+    """Return K or D of force elements by name: less the derivatives of their loads by q, or by v, shape (nv, nv)."""
+    state = linear.at.state
+    t, q, v = float(state.grid.t[0]), state.q[0], state.v[0]
+    return {
+        name: -element_derivatives(state.mechanism.model, force, t, q, v)[order]
+        for name, force in state.dynamics.forces.items()
+        if not force.steady
+    }
+
+
+def _power(shapes: Complex, matrix: Array) -> Array:
+    return np.asarray(np.real(np.einsum("ik,ij,jk->k", shapes.conj(), matrix, shapes)))
+
+
+def _shares(parts: Mapping[str, Array]) -> Array:
+    """Return parts relative to their sum, NaN where that is rounding, shape (rows, k)."""
+    table = np.array([*parts.values()])
+    total, sizes = table.sum(axis=0), np.abs(table).sum(axis=0)
+    known = np.abs(total) > NONE * sizes
+    return np.where(known, table / np.where(known, total, 1.0), np.nan)

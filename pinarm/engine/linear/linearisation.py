@@ -245,16 +245,9 @@ def linear_motion(
     """Return the linearised motion about a state.
 
     Args:
-        model: Pinocchio's model.
-        at: Derivatives of the equation of motion there.
         v: Velocity there, shape (nv,).
-        rows: What its rows do.
         scale: Size of each joint's coordinate [rad or m], shape (nv,).
         slopes: Of friction, where joints slip.
-
-    Raises:
-        DynamicsError: The position is singular, or something without mass is free.
-        InputError: A prescribed coordinate cannot move.
     """
     pushes, holding = at.rows[rows.slipping], rows.holding
     at = replace(
@@ -364,11 +357,7 @@ def _eliminated(motion: LinearMotion, slopes: Array, count: int) -> LinearMotion
 
 
 def independent_joints(rows: Array) -> tuple[Indices, Array]:
-    """Return independent velocities, by their indices ascending, and all velocities per unit of these, shape (nv, d).
-
-    Raises:
-        DynamicsError: The position is singular.
-    """
+    """Return independent velocities, by ascending indices, and all velocities per unit of these, shape (nv, d)."""
     from scipy.linalg import qr
 
     nv = rows.shape[1]

@@ -35,8 +35,6 @@ class Drives(Record, frozen=True):
     """Drives along coordinates at a state.
 
     Attributes:
-        names: Names of the k coordinates.
-        coordinates: The coordinates.
         efforts: Efforts along them [N*m or N], shape (k,): constant in the small motion, but of prescribed ones.
         prescribed: Which of them have prescribed positions, shape (k,).
     """
@@ -63,7 +61,6 @@ class SteppedState(Record, frozen=True):
     Attributes:
         state: A table of one row with its accelerations, efforts, multipliers and friction; its closure has the
             constraints of the mechanism, then the drives along task coordinates.
-        drives: Drives along coordinates.
     """
 
     state: Trajectory
@@ -71,11 +68,7 @@ class SteppedState(Record, frozen=True):
 
     @cached_property
     def friction(self) -> FrictionState:
-        """Friction at the state.
-
-        Raises:
-            DynamicsError: A joint begins to slip.
-        """
+        """Friction at the state."""
         return friction_state(self.state)
 
     @cached_property
@@ -103,11 +96,7 @@ class SteppedState(Record, frozen=True):
 
     @cached_property
     def derivatives(self) -> EquationDerivatives:
-        """Derivatives of the equation of motion, with constraints, drives and slips.
-
-        Raises:
-            InputError: Something has no derivative here.
-        """
+        """Derivatives of the equation of motion, with constraints, drives and slips."""
         state = self.state
         lam = np.concatenate([np.asarray(state.lam)[0, : self._own], self.drives.efforts, self.friction.f])
         t, q, v, a = float(state.grid.t[0]), state.q[0], state.v[0], state.a[0]
@@ -115,12 +104,7 @@ class SteppedState(Record, frozen=True):
 
     @cached_property
     def motion(self) -> LinearMotion:
-        """The motion linearised about the state.
-
-        Raises:
-            DynamicsError: The position is singular, something without mass is free, or a joint begins to slip.
-            InputError: Something has no derivative here.
-        """
+        """The motion linearised about the state."""
         model, v, friction = self.state.mechanism.model, self.state.v[0], self.friction
         scale = self.state.mechanism.closure.scale
         if not len(self.rows.slipping):
@@ -150,7 +134,6 @@ class SteppedState(Record, frozen=True):
             tau: Of efforts at joints.
             lam: Of the multipliers of rows that hold, shape (m, c).
             slipping: Of friction that slips, shape (k, c).
-            changes: Other fields of the table.
         """
         state, model, count = self.state, self.state.mechanism.model, q.shape[1]
         efforts, f = np.zeros((len(self.drives.names), count)), np.zeros((len(self.friction.f), count))
@@ -174,21 +157,12 @@ class SteppedState(Record, frozen=True):
         return with_friction(stepped, state.friction[0] + 1j * STEP * f.T)
 
     def slopes(self, names: Sequence[str]) -> Array:
-        """Return the derivatives of quantities or formulas by all states and inputs, shape (p, n + i).
-
-        Raises:
-            InputError: A quantity does not exist, or has no derivative.
-        """
+        """Return the derivatives of quantities or formulas by all states and inputs, shape (p, n + i)."""
         self._require_shared(names)
         return _slopes(self.steps(self.motion), names)
 
     def force_slopes(self, names: Sequence[str], forces: Sequence[str]) -> tuple[Array, Array]:
-        """Return loads of forces per amplitude, shape (nv, k), and derivatives of p quantities by these, shape (p, k).
-
-        Args:
-            names: The quantities.
-            forces: Names of the force elements.
-        """
+        """Return loads of forces per amplitude, shape (nv, k), and derivatives of quantities by these, shape (p, k)."""
         loads, slopes = np.zeros((len(forces), self.state.v.shape[1])), np.zeros((len(forces), len(names)))
         for k, name in enumerate(forces):
             loads[k] = force_load(self.state, name)

@@ -353,7 +353,7 @@ def _rates(
     pace = np.abs(v).max(axis=1, initial=0.0)[:, None]
     paces = (pace, pace * pace + np.abs(a).max(axis=1, initial=0.0)[:, None])
     for what, x, right, least in zip([*RATES][1:], (v, a), wanted, paces, strict=False):
-        reached, sizes = measured.times(x)
+        reached, sizes = np.matvec(measured.matrices, x), np.matvec(np.abs(measured.matrices), np.abs(x))
         bounds = AGREED * (sizes + np.abs(right) + SHORT * least)
         for k, row in np.argwhere(np.abs(reached - right) > bounds)[:1].tolist():
             name, off = whole.owners()[row][0].name, abs(reached[k, row] - right[k, row])

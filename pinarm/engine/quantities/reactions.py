@@ -21,13 +21,13 @@ from pinarm.engine.checks.figures import relative, sampled
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import GuidedCoordinate, joint_ties, one_sided
 from pinarm.engine.constraints.self_stresses import SelfStresses
-from pinarm.engine.dynamics.dynamics import Dynamics, transmitted
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import PairCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation, OpenReaction, left_open
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, transmitted
 from pinarm.mechanics.geometry.link_tree import states_first
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.geometry.vectors import moved

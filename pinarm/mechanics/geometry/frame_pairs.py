@@ -108,8 +108,6 @@ class FramePairs(Record, frozen=True):
     """L pairs of frames; the joints between them have the same numbers of velocities, in their order.
 
     Attributes:
-        first: Frames 1.
-        second: Frames 2.
         velocities: Velocities of the joints from frame 1 to frame 2, shape (s, L).
         starts: The first of these of each joint, shape (j,).
         senses: -1 for joints on the way towards the root, else 1, shape (s,).

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 
 from pinarm.arrays import Array, Indices
@@ -18,7 +15,6 @@ class LinkPlacements(Record, frozen=True):
     """World placements of the joint frames, one for each link, at n configurations.
 
     Attributes:
-        model: Pinocchio's model, or variants of one.
         turns: Rotation matrices R, columns are the joint axes in world axes, shape (n, njoints, 3, 3).
         places: Origins p in the world [m], shape (n, njoints, 3). Of variants there is an axis after the first, of
             length 1 where they are alike; see ``link_tree``.
@@ -46,15 +42,6 @@ class LinkPlacements(Record, frozen=True):
         turn, place = self.turns[..., frame.parentJoint, :, :], self.places[..., frame.parentJoint, :]
         rotation, along = frame.placement.rotation, rotated(turn, np.asfortranarray(frame.placement.translation))
         return turn if (rotation == np.eye(3)).all() else turn @ rotation, place + along
-
-    def frames(self, indices: Sequence[int]) -> tuple[Array, Array]:
-        """Return the rotation matrices and origins [m] of k frames, shapes (n, k, 3, 3) and (n, k, 3)."""
-        frames = [self.model.frames[index] for index in indices]
-        parents = [frame.parentJoint for frame in frames]
-        rotations = np.stack(np.broadcast_arrays(*(frame.placement.rotation for frame in frames)), axis=-3)
-        along = np.stack(np.broadcast_arrays(*(frame.placement.translation for frame in frames)), axis=-2)
-        turns = self.turns[..., parents, :, :]
-        return turns @ rotations, self.places[..., parents, :] + rotated(turns, along)
 
     def inwards(self, wrenches: Array) -> Array:
         """Return wrenches [f; m] in link frames from those at the world origin: ``R^T f``, ``R^T (m - p x f)``.
@@ -150,24 +137,28 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
         the joints as twists in the world frame, shape (n, 6, nv).
     """
     tree = LinkTree.of(model)
-    turns, arms, places, columns, (d, w), omega, swept, u = _speeds(tree, q, v)
-    dd, dw = (tree.along(part, a) for part in columns)
+    turns, arms = tree.placed(q)
+    columns, places = tree.columns(turns), tree.summed(arms)
+    d, w, dd, dw = (tree.along(part, rates) for rates in (v, a) for part in columns)
+    omega = tree.summed(w)
     before = omega.take(tree.parents, axis=1)
-    alpha = tree.summed(dw + cross(before, w))
+    swept = cross(before, arms)
+    u, alpha = tree.summed(swept + d), tree.summed(dw + cross(before, w))
     swinging = cross(alpha.take(tree.parents, axis=1), arms)
     du = tree.summed(swinging + cross(before, swept) + cross(before + omega, d) + dd)
     links = LinkPlacements(model, states_first(turns, 3), states_first(places), q)
     twists, rates = _inwards(turns, u, omega), _inwards(turns, du - cross(omega, u), alpha)
-    return links, twists, rates, _columns(places.take(tree.moved, axis=1), *columns)
+    linear, angular = columns
+    world = np.concatenate([linear + cross(places.take(tree.moved, axis=1), angular), angular])
+    return links, twists, rates, world.transpose(*range(2, world.ndim), 0, 1)
 
 
 def speeding(model: Model, q: Array, v: Array) -> tuple[LinkPlacements, Array]:
     """Return the placements of links and their twists in link frames, shape (n, njoints, 6); see ``moving``."""
-    turns, _, places, _, _, omega, _, u = _speeds(LinkTree.of(model), q, v)
-    return LinkPlacements(model, states_first(turns, 3), states_first(places), q), _inwards(turns, u, omega)
+    return moving(model, q, v, np.zeros_like(v))[:2]
 
 
-def summed_wrenches(links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
+def transmitted(links: LinkPlacements, q: Array, v: Array, a: Array, acting: Array) -> Array:
     """Return the wrench of the parent on the child at every joint's origin, world axes, shape (n, .., njoints, 6).
 
     It is the sum of what the motion of the link and of those beyond it demands, less what else acts on them.
@@ -188,40 +179,9 @@ def summed_wrenches(links: LinkPlacements, q: Array, v: Array, a: Array, acting:
     return wrenches
 
 
-class _Speeds(NamedTuple):
-    """Placements and velocities of links, in world axes; see ``moving`` for the letters.
-
-    Columns are ``S``, at the origins of the links, shape (3, nv, ..) each; parts are ``d`` and ``w``.
-    """
-
-    turns: Array
-    arms: Array
-    places: Array
-    columns: tuple[Array, Array]
-    parts: tuple[Array, Array]
-    omega: Array
-    swept: Array
-    u: Array
-
-
-def _speeds(tree: LinkTree, q: Array, v: Array) -> _Speeds:
-    turns, arms = tree.placed(q)
-    columns = tree.columns(turns)
-    d, w = (tree.along(part, v) for part in columns)
-    omega = tree.summed(w)
-    swept = cross(omega.take(tree.parents, axis=1), arms)
-    return _Speeds(turns, arms, tree.summed(arms), columns, (d, w), omega, swept, tree.summed(swept + d))
-
-
 def _inwards(turns: Array, linear: Array, angular: Array) -> Array:
     """Return motions in link frames from those in world axes, shape (3, njoints, n), as (n, njoints, 6)."""
     inwards, parts = turns.swapaxes(0, 1), np.empty((6, *linear.shape[1:]), linear.dtype)
     for part, motions in ((parts[:3], linear), (parts[3:], angular)):
         np.einsum("ab...,b...->a...", inwards, motions, out=part)
     return states_first(parts)
-
-
-def _columns(places: Array, linear: Array, angular: Array) -> Array:
-    """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
-    columns = np.concatenate([linear + cross(places, angular), angular])
-    return columns.transpose(*range(2, columns.ndim), 0, 1)

@@ -101,20 +101,16 @@ class LinkTree(Record, frozen=True):
     @cached_property
     def supports(self) -> Flags:
         """Mask of velocities that move each link, shape (njoints, nv): row j is true for joints on the path to j."""
-        return self.moves(np.arange(len(self.moved)))
+        moves = np.zeros((len(self.parents), len(self.moved)), dtype=bool)
+        moves[self.moved, np.arange(len(self.moved))] = True
+        for jump in self.jumps:
+            moves |= moves[jump]
+        return moves
 
     @cached_property
     def mass(self) -> Array:
         """Mass of all links [kg], shape (), of variants (k,)."""
         return np.asarray(self.masses.sum(axis=-1))
-
-    def moves(self, velocities: Indices) -> Flags:
-        """Return a mask of the velocities, among k, that move each link, shape (njoints, k)."""
-        moves = np.zeros((len(self.parents), len(velocities)), dtype=bool)
-        moves[self.moved[velocities], np.arange(len(velocities))] = True
-        for jump in self.jumps:
-            moves |= moves[jump]
-        return moves
 
     def momenta(self, motions: Array) -> Array:
         """Return ``I V`` in link axes, of motions of shape (k, 6, njoints, ..)."""
@@ -127,20 +123,6 @@ class LinkTree(Record, frozen=True):
             x = x + x.take(jump, axis=1)
         return x
 
-    def carried(self, x: Array) -> Array:
-        """Return the sums over every link and those beyond it, 0 of the world; shape (.., njoints, w)."""
-        total = x.copy(order="K")
-        for link in range(len(self.parents) - 1, 0, -1):
-            total[..., self.parents[link], :] += total[..., link, :]
-        total[..., 0, :] = 0.0
-        return total
-
-    def multiplied(self, turns: Array) -> Array:
-        """Return the products of rotations along these paths; that of the world is 1; shape (3, 3, njoints, ..)."""
-        for jump in self.jumps:
-            turns = product(turns.take(jump, axis=2), turns)
-        return turns
-
     def along(self, columns: Array, x: Array) -> Array:
         """Return the sums of columns times velocities over those of every joint, 0 of the world.
 
@@ -151,36 +133,26 @@ class LinkTree(Record, frozen=True):
         sums[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if len(self.balls.links) else each
         return sums
 
-    def relative(self, q: Array) -> tuple[Array, Array]:
-        """Return the placement of every link on its parent at configurations, shape (.., nq).
-
-        Returns:
-            Rotation matrices, columns are the link's axes in those of its parent, shape (3, 3, njoints, ..); origins in
-            the axes of the parent [m], shape (3, njoints, ..).
-        """
-        single, rank, x = self.single, q.ndim - 1, components_first(q, 1)
-        along = np.ascontiguousarray(x[single.q])
-        constant, cosine, sine = (states_last(part, rank, 3) for part in (single.constant, single.cosine, single.sine))
-        shift, slide = (states_last(part, rank, 2) for part in (single.shift, single.slide))
-        turned = constant + np.cos(along) * cosine + np.sin(along) * sine
-        shifted = shift + along * slide
-        states = np.broadcast_shapes(turned.shape[3:], shifted.shape[2:])
-        turns = np.zeros((3, 3, len(self.parents), *states), q.dtype)
-        arms = np.zeros((3, len(self.parents), *states), q.dtype)
-        turns[0, 0, 0] = turns[1, 1, 0] = turns[2, 2, 0] = 1.0
-        turns[:, :, single.links] = turned
-        arms[:, single.links] = shifted
-        if len(self.balls.links):
-            self._place_balls(x, turns, arms)
-        return turns, arms
-
     def placed(self, q: Array) -> tuple[Array, Array]:
         """Return the rotations of links and the arms to them from their parents, in world axes.
 
         Shapes (3, 3, njoints, ..) and (3, njoints, ..) [m], at configurations of shape (.., nq).
         """
-        turns, arms = self.relative(q)
-        turns = self.multiplied(turns)
+        single, rank, x = self.single, q.ndim - 1, components_first(q, 1)
+        along = np.ascontiguousarray(x[single.q])
+        constant, cosine, sine = (states_last(part, rank, 3) for part in (single.constant, single.cosine, single.sine))
+        shift, slide = (states_last(part, rank, 2) for part in (single.shift, single.slide))
+        rotation, shifted = constant + np.cos(along) * cosine + np.sin(along) * sine, shift + along * slide
+        states = np.broadcast_shapes(rotation.shape[3:], shifted.shape[2:])
+        turns = np.zeros((3, 3, len(self.parents), *states), q.dtype)
+        arms = np.zeros((3, len(self.parents), *states), q.dtype)
+        turns[0, 0, 0] = turns[1, 1, 0] = turns[2, 2, 0] = 1.0
+        turns[:, :, single.links] = rotation
+        arms[:, single.links] = shifted
+        if len(self.balls.links):
+            self._place_balls(x, turns, arms)
+        for jump in self.jumps:  # products along the paths from the world
+            turns = product(turns.take(jump, axis=2), turns)
         return turns, turned(turns.take(self.parents, axis=2), arms)
 
     def columns(self, turns: Array) -> tuple[Array, Array]:

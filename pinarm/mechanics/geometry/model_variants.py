@@ -67,7 +67,6 @@ class VariantFrame(Record, frozen=True):
     """A frame of variants of a model.
 
     Attributes:
-        type: Its kind, as Pinocchio has it.
         placed: Where it is on the joint; ``None`` where that is not known of all variants.
     """
 

@@ -52,32 +52,26 @@ class Pair(Protocol):
     @property
     def along(self) -> Sequence[bool]:
         """Mask of the m rows with a direction e of translation: these measure lengths, the others angles."""
-        ...
 
     @property
     def about(self) -> Sequence[bool]:
         """Mask of the m rows with a direction w of rotation."""
-        ...
 
     @property
     def constant(self) -> tuple[Array, Array] | None:
         """The directions e and w where they are the same in all configurations, each of shape (m, 3)."""
-        ...
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         """Return the gap, or the value, of every row [m or rad], shape (..) or (1,)."""
-        ...
 
     def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         """Return e and w of all rows, each of shape (m, 3, ..), 0 where a row has none.
 
         Without their last axis where they are the same in all configurations.
         """
-        ...
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
         """Return the part of the drift from the change of directions, ``e' . p' + w' . omega``, shape (m, ..)."""
-        ...
 
 
 RotationGap = Callable[[Array, Axes], Array]
@@ -163,13 +157,7 @@ class Tie(Record, frozen=True):
 
 
 class TiedFrames(Record, frozen=True):
-    """Two frames of a model with the pair between them.
-
-    Attributes:
-        first: Index of frame 1.
-        second: Index of frame 2.
-        pair: What is held, or measured, between them.
-    """
+    """Two frames of a model with the pair between them."""
 
     first: int
     second: int
@@ -183,7 +171,6 @@ class TiedFrames(Record, frozen=True):
         return np.array(self.pair.gap(*self._placed(state)))
 
     def rows(self, state: Kinematics) -> Array:
-        """Return G, shape (m, nv)."""
         return self._rows(state, *self._placed(state))
 
     def measured(self, state: Kinematics) -> tuple[Array, Array]:
@@ -205,10 +192,8 @@ class TiedFrames(Record, frozen=True):
         rows = e @ (axes.T @ second[:3] - first[:3] + pin.skew(p) @ first[3:])
         if any(self.pair.about):
             rows = rows + w @ (axes.T @ second[3:] - first[3:])
-        return np.asarray(rows * (moves[self._body(model, self.first)] != moves[self._body(model, self.second)]))
-
-    def _body(self, model: pin.Model, frame: int) -> int:
-        return int(model.frames[frame].parentJoint)
+        one, other = (moves[model.frames[frame].parentJoint] for frame in (self.first, self.second))
+        return np.asarray(rows * (one != other))
 
     def drift(self, state: Kinematics) -> Array:
         """Return ``G' v``, shape (m,): ``e . p'' + w . omega'`` for a = 0, seen from frame 1, and the bend."""
@@ -282,13 +267,9 @@ class RotationRow(Record, frozen=True):
     component: int
     turn: Array
 
-    @cached_property
-    def _back(self) -> Array:
-        return self.turn.T
-
     def _turned(self, axes: Axes) -> Array:
         """Return the axes of frame 2 in the fixed axes, shape (3, 3) or (3, 3, n), the first index their number."""
-        return np.array([self._back @ axis for axis in axes])
+        return np.array([self.turn.T @ axis for axis in axes])
 
     def _in_frame_1(self, direction: Array) -> tuple[Array, Array]:
         turned = (self.turn @ direction)[None]
@@ -311,7 +292,7 @@ class RotationVectorRow(RotationRow, frozen=True):
         return self._in_frame_1(self._row(w, c))
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
-        w, turning = rotation_vector(self._turned(axes)), self._back @ omega
+        w, turning = rotation_vector(self._turned(axes)), self.turn.T @ omega
         c, slope = bend_coefficients(dot(w, w))
         square, unit = dot(w, w), self._unit(w)
         rate = (1.0 - c * square) * turning + c * dot(w, turning) * w - 0.5 * cross(w, turning)

@@ -321,7 +321,7 @@ def isolate(path: Subject, wanted: str, values: Values | None = None, *, at: str
 
 def _modes(scenario: Scenario) -> list[str]:
     """Return a line for each mode of a linear analysis, and why modes have the frequency 0."""
-    from pinarm.engine.linear.participation import rigid_modes
+    from pinarm.engine.linear.linear_states import rigid_modes
 
     problem: Linear = scenario.problem  # type: ignore[assignment]
     place = partial(scenario.document.locating, "problem")

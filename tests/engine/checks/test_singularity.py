@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.checks.residuals import _least
 from pinarm.use.show.terminal import report
 
 LINKAGE = """<robot name="linkage"><link name="base"/><link name="A"/><link name="B"/>
@@ -61,14 +60,3 @@ def test_a_constant_transmission_is_regular(tmp_path):
     found = pinarm.run(tmp_path / "s.yaml")
     assert found.figures["relative regularity"] == pytest.approx(1.0, abs=1e-12)
     assert "regularity" not in report(found)
-
-
-def test_a_crossing_between_rows_is_found_to_the_stated_resolution():
-    """1e-7 of the distance of the rows, and half of it."""
-
-    def regularity(t):
-        return np.abs(np.sin(t - 0.3371234) + 0.5 * np.sin(t - 0.3371234) ** 2)
-
-    t = np.linspace(0.0, 1.0, 11)
-    least, at = _least(t, regularity(t), regularity)
-    assert (least, at) == pytest.approx((0.0, 0.3371234), abs=1e-8)

@@ -13,7 +13,6 @@ from catalogue import bennett, four_bar, parallelogram, scissor
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 LINKAGES = [bennett(), four_bar(), parallelogram(), scissor(4)]
@@ -25,9 +24,10 @@ def closure(request, tmp_path):
 
 
 def carried(closure, q, lam):
-    """The wrenches of all joints that balance multipliers, by one recursion from the last links to the first."""
+    """The wrenches of all joints that balance multipliers, summed over the links beyond each."""
     links = LinkPlacements.at(closure.model, q[None])
-    return -links.at_joints(LinkTree.of(closure.model).carried(closure.wrenches(links, lam[None])))[0]
+    acting = closure.wrenches(links, lam[None])
+    return -links.at_joints(np.stack([acting[:, list(part)].sum(axis=1) for part in closure.model.subtrees], axis=1))[0]
 
 
 def test_what_joints_transmit_balances_the_multipliers_on_the_links_beyond(closure):

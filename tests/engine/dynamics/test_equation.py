@@ -14,7 +14,8 @@ import pinarm
 from pinarm import Mechanism
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.equation import accelerations
-from pinarm.engine.kinematics.assembly import closed_near
+from pinarm.engine.kinematics.assembly import closed_drawing
+from pinarm.engine.kinematics.newton import start_configuration
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 CLOSED = {
@@ -34,7 +35,7 @@ ACCURATE = 1e-9
 def state(name: str, seed: int) -> tuple[Mechanism, np.ndarray, np.ndarray, np.ndarray]:
     """Return a mechanism in a closed state with random velocities that the loops allow, and random efforts."""
     mechanism = Mechanism.load(MODELS / name / "mechanism.yaml")
-    q = closed_near(mechanism, CLOSED[name])
+    q = closed_drawing(mechanism.closure, start_configuration(mechanism, CLOSED[name])).q
     rows = mechanism.closure.rows(mechanism.closure.state(q))
     v, tau = np.random.default_rng(seed).normal(size=(2, mechanism.model.nv))
     return mechanism, q, v - np.linalg.pinv(rows, rcond=1e-9) @ (rows @ v), tau

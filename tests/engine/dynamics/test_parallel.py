@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from pinarm.engine.dynamics import dynamics as parallel
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, transmitted
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-11
@@ -14,7 +14,7 @@ ROUNDING = 1e-11
 
 @pytest.mark.parametrize("seed", range(2))
 def test_the_recursions_of_variants_are_those_of_each_model_alone(seed: int) -> None:
-    """Transmitted wrenches too, which are sums by numpy for variants and Pinocchio's for one model."""
+    """Transmitted wrenches too, against those of Pinocchio's recursion."""
     rng = np.random.default_rng(seed)
     pin.seed(seed)
     joints, n, count = int(rng.integers(1, 8)), 3, 5
@@ -23,12 +23,19 @@ def test_the_recursions_of_variants_are_those_of_each_model_alone(seed: int) -> 
     outside = rng.normal(size=(n, count, joints + 1, 6)) * (rng.random(joints + 1) < 0.5)[:, None]
     tau, mass = parallel.rnea(variants, q, v, a), parallel.mass_matrices(variants, q)
     accelerations = parallel.aba(variants, q, v, tau)
-    inner = parallel.transmitted(LinkPlacements.at(variants, q), q, v, a, outside)
+    inner = transmitted(LinkPlacements.at(variants, q), q, v, a, outside)
     for k, model in enumerate(models):
         states = q[:, 0], v[:, 0], a[:, 0]
         np.testing.assert_allclose(tau[:, k], parallel.rnea(model, *states), atol=ROUNDING, rtol=ROUNDING)
         np.testing.assert_allclose(mass[:, k], parallel.mass_matrices(model, q[:, 0]), atol=ROUNDING, rtol=ROUNDING)
         back = parallel.aba(model, *states[:2], tau[:, k])
         np.testing.assert_allclose(accelerations[:, k], back, atol=ROUNDING * np.abs(back).max())
-        own = parallel.transmitted(LinkPlacements.at(model, q[:, 0]), *states, outside[:, k])
-        np.testing.assert_allclose(inner[:, k], own, atol=ROUNDING, rtol=ROUNDING)
+        data, links = model.createData(), LinkPlacements.at(model, q[:, 0])
+        for row in range(n):
+            loads = pin.StdVec_Force()
+            loads.extend([pin.Force(load) for load in links.inwards(outside[:, k])[row]])
+            pin.rnea(model, data, q[row, 0], v[row, 0], a[row, 0], loads)
+            own = links.outwards(
+                np.array([np.zeros(6), *(wrench.vector for wrench in list(data.f)[1:])])[None].repeat(n, 0)
+            )
+            np.testing.assert_allclose(inner[row, k], own[row], atol=ROUNDING, rtol=ROUNDING)

@@ -5,8 +5,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import minimize
 
-from pinarm.engine.kinematics.free_pull import Posture
-from pinarm.engine.kinematics.redundancy import NearestMotion
+from pinarm.engine.kinematics.redundancy import NearestMotion, Posture
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.mechanics.laws.motion_law import Grid

@@ -4,8 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
-from pinarm.mechanics.geometry.link_tree import LinkTree
+from pinarm.mechanics.geometry.link_placements import moving
 from tests.mechanics.geometry.random_variants import random_variants
 
 ROUNDING = 1e-12
@@ -37,21 +36,3 @@ def _close(found: np.ndarray, expected: np.ndarray, k: int) -> None:
     """Compare variant k of an array; an axis of length 1 stands for all variants."""
     own = found[:, k if found.shape[1] > 1 else 0]
     np.testing.assert_allclose(own, np.broadcast_to(expected, own.shape), atol=ROUNDING, rtol=ROUNDING)
-
-
-def test_wrenches_are_summed_over_what_lies_beyond() -> None:
-    """The sum over a subtree, by Pinocchio's lists of them; and moments about joints as Pinocchio moves wrenches."""
-    pin.seed(7)
-    variants, models = random_variants(np.random.default_rng(7), 6, 2)
-    q, wrenches = np.random.default_rng(8).normal(size=(2, 1, 6)), np.random.default_rng(9).normal(size=(2, 2, 7, 6))
-    links, carried = LinkPlacements.at(variants, q), LinkTree.of(variants).carried(wrenches)
-    assert not carried[..., 0, :].any()
-    moved = links.at_joints(carried)
-    for k, model in enumerate(models):
-        for joint in range(1, 7):
-            beyond = wrenches[:, k, list(model.subtrees[joint])].sum(axis=1)
-            np.testing.assert_allclose(carried[:, k, joint], beyond, atol=1e-14)
-            for row in range(2):
-                place = pin.SE3(np.eye(3), links.places[row, k, joint])
-                expected = place.actInv(pin.Force(beyond[row])).vector
-                np.testing.assert_allclose(moved[row, k, joint], expected, atol=1e-13)

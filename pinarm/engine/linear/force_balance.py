@@ -1,0 +1,314 @@
+"""Equilibria and steady motions: positions at which nothing accelerates while drives hold or turn some coordinates.
+
+With the rows W of the coordinates that drives hold or turn, and the rows H of slips, the forces balance where
+
+    M a + nle - loads - H_slip^T f = G^T lam + W^T u + H_stuck^T f,    a = 0
+
+has a solution lam, u, f. Newton's method moves along the velocities that G, W and joints that stick leave, with the
+derivatives of the left side and of the forces on the right. Joints with dry friction that are at rest keep their place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure, slides
+from pinarm.engine.constraints.constraint_rows import Measured
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.assembly import first_position
+from pinarm.engine.kinematics.newton import assembled
+from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
+from pinarm.engine.linear.derivatives import EquationDerivatives, equation_derivatives, weight_bound
+from pinarm.engine.linear.friction import at_rest, measured, slip_friction, with_friction
+from pinarm.engine.linear.linearisation import independent_joints
+from pinarm.engine.motion.trajectory import ROW, Trajectory
+from pinarm.errors import AssemblyError, InputError, Key, within
+from pinarm.input.units import unit
+from pinarm.mechanics.ball_joints import coordinate_name
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.forces.force_element import refusals
+from pinarm.mechanics.friction.contact import FrictionContact, slip_rows_at
+from pinarm.mechanics.joints import format_configuration
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.records import Record, replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
+ZERO = 1e-9
+"""Stiffness, relative to the terms that make it up, below which it is 0."""
+
+BALANCED, POLISHED = 1e-12, 5
+"""Largest generalised force left, relative to the terms that make it up, and steps that make it smaller yet."""
+
+STRIDE, PUSH, ITERATIONS, SHORTEST = 0.5, 0.1, 100, 1e-6
+"""Largest turn of a joint in one step [rad]; how far a stationary start is moved [rad or m]; steps at most; smallest
+part of a step."""
+
+LOOSE = 1e-12
+"""Velocity of a joint, relative to that of an independent one, that is rounding of 0."""
+
+
+class Driven(Record, frozen=True):
+    """Coordinates that drives hold or turn.
+
+    Attributes:
+        held: Those that keep their values.
+        values: These values, shape (h,).
+        rates: Rates of all, 0 of those that are held [rad/s or m/s], shape (k,).
+    """
+
+    names: Sequence[str]
+    coordinates: Sequence[Coordinate]
+    held: PrescribedCoordinates
+    values: Array
+    rates: Array
+
+    @classmethod
+    def at(cls, mechanism: Mechanism, held: Mapping[str, float]) -> Driven:
+        """Return coordinates that drives hold at values."""
+        coordinates = list[Coordinate]()
+        for name in held:
+            with within(Key(name)):
+                coordinates.append(mechanism.coordinate(name))
+        laws = tuple(Constant(value=float(value)) for value in held.values())
+        prescribed = PrescribedCoordinates((*held,), (*coordinates,), laws)
+        return cls((*held,), coordinates, prescribed, np.array([*map(float, held.values())]), np.zeros(len(held)))
+
+
+class Forces(Record, frozen=True):
+    """Forces at a configuration.
+
+    Attributes:
+        v: Velocity at which the drives turn, shape (nv,).
+        rows: Rows of constraints, drives and slips that stick, shape (m, nv).
+        free: Velocities that they leave, orthonormal, shape (nv, nu).
+        demand: ``nle - loads``, shape (nv,).
+        carried: Multipliers of the rows, shape (m,).
+        f: Friction along all slips, shape (k,).
+        left: What neither rows nor friction carry, shape (nv,).
+    """
+
+    v: Array
+    rows: Array
+    free: Array
+    demand: Array
+    carried: Array
+    f: Array
+    left: Array
+
+    @property
+    def terms(self) -> Array:
+        """Sizes of what is demanded and of what rows carry, shape (nv,)."""
+        return np.asarray(np.abs(self.demand) + np.abs(self.carried) @ np.abs(self.rows))
+
+
+def state_row(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array) -> Trajectory:
+    """Return a state as a table of one row, at rest and without efforts."""
+    grid, still = Grid(np.full(1, t), (t, float(np.nextafter(t, np.inf))), (0, 1)), np.zeros((1, len(v)))
+    closure, lam = mechanism.closure, Multipliers.zero(1, mechanism.closure.size)
+    row = Trajectory(mechanism, ROW, unit("1"), grid, q[None], v[None], still, still, lam, closure, dynamics)
+    return replace(row, separate=True)
+
+
+class ForceBalance(Record, frozen=True):
+    """The forces of one mechanism in which nothing accelerates, along the motions that loops and drives leave free.
+
+    Attributes:
+        dynamics: Its equation of motion with the loads of the run.
+        contacts: Slips with friction; none where it has no part.
+    """
+
+    mechanism: Mechanism
+    dynamics: Dynamics
+    driven: Driven
+    contacts: Sequence[FrictionContact] = ()
+
+    @cached_property
+    def closure(self) -> Closure:
+        """Constraints of the mechanism, then the driven coordinates."""
+        return self.mechanism.closure.with_guides(self.driven.names, self.driven.coordinates)
+
+    @cached_property
+    def turns(self) -> Array:
+        """1 for velocities that turn, 0 for those that slide, shape (nv,)."""
+        return np.where(slides(self.mechanism.model), 0.0, 1.0)
+
+    def nearest(self, q: Array) -> Array:
+        """Return the configuration near q with closed loops that takes the values held."""
+        return assembled(self.mechanism.closure, self.driven.held, q, self.driven.values, 0.0)
+
+    def begun(self, start: Array) -> Assembly:
+        """Return the configuration that takes the values held, followed from a start; see ``first_position``."""
+        assembly = first_position(self.mechanism.closure, self.driven.held, self.driven.values, 0.0, start)
+        return replace(assembly, q=self.nearest(assembly.q))
+
+    def basis(self, q: Array, like: Array | None = None) -> Array:
+        """Return the free motions at q, shape (nv, nu): orthonormal, and turned to those of another configuration."""
+        free = self.closure.split_at(q).free
+        if not free.shape[1]:
+            raise InputError("loops and held coordinates leave nothing free to balance", hint="kind: statics")
+        if like is None or like.shape != free.shape:
+            return free
+        u, _, vt = np.linalg.svd(free.T @ like)
+        return np.asarray(free @ u @ vt)
+
+    def at(self, q: Array) -> Forces:
+        """Return the forces at a configuration, shape (nq,)."""
+        own, driven, rows = self.mechanism.closure.size, self.closure.size, self.closure.rows(self.closure.state(q))
+        v = self._velocity(rows)
+        slips = slip_rows_at(self.mechanism.model, self.contacts, q)
+        stuck = at_rest(self.contacts, slips @ v, v)
+        rows, slipping, f = np.vstack([rows, slips[stuck]]), slips[~stuck], np.zeros(len(stuck))
+        split = split_rows(rows, np.append(self.closure.reach, np.ones(len(rows) - driven)))
+        demand = self.dynamics.inverse(0.0, q[None], v[None], np.zeros((1, len(v))))[0]
+        sliding = [contact for contact, held in zip(self.contacts, stuck, strict=True) if not held]
+        state = state_row(self.mechanism, self.dynamics, 0.0, q, v)
+        for _ in range(ITERATIONS if sliding else 1):
+            carried = split.multipliers(demand - slipping.T @ f[~stuck])
+            f[stuck] = carried[driven:]
+            if not sliding:
+                break
+            tau, lam = carried[own:driven] @ rows[own:driven], Multipliers.known(carried[None, :own], own)
+            friction = slip_friction(with_friction(replace(state, lam=lam, tau=tau[None]), f[None]), sliding)[0]
+            change, f[~stuck] = np.abs(friction - f[~stuck]).max(), friction
+            if change <= 0.1 * BALANCED * np.abs(friction).max():
+                break
+        left = split.free @ ((demand - slipping.T @ f[~stuck]) @ split.free)
+        return Forces(v, rows, split.free, demand, carried, f, left)
+
+    def _velocity(self, rows: Array) -> Array:
+        """Return the velocity at which the drives turn, all else still, shape (nv,)."""
+        rates = self.driven.rates
+        if not rates.any():
+            return np.zeros(rows.shape[1])
+        wanted = np.concatenate([np.zeros(len(rows) - len(rates)), rates])
+        v = np.linalg.lstsq(rows, wanted, rcond=1e-12)[0]
+        speed = np.abs(v).max()
+        if np.abs(rows @ v - wanted).max() > 1e-9 * speed:
+            raise InputError("loops, couplings and rates contradict each other", expected="fewer rates")
+        v[np.abs(v) < 1e-12 * speed] = 0.0
+        _, free = independent_joints(rows)
+        loose = np.flatnonzero((v != 0.0) & (np.abs(free) > LOOSE).any(axis=1))
+        if len(loose):
+            names = ", ".join(coordinate_name(self.mechanism.model, index) for index in loose.tolist())
+            raise InputError(
+                f"the rates do not determine how fast {names} move",
+                expected="a rate in steady, or a value in hold, for more coordinates",
+            )
+        return np.asarray(v)
+
+    def slopes(self, q: Array, forces: Forces) -> EquationDerivatives:
+        """Return the derivatives of the forces; those by q are the stiffness K."""
+        slips = [measured(contact) for contact in self.contacts]
+        rows: list[Measured] = [*self.closure.constraints, *slips]
+        lam, still = np.concatenate([forces.carried[: self.closure.size], forces.f]), np.zeros_like(forces.v)
+        return equation_derivatives(self.dynamics, rows, 0.0, q, forces.v, still, lam)
+
+    def efforts(self, q: Array) -> tuple[Array, Array]:
+        """Return the efforts of drives at joints, shape (nv,), and the multipliers, those of task coordinates last."""
+        own, carried = self.mechanism.closure.size, self.at(q).carried
+        tau, guides = np.zeros(self.mechanism.model.nv), list[float]()
+        for coordinate, effort in zip(self.driven.coordinates, carried[own:].tolist(), strict=True):
+            if isinstance(coordinate, LinearCoordinate):
+                tau += coordinate.weights * effort
+            else:
+                guides.append(effort)
+        return tau, np.append(carried[:own], guides)
+
+    def solved(self, q: Array, start: str) -> tuple[Array, Forces]:
+        """Return the configuration near q at which the forces balance, by Newton steps that make what is left smaller.
+
+        A start at which no step does, such as an arm held level, is moved once the way that it would fall.
+        """
+        q, pushed = self.nearest(q), False
+        forces = self.at(q)
+        for _ in range(ITERATIONS):
+            slopes = self.slopes(q, forces)
+            if not np.isfinite(forces.demand).all() or not np.isfinite(slopes.force_q).all():
+                where = format_configuration(self.mechanism.model, q)
+                raise AssemblyError(
+                    f"the loads are not finite where {where}{refusals(self.dynamics.forces, q)}",
+                    expected="a start at which all loads are",
+                    q=q,
+                )
+            shares = self._shares(q, forces, slopes)
+            if (np.abs(shares) <= BALANCED).all():
+                return self._polished(q, forces)
+            nearer = self._nearer(q, forces, slopes, SHORTEST)
+            if nearer is None and not pushed:
+                pushed, fall = True, forces.free @ shares
+                moved = self.nearest(pin.integrate(self.mechanism.model, q, -PUSH * fall / np.abs(shares).max()))
+                nearer = moved, self.at(moved)
+            if nearer is None:
+                break
+            q, forces = nearer
+        raise self._unbalanced(q, forces, start)
+
+    def _polished(self, q: Array, forces: Forces) -> tuple[Array, Forces]:
+        """Return what whole steps make of a solution as long as they make what is left smaller."""
+        for _ in range(POLISHED):
+            if (nearer := self._nearer(q, forces, self.slopes(q, forces), 1.0)) is None:
+                break
+            q, forces = nearer
+        return q, forces
+
+    def _nearer(
+        self, q: Array, forces: Forces, slopes: EquationDerivatives, shortest: float
+    ) -> tuple[Array, Forces] | None:
+        """Return the configuration after a step or a part of it with less left; ``None`` without any."""
+        free = forces.free
+        diagonal, terms = np.diag(np.abs(free).T @ slopes.terms_q @ np.abs(free)), np.diag(slopes.terms_q)
+        scale, sizes = (
+            np.divide(1.0, np.sqrt(x), out=np.zeros_like(x), where=x > 0.0) for x in (diagonal, terms)
+        )  # gives the terms of K the size 1
+        u, s, vt = np.linalg.svd(scale[:, None] * (free.T @ slopes.force_q @ free) * scale)
+        gain = np.divide(1.0, s, out=np.zeros_like(s), where=s > ZERO)
+        step = -free @ (scale * (vt.T @ (gain * (u.T @ (scale * (free.T @ forces.left))))))
+        part, turn = 1.0, float(np.abs(self.turns * step).max(initial=0.0))
+        step *= min(1.0, STRIDE / max(turn, STRIDE))
+        while part >= shortest:
+            with suppress(AssemblyError):  # the loops do not close so far away
+                trial = self.nearest(pin.integrate(self.mechanism.model, q, part * step))
+                there = self.at(trial)
+                if np.linalg.norm(sizes * there.left) < np.linalg.norm(sizes * forces.left):
+                    return trial, there
+            part *= 0.25
+        return None
+
+    def _shares(self, q: Array, forces: Forces, slopes: EquationDerivatives) -> Array:
+        """Return the forces left relative to the terms that make them up, shape (nu,).
+
+        Rounding of the coordinates takes part with K times their size, at least 1 rad or the mechanism's unit of
+        length: of a coordinate that goes to 0 it would otherwise never end.
+        """
+        weights = weight_bound(self.mechanism.model) * np.sqrt(np.maximum(np.diag(slopes.mass), 0.0))
+        loads = self.dynamics.load_sizes(0.0, q, forces.v)
+        reach = np.maximum(np.abs(q) if len(q) == len(forces.v) else 0.0, self.closure.scale)
+        whole = np.abs(forces.free).T @ (weights + loads + forces.terms + slopes.terms_q @ reach)
+        return np.asarray((forces.free.T @ forces.left) / np.maximum(whole, 1e-300))
+
+    def _unbalanced(self, q: Array, forces: Forces, start: str) -> AssemblyError:
+        model, left = self.mechanism.model, -forces.left
+        worst = int(np.abs(left).argmax())
+        measured_in = "N*m" if self.turns[worst] else "N"
+        return AssemblyError(
+            f"{start} leads to no equilibrium: a force of {left[worst]:.3g} {measured_in} is left on "
+            f"{coordinate_name(model, worst)}",
+            expected="a start near a configuration that balances; the closest one reached is "
+            f"{format_configuration(model, q)}",
+            hint="another start, or loads that can be balanced",
+            start=start,
+            q=q,
+            residual=left,
+        )
