@@ -223,7 +223,6 @@ def _validate(options: Namespace) -> int:
 
 
 def _validated(path: Path, values: Sequence[str]) -> str:
-    """Return the checks that a valid scenario or mechanism file has passed, in words."""
     from pinarm.use.study.run import is_mechanism_file
 
     if not is_mechanism_file(path):

@@ -87,7 +87,6 @@ def keys(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
 
 
 def _file(parsed: Namespace) -> Path | None:
-    """Return the scenario or model that a line has; of a result, its scenario."""
     if result := getattr(parsed, "result", None):
         return Path(result) / "scenario.yaml"
     named = (getattr(parsed, key, None) for key in ("path", "scenario", "paths"))

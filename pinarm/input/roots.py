@@ -181,7 +181,6 @@ def similar_file(path: Path) -> str:
 
 
 def _local(text: str, packages: Packages) -> Path:
-    """Convert a URI of URDF to a path."""
     scheme, separator, rest = text.removeprefix("file://" if "package://" in text else "").partition("://")
     if not separator:
         return Path(text)

@@ -173,7 +173,6 @@ def _counts_turns(read: Unit) -> bool:
 
 
 def _product(text: str) -> Unit:
-    """Read names joined by ``*`` and ``/``."""
     result, position = DIMENSIONLESS, 0
     while position < len(text.rstrip()):
         match = _FACTOR.match(text, position)
@@ -224,7 +223,6 @@ def read_quantity(text: str) -> tuple[float, Unit | None]:
 
 
 def _parts(text: str) -> tuple[str, str] | None:
-    """Return number and unit of a quantity as text; ``None`` where it is none."""
     text = text.strip()
     return leading_number(text) if len(text) <= MAX_QUANTITY else None
 

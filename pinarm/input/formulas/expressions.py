@@ -201,8 +201,6 @@ _PURE_CONSTANTS = dict.fromkeys(CONSTANTS, DIMENSIONLESS)
 
 
 class _Units(ValueRecord, frozen=True):
-    """The algebra of units."""
-
     names: Mapping[str, Unit | None]
 
     def constant(self, value: Any) -> Measure:

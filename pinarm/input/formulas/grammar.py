@@ -217,7 +217,6 @@ _LANGUAGE = "numbers, names, + - * / // % **, comparisons, and, or, not, 'a if t
 
 
 def _syntax_hint(text: str, at: int) -> str:
-    """Return a hint for a text that cannot be read at a place."""
     words = [match for match in _KEYWORD.finditer(text) if match.start() <= at and not text[match.end() : at].strip()]
     if words:
         return f"'{words[-1][0]}' is a word of formulas: coordinate.{words[-1][0]}.position for a joint of that name"

@@ -196,7 +196,6 @@ def _copy(data: Any) -> Any:
 
 
 def _paths(data: Any, at: Path_ = ()) -> Iterator[Path_]:
-    """Yield the paths of data and of everything in them."""
     yield at
     items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in items:
@@ -311,7 +310,6 @@ def _next(
 
 
 def _inner(data: Any, step: str) -> Any:
-    """Return the value at a step; ``None`` where there is none."""
     if isinstance(data, list):
         return data[int(step)] if re.fullmatch(r"-?[0-9]{1,9}", step) and -len(data) <= int(step) < len(data) else None
     return data.get(step) if isinstance(data, dict) else None
@@ -371,7 +369,6 @@ def value_at(data: Any, path: str) -> Any:
 
 
 def _assignments(values: Values) -> Iterator[tuple[str, Any, Location]]:
-    """Yield path, value and the place of each, for messages."""
     if isinstance(values, Mapping):
         for path, value in values.items():
             place = Location(f"{path}={value}"[:SHOWN])

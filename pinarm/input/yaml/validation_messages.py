@@ -100,7 +100,6 @@ def unknown_key(error: msgspec.ValidationError) -> tuple[str, ...]:
 
 
 def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
-    """Yield the annotations that apply at a path."""
     if hasattr(annotation, "__metadata__"):
         annotation = annotation.__origin__
     if get_origin(annotation) in (Union, UnionType):
@@ -173,7 +172,6 @@ def _at(data: Any, path: list[str | int]) -> Any:
 
 
 def _replaced(data: Any, path: list[str | int], value: Any) -> Any:
-    """Return data with the value at a path replaced; the rest is shared."""
     if not path:
         return value
     first, *rest = path

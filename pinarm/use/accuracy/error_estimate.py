@@ -103,7 +103,6 @@ def _with_other_steps(
 
 
 def _other(scenario: Scenario, setting: Mapping[str, Any], max_steps: int) -> Result | None:
-    """Return the solution of another setting, with other last digits; ``None`` where that fails."""
     try:
         return with_setting(scenario, setting, max_steps, seed=1).solve()
     except NumericsError:
@@ -175,7 +174,6 @@ def _interval(result: Result, decision: Decision) -> int:
 
 
 def _with_number_bounds(result: Result, other: Result | None) -> Result:
-    """Return a result with the bounds of its numbers, and its sections with theirs."""
     if not (result.content.numbers or result.numbered):
         return result
     bounds = number_bounds(result, other)
@@ -291,7 +289,6 @@ def _names(result: Result, key: str) -> list[str]:
 
 
 def _value(result: Result, number: AnyNumber) -> tuple[float, float]:
-    """Return a number and the error of its quadrature [SI]; NaN where the run does not have it."""
     try:
         return number.value(result)
     except PinarmError:

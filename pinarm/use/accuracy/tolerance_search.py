@@ -120,7 +120,6 @@ class _Search:
             rung += 1
 
     def _compared(self, rung: int) -> bool:
-        """Return whether a rung has a solution, and another that it is compared with."""
         return self.run(rung) is not None and self.finer(rung) is not None
 
     def run(self, rung: int) -> Result | None:

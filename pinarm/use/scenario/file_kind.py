@@ -39,7 +39,6 @@ def refuse_folder(path: Path) -> None:
 
 
 def _is_robot(path: Path) -> bool:
-    """Tell whether a path is the name of a robot of example-robot-data."""
     if str(path) != path.name or path.suffix in (".yaml", ".yml"):
         return False
     from pinarm.input.robots import robots
@@ -158,5 +157,4 @@ def _refuse_key_of_mechanism(document: Document, key: str, *at: str) -> None:
 
 
 def _keys(kind: str) -> tuple[str, ...]:
-    """Return the keys of a kind of problem."""
     return (*problem_class(kind).__struct_encode_fields__, "kind")

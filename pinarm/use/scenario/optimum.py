@@ -334,7 +334,6 @@ def _constraints(landscape: Landscape) -> tuple[object, ...]:
 
 
 def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationError:
-    """Return the error of a search that has not come to a point that counts."""
     if best.trial.refusal:
         return IntegrationError(
             f"none of the {starts} starts can be run: {best.trial.refusal}",

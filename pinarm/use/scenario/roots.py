@@ -150,7 +150,6 @@ class _Search:
         return FoundValues(ended.x, _worst(after), _worst(before), missed, turned)
 
     def _stopped(self, x: Array, refused: Refused) -> PinarmError:
-        """Return the error of a refused run with the values of the search there."""
         error = refused()
         values = ", ".join(f"{path} = {value:.6g}" for path, value in self.search.figures(x).items())
         error.message = f"the search is stopped by a run that is refused, at {values}: {error.message}"

@@ -145,7 +145,6 @@ def _best(bare: Scenario, search: Find) -> Optimum:
 
 
 def _trial(row: Row, sign: float, conditions: Sequence[Condition]) -> Trial:
-    """Return objective, margins and refusal of the run of a row."""
     if row.error:
         return Trial(refusal=row.error)
     objective, *numbers = row.taken
@@ -200,7 +199,6 @@ def _table(key: str, title: str, names: Sequence[str], rows: list[tuple[Cell, ..
 
 
 def _values(search: Find, best: Optimum) -> SectionTable:
-    """Return the values and their bounds in the units of the file."""
     rows: list[tuple[Cell, ...]] = []
     for (path, unknown), end in zip(search.unknown.items(), best.best.end, strict=True):
         low, value, high = (float(x) / unknown.factor for x in (unknown.low, end, unknown.high))
@@ -295,7 +293,6 @@ def _near(scenario: Scenario, path: str) -> list[str]:
 
 
 def _numbers(data: Any, steps: list[str]) -> Iterator[list[str]]:
-    """Yield the steps to every number in maps, with a unit or without."""
     if isinstance(data, dict):
         for key, inner in data.items():
             yield from _numbers(inner, [*steps, str(key)])

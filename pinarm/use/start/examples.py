@@ -60,7 +60,6 @@ def example_files() -> Path:
 
 
 def _files(source: Path) -> Iterator[Path]:
-    """Yield the files that are copied, relative to the source."""
     for name in FOLDERS:
         for path in sorted((source / name).rglob("*")):
             file = path.relative_to(source)

@@ -184,7 +184,6 @@ def _quoted(text: str) -> str:
 
 
 def _described(mechanism: Mechanism) -> Iterator[str]:
-    """Yield a line for each joint: what it does, and its limits."""
     model = mechanism.model
     for joint in mechanism.joints.values():
         unit, factor = _unit(joint)

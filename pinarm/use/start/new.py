@@ -74,7 +74,6 @@ def _first_files(source: str | Path, robot: str) -> dict[str, str]:
 
 
 def _robot(name: str) -> dict[str, str]:
-    """Return the files for a robot of example-robot-data."""
     from pinarm.input.robots import robots
 
     if name not in robots():
@@ -89,7 +88,6 @@ def _robot(name: str) -> dict[str, str]:
 
 
 def _drawing(file: Path, folder: Path) -> dict[str, str]:
-    """Return the URDF of a drawing, and a mechanism file for it."""
     from pinarm.engine.mechanism_loading import load_mechanism
     from pinarm.input.yaml.document import Document
     from pinarm.use.store.save import LawTables, mechanism_text

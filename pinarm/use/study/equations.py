@@ -46,7 +46,6 @@ def equations(
 
 
 def _about(mechanism: Mechanism, small: Mapping[str, float | str]) -> dict[str, float]:
-    """Return the values of coordinates in SI."""
     require_map(small, "small", "{'theta': '90 deg'}")
     numbers = {}
     for name, value in small.items():

@@ -354,7 +354,6 @@ def _start(scenario: Scenario) -> Array:
 
 
 def _structure(mechanism: Mechanism) -> Explanation:
-    """Return the structure of a mechanism near its zero position, or wherever its loops close."""
     drawing = closed_drawing(mechanism.closure, start_configuration(mechanism, {}))
     where = "in a closed position far from zero" if drawing.notes else "in the closed position nearest to zero"
     where = "in the closed position nearest to the file's start" if mechanism.start else where

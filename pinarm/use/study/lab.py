@@ -135,7 +135,6 @@ class Sheet:
 
     @property
     def _numbers(self) -> dict[str, float]:
-        """Arguments of the model that are numbers, but for 0."""
         mechanism = self._scenario.mechanism
         return {name: mechanism.arguments[name] for name in mechanism.argument_units if mechanism.arguments.get(name)}
 
@@ -255,7 +254,6 @@ def _cells(sheet: Sheet, shown: str, values: Values | None) -> list[tuple[str, s
 
 
 def _notebook(cells: list[tuple[str, str]]) -> dict[str, Any]:
-    """Return a notebook as Jupyter stores it."""
     blank: dict[str, Any] = {"execution_count": None, "outputs": []}
     return {
         "cells": [
@@ -359,7 +357,6 @@ def _without(scenario: ScenarioRecord) -> Iterator[tuple[str, str, Callable[[], 
 
 
 def _of_points(scenario: ScenarioRecord) -> ScenarioRecord:
-    """Return a scenario whose bodies are masses at their centres, but for a trace of inertia."""
     model = pin.Model(scenario.mechanism.model)
     for joint in range(1, model.njoints):
         body = model.inertias[joint]

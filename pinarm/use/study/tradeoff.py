@@ -290,7 +290,6 @@ def solve_variants(scenario: Scenario) -> list[Variant]:
 
 
 def _compared(name: str, result: Result, exact: Result, seconds: float) -> Variant:
-    """Return a variant with its differences to the exact model."""
     rows, others = common_rows(exact.trajectory, result.trajectory)
     if not len(rows):
         raise InputError(

@@ -98,7 +98,6 @@ class Findings(tuple[Finding, ...]):
         return f"<Findings: {len(self)} expectations, {sum(not finding.ok for finding in self)} missed>"
 
     def _repr_html_(self) -> str:
-        """Return them as a table, for notebooks."""
         from pinarm.use.show.notebook import blocks, lines, table
 
         return blocks(table([list(HEADING), *rows(self)]), lines(remarks(self)))
@@ -274,7 +273,6 @@ class _Published:
 
 
 def _published(quantities: Quantities, expectation: Expectation, values: Array, measured: Unit | None) -> _Published:
-    """Return the published number beside the computed ones."""
     if expectation.published_formula is not None:
         with within("published_formula"):
             formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)

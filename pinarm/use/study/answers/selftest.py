@@ -82,7 +82,6 @@ def versions() -> dict[str, str]:
 
 
 def _blas() -> str:
-    """Return numpy's library of linear algebra."""
     config: Any = np.show_config("dicts")  # type: ignore[call-overload,unused-ignore]
     built = config["Build Dependencies"]["blas"]
     return f"{built.get('name', '?')} {built.get('version', '')}".strip()
