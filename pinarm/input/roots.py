@@ -152,13 +152,9 @@ def contained_path(path: str | Path, root: Path, packages: Packages = NO_PACKAGE
         resolved = os.path.realpath(os.path.join(allowed[0], local))
         with suppress(FileNotFoundError, NotADirectoryError):
             os.stat(resolved)  # raises for loops of links, and for names too long to be asked for
-    except PermissionError:
-        raise InputError(
-            f"{_short(path)} cannot be looked for: a folder on the way is not open to this user",
-            hint="chmod u+x FOLDER",
-        ) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{_short(path)} is not a path ({error.__class__.__name__})") from None
+        reason = getattr(error, "strerror", None) or error.__class__.__name__
+        raise InputError(f"{_short(path)} is not a path that can be followed ({reason})") from None
     if not any(f"{resolved}{os.sep}".startswith(os.path.join(folder, "")) for folder in allowed):
         raise InputError(
             f"the path {_short(path)} leads out of the root folder",

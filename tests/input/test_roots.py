@@ -1,9 +1,6 @@
 """The folder that files may refer to: found, or given by the user."""
 
-import errno
-import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -11,7 +8,6 @@ import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import InputError
 from pinarm.input.roots import root_of
-from pinarm.input.xml_text import read
 
 URDF = """<robot name="r"><link name="base"/><link name="rod"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -101,24 +97,3 @@ def test_a_root_that_is_no_folder_is_refused(apart: Path, capsys: pytest.Capture
         pass
     assert main(["validate", str(apart / "scenarios" / "s.yaml"), "--root", str(apart / "model")]) == 2
     assert "models" in capsys.readouterr().err
-
-
-def test_what_this_user_may_not_open_is_told_in_words(
-    apart: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Tests may run as root, to whom everything is open: the system's answers are given in its place."""
-    scenario, stat = apart / "scenarios" / "s.yaml", os.stat
-
-    def closed(path: Any, *rest: Any, **options: Any) -> os.stat_result:
-        if "models" in str(path):
-            raise PermissionError(errno.EACCES, "Permission denied", str(path))
-        return stat(path, *rest, **options)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "stat", closed)
-        assert main(["validate", str(scenario), "--root", str(apart)]) == 2
-    assert "cannot be looked for: a folder on the way is not open to this user" in capsys.readouterr().err
-    model = apart / "models" / "rod.urdf"
-    model.unlink()
-    with pytest.raises(InputError, match=r"the file cannot be read as UTF-8 text \(No such file or directory\)"):
-        read(model, "rod.urdf", 100)

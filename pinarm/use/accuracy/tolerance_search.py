@@ -113,14 +113,17 @@ class _Search:
         if self.error(rung) <= self.target:
             while rung > FIRST and self.error(rung - 1) <= self.target:
                 rung -= 1
-        while rung < last and (
-            (self._compared(rung) and self.error(rung) > self.target)
-            or (self.ladder.halving and self.run(rung) is None)  # no solution with these steps: shorter ones may have
-        ):
+        while (self._compared(rung) and self.error(rung) > self.target) or self._diverges(rung):
+            if rung == last:
+                break
             rung += 1
 
     def _compared(self, rung: int) -> bool:
         return self.run(rung) is not None and self.finer(rung) is not None
+
+    def _diverges(self, rung: int) -> bool:
+        """Return whether there is no solution with the steps of a rung: shorter ones may have one."""
+        return self.ladder.halving and self.run(rung) is None
 
     def run(self, rung: int) -> Result | None:
         """Return the solution of a rung with other last digits, or that by another method."""
