@@ -15,12 +15,10 @@ if TYPE_CHECKING:
     from pinarm.use.mechanism import Mechanism
     from pinarm.use.report.report import report
     from pinarm.use.scenario.json_schema import schema
-    from pinarm.use.start.examples import examples
-    from pinarm.use.start.new import new
+    from pinarm.use.start.new import examples, new
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.answers.selftest import SelfTest, selftest
-    from pinarm.use.study.equations import equations
-    from pinarm.use.study.explain import explain, isolate
+    from pinarm.use.study.explain import equations, explain, isolate
     from pinarm.use.study.lab import Sheet, lab
     from pinarm.use.study.quantities import quantities
     from pinarm.use.study.recorded import result
@@ -41,8 +39,8 @@ _HOMES = {
     "Batch": "pinarm.use.study.sweep.batches",
     "batch": "pinarm.use.study.sweep.batches",
     "check": "pinarm.use.study.answers.check",
-    "equations": "pinarm.use.study.equations",
-    "examples": "pinarm.use.start.examples",
+    "equations": "pinarm.use.study.explain",
+    "examples": "pinarm.use.start.new",
     "explain": "pinarm.use.study.explain",
     "Result": "pinarm.use.facade",
     "Scenario": "pinarm.use.facade",

@@ -283,7 +283,7 @@ def _explain(options: Namespace) -> int:
 
 
 def _equations(options: Namespace) -> int:
-    from pinarm.use.study.equations import equations
+    from pinarm.use.study.explain import equations
 
     small = None if options.small is None else pairs_of(options.small, "NAME=VALUE, such as theta='90 deg'")
     written = equations(options.path, options.values, small=small)
@@ -509,7 +509,7 @@ def _schema(options: Namespace) -> int:
     output("folder (default: pinarm-examples); files that exist are left as they are", default=Path("pinarm-examples")),
 )
 def _examples(options: Namespace) -> int:
-    from pinarm.use.start.examples import examples
+    from pinarm.use.start.new import examples
 
     folder = examples(options.output)
     show(options, {"folder": str(folder)}, f"written to {folder}")

@@ -152,7 +152,7 @@ def _equations(result: Result, folder: Path | None) -> Iterator[ReportTable | st
 
     A folder has the numbers of the model; its scenario leads to the file with the letters, while this is there.
     """
-    from pinarm.use.study.equations import equations
+    from pinarm.use.study.explain import equations
 
     scenario: Any = result.scenario
     try:

@@ -1,9 +1,13 @@
-"""The files that a mechanism of one's own begins with: from a template, a model file, a robot's name, or a drawing."""
+"""The files that a user begins with: of a template, a model file, a robot or a drawing; or all examples, copied.
+
+Models, scenarios and examples lie in ``example_files`` inside the package in a wheel, and beside the package in a
+checkout of the repository.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pinarm.errors import InputError, choices
@@ -121,3 +125,59 @@ def _written(folder: Path, files: Mapping[str, str]) -> Path:
             hint="another folder: -o DIR",
         ) from None
     return folder
+
+
+FOLDERS = ("models", "scenarios", "examples")
+LEFT_BY_RUNS = ("results", "__pycache__")
+"""Folders that running the examples makes beside them, which are not copied; nor are hidden ones."""
+
+
+def examples(folder: str | Path = "pinarm-examples") -> Path:
+    """Copy the models, scenarios and examples that come with pinarm to a folder, to be run there and changed.
+
+    A file that exists is left as it is, so that nothing the user wrote is lost. The folder gets a ``.pinarm-root``:
+    scenarios in it may refer to every model in it.
+
+    Args:
+        folder: Where to; it is made where it does not exist.
+
+    Returns:
+        The folder.
+
+    Raises:
+        InputError: The folder cannot be written, or pinarm was installed without these files.
+    """
+    target, source = Path(folder), example_files()
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        write_new_file(target / ".pinarm-root", b"")
+        for file in _files(source):
+            write_new_file(target / file, (source / file).read_bytes())
+    except OSError as error:
+        raise InputError(
+            f"the examples cannot be written to {target}: {reason(error)}",
+            expected="a folder, or a path where one can be made",
+            hint="another folder: -o DIR",
+        ) from None
+    return target
+
+
+def example_files() -> Path:
+    """Return the folder that holds models, scenarios and examples."""
+    package = Path(__file__).parents[2]
+    for folder in (package / "example_files", package.parent):
+        if all((folder / name).is_dir() for name in FOLDERS):
+            return folder
+    raise InputError(
+        "this installation of pinarm has no example files",
+        expected=f"{', '.join(FOLDERS)} in {package / 'example_files'}",
+        hint="install pinarm's wheel again",
+    )
+
+
+def _files(source: Path) -> Iterator[Path]:
+    for name in FOLDERS:
+        for path in sorted((source / name).rglob("*")):
+            file = path.relative_to(source)
+            if path.is_file() and not any(part in LEFT_BY_RUNS or part.startswith(".") for part in file.parts):
+                yield file

@@ -6,7 +6,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.start import examples as module
+from pinarm.use.start import new as module
 
 ROOT = Path(pinarm.__file__).parents[1]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinarm.errors import fault
 from pinarm.problems import KINDS
-from pinarm.use.start.examples import example_files
+from pinarm.use.start.new import example_files
 from pinarm.use.study.answers.check import check
 from pinarm.use.workers.worker import versions as programs
 

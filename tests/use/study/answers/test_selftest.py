@@ -8,7 +8,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.problems import KINDS
-from pinarm.use.start.examples import example_files
+from pinarm.use.start.new import example_files
 from pinarm.use.study.answers import selftest as module
 
 
