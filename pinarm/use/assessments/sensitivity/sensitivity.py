@@ -8,7 +8,6 @@ corners, and Monte Carlo on request, show where that is not enough.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,23 +21,12 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
-from pinarm.use.assessments.sensitivity.sampling import DistributionName, monte_carlo, sobol_indices
-from pinarm.use.assessments.sensitivity.tables import (
-    Band,
-    band_table,
-    distribution_graph,
-    distribution_remarks,
-    distribution_table,
-    drawn_remarks,
-    effect_table,
-    ranking_graph,
-    sobol_remarks,
-    sobol_table,
-)
+from pinarm.use.assessments.sensitivity.sampling import DistributionName, distribution, sobol
+from pinarm.use.assessments.sensitivity.tables import Band, band_table, drawn_remarks, effect_table, ranking_graph
 from pinarm.use.assessments.sensitivity.variation import Input, Tolerance, Varied, inputs_of, varied_runs
 from pinarm.use.result.number_accuracy import global_error, noise, rounding
 from pinarm.use.result.numbers import AnyNumber, measured, read_number, slug
-from pinarm.use.result.section import Graph, Section, SectionTable
+from pinarm.use.result.section import Section
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -137,57 +125,27 @@ class Sensitivity(InputStruct, frozen=True):
             return self._section(variation, bands, held)
 
     def _section(self, variation: Varied, bands: Sequence[Band], held: Sequence[str]) -> Section:
-        drawn, inputs = self._drawn(variation, bands), variation.inputs
+        inputs, asked = variation.inputs, ((self.monte_carlo, distribution), (self.sobol, sobol))
+        drawn = [part(variation, bands, count, self.seed, self.distribution) for count, part in asked if count]
         numbers, errors = dict[str, Series](), dict[str, float]()
         for band in bands:
             numbers |= band.numbers(inputs)
             errors |= band.errors(inputs)
-        tables = [band_table(bands, inputs), *drawn.tables, *(effect_table(band, inputs) for band in bands)]
+        tables = [band_table(bands, inputs), *(table for part in drawn for table in part.tables)]
         remarks = [
             "bands are what the tolerances make of a number; its numerical error is another thing, and in none of them"
         ]
-        remarks += [text for band in bands for text in band.remarks(inputs)] + [*held, *drawn.remarks]
+        remarks += [text for band in bands for text in band.remarks(inputs)]
+        remarks += [*held, *(text for part in drawn for text in part.remarks)]
         if any(band.error is None for band in bands):
             remarks.append("numerical errors are not estimated; run --verify bounds them")
-        title = "Sensitivity to tolerances"
-        graphs = [*(ranking_graph(band, inputs) for band in bands if band.ranking(inputs)), *drawn.graphs]
-        numbers, errors = numbers | drawn.numbers, errors | drawn.errors
-        return Section("sensitivity", title, tables, numbers, remarks, graphs, errors)
-
-    def _drawn(self, variation: Varied, bands: Sequence[Band]) -> _Drawn:
-        """Return the results of drawn inputs: Monte Carlo and Sobol' indices, each where it is requested."""
-        drawn = _Drawn([], {}, {}, [], [])
-        if self.monte_carlo:
-            samples = monte_carlo(variation, self.monte_carlo, self.seed, self.distribution)
-            table, numbers, errors = distribution_table(bands, variation.inputs, samples, self.distribution)
-            drawn.tables.append(table)
-            drawn.numbers.update(numbers)
-            drawn.errors.update(errors)
-            drawn.remarks.extend(distribution_remarks(bands, variation.inputs, samples, self.distribution, self.seed))
-            drawn.graphs.extend(
-                distribution_graph(band, variation.inputs, samples.values[:, k], self.distribution)
-                for k, band in enumerate(bands)
-            )
-        if self.sobol:
-            noises = np.array([band.noise for band in bands])
-            indices = sobol_indices(variation, self.sobol, self.seed, self.distribution, noises)
-            table, numbers, errors = sobol_table(bands, variation.inputs, indices)
-            drawn.tables.append(table)
-            drawn.numbers.update(numbers)
-            drawn.errors.update(errors)
-            drawn.remarks.extend(sobol_remarks(bands, indices, self.sobol))
-        return drawn
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    """Results of drawn inputs: Monte Carlo and Sobol' indices."""
-
-    tables: list[SectionTable]
-    numbers: dict[str, Series]
-    errors: dict[str, float]
-    remarks: list[str]
-    graphs: list[Graph]
+        graphs = [ranking_graph(band, inputs) for band in bands if band.ranking(inputs)]
+        for part in drawn:
+            numbers |= part.numbers
+            errors |= part.errors
+            graphs += part.graphs
+        tables += [effect_table(band, inputs) for band in bands]
+        return Section("sensitivity", "Sensitivity to tolerances", tables, numbers, remarks, graphs, errors)
 
 
 def _step(size: Array, errors: Array, of: Input) -> float:

@@ -11,21 +11,12 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.use.assessments.sensitivity.derivative import Derivative
-from pinarm.use.assessments.sensitivity.sampling import DEVIATION, DistributionName, Samples, SobolIndices
 from pinarm.use.assessments.sensitivity.variation import DRAWN, Input
 from pinarm.use.result.numbers import AnyNumber, slug
 from pinarm.use.result.section import Cell, Curve, Graph, SectionTable
 
 NOT_LINEAR = 0.1
 """Difference between a corner and the linear band, relative to the band, that is worth a word."""
-
-ENOUGH = 64
-"""Base samples of Sobol' indices with which about 95 % are within their intervals: measured on sums, products and
-Ishigami's function, 30 % are not with 2, up to 28 % with 16, and up to 15 % with 64."""
-
-CERTAIN = 4.0
-"""Standard errors of a drawn deviation, if the number is linear, beyond which it is another than that of
-root-sum-square."""
 
 
 def unit_over(unit: Unit | None, by: Unit) -> Unit | None:
@@ -91,11 +82,11 @@ class Band:
         """Return bands and derivatives by name."""
         name, unit = slug(self.number), self.measured.unit
         numbers = {
-            f"{name}.worst_case": _single(unit, self.worst_case(inputs)),
-            f"{name}.rss": _single(unit, self.rss(inputs)),
+            f"{name}.worst_case": single(unit, self.worst_case(inputs)),
+            f"{name}.rss": single(unit, self.rss(inputs)),
         }
         for of, slope in zip(inputs, self.slopes, strict=True):
-            numbers[f"{name}.by.{of.name}"] = _single(unit_over(unit, of.si), slope.value)
+            numbers[f"{name}.by.{of.name}"] = single(unit_over(unit, of.si), slope.value)
         return numbers
 
     def errors(self, inputs: Sequence[Input]) -> dict[str, float]:
@@ -214,144 +205,6 @@ MOST_BARS = 20
 """Inputs that a ranking draws, the strongest."""
 
 
-def distribution_table(
-    bands: Sequence[Band], inputs: Sequence[Input], samples: Samples, distribution: DistributionName
-) -> tuple[SectionTable, dict[str, Series], dict[str, float]]:
-    """Return a table of the distributions over drawn runs, the standard deviations by name, and their errors.
-
-    Errors are half widths of 95 % intervals, plus the error of each number itself.
-    """
-    rows, numbers, errors = list[tuple[Cell, ...]](), dict[str, Series](), dict[str, float]()
-    for band, values in zip(bands, samples.values.T, strict=True):
-        deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
-        own, wide = max(band.noise, band.error or 0.0), _student(len(values))
-        of_mean, of_deviation = deviation / len(values) ** 0.5, deviation_error(values)
-        name = f"{slug(band.number)}.deviation"
-        numbers[name], errors[name] = _single(band.measured.unit, deviation), wide * of_deviation + own
-        shares = [(x, off + own) for x, off in (quantile(values, share) for share in SHARES)]
-        pairs = [(float(values.mean()), wide * of_mean + own), (deviation, errors[name]), (linear,), *shares]
-        unit = str(band.measured.unit or "?")
-        rows.append((band.number.label, unit, *(cell for pair in pairs for cell in pair)))
-    named = ("mean", "deviation", "by root-sum-square", "2.5 %", "median", "97.5 %")
-    columns = ["", "unit"]
-    for k, heading in enumerate(named):
-        columns += [heading] if k == 2 else [heading, f"{heading} ± 95 %"]
-    title = f"Monte Carlo, {len(samples.values)} runs"
-    table = SectionTable("monte_carlo", title, columns, (None,) * len(columns), rows, row_unit=1)
-    return table, numbers, errors
-
-
-SHARES = (0.025, 0.5, 0.975)
-"""Percentiles of drawn numbers, as parts of one."""
-
-FEW_DRAWN = 100
-"""Drawn runs with which about 95 % are within the intervals of means and deviations: of squares of normal numbers 93 %
-and 83 % are then, and 89 % and 68 % with 20."""
-
-
-def _student(count: int) -> float:
-    """Return the half width of a 95 % interval of a mean by some numbers, in its standard errors."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(count - 1, 0.975))
-
-
-def quantile(values: Array, share: float) -> tuple[float, float]:
-    """Return a percentile of drawn numbers, shape (n,), and the half width of its 95 % interval, whatever they are.
-
-    How many numbers are below the percentile of the distribution is binomial: the interval is from one of them to
-    another. Of too few it has no end.
-
-    Source: Conover, Practical Nonparametric Statistics, section 3.2.
-    """
-    from scipy.special import bdtrik
-
-    n, value = len(values), float(np.quantile(values, share))
-    low, high = (int(np.ceil(bdtrik(end, n, share))) for end in (0.025, 0.975))
-    ends = np.concatenate([[-np.inf], np.sort(values), [np.inf]])
-    return value, float(max(value - ends[low], ends[min(high, n) + 1] - value))
-
-
-def distribution_remarks(
-    bands: Sequence[Band], inputs: Sequence[Input], samples: Samples, distribution: DistributionName, seed: int
-) -> list[str]:
-    """Return remarks on drawn runs: distribution, failed runs, small samples, and numbers that are not linear."""
-    count, share = len(samples.values), {"normal": "a third", "uniform": "1/√3"}[distribution]
-    said = [f"drawn inputs are {distribution}, with {share} of the tolerance as standard deviation, seed {seed}"]
-    if samples.failures:
-        failed, most = len(samples.failures), max(set(samples.failures), key=samples.failures.count)
-        said.append(f"{failed} of {failed + count} drawn runs cannot be solved, and are left out: {most}")
-    if count < FEW_DRAWN:
-        said.append(f"± 95 % by fewer than {FEW_DRAWN} drawn runs are too small where numbers are skewed")
-    for band, values in zip(bands, samples.values.T, strict=True):
-        deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
-        if abs(deviation - linear) > CERTAIN * linear / (2.0 * (count - 1)) ** 0.5 + band.doubt(inputs):
-            known = f"{deviation:.4g} ± {deviation_error(values):.1g}"
-            said.append(
-                f"{band.number.label}: the deviation is {known} and that of root-sum-square {linear:.4g}: "
-                "it is not linear within the tolerances"
-            )
-    return said
-
-
-def deviation_error(values: Array) -> float:
-    """Return the standard error of the standard deviation of drawn numbers, shape (n,), by their fourth moment.
-
-    The variance of ``s^2`` is ``(m4 - s^4 (n - 3)/(n - 1))/n``: of numbers that are distributed normally about
-    ``2 s^4/n``, of squares of these seven times as much.
-    """
-    n, deviation = len(values), float(values.std(ddof=1))
-    if deviation == 0.0:
-        return 0.0
-    fourth = float((((values - values.mean()) / deviation) ** 4).mean())
-    return float(0.5 * deviation * ((fourth - (n - 3) / (n - 1)) / n) ** 0.5)
-
-
-def distribution_graph(band: Band, inputs: Sequence[Input], values: Array, distribution: DistributionName) -> Graph:
-    """Return the share of drawn runs below a value, and that of a normal distribution by root-sum-square."""
-    from scipy.special import ndtr
-
-    label, deviation = band.number.label, DEVIATION[distribution] * band.rss(inputs)
-    across = np.sort(values)
-    shares = (np.arange(len(across)) + 0.5) / len(across)
-
-    def curve(x: Array, share: Array, name: str) -> Curve:
-        return Curve(Series(label, band.measured.unit, x), Series("share of runs below", DIMENSIONLESS, share), name)
-
-    curves = [curve(across, shares, "Monte Carlo")]
-    if deviation > 0.0:
-        reach = 3.5 * deviation
-        x = np.linspace(min(across[0], band.value - reach), max(across[-1], band.value + reach), 200)
-        curves.append(curve(x, ndtr((x - band.value) / deviation), "normal, by root-sum-square"))
-    return Graph(f"distribution_{slug(band.number)}", f"Distribution of {label}", curves)
-
-
-def sobol_remarks(bands: Sequence[Band], indices: SobolIndices, count: int) -> list[str]:
-    """Return remarks on Sobol' indices: too few base samples for their intervals, and numbers without indices."""
-    few = f"± 95 % of Sobol' indices by fewer than {ENOUGH} base samples are too small: two indices of three are within"
-    return [few] * (count < ENOUGH) + [
-        f"{band.number.label} does not vary within the tolerances but for its numerical error: it has no Sobol' indices"
-        for band, first in zip(bands, indices.first, strict=True)
-        if np.isnan(first).all()
-    ]
-
-
-def sobol_table(
-    bands: Sequence[Band], inputs: Sequence[Input], indices: SobolIndices
-) -> tuple[SectionTable, dict[str, Series], dict[str, float]]:
-    """Return the Sobol' indices of all numbers, the same by name, and half widths of their 95 % intervals."""
-    rows, numbers, errors = list[tuple[Cell, ...]](), dict[str, Series](), dict[str, float]()
-    parts = indices.first, indices.first_error, indices.total, indices.total_error
-    for m, band in enumerate(bands):
-        for k, of in enumerate(inputs):
-            cells = [float(part[m, k]) for part in parts]
-            rows.append((band.number.label, of.name, *cells))
-            for kind, at in (("first", 0), ("total", 2)):
-                name = f"{slug(band.number)}.{kind}.{of.name}"
-                numbers[name], errors[name] = _single(DIMENSIONLESS, cells[at]), cells[at + 1]
-    columns = ("of", "to", "first order", "first order ± 95 %", "total", "total ± 95 %")
-    return SectionTable("sobol", "Sobol' indices", columns, (None,) * len(columns), rows), numbers, errors
-
-
-def _single(unit: Unit | None, value: float) -> Series:
+def single(unit: Unit | None, value: float) -> Series:
+    """Return a series of one value."""
     return Series("", unit, np.array([value]))
