@@ -81,7 +81,10 @@ class Expectation(InputStruct, frozen=True):
 
             with within("quantity"):
                 if isinstance(read_number(self.quantity), RunNumber):
-                    raise self._placed_twice()
+                    raise InputError(
+                        f"'{self.quantity}' has its place behind it: here that is a key of its own",
+                        expected=f"quantity: {self.quantity.partition('@')[0].strip()}, at: max, or {{t: 1.5 s}}",
+                    )
         self._check_place()
         if self.value is not None and self.formula is not None:
             raise InputError("give a value or a formula, not both")
@@ -101,21 +104,6 @@ class Expectation(InputStruct, frozen=True):
                 f"an erratum is a misprint or a model error, not '{self.verdict}'",
                 expected="verdict: misprint, or model_error",
             )
-
-    def _placed_twice(self) -> InputError:
-        """Return the error of a quantity that has its place behind it, and how it is written here."""
-        from pinarm.use.result.numbers import RunNumber
-
-        quantity, at = "C_B", "max, or {t: 1.5 s}"
-        with suppress(InputError):
-            asked = RunNumber.read(self.quantity)
-            if asked.of == asked.quantity:
-                pairs = [f"{key}: {value}" for key, value in asked.at.items()] if isinstance(asked.at, dict) else []
-                quantity, at = asked.quantity, f"{{{', '.join(pairs)}}}" if pairs else str(asked.at)
-        return InputError(
-            f"'{self.quantity}' has its place behind it: here that is a key of its own",
-            expected=f"quantity: {quantity}, at: {at}",
-        )
 
     def _check_place(self) -> None:
         if isinstance(self.at, dict) or self.at in PLACES:

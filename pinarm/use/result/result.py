@@ -312,34 +312,27 @@ class Result(Run, frozen=True):
         """
         if self._states_known and self.quantities.is_rate(name):
             return
-        known = self[name].known
-        if not known.all():
-            run, bad = self.trajectory, np.flatnonzero(~known)
-            where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
-            more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
-            never = [
-                time
-                for time, series in run.columns.items()
-                if time.endswith(".time") and time in name and np.isnan(series.values).any()
-            ]
-            said = [note for note in self.outcome.notes if note.startswith(f"row {bad[0] + 1}: ")]
-            hint = (
-                f"{never[0].removesuffix('.time')} does not take place; its count is 0"
-                if never
-                else "; ".join(said)
-                or too_large(run, bad[0])
-                or self._modes_instead_of(name)
-                or "a body without mass that is free to move, or a formula that divides by zero there"
-            )
-            reasons = refusals(run.dynamics.forces, run.q[bad[0]])
-            at = format_configuration(run.mechanism.model, run.q[bad[0]])
-            raise DynamicsError(
-                f"{name} is not finite at {where}, where {at}{more}{reasons}",
-                hint=hint,
-                partial=self,
-                t=float(run.grid.t[bad[0]]),
-                q=run.q[bad[0]],
-            )
+        bad = np.flatnonzero(~self[name].known)
+        if not len(bad):
+            return
+        run, row = self.trajectory, int(bad[0])
+        more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
+        never = [
+            f"{time.removesuffix('.time')} does not take place; its count is 0"
+            for time, series in run.columns.items()
+            if time.endswith(".time") and time in name and np.isnan(series.values).any()
+        ]
+        said = [note for note in self.outcome.notes if note.startswith(f"row {row + 1}: ")]
+        hint = "; ".join(never[:1] or said) or too_large(run, row) or self._modes_instead_of(name)
+        at = format_configuration(run.mechanism.model, run.q[row])
+        raise DynamicsError(
+            f"{name} is not finite at {run.parameter} = {run.grid.t[row]:.9g} {run.unit}, where {at}{more}"
+            f"{refusals(run.dynamics.forces, run.q[row])}",
+            hint=hint or "a body without mass that is free to move, or a formula that divides by zero there",
+            partial=self,
+            t=float(run.grid.t[row]),
+            q=run.q[row],
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return the headline numbers with units, the measured accuracy, versions and the hash of the input."""
