@@ -1,7 +1,6 @@
 """Shaking force of a rotor in closed form, and of a slider-crank against the discrete Fourier transform of its rows."""
 
 from math import hypot, pi
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,15 +50,6 @@ def test_a_run_that_is_no_whole_period_has_no_harmonics() -> None:
     result = pinarm.run(SLIDER_CRANK, {"shaking": {"harmonics": 2}, "problem.time": {"end": "13 ms", "samples": 21}})
     with pytest.raises(InputError, match="no whole number of periods"):
         _ = result.sections
-
-
-@pytest.mark.slow
-def test_its_section_is_told_saved_and_drawn(tmp_path: Path, rotor: pinarm.Result) -> None:
-    folder = rotor.save(tmp_path, plots=True)
-    assert (folder / "shaking_figures.csv").read_text().splitlines()[1].startswith("force.norm,N,592.17626")
-    assert (folder / "plots" / "shaking_hodograph.svg").stat().st_size > 5000
-    assert rotor.summary()["shaking"]["force.norm.peak"]["unit"] == "N"
-    assert pinarm.schema()["properties"]["shaking"]
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Units and labels by choice: the same numbers by hand, wherever people and programs see them."""
 
-import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -54,19 +53,6 @@ def test_angles_are_in_degrees_for_people_and_in_radians_for_programs(scenario: 
     assert float(ranges(swept)[2][5]) == pytest.approx(180.0)
 
 
-def test_tables_have_chosen_units_in_their_headings(chosen: Any, tmp_path: Path) -> None:
-    folder = chosen.save(tmp_path / "out", plots=False)
-    with open(folder / "trajectory.csv", newline="", encoding="utf-8") as stream:
-        heading, *table = csv.reader(stream)
-    assert heading == ["t [ms]", "M [kN*mm]", "alpha [rad]", "joint.pivot.velocity [rpm]"]
-    assert [float(row[3]) for row in table] == pytest.approx((RPM * chosen["joint.pivot.velocity"].values).tolist())
-    assert list(chosen.to_dataframe()) == heading
-    summary = json.loads((folder / "summary.json").read_text())
-    assert summary["outputs"]["joint.pivot.velocity"]["unit"] == "rad/s"
-    again = pinarm.run(folder / "scenario.yaml")
-    assert ranges(again) == ranges(chosen)
-
-
 def test_plots_replay_check_and_report_have_them(chosen: Any) -> None:
     *_, axis = chosen.plot().axes
     assert np.asarray(axis.lines[0].get_ydata()) == pytest.approx(RPM * chosen["joint.pivot.velocity"].values)
@@ -89,17 +75,6 @@ def test_mistakes_are_told_with_their_place(
     with pytest.raises(error, match=message) as caught:
         scenario("inverse", keys).run()
     assert "inverse.yaml:8:" in str(caught.value)
-
-
-def test_an_axis_of_a_sweep_has_a_label_where_its_number_stands_in_the_mechanism_alone() -> None:
-    arm = {
-        "pinarm": 1, "mechanism": str(Path(pinarm.__file__).parents[1] / "models/five_bar/mechanism.yaml"),
-        "problem": {"kind": "statics", "hold": {"A": "0 deg", "E": "0 deg"}}, "outputs": ["P_x"],
-        "symbols": {"P_x": "point.P.position.x"}, "labels": {"arguments.l1": "$l_1$"},
-    }  # fmt: skip
-    assert pinarm.run(arm)["P_x"].values == pytest.approx([0.125])
-    with pytest.raises(InputError, match=r"no quantity 'arguments\.l9'"):
-        pinarm.run({**arm, "labels": {"arguments.l9": "l"}})
 
 
 KINDS = "units: {length: mm, angle: rad, torque: kN*m, speed: rpm, time: ms, mass: g, alpha: deg}\n"

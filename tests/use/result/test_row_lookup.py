@@ -14,7 +14,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.result.row_lookup import MOST_INTERVALS, Lookup
+from pinarm.use.result.row_lookup import MOST_INTERVALS
 
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
 
@@ -53,29 +53,6 @@ def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, val
 
 def test_the_error_of_an_instant_that_is_given_is_none(scenario: Callable[..., Any]) -> None:
     assert scenario("inverse").run().number("alpha @ t=0.3 s") == (pytest.approx(0.045, rel=ROUNDING), 0.0)
-
-
-def test_the_largest_amount_takes_few_evaluations_of_the_motion(scenario: Callable[..., Any], monkeypatch: Any) -> None:
-    """The height of the other sign is none of the function: no piece is halved for it."""
-    lookup, solved = scenario("statics").run().lookup, list[int]()
-    rows_at = Lookup._rows_at
-    monkeypatch.setattr(Lookup, "_rows_at", lambda self, *at: solved.append(1) or rows_at(self, *at))
-    assert lookup.extreme("largest", "-(sin(alpha) + 0.2*alpha)")[1] < 1e-10
-    assert len(solved) < 12
-
-
-@pytest.mark.parametrize(("which", "sign"), [("max", 1), ("min", -1), ("largest", 1), ("largest", -1)])
-def test_an_extreme_is_found_between_the_samples(ask: Callable[..., float], which: str, sign: int) -> None:
-    """sin(a) + 0.2 a has its maximum at cos(a) = -0.2: its value is exact, its place known to half of the digits."""
-    place = math.acos(-0.2)
-    top = math.sin(place) + 0.2 * place
-    formula = f"{sign}*(sin(alpha) + 0.2*alpha)"
-    assert ask("statics", which, formula) == pytest.approx(sign * top, rel=ROUNDING)
-
-
-def test_an_extreme_at_the_end_of_the_run(ask: Callable[..., float]) -> None:
-    assert ask("statics", "max", "alpha") == pytest.approx(math.pi, rel=1e-15)
-    assert ask("statics", "min", "alpha") == 0.0
 
 
 def test_an_extreme_beside_a_jump_is_that_of_its_side(ask: Callable[..., float]) -> None:
@@ -248,8 +225,3 @@ def test_an_angle_that_goes_around_is_where_it_is_only(
     assert found == pytest.approx(instants, abs=1e-7)  # as the motion is integrated
     with pytest.raises(InputError, match="reached"):
         spinning.number(f"t @ joint.root.yaw={degrees} deg, occurrence={len(instants) + 1}")
-
-
-def test_events_of_an_angle_that_goes_around_are_where_it_is_only(spinning: pinarm.Result) -> None:
-    found = {event.name: event.t for event in spinning.events}
-    assert found == pytest.approx({"zero": 2.7, "half": 0.9, "late": 0.899}, abs=1e-7)

@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.series import Series
 from pinarm.errors import InputError
-from pinarm.input.units import HERTZ
 from pinarm.use.facade import Result
-from pinarm.use.result.section import Curve, Graph
 from pinarm.use.result.vibrations import responses
 from pinarm.use.show.picture_files import pictures
-from pinarm.use.show.plot import graph
 from pinarm.use.show.terminal import report
 
 CARRIAGE = """<robot name="carriage"><link name="rail"/><link name="body"><inertial><mass value="2"/>
@@ -77,12 +73,6 @@ def test_a_search_moves_a_peak(carriage: Callable[..., Result]) -> None:
     assert 2.0 * ratio * np.sqrt(1.0 - ratio**2) * STIFFNESS == pytest.approx(40.0, rel=1e-6)
     least = {"for": {"problem.loads.mount.damping": ["1 N*s/m", "9 N*s/m"]}, "minimise": largest}
     assert carriage(find=least)["mode.1.damping"].values[0] == pytest.approx(RATIO * 9.0 / DAMPING, rel=1e-6)
-
-
-def test_marks_side_by_side_have_one_text() -> None:
-    curve = Curve(Series("f", HERTZ, np.array([1.0, 10.0])), Series("x", HERTZ, np.array([1.0, 10.0])))
-    drawn = Graph("bode", "Bode", [curve], logarithmic="xy", marks=[(2.0, "1"), (2.02, "2"), (5.0, "3")])
-    assert [text.get_text() for text in graph(drawn).axes[0].texts] == ["1, 2", "3"]
 
 
 def test_what_takes_part_in_a_mode_is_told(carriage: Callable[..., Result]) -> None:
@@ -154,10 +144,3 @@ def test_without_matrices_or_python_control_it_says_so(
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(InputError, match=r"pip install 'pinarm\[control\]'"):
         carriage().to_control()
-
-
-def test_tables_become_frames_with_units(carriage: Callable[..., Result]) -> None:
-    pytest.importorskip("pandas")
-    frame = carriage().arrays["A"].to_dataframe()
-    assert list(frame.columns) == ["slide [1/m]", "slide' [s/m]"]
-    assert list(frame.index) == ["slide [m/s]", "slide' [m/s^2]"]
