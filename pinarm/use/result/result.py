@@ -439,19 +439,10 @@ class Result(Run, frozen=True):
         coarse = coarse_angles(run.mechanism.joints, run.q)
         missed = unreached(self.quantities, self.content.expect)
         undecided = [note for note in open_notes(self.outcome.decisions) if note not in self.no_bound]
-        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *coarse, *self._periods()]
+        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *coarse]
         said += beyond_points(run)
         said += [] if self.errors else unexplained_notes(self.figures)  # a bound of the error covers them
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
-
-    def _periods(self) -> list[str]:
-        if not self.content.numbers:
-            return []
-        from pinarm.use.result.numbers import read_number
-        from pinarm.use.result.whole_periods import whole_period_notes
-
-        own = self.scenario
-        return whole_period_notes(own.problem, own.mechanism, [read_number(text) for text in self.content.numbers])
 
     def excesses(self) -> list[Excess]:
         """Return the limits of joints that the run goes beyond."""

@@ -98,7 +98,7 @@ def sweep(
         interrupted = False
     except KeyboardInterrupt:
         interrupted = True
-    table = swept_of(scenario, solving, definition, _notes(scenario, chosen, solving.task.wanted))
+    table = swept_of(scenario, solving, definition, _notes(scenario, chosen))
     if interrupted:
         text = f"interrupted with {solving.done} of {len(chosen)} cases solved"
         hint = "the same command again: it goes on from there" if folder is not None else ""
@@ -189,20 +189,13 @@ def measured_results(
     return [values, *taken], [*values.columns(), *columns]
 
 
-def _notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[str]:
-    """Return notes of the first and the last case: figures not over whole periods, a removed method of integration."""
-    numbers = [entry.number for entry in wanted if entry.number is not None]
+def _notes(scenario: Scenario, cases: Cases) -> list[str]:
+    """Return notes of the first and the last case: a removed method of integration."""
     notes = []
     for case in (0, len(cases) - 1):
         with suppress(PinarmError):  # a case that fails says why itself
             varied = scenario.varied(cases.values(case))
             notes += [f"case {case}: {note}" for note in varied.method_notes(varied.content.accuracy)]
-            if numbers:
-                from pinarm.use.result.whole_periods import whole_period_notes
-
-                notes += [
-                    f"case {case}: {note}" for note in whole_period_notes(varied.problem, varied.mechanism, numbers)
-                ]
     return list(dict.fromkeys(notes))
 
 
