@@ -25,8 +25,7 @@ from pinarm.records import Record, replace
 from pinarm.use.method.actions import Actions, Carrier, body_name, unknown_actions
 from pinarm.use.method.balance import Source, forces_of, inertias_of, sources, weights_of
 from pinarm.use.method.isolation import ROLES, WORDS, Equation, Isolation, Term
-from pinarm.use.method.search import NOTHING, Chain, Search, Step, configurations
-from pinarm.use.method.theorems import Landmarks, motion_of_whole
+from pinarm.use.method.search import NOTHING, Chain, Landmarks, Search, Step, configurations, motion_of_whole
 from pinarm.use.method.wanted import Wanted, efforts_of, function_of, symbols_of, wanted_of
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.numbers import RunNumber
@@ -118,9 +117,9 @@ class Derivation(Record, frozen=True):
         if not self.chains:
             return Isolation(self.wanted, title, said(WORDS["nothing"], wanted=self.wanted.symbol))
         key, chain = self.chains[0]
-        others = tuple(self._other(*other) for other in self.chains[1 : 1 + ALTERNATIVES])
+        others = [other for other in dict.fromkeys(self._other(*chain) for chain in self.chains)][1 : 1 + ALTERNATIVES]
         equations = tuple(self._equation(step, chain) for step in chain.steps)
-        isolation = Isolation(self.wanted, title, self._verdict(key, chain), equations, others)
+        isolation = Isolation(self.wanted, title, self._verdict(key, chain), equations, (*others,))
         return isolation if state is None else self._in_numbers(isolation, chain, state, where)
 
     def _verdict(self, key: str, chain: Chain) -> str:

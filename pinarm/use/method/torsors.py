@@ -12,8 +12,7 @@ import numpy as np
 import pinocchio as pin
 from msgspec import field
 
-from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.checks.figures import sampled
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
@@ -40,9 +39,6 @@ LETTERS: Mapping[str, tuple[Sequence[str], str, str]] = {
 
 HEADING = "{kind} torsor of {of} at {point}, axes of {basis}"
 
-SAMPLE = 5
-"""Rows at most in which a joint's shape is looked at: it belongs to the structure."""
-
 NOTHING = 1e-12
 """Component, relative to the largest of the run, that is rounding."""
 
@@ -59,9 +55,7 @@ class Torsor(Record, frozen=True):
         parts: [R; M], world axes, shape (n, 6).
         place: The point [m], world axes, shape (n, 3).
         turn: Columns are the axes of the basis, shape (n, 3, 3).
-        possible: Wrenches that the joint can transmit in some rows, of which zeros of the shape follow, as ``parts``,
-            shape (k, s, 6).
-        rows: These rows, shape (s,).
+        possible: Wrenches that the joint can transmit, of which zeros of the shape follow, shape (k, n, 6).
         added: What self-stresses of a hyperstatic mechanism add, shape (k, n, 6).
         extent: Length of the longest branch of links [m], which compares moments with forces.
         language: Language of its words.
@@ -78,7 +72,6 @@ class Torsor(Record, frozen=True):
     place: Array
     turn: Array
     possible: Array
-    rows: Indices
     added: Array
     extent: float
     language: Language = field(default_factory=spoken)
@@ -95,7 +88,7 @@ class Torsor(Record, frozen=True):
     @property
     def components(self) -> Array:
         """Components of R and M in the basis [SI], shape (n, 6); NaN where rigid bodies do not determine them."""
-        return np.where(self.undetermined, np.nan, self._in_basis(self.parts))
+        return np.where(self.undetermined, np.nan, _in_basis(self.parts, self.turn))
 
     @property
     def resultant(self) -> Array:
@@ -110,26 +103,21 @@ class Torsor(Record, frozen=True):
     @property
     def undetermined(self) -> Flags:
         """Mask of the components that self-stresses change, shape (6,)."""
-        return np.asarray(np.abs(self._in_basis(self.added)).max(axis=(0, 1), initial=0.0) > ACTS)
+        return np.asarray(np.abs(_in_basis(self.added, self.turn)).max(axis=(0, 1), initial=0.0) > ACTS)
 
     @property
     def shape(self) -> tuple[str, ...]:
         """Letters of the components; ``0`` of those that the joint cannot transmit, or a run does not have."""
         scale = np.repeat([1.0, 1.0 / self.extent], 3)
-        each = (self._in_basis(self.possible, self.rows).reshape(-1, 6), self._in_basis(self.parts))
-        sizes = [np.abs(values * scale).max(axis=0, initial=0.0) for values in each]
-        free = np.any([size > NOTHING * size.max() for size in sizes], axis=0)
+        free = _acting(self.parts * scale, self.turn) | _acting(self.possible * scale, self.turn)
         return tuple(letter if there else "0" for letter, there in zip(LETTERS[self.kind][0], free, strict=True))
-
-    def _in_basis(self, parts: Array, rows: Indices | slice = slice(None)) -> Array:
-        back = self.turn[rows].swapaxes(-1, -2)
-        return joined(rotated(back, parts[..., :3]), rotated(back, parts[..., 3:]))
 
     def moved_to(self, place: Array, point: str) -> Torsor:
         """Return the torsor at another point [m], world axes, shape (n, 3) or (3,), with its name."""
         arm = self.place - place
-        parts, added = (moved(each, np.broadcast_to(arm, each[..., :3].shape)) for each in (self.parts, self.added))
-        possible = moved(self.possible, np.broadcast_to(arm[self.rows], self.possible[..., :3].shape))
+        parts, possible, added = (
+            moved(each, np.broadcast_to(arm, each[..., :3].shape)) for each in (self.parts, self.possible, self.added)
+        )
         place = np.broadcast_to(place, self.place.shape)
         return replace(self, parts=parts, possible=possible, added=added, place=place, point=point)
 
@@ -138,50 +126,51 @@ class Torsor(Record, frozen=True):
         there = other.moved_to(self.place, self.point).parts
         return np.asarray((self.parts[:, :3] * there[:, 3:] + self.parts[:, 3:] * there[:, :3]).sum(axis=1))
 
-    def row(self, value: float | None = None) -> int:
-        """Return the row whose parameter is nearest to a value; the first where it is left out."""
-        return 0 if value is None else int(np.argmin(np.abs(self.parameter.values - value)))
+    def _written(self, value: float | None) -> tuple[str, list[list[str]]]:
+        """Return heading and table: letters with numbers in the row nearest to a value of the parameter, or the first.
 
-    def table(self, value: float | None = None) -> list[list[str]]:
-        """Return the two columns of the torsor, letters with numbers at a value of the run's parameter."""
-        with writing(self.language):
-            return self._table(value)
-
-    def _table(self, value: float | None) -> list[list[str]]:
-        components, shape, row = self.components, self.shape, self.row(value)
-        cells = []
-        for k, letter in enumerate(shape):
-            number = decimals(f"{components[row, k]:.6g} {self.units[k // 3]}")
-            number = said("undetermined") if self.undetermined[k] else number
-            cells.append("0" if letter == "0" else f"{letter} = {number}")
-        return [
-            ["", said("resultant"), said("moment")],
-            *([axis, cells[k], cells[3 + k]] for k, axis in enumerate("xyz")),
-        ]
-
-    def text(self, value: float | None = None) -> str:
-        """Return it as text: shape, then numbers in the row nearest to a value of the run's parameter."""
-        rows = self.table(value)
-        widths = [max(len(row[k]) for row in rows) for k in range(3)]
-        return "\n".join([self.heading(value), *("  ".join(map(str.ljust, each, widths)).rstrip() for each in rows)])
-
-    def heading(self, value: float | None = None) -> str:
-        """Return the heading: kind, point, axes, and the row nearest to a value of the run's parameter."""
-        t, row = self.parameter, self.row(value)
+        The heading has kind, point, axes, and the row; the two columns of the table are resultant and moment.
+        """
+        t, components = self.parameter, self.components
+        row = 0 if value is None else int(np.argmin(np.abs(t.values - value)))
         with writing(self.language):
             basis = said("ground") if self.basis == "ground" else self.basis
             words = said(HEADING, kind=said(self.kind), of=self.of, point=self.point, basis=basis)
-            return f"{words}, {t.name} = {decimals(f'{t.values[row]:.6g}')} {t.unit}"
+            cells = []
+            for k, letter in enumerate(self.shape):
+                number = decimals(f"{components[row, k]:.6g} {self.units[k // 3]}")
+                number = said("undetermined") if self.undetermined[k] else number
+                cells.append("0" if letter == "0" else f"{letter} = {number}")
+            rows = [[axis, cells[k], cells[3 + k]] for k, axis in enumerate("xyz")]
+            heading = f"{words}, {t.name} = {decimals(f'{t.values[row]:.6g}')} {t.unit}"
+            return heading, [["", said("resultant"), said("moment")], *rows]
+
+    def text(self, value: float | None = None) -> str:
+        """Return it as text: shape, then numbers in the row nearest to a value of the run's parameter."""
+        heading, rows = self._written(value)
+        widths = [max(len(row[k]) for row in rows) for k in range(3)]
+        return "\n".join([heading, *("  ".join(map(str.ljust, cells, widths)).rstrip() for cells in rows)])
 
     def __str__(self) -> str:
-        """Return it as text, in the first row."""
         return self.text()
 
     def _repr_html_(self) -> str:
-        """Return it as a table, for notebooks."""
-        from pinarm.use.show.notebook import blocks, heading, table
+        from pinarm.use.show import notebook
 
-        return blocks(heading(self.heading()), table(self.table()))
+        heading, rows = self._written(None)
+        return notebook.blocks(notebook.heading(heading), notebook.table(rows))
+
+
+def _in_basis(parts: Array, turn: Array) -> Array:
+    """Return components of torsors, shape (..., n, 6), along the columns of rotations, shape (n, 3, 3)."""
+    back = turn.swapaxes(-1, -2)
+    return joined(rotated(back, parts[..., :3]), rotated(back, parts[..., 3:]))
+
+
+def _acting(parts: Array, turn: Array) -> Flags:
+    """Return a mask of the components that are not rounding, shape (6,), of torsors with lengths near 1."""
+    sizes = np.abs(_in_basis(parts, turn).reshape(-1, 6)).max(axis=0, initial=0.0)
+    return np.asarray(sizes > NOTHING * sizes.max())
 
 
 def shapes(mechanism: Mechanism, q: Array) -> dict[str, str]:
@@ -189,28 +178,22 @@ def shapes(mechanism: Mechanism, q: Array) -> dict[str, str]:
 
     At the joint's own point; in the axes of the child, or of the second frame of a loop joint.
     """
-    model, links, shapes_of_joints = mechanism.model, LinkPlacements.at(mechanism.model, q[None]), {}
-    for body in bodies_of(mechanism):
-        shapes_of_joints[str(model.names[body])] = _letters(
-            held(model, links, body), links.turns[:, body], links.places[:, body]
-        )
+    model, links = mechanism.model, LinkPlacements.at(mechanism.model, q[None])
+    spaces = {str(model.names[k]): (held(model, links, k), links.turns[:, k], links.places[:, k])
+              for k in bodies_of(mechanism)}  # fmt: skip
     for constraint in mechanism.constraints:
         if isinstance(constraint, LoopJoint):
-            shapes_of_joints[constraint.name] = _letters(
-                per_unit(constraint, links)[_second(model, constraint)], *links.frame(constraint.second)
-            )
-    return shapes_of_joints
+            wrenches = per_unit(constraint, links)[_second(model, constraint)]
+            spaces[constraint.name] = (wrenches, *links.frame(constraint.second))
+    scale, letters = np.repeat([1.0, 1.0 / mechanism.closure.extent], 3), {}
+    for name, (wrenches, turn, place) in spaces.items():
+        free = _acting(moved(wrenches, -place[:, None]).swapaxes(0, 1) * scale, turn)
+        letters[name] = " ".join(letter if there else "0" for letter, there in zip("XYZLMN", free, strict=True))
+    return letters
 
 
 def _second(model: pin.Model, loop: LoopJoint) -> int:
     return int(model.frames[loop.second].parentJoint)
-
-
-def _letters(wrenches: Array, turn: Array, place: Array) -> str:
-    """Return the letters of the components of wrenches at the world's origin, shape (1, k, 6), at a frame."""
-    there = moved(wrenches, -place[:, None])[0].reshape(-1, 2, 3) @ turn[0]
-    sizes = np.abs(there).max(axis=0, initial=0.0).ravel()
-    return " ".join(letter if size > NOTHING else "0" for letter, size in zip("XYZLMN", sizes, strict=True))
 
 
 @in_language
@@ -220,10 +203,10 @@ def torsor(result: Result, of: str, at: str, along: str, kind: str) -> Torsor:
     kind = kind or ("kinematic" if of in links_of(run.mechanism.model) and not _is_tie(quantities, of) else "static")
     if kind not in LETTERS:
         raise InputError(f"there is no kind of torsor '{kind}'", expected=", ".join(LETTERS))
-    rows, still = sampled(len(run), SAMPLE), np.broadcast_to(np.eye(3), (len(run), 3, 3))
+    still = np.broadcast_to(np.eye(3), (len(run), 3, 3))
     parts, place, added = _static(quantities, of) if kind == "static" else _moving(quantities, of, kind)
-    possible = _possible(run, of, place, rows) if kind == "static" else np.zeros((0, len(rows), 6))
-    own = parts, place, still, possible, rows, added, float(run.mechanism.closure.extent)
+    possible = _possible(run, of, place) if kind == "static" else np.zeros((0, len(run), 6))
+    own = parts, place, still, possible, added, float(run.mechanism.closure.extent)
     found = Torsor(of, kind, of, "ground", quantities.parameter, *own)
     if at:
         found = found.moved_to(_point(quantities, at), at)
@@ -273,9 +256,9 @@ def _static(quantities: Quantities, of: str) -> tuple[Array, Array, Array]:
     return parts, place, np.array(added).reshape(-1, len(run), 6)
 
 
-def _possible(run: Trajectory, of: str, place: Array, rows: Indices) -> Array:
-    """Return the wrenches that a joint can transmit at its place in some rows, shape (k, s, 6)."""
-    mechanism, links = run.mechanism, LinkPlacements.at(run.mechanism.model, run.q[rows])
+def _possible(run: Trajectory, of: str, place: Array) -> Array:
+    """Return the wrenches that a joint can transmit at its place, shape (k, n, 6)."""
+    mechanism, links = run.mechanism, LinkPlacements.at(run.mechanism.model, run.q)
     joint = mechanism.joints.get(of) or mechanism.balls.get(of)
     if joint is not None:
         wrenches = held(mechanism.model, links, joint.index)
@@ -283,7 +266,7 @@ def _possible(run: Trajectory, of: str, place: Array, rows: Indices) -> Array:
         tie = next(constraint for constraint in mechanism.constraints if constraint.name == of)
         acting = per_unit(tie, links)
         wrenches = acting[_second(mechanism.model, tie) if isinstance(tie, LoopJoint) else tie.second]  # type: ignore[attr-defined]
-    return np.moveaxis(moved(wrenches, -place[rows, None]), 1, 0)
+    return np.moveaxis(moved(wrenches, -place[:, None]), 1, 0)
 
 
 def _moving(quantities: Quantities, of: str, kind: str) -> tuple[Array, Array, Array]:

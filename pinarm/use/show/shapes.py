@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
@@ -113,7 +114,7 @@ def visuals(mechanism: Mechanism) -> Visuals:
     robot, model = ElementTree.fromstring(mechanism.xml), mechanism.model
     shapes: list[Shape] = []
     notes: list[str] = []
-    palette = dict(_materials(robot, notes))
+    palette = {str(material.get("name")): _colour(material) for material in robot.findall("material")}
     missing: set[int] = set()
     meshes: dict[Path, list[Mesh]] = {}  # a leg's mesh serves four times
     for visual, frame in _visuals(robot, model):
@@ -135,47 +136,28 @@ def _visuals(robot: ElementTree.Element, model: pin.Model) -> Iterator[tuple[Ele
             yield visual, frames[str(link.get("name"))]
 
 
-def _materials(robot: ElementTree.Element, notes: list[str]) -> Iterator[tuple[str, Colour]]:
-    """Yield the colours of the materials by name; notes say which cannot be read."""
-    for material in robot.findall("material"):
-        name = str(material.get("name"))
-        try:
-            if colour := _colour(material):
-                yield name, colour
-        except InputError as error:
-            notes.append(f"material {name} is not drawn as its file says: {error.message}")
-
-
 def _colour(material: ElementTree.Element | None) -> Colour | None:
+    """Return the colour of a material; none where its file has no four numbers."""
     element = material.find("color") if material is not None else None
-    if element is None:
-        return None
-    r, g, b, a = np.clip(_numbers(element.get("rgba", ""), 4), 0.0, 1.0)
-    return float(r), float(g), float(b), float(a)
+    with suppress(InputError):
+        r, g, b, a = np.clip(_numbers(element.get("rgba", "") if element is not None else "", 4), 0.0, 1.0)
+        return float(r), float(g), float(b), float(a)
+    return None
 
 
 def _visual(
     visual: ElementTree.Element,
     frame: pin.Frame,
-    palette: Mapping[str, Colour],
+    palette: Mapping[str, Colour | None],
     source: Source,
     meshes: dict[Path, list[Mesh]],
 ) -> Iterator[Shape]:
-    """Yield the solids of one visual.
-
-    Raises:
-        InputError: Its file may not be read, or is no mesh.
-        ModelError: It is nothing that URDF draws.
-    """
+    """Yield the solids of one visual."""
     geometry = visual.find("geometry")
     if geometry is None or len(geometry) == 0:
         raise ModelError("a visual has no geometry")
-    element, node, placement = (
-        geometry[0],
-        int(frame.parentJoint),
-        frame.placement * placement_of(visual.find("origin"), "a visual"),
-    )
-    material = visual.find("material")
+    element, node, material = geometry[0], int(frame.parentJoint), visual.find("material")
+    placement = frame.placement * placement_of(visual.find("origin"), "a visual")
     painted = _colour(material) or (palette.get(material.get("name", "")) if material is not None else None)
     if element.tag == "mesh":
         scale = tuple(float(x) for x in _numbers(element.get("scale", "1 1 1"), 3))

@@ -41,14 +41,3 @@ def test_a_mesh_elsewhere_is_not_read_and_the_body_is_a_stick(
     scene, [note] = picture(xml)
     assert note.startswith("link a_link is not drawn as its file says")
     assert {shape["kind"] for shape in scene["shapes"] if shape["node"] == 1} == {"cylinder", "sphere"}
-
-
-def test_a_colour_that_is_none_is_told_and_another_one_drawn(
-    picture: Callable[..., Any], chain: Callable[..., str]
-) -> None:
-    visual = '<visual><geometry><sphere radius="1"/></geometry><material name="m"/></visual>'
-    xml = chain({"name": "a"}).replace('<link name="a_link">', f'<link name="a_link">{visual}')
-    material = '<material name="m"><color rgba="hinge"/></material><gazebo><link/></gazebo>'
-    scene, notes = picture(xml.replace("</robot>", f"{material}</robot>"))
-    assert notes == ("material m is not drawn as its file says: 'hinge' is not what a visual needs here",)
-    assert [shape["kind"] for shape in scene["shapes"] if shape["node"] == 1] == ["sphere"]

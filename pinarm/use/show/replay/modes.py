@@ -58,76 +58,59 @@ class ModePictures(Record, frozen=True):
     Attributes:
         run: Positions of all modes: the phase varies fastest, then the amplitude, then the mode.
         phases: Phases of a period [rad], shape (PHASES,).
-        texts: Name and description of each mode.
+        plain: Data of the page beside the positions: number of amplitudes, names and descriptions of the modes.
         notes: Modes whose loops do not close, and modes that are left out.
     """
 
     run: Trajectory
     phases: Array
-    texts: tuple[tuple[str, str], ...]
+    plain: dict[str, Any]
     notes: tuple[str, ...]
-
-    def plain(self) -> dict[str, Any]:
-        """Return the data of the page beside the positions."""
-        return {"levels": LEVELS, "names": [name for name, _ in self.texts], "texts": [text for _, text in self.texts]}
 
     @property
     def period(self) -> Trajectory:
         """The first mode over one period, to name a phase of it."""
-        return replace(
-            self.run.some(np.arange(PHASES)),
-            grid=Grid.cover(self.phases, []),
-            parameter="phase",
-            unit=unit("rad"),
-            separate=False,
-        )
+        grid, first = Grid.cover(self.phases, []), self.run.some(np.arange(PHASES))
+        return replace(first, grid=grid, parameter="phase", unit=unit("rad"), separate=False)
 
 
 def mode_pictures(result: Result) -> ModePictures:
     """Return the positions of the modes of a linear analysis."""
     run, phases = result.trajectory, np.linspace(0.0, 2.0 * np.pi, PHASES)
-    mechanism, shapes = run.mechanism, mode_shapes(result)
-    numbers = range(min(shapes.shape[1], MOST_MODES))
-    notes = [said("{count} modes more", count=shapes.shape[1] - MOST_MODES)] if shapes.shape[1] > MOST_MODES else []
-    positions, texts = [], []
-    for k in numbers:
-        shape, where = _scaled(mechanism, shapes[:, k])
-        q, size = _positions(mechanism, run.q[0], shape, phases)
-        if not size:
-            notes.append(said("mode {number}: to first order, its loops do not close", number=k + 1))
+    shapes, notes, positions, names, texts = mode_shapes(result), list[str](), [], [], []
+    if (more := shapes.shape[1] - MOST_MODES) > 0:
+        notes.append(said("{count} modes more", count=more))
+    for number, shape in enumerate(shapes.T[:MOST_MODES], 1):
+        factor, largest, unit_of_size = _full_amplitude(run.mechanism, shape)
+        q, part = _positions(run.mechanism, run.q[0], factor * shape, phases)
+        if not part:
+            notes.append(said("mode {number}: to first order, its loops do not close", number=number))
+        size = f"{np.abs(factor * shape[largest]) * (part or 1.0) * unit_of_size[0]:.3g}{unit_of_size[1]}"
+        where = f"{coordinate_name(run.mechanism.model, largest)} {decimals(size)}"
+        words = {"description": _description(result, number), "size": where}
         positions.append(q)
-        words = {"description": _description(result, k + 1), "size": decimals(where(size or 1.0))}
-        texts.append((said("mode {number}", number=k + 1), said("{description}; full amplitude: {size}", **words)))
+        names.append(said("mode {number}", number=number))
+        texts.append(said("{description}; full amplitude: {size}", **words))
     rows = np.concatenate(positions)
     many = replace(run.some(np.zeros(len(rows), np.intp)), grid=Grid.cover(np.arange(float(len(rows))), []), q=rows)
-    return ModePictures(many, phases, tuple(texts), tuple(notes))
+    return ModePictures(many, phases, {"levels": LEVELS, "names": names, "texts": texts}, tuple(notes))
 
 
 def require_bare(traces: object, arrows: object, plots: object) -> None:
-    """Raise where a picture of modes is to have what only motions have.
-
-    Raises:
-        InputError: Names it.
-    """
+    """Raise where a picture of modes is to have what only motions have."""
     for asked, name in ((traces, "paths"), (arrows, "arrows"), (plots, "plots")):
         if asked:
             raise InputError(f"the replay of modes has no {name}", hint="a run of the kind forward has them")
 
 
-def _scaled(mechanism: Mechanism, shape: Complex) -> tuple[Complex, Any]:
-    """Return a shape at full amplitude, and a function that tells its largest deviation for a part of that."""
-    sliding = {joint.v for joint in mechanism.joints.values() if joint.unit == METRE}
-    length = SLIDE * float(mechanism.closure.extent or 1.0)
-    allowed = np.array([length if index in sliding else TURN for index in range(len(shape))])
+def _full_amplitude(mechanism: Mechanism, shape: Complex) -> tuple[float, int, tuple[float, str]]:
+    """Return the factor of a shape at full amplitude, the velocity that is largest then, and its unit as printed."""
+    sliding = [joint.v for joint in mechanism.joints.values() if joint.unit == METRE]
+    allowed = np.full(len(shape), TURN)
+    allowed[sliding] = SLIDE * float(mechanism.closure.extent)
     largest = int(np.argmax(np.abs(shape) / allowed))
-    full = shape * allowed[largest] / np.abs(shape[largest])
-    name, size = coordinate_name(mechanism.model, largest), float(allowed[largest])
-
-    def where(part: float) -> str:
-        shown = f"{1000.0 * part * size:.3g} mm" if largest in sliding else f"{np.degrees(part * size):.3g}°"
-        return f"{name} {shown}"
-
-    return full, where
+    shown = (1000.0, " mm") if largest in sliding else (np.degrees(1.0), "°")
+    return float(allowed[largest] / np.abs(shape[largest])), largest, shown
 
 
 def _positions(mechanism: Mechanism, q: Array, shape: Complex, phases: Array) -> tuple[Array, float]:

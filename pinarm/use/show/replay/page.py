@@ -145,7 +145,7 @@ def replay_page(
     content |= {"named": named, "plots": plotted, "parameter": _parameter(result, run)}
     if modes:
         phase = {"name": said("phase"), "unit": "°", "scale": np.pi / 180.0, "time": False, "discrete": False}
-        content |= {"modes": modes.plain(), "rows": packing.add(modes.phases), "parameter": {**phase, "seconds": CYCLE}}
+        content |= {"modes": modes.plain, "rows": packing.add(modes.phases), "parameter": {**phase, "seconds": CYCLE}}
         notes = (*modes.notes, *notes)
     skipped = [said("{shown} of {count} rows", shown=len(rows), count=len(result))] if len(rows) < len(result) else []
     more = [said("and {count} more", count=len(notes) - NAMED)] if len(notes) > NAMED else []
