@@ -28,7 +28,7 @@ FLOOR_PLAN = {
     "engine": "series labelled_array kernel integration constraints dynamics mesh_inertias "
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_loading",
     "problems": "time_grid accuracy joint_values weights laws loads drives control declaration events "
-    "position_bands equilibria inverse kinematics linear states recorded forward simplify",
+    "position_bands equilibria inverse linear states recorded forward simplify",
     "use": "progress result workers cases assessments scenario accuracy output show store method mechanism "
     "facade start letters study report",
     "cli": "options streams commands main",

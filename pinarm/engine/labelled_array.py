@@ -59,11 +59,9 @@ class LabelledArray(Record, frozen=True):
         return complex(self.values[list(self.rows).index(row), list(self.columns).index(column)])
 
     def headings(self) -> tuple[list[str], list[str]]:
-        """Return the names of the rows and of the columns with their units."""
         return _with_units(self.rows, self.row_units), _with_units(self.columns, self.column_units)
 
     def to_dataframe(self) -> DataFrame:
-        """Return it as a pandas table; an entry is in the product of the units of its row and column."""
         from pinarm.engine.labelled_array import dataframe
 
         rows, columns = self.headings()

@@ -117,7 +117,6 @@ class Mechanism(Record, frozen=True):
         return replace(self, model=model)._bound()
 
     def _bound(self) -> Mechanism:
-        """Return the mechanism with the forces of its description bound to its model."""
         from pinarm.mechanics.forces.kinds import bound
 
         definitions = self.description.forces.items()
@@ -205,10 +204,6 @@ def mechanism_variants(
         mechanism: The first of the variants.
         given: The arguments that it was read with [SI].
         columns: Those that vary, with their values in all variants [SI].
-
-    Raises:
-        VariantsDiffer: They differ in more than numbers, or this is not known.
-        PinarmError: A file may not be read any more, or a number follows that cannot be computed.
     """
     from pinarm.mechanics.loading.urdf.variants import model_variants
 
@@ -230,11 +225,7 @@ def mechanism_variants(
 
 
 def alike_variants(mechanism: Mechanism, count: int) -> Mechanism:
-    """Return a mechanism as variants of itself that do not differ, but may move in different ways.
-
-    Raises:
-        VariantsDiffer: More depends on the model than the motion of its links.
-    """
+    """Return a mechanism as variants of itself that do not differ, but may move in different ways."""
     _require_plain(mechanism)
     return replace(mechanism, model=ModelVariants.alike(mechanism.model, count))
 
@@ -257,11 +248,7 @@ def _require_plain(mechanism: Mechanism) -> None:
 
 
 def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
-    """Raise where force elements do more than push joints evenly, or by their coordinates and velocities.
-
-    Raises:
-        VariantsDiffer: One depends on where links are.
-    """
+    """Raise where force elements do more than push joints evenly, or by their coordinates and velocities."""
     if not forces:
         return
     from pinarm.mechanics.forces.joint_forces import SpringDamper

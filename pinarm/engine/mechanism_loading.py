@@ -88,12 +88,7 @@ def read_mechanism(
 
     Args:
         path: As in ``Mechanism.load``.
-        arguments: Likewise.
-        gravity: Replaces that of the file.
-        payloads: Carried beside those of the file, by name.
-        changes: Values that replace those of the mechanism file at the same paths.
         locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the scenario.
-        acted: Coordinates along which something of the scenario acts.
     """
     document = mechanism_document(Path(path))
     if changes is not None:
@@ -233,7 +228,6 @@ class _Reading(Record, frozen=True):
         return NamedParts(joints, balls, loops, coordinates)
 
     def check_start(self, joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> None:
-        """Check names and units of the joint coordinates near which the loops close."""
         known = positions_of(joints, balls)
         for name, value in self.description.start.items():
             with self.here("start", Key(name)):
@@ -242,7 +236,6 @@ class _Reading(Record, frozen=True):
                 check_unit(value, measured)
 
     def loops(self, model: pin.Model) -> list[LoopJoint | CableLoop]:
-        """Return the loop joints and cables of a drawing or a model's file, and those that the mechanism file says."""
         drawn = self.robot.loops
         with self.here(self.key):
             loops: list[LoopJoint | CableLoop] = [loop.bind(model, name) for name, loop in drawn.items()]
@@ -256,7 +249,6 @@ class _Reading(Record, frozen=True):
     def loop_coordinates(
         self, model: pin.Model, loops: Sequence[LoopJoint], known: Container[str]
     ) -> dict[str, Coordinate]:
-        """Return the coordinates of loop joints."""
         if not loops:
             return {}
         from pinarm.mechanics.loops.lower_pairs import loop_coordinates
@@ -301,7 +293,6 @@ class _Reading(Record, frozen=True):
             return with_rotors(model, turning, coordinates)
 
     def trains(self, coordinates: Mapping[str, Coordinate]) -> Iterator[tuple[str, Drive, DriveTrain]]:
-        """Yield the drives whose rotor is a joint of its own, with the joints between rotor and load."""
         for name, drive in self.description.drives.items():
             if drive.turns_rotor:
                 from pinarm.mechanics.rotors import DriveTrain
@@ -311,7 +302,6 @@ class _Reading(Record, frozen=True):
     def constraints(
         self, model: pin.Model, parts: NamedParts, counters: Sequence[Constraint]
     ) -> tuple[Constraint, ...]:
-        """Return loops and couplings, and what ties joints without a body: counters and rotors of drives."""
         joints, coordinates = parts.joints, parts.coordinates
         mimics = [_mimic_coupling(mimic, joints, model) for mimic in self.robot.mimics]
         trains = self.trains(coordinates)
@@ -319,7 +309,6 @@ class _Reading(Record, frozen=True):
         return (*mimics, *parts.loops, *self.couplings(model, joints), *counters, *geared)
 
     def couplings(self, model: pin.Model, joints: Mapping[str, Joint]) -> list[JointRelation]:
-        """Return the couplings, those of the model and those of the mechanism file."""
         robot = self.robot
         with self.here(self.key):
             couplings: list[JointRelation] = [
@@ -338,7 +327,6 @@ class _Reading(Record, frozen=True):
     def frictions(
         self, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[Constraint]
     ) -> tuple[FrictionContact, ...]:
-        """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
         robot, description = self.robot, self.description
         if description.friction == "none" or not (robot.friction or description.friction):
             return ()
@@ -355,7 +343,6 @@ class _Reading(Record, frozen=True):
         return tuple(contacts)
 
     def symbols(self) -> dict[str, Expression]:
-        """Return the formulas of the published symbols."""
         symbols = {}
         for name, text in self.description.symbols.items():
             with self.here("symbols", name):
@@ -363,7 +350,6 @@ class _Reading(Record, frozen=True):
         return symbols
 
     def mount_drives(self, model: pin.Model, joints: Mapping[str, Joint]) -> None:
-        """Give the inertias of rotors to the joints of their drives."""
         mounted: dict[str, str] = {}
         armature: Any = model.armature
         for name, drive in self.description.drives.items():
@@ -380,7 +366,6 @@ class _Reading(Record, frozen=True):
                 armature[joint.v] += drive.armature
 
     def forces(self, model: pin.Model, parts: NamedParts) -> dict[str, ForceElement]:
-        """Return the force elements of the model and of the mechanism file, and elasticities of drives, by name."""
         forces = dict(self.robot.forces)
         if self.description.forces:
             from pinarm.mechanics.forces.kinds import bound
@@ -422,9 +407,7 @@ def parameters_of(document: Document, arguments: Mapping[str, float | str], call
     """Return the parameters of a mechanism file, with other values for those that are given as arguments.
 
     Args:
-        document: The mechanism file.
         arguments: Values by name: numbers in SI, or text with units.
-        caller: Gives mistakes in these their place.
     """
     known, given = dict[str, Measured](), document.data.get("parameters") if isinstance(document.data, dict) else None
     for name, text in given.items() if isinstance(given, dict) else ():
@@ -519,7 +502,6 @@ def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Place)
 
 
 def _mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
-    """Return the coupling of a joint that mimics another one in the model file."""
     leader, follower = joint_of(joints, mimic.of), joint_of(joints, mimic.joint)
     name = f"{follower.name} mimics {leader.name}"
     weights = {follower: 1.0, leader: -mimic.multiplier}

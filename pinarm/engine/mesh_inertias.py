@@ -44,7 +44,7 @@ FILES = ("meshdir", "assetdir", "strippath", "texturedir")
 """Attributes of the compiler about files: these are given under names of their own."""
 
 SCALING = ("settotalmass", "boundmass", "boundinertia")
-"""Attributes of the compiler that change all masses: they are applied where the model is read."""
+"""Attributes of the compiler that change all masses: they are applied, or refused, where the model is read."""
 
 ALIGNING = ("alignfree", "align")
 """Attributes that move the frames of free bodies to their centres of mass: here frames are where the file has them."""
@@ -77,11 +77,6 @@ def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
     """Return the text of an MJCF model in which bodies with geoms have an ``<inertial>`` of what the compiler finds.
 
     Those that have one keep it, unless ``inertiafromgeom`` is true.
-
-    Args:
-        xml: The text, includes resolved.
-        path: Its file.
-        root: Folder under which mesh files must lie.
     """
     model = ElementTree.fromstring(xml)
     named = copy.deepcopy(model)
@@ -106,7 +101,6 @@ def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
 
 
 def _own(holder: Element, tag: str) -> Iterator[tuple[Element, Element]]:
-    """Yield the elements of a body itself, each after the body or frame that it stands in."""
     for child in holder:
         if child.tag == tag:
             yield holder, child
@@ -157,7 +151,6 @@ def _content(file: Path, most: int) -> bytes:
 
 
 def _compiled(xml: str, files: dict[str, bytes]) -> dict[str, list[float]]:
-    """Return mass, place, quaternion and principal moments of every body."""
     given = json.dumps({"xml": xml, "files": {name: base64.b64encode(x).decode() for name, x in files.items()}})
     size = len(xml) + sum(map(len, files.values()))
     memory, seconds = MEMORY + MEMORY_PER_BYTE * size, SECONDS + int(SECONDS_PER_BYTE * size)

@@ -43,9 +43,6 @@ class Source(ValueRecord, frozen=True):
     """Where a mechanism was read from.
 
     Attributes:
-        data: Content of its file, as plain data.
-        folder: Folder that paths in it are relative to.
-        robot: The model's file; paths of meshes are relative to its folder.
         base: Whether the model's root was held or floats; ``None`` where the model says it.
         defects: What was done about inertias that no body can have.
         model: Pinocchio's model that it was made of; ``None`` where it was read from a file.

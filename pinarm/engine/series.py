@@ -100,12 +100,10 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the values."""
         return self.values.shape
 
     @property
     def ndim(self) -> int:
-        """Number of their axes."""
         return self.values.ndim
 
     @property
@@ -114,7 +112,6 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Type of the values."""
         return self.values.dtype
 
     @property
@@ -127,24 +124,30 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
         return self.values.tolist()
 
     def max(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
-        """Return the largest value, or a ``Series`` of the largest along an axis; see ``numpy.max``."""
+        """Return the largest value, or a ``Series`` of those along an axis; see ``numpy.max``."""
         return self._reduced("max", axis, options)
 
     def min(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
-        """Return the smallest value, or a ``Series`` of the smallest along an axis; see ``numpy.min``."""
+        """Return the smallest value, or a ``Series`` of those along an axis; see ``numpy.min``."""
         return self._reduced("min", axis, options)
 
     def mean(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
-        """Return the mean of the rows (not over time), or a ``Series`` along an axis; see ``numpy.mean``."""
+        """Return the mean of the rows (not over time), or a ``Series`` of those along an axis; see ``numpy.mean``."""
         return self._reduced("mean", axis, options)
 
     def sum(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
-        """Return the sum, or a ``Series`` of sums along an axis; see ``numpy.sum``."""
+        """Return the sum, or a ``Series`` of those along an axis; see ``numpy.sum``."""
         return self._reduced("sum", axis, options)
 
     def std(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
         """Return the standard deviation, or a ``Series`` of those along an axis; see ``numpy.std``."""
         return self._reduced("std", axis, options)
+
+    def _reduced(self, how: str, axis: Any, options: Mapping[str, Any]) -> Any:
+        if isinstance(options.get("initial"), Series):
+            options = {**options, "initial": _alike({"own": self, "initial": options["initial"]})["initial"]}
+        reduced = getattr(self.values, how)(axis=axis, **options)
+        return replace(self, name=f"{how}({self.name})", values=reduced, terms=0.0) if np.ndim(reduced) else reduced
 
     def argmax(self, axis: int | None = None, **options: Any) -> Any:
         """Return where the largest value stands; see ``numpy.argmax``."""
@@ -153,12 +156,6 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
     def argmin(self, axis: int | None = None, **options: Any) -> Any:
         """Return where the smallest value stands; see ``numpy.argmin``."""
         return self.values.argmin(axis=axis, **options)
-
-    def _reduced(self, how: str, axis: Any, options: Mapping[str, Any]) -> Any:
-        if isinstance(options.get("initial"), Series):
-            options = {**options, "initial": _alike({"own": self, "initial": options["initial"]})["initial"]}
-        reduced = getattr(self.values, how)(axis=axis, **options)
-        return replace(self, name=f"{how}({self.name})", values=reduced, terms=0.0) if np.ndim(reduced) else reduced
 
     def __len__(self) -> int:
         return len(self.values)
@@ -220,19 +217,21 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
             UnitError: It puts quantities of different dimensions side by side.
         """
         name = function.__name__
-        places = _parameters(function)[: len(args)] if name in _METHODS or name in _TOGETHER else ()
-        given = {**dict(zip(places, args, strict=True)), **options} if places or not args else dict(options)
-        if name in _METHODS and isinstance(given.get("a"), Series):
-            return getattr(given.pop("a"), _METHODS[name])(**given)
-        if name == "unwrap":
-            given.setdefault("period", _TURN)
+        if name in _METHODS and isinstance(args[0] if args else None, Series):
+            return getattr(args[0], _METHODS[name])(*args[1:], **options)
+        if name == "unwrap" and len(args) < 4:
+            options = {"period": _TURN, **options}
+        places, keys = _OTHERS.get(name, ((), ()))
+        whole: dict[Any, Any] = {**dict(enumerate(args)), **options}
+        apart = {key: x for key, x in whole.items() if key in places or key in keys}
+        alike = {key: x for key, x in whole.items() if key not in apart}
         try:
-            for group in _TOGETHER.get(name, ()):
-                given |= _alike({key: given[key] for key in group if key in given})
+            given = (
+                _alike(apart) | _alike(alike) if name in _TOGETHER else {k: _bare(x, None) for k, x in whole.items()}
+            )
         except UnitError as error:
             raise UnitError(f"{name}: {error.message}", expected=error.expected, hint=error.hint) from None
-        bare = [_bare(given.pop(key), None) for key in places] if places else [_bare(x, None) for x in args]
-        return function(*bare, **{key: _bare(x, None) for key, x in given.items()})
+        return function(*(given[k] for k in range(len(args))), **{key: given[key] for key in options})
 
     if TYPE_CHECKING:  # numpy's mixin tells no types
 
@@ -253,7 +252,6 @@ class Series(NDArrayOperatorsMixin, AbstractRecord, frozen=True):
 
 
 def _giving(text: str) -> Rule:
-    """Return the rule of a function of plain numbers whose value has a unit."""
     measured = Measure(unit(text))
 
     def rule(measures: Sequence[Measure]) -> Measure:
@@ -329,42 +327,25 @@ _METHODS: Mapping[str, str] = {
     "amin": "min",
     **{name: name for name in ("max", "min", "mean", "sum", "std", "argmax", "argmin")},
 }
-"""Functions of numpy that a ``Series`` has as methods."""
 
-_TOGETHER: Mapping[str, Sequence[Sequence[str]]] = {
-    **dict.fromkeys(("concatenate", "stack", "block"), (("arrays",),)),
-    **dict.fromkeys(("hstack", "vstack", "dstack", "column_stack"), (("tup",),)),
-    **dict.fromkeys(("allclose", "isclose"), (("a", "b", "atol"),)),
-    **dict.fromkeys(("array_equal", "array_equiv"), (("a1", "a2"),)),
-    **dict.fromkeys(("union1d", "intersect1d", "setdiff1d", "setxor1d"), (("ar1", "ar2"),)),
-    **dict.fromkeys(("linspace", "geomspace"), (("start", "stop"),)),
-    **dict.fromkeys(("histogram", "histogram_bin_edges"), (("a", "bins", "range"),)),
-    **dict.fromkeys(("nanmax", "nanmin", "nansum"), (("a", "initial"),)),
-    "append": (("arr", "values"),), "insert": (("arr", "values"),), "isin": (("element", "test_elements"),),
-    "searchsorted": (("a", "v"),), "digitize": (("x", "bins"),), "where": (("x", "y"),), "choose": (("choices",),),
-    "select": (("choicelist", "default"),), "clip": (("a", "a_min", "a_max", "min", "max"),),
-    "interp": (("x", "xp", "period"), ("fp", "left", "right"),), "diff": (("a", "prepend", "append"),),
-    "ediff1d": (("ary", "to_end", "to_begin"),), "pad": (("array", "constant_values", "end_values"),),
-    "nan_to_num": (("x", "nan", "posinf", "neginf"),), "unwrap": (("p", "discont", "period"),),
-}  # fmt: skip
-"""Functions that put quantities side by side or compare them -> groups of their arguments, each of one unit."""
 
-_COMPILED: Mapping[str, Sequence[str]] = {"concatenate": ("arrays", "axis", "out"), "where": ("condition", "x", "y")}
-"""Parameters of functions that do not tell them before numpy 2.4."""
+_TOGETHER = frozenset((
+    "concatenate", "stack", "block", "hstack", "vstack", "dstack", "column_stack", "allclose", "isclose", "array_equal",
+    "array_equiv", "union1d", "intersect1d", "setdiff1d", "setxor1d", "linspace", "geomspace", "histogram",
+    "histogram_bin_edges", "nanmax", "nanmin", "nansum", "append", "insert", "isin", "searchsorted", "digitize",
+    "where", "choose", "select", "clip", "interp", "diff", "ediff1d", "pad", "nan_to_num", "unwrap",
+))  # fmt: skip
+"""Functions that put quantities side by side or compare them: all of one unit, but for ``_OTHERS``."""
+
+_OTHERS: Mapping[str, tuple[Sequence[int], Sequence[str]]] = {"interp": ((2, 3, 4), ("fp", "left", "right"))}
+"""Function -> places and names of arguments that have another unit than the rest."""
+
 
 _TURN = Series("turn", unit("rad"), np.array(2.0 * np.pi))
 """Period of ``unwrap`` where no other is given."""
 
 
-def _parameters(function: Any) -> Sequence[str]:
-    """Return the names of the parameters of one of numpy's functions."""
-    import inspect
-
-    return _COMPILED.get(function.__name__) or tuple(inspect.signature(function).parameters)
-
-
-def _alike(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments as plain arrays, in the unit of the first that has one."""
+def _alike(given: Mapping[Any, Any]) -> dict[Any, Any]:
     common = same([Measure(x.unit) for x in _quantities([*given.values()])])
     return {key: _bare(x, common.unit) for key, x in given.items()}
 
@@ -408,7 +389,6 @@ def _prepared(function: str, inputs: Sequence[Any], *, folded: bool) -> tuple[li
 
 
 def _scales(function: str, inputs: Sequence[Any]) -> bool:
-    """Whether bare numbers multiply or divide a quantity, whose unit stays."""
     bare = tuple(not isinstance(x, Series) for x in inputs)
     return (function, bare) in (("multiply", (False, True)), ("multiply", (True, False)), ("divide", (False, True)))
 
@@ -438,7 +418,6 @@ def _fraction(number: float) -> Fraction | None:
 
 
 def _said(function: str, inputs: Sequence[Any]) -> str:
-    """Return the name of a result, as a formula would have it."""
     symbol = _SYMBOLS.get(function)
     if symbol and len(inputs) == 2:
         text = symbol.join(map(_operand, inputs))

@@ -10,7 +10,6 @@ import math
 from array import array
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
@@ -175,22 +174,14 @@ def _name(head: str) -> str:
     return heading[0] if heading else head.strip()
 
 
-def read_headings(name: str) -> list[str]:
-    """Return the headings of a CSV file as they are written; its rows are not read."""
-    return [head.strip() for head in table(Path(name), Path(name).name)[0]]
-
-
 @lru_cache(maxsize=8)
-def read_columns(
-    name: str, names: frozenset[str], stamp: tuple[int, int], most: int | None = None
-) -> dict[str, Column]:
-    """Read columns of a CSV file: headings and numbers as they are written.
+def read_columns(name: str, names: frozenset[str], stamp: tuple[int, int]) -> dict[str, Column]:
+    """Read columns of a CSV file: headings as they are written, each with its numbers as they are written.
 
     Args:
         name: The file, as an absolute path that may be read.
         names: Names in the headings of the columns that are read; others may hold anything, and come without numbers.
-        stamp: Time and size of the file, so that a changed file is read again.
-        most: How many rows to read; all where it is ``None``.
+        stamp: Time and size of the file; part of the cache key, so that a changed file is read again.
     """
     file = Path(name).name
     heads, below = table(Path(name), file)
@@ -200,7 +191,7 @@ def read_columns(
     if twice := [head for head in read if read.count(head) > 1]:
         raise in_line(file, 1, heads, f"two columns have the heading '{twice[0]}'", "a heading of its own for each")
     numbers = [array("d") for _ in places]
-    for line, row in islice(below, most):
+    for line, row in below:
         for column, place in zip(numbers, places, strict=True):
             column.append(_number(row, place, heads[place], file, line))
     if not (numbers and numbers[0]):

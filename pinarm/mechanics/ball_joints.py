@@ -135,7 +135,6 @@ def ball_coordinates(model: pin.Model, balls: Mapping[str, Ball]) -> dict[str, C
 
 
 def _joint_at(model: pin.Model, index: int) -> pin.JointModel:
-    """Return the joint that an index in v belongs to."""
     return next(joint for joint in model.joints if joint.nv and joint.idx_v <= index < joint.idx_v + joint.nv)
 
 
@@ -198,7 +197,6 @@ def configuration(
     """Return a configuration from values by name, shape (nq,); what is not given is 0.
 
     Args:
-        joints: Joints with one coordinate, whose names are keys.
         balls: Ball joints J, with the keys ``J.rotation.x`` and so on, or ``J.roll``, ``J.pitch``, ``J.yaw``.
         values: Values [rad or m].
     """
@@ -226,7 +224,6 @@ def velocity(
     """Return velocities from values by name, shape (nv,); what is not given is 0.
 
     Args:
-        joints: Joints with one coordinate, whose names are keys.
         balls: Ball joints J, with the keys ``J.angular_velocity.x`` and so on, in the child's axes.
         values: Values [rad/s or m/s].
     """

@@ -31,7 +31,6 @@ from pinarm.mechanics.joints import (
     frame_of,
     frames_of,
     joint_of,
-    links_of,
     unit_vector,
 )
 from pinarm.records import Record, ValueRecord, replace
@@ -78,7 +77,6 @@ class LinearCoordinate(ValueRecord, frozen=True):
         return self.weights
 
     def drift(self, state: Kinematics) -> float:
-        """Return 0: the row is constant."""
         return 0.0
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
@@ -163,7 +161,6 @@ class PathLength(Record, frozen=True):
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """Indices of the frames on the path, in their order."""
         return (*(part.way.first for part in self.parts), self.parts[-1].way.second)
 
     def at_zero(self, model: pin.Model) -> float:
@@ -180,7 +177,6 @@ class PathLength(Record, frozen=True):
         return sum(part.drift(state) for part in self.parts)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return the forces that push neighbours apart; on a link between, the resultant of both."""
         total: dict[int, Array] = {}
         for part in self.parts:
             for joint, wrench in part.wrenches(links, effort).items():
@@ -239,7 +235,6 @@ class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
     of: Annotated[list[str], msgspec.Meta(min_length=1)] | Annotated[dict[str, Weight], msgspec.Meta(min_length=1)]
 
     def check(self) -> None:
-        """Refuse weights of 0 or infinity."""
         for name, weight in self.of.items() if isinstance(self.of, dict) else ():
             if not 0.0 < abs(weight) < np.inf:
                 with within("of", Key(name)):
@@ -329,21 +324,8 @@ def coordinate_of(model: pin.Model, coordinates: Mapping[str, Coordinate], name:
     """Return a coordinate by name."""
     if name not in coordinates:
         expected, hint = choices(name, coordinates)
-        hint = _definition_of(model, name) or hint
         raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
     return coordinates[name]
-
-
-def _definition_of(model: pin.Model, name: str) -> str:
-    """Return a hint that defines the coordinate meant by ``hand.y`` or ``point.hand.position.y``; else empty."""
-    point, dot, axis = name.rpartition(".")
-    point = point.removeprefix("point.").removesuffix(".position")
-    if not dot or axis not in ("x", "y", "z") or point not in links_of(model):
-        return ""
-    own = f"{point}_{axis}".replace(".", "_")
-    return (
-        f"{own} here, with coordinates: {{{own}: {{kind: point, point: {point}, along: {axis}}}}} in the mechanism file"
-    )
 
 
 def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) -> LinearCoordinate:

@@ -160,7 +160,6 @@ class MechanismDescription(InputStruct, frozen=True):
         return np.inf if self.friction == "none" else self.creep
 
     def check(self) -> None:
-        """Refuse a mechanism without a model, or with two."""
         if not self.robot and self.planar is None:
             raise InputError(
                 "the key 'robot' is missing: it names the model",

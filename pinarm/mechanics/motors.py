@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
 from typing import ClassVar, NamedTuple
@@ -66,7 +65,6 @@ class Actuator(Record, frozen=True):
         raise NotImplementedError
 
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        """Return where the effort stops being smooth."""
         raise NotImplementedError
 
     def rates(self, given: MotorInput) -> Array:
@@ -100,13 +98,11 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
     current_limit: Current | None = None
 
     def check(self) -> None:
-        """Refuse a constant of 0."""
         if self.constant == 0.0:
             with within("constant"):
                 raise InputError("a motor of constant 0 has no torque", expected="k in N*m/A")
 
     def behind(self, ratio: float) -> Actuator:
-        """Return the motor with a gear, by N, its turns per turn of the joint, or radians per metre."""
         return (InductiveWinding if self.inductance else Winding)(self, ratio)
 
     def inverse(self, ratio: float) -> CommandOfEffort | None:
@@ -133,7 +129,6 @@ class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
     continuous: list[tuple[MotorSpeed, MotorTorque]] | None = None
 
     def check(self) -> None:
-        """Refuse curves that are no functions of the speed from 0 on, and a peak torque that does not end with 0."""
         for key, points in (("peak", self.peak), ("continuous", self.continuous)):
             with within(key):
                 if points is None:
@@ -152,7 +147,8 @@ class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
                 )
 
     def behind(self, ratio: float) -> Actuator:
-        return TorqueSource(ratio, TorqueCurve.of(self.peak), TorqueCurve.of(self.continuous))
+        curves = (None if points is None else np.array(points, float).T for points in (self.peak, self.continuous))
+        return TorqueSource(ratio, *curves)
 
     def inverse(self, ratio: float) -> CommandOfEffort | None:
         return CommandOfEffort(1.0 / ratio, 0.0)
@@ -163,11 +159,7 @@ AnyMotor = DcMotor | IdealMotor
 
 
 class Winding(Actuator, frozen=True):
-    """A DC motor without inductance behind its gear: voltage and velocity determine the current.
-
-    Attributes:
-        ratio: N, turns of the motor per turn of the joint, or radians per metre.
-    """
+    """A DC motor without inductance behind its gear: voltage and velocity determine the current."""
 
     motor: DcMotor
     ratio: float
@@ -240,54 +232,39 @@ class InductiveWinding(Winding, frozen=True):
         return StateLimits(-self.limit, self.limit)
 
 
-class TorqueCurve(Record, frozen=True):
-    """A torque over the amount of the speed, straight between points.
-
-    Attributes:
-        speeds: From 0 on, ascending [rad/s], shape (k,).
-        torques: There [N*m], shape (k,); the last one holds beyond.
-    """
-
-    speeds: Array
-    torques: Array
-
-    @classmethod
-    def of(cls, points: Sequence[tuple[float, float]] | None) -> TorqueCurve | None:
-        return None if points is None else cls(*np.array(points, float).T)
-
-    def at(self, speed: Array) -> Array:
-        return np.asarray(np.interp(np.abs(speed), self.speeds, self.torques))
-
-
 class TorqueSource(Actuator, frozen=True):
     """An ideal motor behind its gear: command and velocity determine the torque.
 
     Attributes:
-        ratio: N, turns of the motor per turn of the joint, or radians per metre.
-        peak: Its largest torque; ``None`` for no limit.
-        continuous: The torque that it may give for ever; ``None`` where it is not known.
+        peak: Amounts of the speed, ascending from 0 [rad/s], and its largest torques there [N*m], shape (2, k).
+        continuous: The same of the torque that it may give for ever.
     """
 
     ratio: float
-    peak: TorqueCurve | None
-    continuous: TorqueCurve | None
+    peak: Array | None
+    continuous: Array | None
 
     def torque(self, given: MotorInput) -> Array:
         """Return the torque of the motor [N*m]."""
         if self.peak is None:
             return given.command
-        most = self.peak.at(self.ratio * given.v)
+        most = self._most(self.peak, given)
         return np.asarray(np.minimum(np.maximum(given.command, -most), most))
+
+    def _most(self, curve: Array, given: MotorInput) -> Array:
+        """Return the torque of a curve, the last one beyond it, at the speeds of the motor [N*m]."""
+        return np.asarray(np.interp(np.abs(self.ratio * given.v), *curve))
 
     def effort(self, given: MotorInput) -> Array:
         return np.asarray(self.ratio * self.torque(given))
 
     def parts(self, given: MotorInput) -> dict[str, Array]:
         """Return effort, torque, and its distance to the curves: ``margin`` and ``continuous_margin`` [N*m]."""
-        torque, speed = self.torque(given), self.ratio * given.v
+        torque = self.torque(given)
         known = {"effort": np.asarray(self.ratio * torque), "torque": torque}
         curves = {"margin": self.peak, "continuous_margin": self.continuous}
-        return {**known, **{name: curve.at(speed) - np.abs(torque) for name, curve in curves.items() if curve}}
+        known |= {name: self._most(x, given) - np.abs(torque) for name, x in curves.items() if x is not None}
+        return known
 
     def excess(self, given: MotorInput) -> Array:
         return np.asarray(given.command - self.torque(given))
@@ -295,9 +272,9 @@ class TorqueSource(Actuator, frozen=True):
     def switches(self, mode: int) -> list[Switch[MotorInput]]:
         if (peak := self.peak) is None:
             return []
-        bends = [Switch(lambda given, at=bend: np.abs(self.ratio * given.v) - at) for bend in peak.speeds[1:]]  # type: ignore[misc]
+        bends = [Switch(lambda given, at=bend: np.abs(self.ratio * given.v) - at) for bend in peak[0, 1:]]  # type: ignore[misc]
         return [
-            Switch(lambda given: given.command - peak.at(self.ratio * given.v)),
-            Switch(lambda given: given.command + peak.at(self.ratio * given.v)),
+            Switch(lambda given: given.command - self._most(peak, given)),
+            Switch(lambda given: given.command + self._most(peak, given)),
             *bends,
         ]

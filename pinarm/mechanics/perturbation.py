@@ -18,16 +18,12 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured, PureNumber
-from pinarm.mechanics.joints import RADIAN, Joint
 from pinarm.mechanics.loading.model_tree import inertia
 
 PERTURBATION = 4.0 * float(np.finfo(float).eps)
 """Largest relative change of a number: the rounding of a few operations."""
 
 SECOND = unit("s")
-
-COARSE = 1e-9
-"""Last digit of an angle that is worth a note [rad]: it is that of 1e7 rad."""
 
 
 Given = TypeVar("Given")
@@ -39,9 +35,6 @@ def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
     None by much less: of few numbers, as an initial position, one that hardly changes would show nothing. What is 0
     stays 0. Times, and what else laws run along, stay, so that rows and jumps stand where they did; so do numbers
     without a unit, such as an efficiency of 1.
-
-    Args:
-        given: A struct of the file's keys, a collection, or a value; what is not a quantity stays as it is.
     """
     changed: object = given
     if isinstance(given, PureNumber):
@@ -60,26 +53,10 @@ def perturbed_numbers(given: Given, generator: np.random.Generator) -> Given:
 
 
 def _near(quantity: Measured, generator: np.random.Generator) -> Measured:
-    """Return a quantity with other last digits."""
     change = PERTURBATION * generator.uniform(0.5, 1.0) * generator.choice((-1.0, 1.0))
     near = type(quantity)(quantity * (1.0 + change))
     near.unit = quantity.unit
     return near
-
-
-def coarse_angles(joints: Mapping[str, Joint], q: Array) -> list[str]:
-    """Return a note on joints that turn so far that their place within a turn is rounded.
-
-    Args:
-        joints: Joints with one coordinate, by name.
-        q: Configurations, shape (n, nq).
-    """
-    farthest = {name: float(np.abs(q[:, joint.q]).max()) for name, joint in joints.items() if joint.unit == RADIAN}
-    return [
-        f"joint {name} turns to {angle:.3g} rad: within a turn it is known to {np.spacing(angle):.1g} rad, no better"
-        for name, angle in farthest.items()
-        if np.spacing(angle) > COARSE
-    ]
 
 
 def perturbed(model: pin.Model, seed: int) -> pin.Model:

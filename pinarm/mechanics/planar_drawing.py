@@ -121,15 +121,12 @@ class PlanarDrawing(InputStruct, frozen=True):
 
     @property
     def bodies(self) -> dict[str, list[str]]:
-        """The ground and the links, with the points that they carry."""
         return {GROUND: self.ground, **{name: link.points for name, link in self.links.items()}}
 
     def carriers(self, point: str) -> list[str]:
-        """Return the bodies that carry a point, in the order of the file, the ground first."""
         return [body for body, points in self.bodies.items() if point in points]
 
     def check(self) -> None:
-        """Refuse points and links that do not exist, and names that stand for two things."""
         if len(self.links) > MOST:
             raise InputError(f"the drawing has {len(self.links)} links", expected=f"at most {MOST}")
         self._check_points("ground", points=self.ground)
@@ -188,7 +185,6 @@ class PlanarDrawing(InputStruct, frozen=True):
 
 
 def _check_known(*path: str | int, name: str, what: str, known: Iterable[str]) -> None:
-    """Refuse a name that the drawing does not have."""
     if name not in known:
         expected, hint = choices(name, known)
         with within(*path):
@@ -213,8 +209,6 @@ class DrawnJoint(Record, frozen=True):
     """A pin or a slide between two bodies.
 
     Attributes:
-        first: The body that carries in the tree, or comes first in the file.
-        point: Name of the point where it is in the drawing.
         direction: Direction of a slide, that of its coordinate, shape (3,); ``None`` for a pin.
     """
 
@@ -301,7 +295,6 @@ def _check_single(drawing: PlanarDrawing) -> None:
 
 
 def _tree(slides: Sequence[DrawnJoint], pins: Sequence[DrawnJoint]) -> list[DrawnJoint]:
-    """Return the joints that reach further links, from the ground on."""
     reached = {GROUND}
     sliding = _sliding(slides, GROUND, reached)
     tree, waiting = [*sliding], [(GROUND, sliding)]
@@ -315,7 +308,6 @@ def _tree(slides: Sequence[DrawnJoint], pins: Sequence[DrawnJoint]) -> list[Draw
 
 
 def _sliding(slides: Sequence[DrawnJoint], body: str, reached: set[str]) -> list[DrawnJoint]:
-    """Return the slides that lead from a body to further ones, one after another."""
     bodies, chain = [body], list[DrawnJoint]()
     for carrier in bodies:
         for slide in _outwards(slides, carrier, reached):
@@ -345,7 +337,6 @@ def _direction(drawing: PlanarDrawing, along: tuple[str, str]) -> Array:
 
 
 def _marks(drawing: PlanarDrawing, closing: Sequence[DrawnJoint]) -> Marks:
-    """Return the names of all points on the bodies where they are needed."""
     wanted = [(body, point) for body, points in drawing.bodies.items() for point in points]
     wanted += [(name, link.centre) for name, link in drawing.links.items() if link.centre is not None]
     wanted += [(slot.on, slot.point) for slot in drawing.slots.values()]

@@ -28,7 +28,6 @@ class PointDefinition(InputStruct, frozen=True):
 
     @property
     def placement(self) -> pin.SE3:
-        """Placement in the link."""
         return pin.SE3(pin.rpy.rpyToMatrix(np.array(self.rpy, float)), np.array(self.at, float))
 
 
@@ -60,7 +59,6 @@ class Payload(InputStruct, frozen=True):
     inertia: tuple[Inertia, Inertia, Inertia] = (0.0, 0.0, 0.0)
 
     def check(self) -> None:
-        """Refuse moments of inertia that no body has."""
         small, middle, large = sorted(self.inertia)
         if small < 0.0:
             raise InputError(f"a moment of inertia is negative ({small:g} kg*m^2)")
@@ -73,9 +71,6 @@ def with_payloads(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
 
     With ``jMp`` the placement of the link in its joint's frame, the body of the joint gets ``jMp.act(I)`` added, as if
     the payload's mass stood in the model's text. The model that is given stays as it is.
-
-    Args:
-        payloads: Any number, several on one link too.
     """
     loaded = pin.Model(model)
     for payload in payloads:

@@ -95,7 +95,6 @@ class Drive(InputStruct, frozen=True):
     motor: AnyMotor | None = None
 
     def check(self) -> None:
-        """Refuse a ratio of 0, infinity or NaN, and a drive at nothing, or at two things."""
         if bool(self.joint) == bool(self.along):
             raise InputError("a drive acts at one joint, or along one coordinate", expected="the key joint, or along")
         if self.elasticity is None and self.backlash:
@@ -118,7 +117,6 @@ class Drive(InputStruct, frozen=True):
 
     @property
     def rigid(self) -> bool:
-        """Whether its joint moves as its rotor turns."""
         return self.elasticity is None
 
     @property
@@ -174,7 +172,6 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
 
     Attributes:
         name: ``gear of D``, ``shaft of D``, or ``turns of L.angle``.
-        rotor: The joint, whose coordinate is that of the driven side.
     """
 
     rotor: Joint
@@ -185,7 +182,6 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
         return self.rotor.v if isinstance(self.coordinate, LinearCoordinate) else None
 
     def helical(self, row: int) -> bool:
-        """Tell whether its gap is known but for whole turns."""
         return self.coordinate.wraps
 
     def gap(self, state: Kinematics) -> Array:
@@ -239,7 +235,6 @@ class DriveTrain(NamedTuple):
         wheel: Whether the wheel of a gear with losses is one, ``D.wheel``: an elastic output shaft begins there.
         shaft: Whether the end of an elastic shaft is one, ``D.shaft``: it ends in teeth with losses, or drives a
             coordinate that is no sum of joints.
-        losses_behind: Whether teeth with losses come behind the shaft.
     """
 
     drive: str
@@ -262,7 +257,6 @@ class DriveTrain(NamedTuple):
     def ties(
         self, drive: Drive, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate]
     ) -> Iterator[GearedRotor]:
-        """Yield the constraints of these joints to each other and to the coordinate of the drive."""
         driven, gear = coordinates[drive.coordinate], gear_name(self.drive)
         if drive.elasticity is None:
             yield GearedRotor(gear, driven, rotor=joints[rotor_name(self.drive)])
@@ -273,7 +267,6 @@ class DriveTrain(NamedTuple):
             yield GearedRotor(name, driven, rotor=joints[shaft_name(self.drive)])
 
     def deflection(self, drive: Drive, coordinates: Mapping[str, Coordinate]) -> LinearCoordinate:
-        """Return the deflection of the elastic shaft."""
         front = coordinates[wheel_name(self.drive) if self.wheel else rotor_name(self.drive)]
         back = coordinates[shaft_name(self.drive) if self.shaft else drive.coordinate]
         assert isinstance(front, LinearCoordinate) and isinstance(back, LinearCoordinate)
@@ -310,7 +303,6 @@ def with_counters(model: pin.Model, angles: Sequence[str]) -> pin.Model:
 
 
 def _add_joint(model: pin.Model, part: str, name: str, unit: Unit, armature: float) -> None:
-    """Add a joint to a model, without a body, that is known to people as some part."""
     if model.existJointName(name):
         raise InputError(f"the model has a joint '{name}', as the {part} is named", expected="another name of one")
     kind = pin.JointModelPX() if unit == METRE else pin.JointModelRX()

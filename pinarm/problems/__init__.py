@@ -22,8 +22,6 @@ class ProblemKind(NamedTuple):
 
     Attributes:
         module: Module of its class, below ``pinarm.problems``.
-        name: Name of its class.
-        question: What it asks, in words.
         examples: Scenarios of it that ``pinarm.selftest`` solves in a few seconds, with answers from elsewhere.
         prescribing: Whether laws determine the motion, as in a ``PrescribingProblem``.
     """
@@ -53,7 +51,7 @@ KINDS: Mapping[str, ProblemKind] = {
         ("brick_thrown", "crank_rocker_free"),
     ),
     "kinematics": ProblemKind(
-        "kinematics", "KinematicMotion",
+        "inverse", "KinematicMotion",
         "How do all parts of the mechanism move when the given coordinates follow their laws?",
         ("magic_arms_kinematics",), prescribing=True,
     ),
@@ -92,13 +90,7 @@ class Problem(Protocol):
         ...
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Any:
-        """Check all names and units against the mechanism; return what ``solve`` begins with, the same in every run.
-
-        Args:
-            mechanism: What moves.
-            accuracy: How it is solved.
-            place: Gives mistakes their place.
-        """
+        """Check all names and units against the mechanism; return what ``solve`` begins with, the same in every run."""
         ...
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> Outcome:
@@ -115,11 +107,7 @@ class PrescribingProblem(Problem, Protocol):
 
 
 def problem_class(kind: object) -> type[Any]:
-    """Return the class of a kind of problem.
-
-    Raises:
-        InputError: There is no such kind.
-    """
+    """Return the class of a kind of problem."""
     if not isinstance(kind, str) or kind not in KINDS:
         expected, hint = choices(str(kind), KINDS)
         raise InputError(f"unknown kind '{kind}'", expected=expected, hint=hint)

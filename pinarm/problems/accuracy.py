@@ -67,19 +67,16 @@ class Accuracy(InputStruct, frozen=True):
                 )
 
     def integrator(self) -> Method:
-        """Return the method of integration."""
         return METHODS[self.method].make(self.setting[1])
 
     @property
     def setting(self) -> tuple[str, float]:
-        """Return the key that decides the error of the method, and its value."""
         by = METHODS[self.method].setting
         wanted = self.step if by == "step" else self.tolerance
         return by, TOLERANCE if wanted is None else float(wanted)
 
     @property
     def setting_keys(self) -> dict[str, Any]:
-        """Return the setting of the integration, as the keys of a file."""
         return setting_keys(self.method, self.setting[1])
 
 

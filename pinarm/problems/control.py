@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -22,37 +22,22 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.control.controller import Controller, Plant, Reader, Signal
+from pinarm.mechanics.control.controller import Controller, Reader, Signal
 from pinarm.mechanics.control.kinds import PidController
 from pinarm.mechanics.control.motor_control import MotorController
 from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE
-from pinarm.mechanics.motors import Actuator, AnyMotor, CommandOfEffort
+from pinarm.mechanics.motors import AnyMotor, CommandOfEffort
 from pinarm.mechanics.rotors import GearedRotor, gear_name
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.quantities.names import Quantities
+    from pinarm.mechanics.control.definition import ControlDefinition
+    from pinarm.mechanics.control.function import FunctionControl
 
-
-class ControlOfRun(Protocol):
-    """A controller as a file, or Python, gives it."""
-
-    @property
-    def drives(self) -> Sequence[str]:
-        """Names of the drives."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """Text for people: the kind of the controller and the instants at which it acts."""
-        ...
-
-    def bind(self, plant: Plant) -> Controller:
-        """Return the controller of one mechanism."""
-        ...
+    ControlOfRun = ControlDefinition | FunctionControl
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +45,6 @@ class MechanismPlant:
     """A mechanism as controllers see it.
 
     Attributes:
-        mechanism: The mechanism.
-        dynamics: Its equation of motion with the forces of the run, without controllers.
         laws: Coordinate -> the law that it follows.
     """
 
@@ -70,7 +53,6 @@ class MechanismPlant:
     laws: Mapping[str, MotionLaw] = field(default_factory=dict)
 
     def drive(self, name: str) -> Joint:
-        """Return the joint that a drive moves; see ``Plant``."""
         mechanism = self.mechanism
         if name in mechanism.drives:
             joint = mechanism.driven_joint(name)
@@ -85,23 +67,19 @@ class MechanismPlant:
         return joint
 
     def command_unit(self, name: str) -> Unit:
-        """Return the unit of the command of a drive; see ``Plant``."""
         drive = self.mechanism.drives.get(name)
         return drive.motor.command if drive is not None and drive.motor else effort_unit(self.drive(name))
 
     def motor_inverse(self, name: str) -> CommandOfEffort | None:
-        """Return the command of a drive as a function of the effort at its joint; see ``Plant``."""
         drive = self.mechanism.drives.get(name)
         return CommandOfEffort(1.0, 0.0) if drive is None or drive.motor is None else drive.motor.inverse(drive.ratio)
 
     def signal(self, name: str) -> Signal:
-        """Return a coordinate that can be measured; see ``Plant``."""
         mechanism = self.mechanism
         named = mechanism.driven_joint(name).name if name in mechanism.drives else name
         return Signal(named, mechanism.coordinate(named), mechanism.closure.state)
 
     def reader(self, name: str) -> Reader:
-        """Return a quantity of the state by name; see ``Plant``."""
         words = name.split(".")
         if name in self.mechanism.coordinates:
             signal = self.signal(name)
@@ -132,7 +110,6 @@ class MechanismPlant:
         return Quantities(replace(row, grid=grid, v=v[None], a=never, no_efforts=unknown, unknown=unknown))
 
     def inverse(self, joints: Sequence[Joint]) -> Callable[[Array | float, Array, Array, Array], Array]:
-        """Return the efforts that give joints accelerations; see ``Plant``."""
         mechanism = self.mechanism
         names = [joint.name for joint in joints]
         closure = mechanism.closure
@@ -160,15 +137,7 @@ def bind_controls(
     """Return the controllers of a run, those of the mechanism first.
 
     Args:
-        mechanism: The mechanism.
-        control: The controllers of the problem.
-        dynamics: The equation of motion with the other forces of the run.
-        laws: Coordinates that follow laws.
         duration: Of the run [s].
-        place: Gives mistakes their place.
-
-    Raises:
-        InputError: A name does not exist, a unit is another, or two controllers have the same drive.
     """
     plant = MechanismPlant(mechanism, dynamics, laws)
     if CONTROL in dynamics.forces:
@@ -182,7 +151,9 @@ def bind_controls(
         with places(number):
             controllers.append(definition.bind(plant))
             require_samples(controllers[-1], duration)
-            _require_own_joints(controllers)
+            names = [joint.name for controller in controllers for joint in controller.joints]
+            if twice := [name for name in names if names.count(name) > 1]:
+                raise InputError(f"the joint '{twice[0]}' has two controllers", expected="one for each joint")
     return Controls(tuple(_with_motors(controllers, mechanism, places)), dynamics)
 
 
@@ -201,7 +172,6 @@ def _places(mechanism: Mechanism, place: Place) -> Callable[[int], AbstractConte
 def _with_motors(
     controllers: Sequence[Controller], mechanism: Mechanism, places: Callable[[int], AbstractContextManager[None]]
 ) -> list[Controller]:
-    """Return controllers with the motors behind those that command their voltages or torques."""
     complete, place = list[Controller](), 0
     for number, controller in enumerate(controllers):
         with places(number), within("drive"):
@@ -210,7 +180,13 @@ def _with_motors(
             source = replace(controller, supply=next(iter(motors.values())).supply)
             actuators = [motor.behind(mechanism.drives[drive].ratio) for drive, motor in motors.items()]
             with places(number):
-                _require_tracking(source, actuators)
+                winds = isinstance(source, PidController) and source.integrals and np.isinf(source.tracking_time)
+                if winds and any(motor.switches(FREE) for motor in actuators):
+                    raise InputError(
+                        "the motor has a limit at which the integral winds up, and without kp there is no time in "
+                        "which it follows the motor",
+                        expected="tracking_time: such as 50 ms",
+                    )
             behind = MotorController.of(source, actuators, place)
             complete += [source, behind] if controller.sampling else [behind]
         else:
@@ -220,11 +196,7 @@ def _with_motors(
 
 
 def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, AnyMotor]:
-    """Return the motors of the drives of one controller, by drive; none where they have none.
-
-    Raises:
-        InputError: They are of different kinds, or some drives have none.
-    """
+    """Return the motors of the drives of one controller, by drive; none where they have none."""
     known = {drive: mechanism.drives[drive].motor for drive in drives if drive in mechanism.drives}
     motors: dict[str, AnyMotor] = {drive: motor for drive, motor in known.items() if motor is not None}
     if motors and (len(motors) < len(drives) or len({motor.supply for motor in motors.values()}) > 1):
@@ -233,32 +205,6 @@ def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, AnyMotor]:
             expected="motors of one kind for all drives of a controller, or a controller for each",
         )
     return motors
-
-
-def _require_tracking(controller: Controller, actuators: Sequence[Actuator]) -> None:
-    """Raise where an integral would wind up beside a motor at its limit.
-
-    Raises:
-        InputError: Says which key prevents it.
-    """
-    winds = isinstance(controller, PidController) and controller.integrals and np.isinf(controller.tracking_time)
-    if winds and any(motor.switches(FREE) for motor in actuators):
-        raise InputError(
-            "the motor has a limit at which the integral winds up, and without kp there is no time in "
-            "which it follows the motor",
-            expected="tracking_time: such as 50 ms",
-        )
-
-
-def _require_own_joints(controllers: Sequence[Controller]) -> None:
-    """Raise where a joint has two controllers.
-
-    Raises:
-        InputError: Names it.
-    """
-    names = [joint.name for controller in controllers for joint in controller.joints]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise InputError(f"the joint '{twice[0]}' has two controllers", expected="one controller for each joint")
 
 
 def demanded(dynamics: Dynamics, t: float, q: Array, v: Array, a: Array) -> Array:
@@ -272,7 +218,6 @@ class InverseOfTree:
     """Inverse dynamics of an open chain whose joints are all driven: ``M a + nle - loads``.
 
     Attributes:
-        dynamics: The equation of motion.
         order: Indices in v of the drives, shape (nv,).
     """
 
@@ -289,14 +234,7 @@ class InverseOfTree:
 
 @dataclass(frozen=True, eq=False)
 class InverseOfLoops:
-    """Inverse dynamics where other joints follow: ``M a + nle = loads + G^T lam``, see ``dynamics.equation``.
-
-    Attributes:
-        dynamics: The equation of motion.
-        rows: G: the constraints, coordinates that follow laws, and at the end the drives.
-        laws: Of these coordinates.
-        count: Number of drives.
-    """
+    """Inverse dynamics where other joints follow: ``M a + nle = loads + G^T lam``, see ``dynamics.equation``."""
 
     dynamics: Dynamics
     rows: Closure
@@ -322,12 +260,7 @@ class InverseOfLoops:
 
 
 def with_gear_losses(mechanism: Mechanism, control: Sequence[ControlOfRun]) -> Mechanism:
-    """Return a mechanism with the friction of gears whose motors have controllers; itself where none has losses.
-
-    Args:
-        mechanism: The mechanism, or one that has them already, as that of a result.
-        control: The controllers of the run, those of the mechanism included.
-    """
+    """Return a mechanism with the friction of gears whose motors have controllers; itself where none has losses."""
     commanded = {drive for controller in control for drive in controller.drives}
     known = {friction.name for friction in mechanism.frictions}
     gears = {constraint.name: constraint for constraint in mechanism.constraints if isinstance(constraint, GearedRotor)}

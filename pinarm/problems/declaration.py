@@ -24,12 +24,9 @@ class Declaration(ValueRecord, frozen=True):
         without: Names -> the problem on a mechanism that lacks these coordinates: all that it says about them is left
             out, and so are its loads, which are forces of that mechanism.
         held: Coordinate -> its constant value.
-        moved: Coordinates that are prescribed and not known before: swept over a range, or with given rates.
         laws: Coordinate -> the law that it follows.
         watched: Coordinates that the problem looks at, so that they are kept.
         drives: Coordinates along which the drives act; empty for those that the kind of problem chooses.
-        loads: Applied forces of the run.
-        integrated: Whether coordinates that nothing imposes move under the forces.
     """
 
     without: Callable[[Collection[str]], Problem]

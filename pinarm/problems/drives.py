@@ -9,9 +9,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.statics.actuation import actuation
+from pinarm.engine.statics.actuation import actuation, everywhere
 from pinarm.errors import InputError, Place, within
-from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import (
     AnyQuantity,
     InputStruct,
@@ -46,11 +45,6 @@ class EffortRange(Readable):
 
     @classmethod
     def read(cls, value: object) -> Self:
-        """Read one effort, or a list of two.
-
-        Raises:
-            InputError: It is neither, or the first is not below the second.
-        """
         if isinstance(value, cls):
             return value
         if not isinstance(value, list):
@@ -88,25 +82,22 @@ class EffortSharing(InputStruct, frozen=True):
     limits: Literal["model"] | dict[str, EffortRange] = {}
 
     def weighted(self, drives: Mapping[str, Coordinate]) -> Array:
-        """Return w of the drives, shape (d,).
-
-        Raises:
-            InputError: A drive has none, a name is no drive, or weighted efforts have no common unit.
-        """
+        """Return w of the drives, shape (d,)."""
         units = {name: effort_unit(coordinate) for name, coordinate in drives.items()}
         if not self.weights:
             if not comparable(units):
-                raise _incomparable(units)
+                weights = ", ".join(f"{name}: 0.01 {reciprocal(measured)}" for name, measured in units.items())
+                raise InputError(
+                    "torques and forces have no common sum of squares: shares would depend on the unit of length",
+                    expected="weights with units, such as the reciprocals of the rated efforts",
+                    hint=f"share: {{weights: {{{weights}}}}}",
+                )
             return np.ones(len(drives))
         with within("weights"):
             return weights_of(self.weights, units, DRIVE)
 
     def ranges(self, mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> Array:
-        """Return the least and the largest efforts of the drives, infinite where there is no limit, shape (2, d).
-
-        Raises:
-            InputError: A name is no drive, a limit has another unit, or the model gives none of the drives a limit.
-        """
+        """Return the least and the largest efforts of the drives, infinite where there is no limit, shape (2, d)."""
         limits = _model_limits(mechanism, drives) if isinstance(self.limits, str) else self.limits
         ranges = np.repeat([[-np.inf], [np.inf]], len(drives), axis=1)
         with within("limits"):
@@ -136,14 +127,8 @@ def drives_of(
     """Return the drives of a run, and how they share the load.
 
     Args:
-        mechanism: The mechanism.
         names: Of the coordinates that the drives act along; see ``actuation``.
-        prescribed: Names of the coordinates that follow laws.
         share: How they share the load; ``None`` where the load is to determine their efforts.
-        place: Gives errors their place.
-
-    Raises:
-        InputError: A name does not exist, or the drives cannot share as is said.
     """
     with place("drives"):
         acting = actuation(mechanism, names, prescribed)
@@ -167,7 +152,6 @@ def drives_of(
 
 
 def _sharing(mechanism: Mechanism, acting: Actuation, share: Share) -> Actuation:
-    """Return drives that share their load."""
     from pinarm.engine.statics.effort_distribution import SelectedDrives, SharedEfforts
 
     assert isinstance(acting, SelectedDrives)  # as all drives that are named
@@ -182,9 +166,6 @@ def _require_told_apart(joints: Mapping[str, LinearCoordinate], efforts: SharedE
 
     ``Trajectory.effort_along`` takes the least efforts that give the joints theirs. Where drives act along dependent
     sums of joints these are the shared ones only if all weights are equal and nothing is limited.
-
-    Raises:
-        InputError: Says which drives.
     """
     sums = np.array([coordinate.weights for coordinate in joints.values()])
     if not joints or np.linalg.matrix_rank(sums) == len(sums):
@@ -197,22 +178,7 @@ def _require_told_apart(joints: Mapping[str, LinearCoordinate], efforts: SharedE
         )
 
 
-def _incomparable(units: Mapping[str, Unit]) -> InputError:
-    """Return the error that torques and forces cannot be added without weights."""
-    weights = ", ".join(f"{name}: 0.01 {reciprocal(measured)}" for name, measured in units.items())
-    return InputError(
-        "torques and forces have no common sum of squares: shares would depend on the unit of length",
-        expected="weights with units, such as the reciprocals of the rated efforts",
-        hint=f"share: {{weights: {{{weights}}}}}",
-    )
-
-
 def _model_limits(mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> dict[str, EffortRange]:
-    """Return the effort limits that the model gives the joints among the drives.
-
-    Raises:
-        InputError: There are none.
-    """
     joints = {name: coordinate.joint for name, coordinate in drives.items() if isinstance(coordinate, LinearCoordinate)}
     limits = {name: float(mechanism.model.effortLimit[joint]) for name, joint in joints.items() if joint is not None}
     ranges = {name: EffortRange.read(limit) for name, limit in limits.items() if np.isfinite(limit)}
@@ -226,47 +192,17 @@ def _model_limits(mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> dic
 
 
 def omitted_drives_remarks(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[str]) -> list[str]:
-    """Return a note that names the joints one would drive, where coordinates that no motor moves carry the load.
+    """Return a note where no drives are named, and coordinates that no motor moves carry the load.
 
-    These are coordinates of points, bodies and such; joints that move no mass of their own, as the slides by which a
-    model lets a platform move; and, where the mechanism file has drives, whatever has none.
-
-    Args:
-        mechanism: The mechanism.
-        drives: Names of the coordinates that drives act along, as the problem has them.
-        prescribed: Names of the coordinates that follow laws, which carry the load where ``drives`` is empty.
+    These are coordinates of points and bodies and, where the mechanism file has drives, whatever has none.
     """
-    if drives or not mechanism.constraints:
-        return []
-    driven = [drive.coordinate for drive in mechanism.drives.values()]
-    carriers = [name for name in prescribed if _is_no_drive(mechanism, name, driven)]
-    joints = driven or [name for name in _on_ground(mechanism) if name not in prescribed]
-    if not carriers or not joints:
-        return []
-    from pinarm.engine.statics.actuation import everywhere
-
-    if everywhere(mechanism) is not None:
+    motors = [drive.coordinate for drive in mechanism.drives.values()]
+    carriers = [name for name in prescribed if name not in (motors or mechanism.joints)]
+    if drives or not mechanism.constraints or not carriers or everywhere(mechanism) is not None:
         return []
     moved = f"'{carriers[0]}' carries" if len(carriers) == 1 else f"{', '.join(carriers)} carry"
+    such = f", such as drives: [{', '.join(motors[: len(prescribed)])}]" if motors else ", by the key drives"
     return [
         f"no drives are named: {moved} the load, and efforts of joints without a law are 0. For efforts of motors say "
-        f"which coordinates they act along, such as drives: [{', '.join(joints[: len(prescribed)])}]"
-    ]
-
-
-def _is_no_drive(mechanism: Mechanism, name: str, driven: Sequence[str]) -> bool:
-    """Return whether a coordinate is one that no motor moves, as far as that is known."""
-    if driven:
-        return name not in driven
-    joint = mechanism.joints.get(name)
-    return joint is None or mechanism.model.inertias[joint.index].mass == 0.0
-
-
-def _on_ground(mechanism: Mechanism) -> list[str]:
-    """Return the joints between a link that has a mass and the ground."""
-    model = mechanism.model
-    return [
-        name
-        for name, joint in mechanism.joints.items()
-        if model.parents[joint.index] == 0 and model.inertias[joint.index].mass > 0.0
+        f"which coordinates they act along{such}"
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -73,7 +73,6 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row near the start: enough to see which quantities there are, and which are determined."""
         drives = along(mechanism, self.hold)
         row = schema_row(mechanism, self.starts[0], self.loads, ROW, unit("1"), drives)
         own = mechanism.closure
@@ -85,7 +84,6 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         """Return ``None``, so that the mechanism is not simplified: all free joints have a part in its modes."""
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
-        """Check all names and units; return the balance of forces, and the configuration of every start."""
         if len(mechanism.joints) < mechanism.model.nv:
             raise InputError("equilibria are found for joints with one coordinate only; this model has others")
         held = {name: Constant(value=value) for name, value in self.hold.items()}
@@ -116,9 +114,6 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         joints all turn or all slide. With friction and one free motion ``equilibrium.end_1.J`` and
         ``equilibrium.end_2.J`` are the coordinates of a joint J at the two ends of the band of positions that friction
         holds, in the sense in which the joint that moves most goes down and up.
-
-        Raises:
-            AssemblyError: No start leads to one; of some that do not, notes tell what is left.
         """
         balance, starts = prepared or self.prepare(mechanism, accuracy, place)
         equilibria: list[Equilibrium] = []
@@ -135,13 +130,12 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         if not equilibria:
             raise failed[0]
         solved = outcome(balance, equilibria)
-        return replace(solved, notes=(*notes, *solved.notes, *(_failure(*failure) for failure in failed.items())))
-
-
-def _failure(index: int, error: AssemblyError) -> str:
-    """Return the note on a start that leads to no equilibrium, while another start does."""
-    said = error.message if error.data.get("start") else f"starts[{index}] leads to no equilibrium: {error.message}"
-    return f"{said}; expected {error.expected}"
+        left = (
+            (error.message if error.data.get("start") else f"starts[{index}] leads to no equilibrium: {error.message}")
+            + f"; expected {error.expected}"
+            for index, error in failed.items()
+        )
+        return replace(solved, notes=(*notes, *solved.notes, *left))
 
 
 def _equilibrium(balance: ForceBalance, q: Array, start: str) -> Equilibrium:
@@ -165,7 +159,6 @@ def _friction_hold(balance: ForceBalance, q: Array) -> FrictionHold | None:
 
 
 def _merge(equilibria: list[Equilibrium], new: Equilibrium, turns: Array) -> None:
-    """Add an equilibrium, or count it where the same one has been found."""
     for index, old in enumerate(equilibria):
         if old.is_at(new.q, turns):
             equilibria[index] = replace(old, starts=old.starts + 1)
@@ -194,83 +187,56 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
 
 def outcome(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> Outcome:
     """Return the equilibria as rows numbered from 1, and how many there are."""
-    bands = _bands(balance, equilibria)
-    notes = (
-        *_weightless(equilibria),
-        *_edges(equilibria),
-        *_flat(equilibria),
-        *_friction_notes(balance, equilibria, bands),
-    )
+    hold = _friction_hold(balance, equilibria[0].q)
+    bands = [] if hold is None else [hold.band(equilibrium.q, equilibrium.modes) for equilibrium in equilibria]
+    notes = [note for row, state in enumerate(equilibria, 1) for note in _row_notes(row, state)]
+    if balance.mechanism.frictions:
+        notes += _friction_notes(balance, equilibria, bands)
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in equilibria)
     figures = {"equilibria": float(len(equilibria)), "stable": float(stable)}
-    return Outcome(rows_of(balance, equilibria, bands), figures=figures, notes=notes)
+    return Outcome(rows_of(balance, equilibria, bands), figures=figures, notes=tuple(notes))
 
 
-def _bands(balance: ForceBalance, equilibria: Sequence[Equilibrium]) -> list[PositionBand]:
-    """Return the band of positions that friction holds about every row; none where it is not looked for."""
-    hold = _friction_hold(balance, equilibria[0].q)
-    return [] if hold is None else [hold.band(equilibrium.q, equilibrium.modes) for equilibrium in equilibria]
-
-
-def _weightless(equilibria: Sequence[Equilibrium]) -> list[str]:
-    """Return notes on directions without mass."""
-    return [
-        f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
-        for row, equilibrium in enumerate(equilibria, 1)
-        if np.isnan(equilibrium.modes.squares).any() and not np.isnan(equilibrium.modes.stability)
-    ]
-
-
-def _edges(equilibria: Sequence[Equilibrium]) -> list[str]:
-    """Return notes on loads that have an edge where the forces balance."""
-    return [
-        f"row {row}: '{equilibrium.modes.edge}' has an edge here, to either side of which its stiffness is another "
-        "one, as where a cable becomes taut: neither stability nor small motions are told"
-        for row, equilibrium in enumerate(equilibria, 1)
-        if equilibrium.modes.edge
-    ]
-
-
-def _flat(equilibria: Sequence[Equilibrium]) -> list[str]:
-    """Return notes on positions that rounding leaves uncertain, as a stiffness is 0 there."""
-    return [
-        f"row {row}: a stiffness is 0 but for rounding: beside this position the forces balance as well, and what "
-        "balances exactly, and whether it is stable, is known no better"
-        for row, equilibrium in enumerate(equilibria, 1)
-        if equilibrium.modes.stability == 0.0
-    ]
+def _row_notes(row: int, equilibrium: Equilibrium) -> Iterator[str]:
+    """Yield notes on directions without mass, edges of loads, and positions that rounding leaves uncertain."""
+    modes = equilibrium.modes
+    if np.isnan(modes.squares).any() and not np.isnan(modes.stability):
+        yield f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
+    if modes.edge:
+        yield (
+            f"row {row}: '{modes.edge}' has an edge here, to either side of which its stiffness is another one, as "
+            "where a cable becomes taut: neither stability nor small motions are told"
+        )
+    if modes.stability == 0.0:
+        yield (
+            f"row {row}: a stiffness is 0 but for rounding: beside this position the forces balance as well, and what "
+            "balances exactly, and whether it is stable, is known no better"
+        )
 
 
 def _friction_notes(
     balance: ForceBalance, equilibria: Sequence[Equilibrium], bands: Sequence[PositionBand]
-) -> list[str]:
-    """Return notes on friction that sticks."""
-    contacts = balance.mechanism.frictions
-    if not contacts:
-        return []
-    names, notes = ", ".join(dict.fromkeys(friction.name for friction in contacts)), []
+) -> Iterator[str]:
+    """Yield notes on friction that sticks."""
+    names = ", ".join(dict.fromkeys(friction.name for friction in balance.mechanism.frictions))
     if bands:
-        notes.append(f"friction of {names} holds the positions between equilibrium.end_1 and equilibrium.end_2")
+        yield f"friction of {names} holds the positions between equilibrium.end_1 and equilibrium.end_2"
     else:
-        free = len(equilibria[0].modes.stiffnesses)
-        notes.append(
+        yield (
             f"friction of {names} holds positions beside these as well: the table has those that need none. With "
-            f"{free} free motions they are no band; kind: statics with a drive at every joint tells of one position "
-            "whether it holds"
+            f"{len(equilibria[0].modes.stiffnesses)} free motions they are no band; kind: statics with a drive at "
+            "every joint tells of one position whether it holds"
         )
     for row, (equilibrium, band) in enumerate(zip(equilibria, bands, strict=False), 1):
         if np.isnan(equilibrium.modes.stability) and not equilibrium.modes.edge:
-            notes.append(
-                f"row {row}: the start, which friction holds as it is, leads to no position that needs no friction"
-            )
+            yield f"row {row}: the start, which friction holds as it is, leads to no position that needs no friction"
         if band.reason:
-            notes.append(f"row {row}: the band of positions has no end: {band.reason}")
+            yield f"row {row}: the band of positions has no end: {band.reason}"
     if balance.driven.names:
-        notes.append(
+        yield (
             f"efforts that hold {', '.join(balance.driven.names)} are those without friction; kind: statics at "
             "these positions tells the band that friction leaves"
         )
-    return notes
 
 
 def rows_of(balance: ForceBalance, equilibria: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> Trajectory:

@@ -54,16 +54,10 @@ class EndStop(InputStruct, frozen=True):
     restitution: Restitution = 0.0
 
     def check(self) -> None:
-        """Refuse a stop without limits."""
         if self.lower is None and self.upper is None:
             raise InputError("the end stop has no limit", expected="lower, upper, or both")
 
     def require_room(self) -> None:
-        """Raise where there is no room between both limits.
-
-        Raises:
-            InputError: Names both.
-        """
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
             raise InputError(
                 f"the upper limit {self.upper:g} is not above the lower one {self.lower:g}",
@@ -72,12 +66,7 @@ class EndStop(InputStruct, frozen=True):
 
 
 def watches_of(mechanism: Mechanism, events: Mapping[str, Event], begins: float, place: Place) -> dict[str, Watch]:
-    """Return the events as what the integration watches, by name, of a motion that begins at an instant [s].
-
-    Raises:
-        InputError: A coordinate does not exist.
-        UnitError: A value has another dimension than its coordinate.
-    """
+    """Return the events as what the integration watches, by name, of a motion that begins at an instant [s]."""
     watches = {}
     for name, event in events.items():
         with place("events", name, "when"):
@@ -115,12 +104,7 @@ def _watched(closure: Closure, coordinate: Coordinate, event: Event, begins: flo
 
 
 def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) -> tuple[Bound, ...]:
-    """Return the end stops, one for each side.
-
-    Raises:
-        InputError: A joint does not exist, or there is no room between two limits.
-        UnitError: A limit has another dimension than its joint.
-    """
+    """Return the end stops, one for each side."""
     bounds, closure = [], mechanism.closure
     sizes = closure.scale.tolist() if closure.size else [1.0] * mechanism.model.nv
     for name, stop in stops.items():

@@ -11,8 +11,6 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import EnergyAccount, energy_balance
-from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.assembly import near_given
@@ -102,7 +100,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     control: list[Control] = []
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row near the start: enough to see which quantities there are, and which are determined."""
         mechanism = self._losing(mechanism)
         start = {**self.start, **self.initial.position}
         row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
@@ -113,7 +110,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         return replace(row, columns={**row.columns, **events})  # in the order of the motion, as saved rows have them
 
     def _controlled(self, mechanism: Mechanism, row: Trajectory) -> Trajectory:
-        """Return a row with what controllers drive and the columns that they add to it."""
         if not self.control and not mechanism.control:
             return row
         from pinarm.engine.motion.segmented.recorded_control import control_schema
@@ -166,7 +162,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         return hybrid
 
     def _losing(self, mechanism: Mechanism) -> Mechanism:
-        """Return the mechanism with the losses of gears behind motors that controllers command."""
         if not self.control and not mechanism.control:
             return mechanism
         from pinarm.problems.control import with_gear_losses
@@ -186,13 +181,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: HybridSystem | None = None
     ) -> Outcome:
-        """Return the motion, with what its energy says of its accuracy.
-
-        Raises:
-            DynamicsError: Masses do not determine the accelerations.
-            IntegrationError: The motion could not be followed to its end, or is not determined from some instant on;
-                ``partial`` holds it until then.
-        """
         hybrid = prepared or self.prepare(mechanism, accuracy, place)
         with place("initial"):
             q, v = hybrid.start
@@ -217,7 +205,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         energy = energy_balance(*accounts)
         remarks = [
             *_changed(mechanism, hybrid.initial.given_rates(), v),
-            *_uncertain(hybrid.contacts.guided, q, v),
             *motion.remarks(),
             *_motors(hybrid, motion),
             *impact_remarks(hybrid.contacts, motion.events),
@@ -268,11 +255,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         return IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
 
     def initial_state(self, mechanism: Mechanism, prescribed: PrescribedCoordinates, place: Place) -> Initial:
-        """Return the initial state of the mechanism, as it is given; see ``HybridSystem.begin``.
-
-        Raises:
-            InputError: A name or a unit in it is wrong.
-        """
+        """Return the initial state of the mechanism, as it is given; see ``HybridSystem.begin``."""
         check_levels(mechanism, self.start, place, "start")
         check_levels(mechanism, self.initial.position, place, "initial", "position")
         check_rates(mechanism, self.initial.velocity, place, "initial", "velocity")
@@ -302,7 +285,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
 
 def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
-    """Return notes on joints that stops or friction hold together."""
     remarks = shares_remarks(segment.shares for segment in motion.segments)
     if not hybrid.frictions:
         return remarks
@@ -312,7 +294,6 @@ def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
 
 
 def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
-    """Return notes on the limits of motors."""
     if hybrid.controls is None:
         return []
     from pinarm.engine.motion.segmented.recorded_control import motor_remarks
@@ -333,31 +314,6 @@ def _changed(mechanism: Mechanism, values: Array, v: Array) -> list[str]:
         [f"the loops do not allow the given velocities, the closest are taken: {', '.join(changes)}"] if changes else []
     )
 
-
-def _uncertain(closure: Closure, q: Array, v: Array) -> list[str]:
-    """Return notes on a start next to a singular position: rounding leaves 1e-16 over s^2 of velocities.
-
-    Args:
-        closure: The constraints, and the coordinates that follow laws.
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,).
-    """
-    if not closure.size or len(q) < closure.model.nq or not v.any():
-        return []
-    values = closure.values(q[None])[0]
-    if not values[0]:  # loops that only repeat each other
-        return []
-    least = float(values[values > VANISHED * closure.coarseness].min(initial=values[0])) / float(values[0])
-    noise = float(np.finfo(float).eps) / least**2
-    if noise < TELLING:
-        return []
-    return [
-        f"the motion begins at {least:.1g} of a regular position: rounding leaves about {noise:.0e} of its velocities"
-    ]
-
-
-TELLING = 1e-9
-"""Part of the velocities at the start that rounding leaves from which on it is told."""
 
 CONSISTENT = 1e-9
 """Difference of given velocities to what loops allow that typed digits explain [rad/s or m/s], or relative to it."""

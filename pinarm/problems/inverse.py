@@ -1,4 +1,4 @@
-"""Inverse dynamics: the motion is known, the efforts of the drives are wanted."""
+"""Inverse dynamics, whose efforts are wanted, and kinematics, whose motion alone is: laws prescribe the motion."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
+from pinarm.engine.kinematics.assembly import generic_near
 from pinarm.engine.kinematics.joint_motion import JointMotion
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.prescribed_motion import PrescribedTable, Prescription
+from pinarm.engine.motion.prescribed_motion import KINEMATIC, PrescribedTable, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import Place, locating_drives
@@ -71,7 +72,6 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row near the start: enough to see which quantities there are, and which are determined."""
         drives = actuation(mechanism, self.drives, [*self.motion])
         return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
 
@@ -91,7 +91,6 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         )
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
-        """Check all names and units; return the prescribed coordinates, the drives and the forces."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
@@ -119,3 +118,61 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
             *profile_remarks(mechanism, self.motion),
         ]
         return replace(outcome, notes=(*outcome.notes, *remarks))
+
+
+class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
+    """Motion under laws on as many coordinates as the mechanism has degrees of freedom, or on fewer and a posture.
+
+    Masses play no part.
+
+    With the prescribed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
+    mass will do. Singular positions, where J loses rank, are refused.
+
+    Attributes:
+        time: Instants of the table.
+        motion: Coordinate of a joint or of a task -> law over time, or over another one of these coordinates.
+        resolve: Which of its motions a mechanism makes that has more degrees of freedom than laws, as an arm of seven
+            joints whose hand follows a path: the one nearest to a posture, such as ``{nearest_to: {elbow: 90 deg}}``.
+        start: Rough joint coordinates at the first instant: they choose the branch where there are several.
+    """
+
+    kind: ClassVar[str] = "kinematics"
+    time: TimeGrid
+    motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
+    resolve: NearestPosture | None = None
+    start: dict[str, Level] = {}
+
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
+        q = generic_near(mechanism, self.start)
+        return replace(Trajectory.schema_row(mechanism, q, "t", unit("s")), no_efforts=KINEMATIC)
+
+    def declaration(self) -> Declaration | None:
+        """Return the declaration about coordinates; ``None`` where a posture chooses: joints depend on all."""
+        if self.resolve is not None:
+            return None
+        return Declaration(self._without, laws=self.motion)
+
+    def _without(self, names: Collection[str]) -> KinematicMotion:
+        return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
+
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> JointMotion:
+        motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
+        check_levels(mechanism, self.start, place, "start")
+        return joint_motion(mechanism, motion, self.resolve, place)
+
+    def table(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
+    ) -> PrescribedTable:
+        motion = prepared or self.prepare(mechanism, accuracy, place)
+        laws = [*motion.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
+        grid = grid_of(mechanism, motion, self.time.instants(), laws)
+        known = Prescription(mechanism, motion, None, mechanism.dynamics, "t", unit("s"))
+        with place("motion"):
+            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))
+
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
+    ) -> Outcome:
+        table = self.table(mechanism, accuracy, place, prepared)
+        with place("motion"):
+            return table.outcome()

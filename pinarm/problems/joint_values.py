@@ -13,12 +13,7 @@ from pinarm.mechanics.ball_joints import places_of, positions_of, unit_of, veloc
 
 
 def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str) -> None:
-    """Check names and units of values given for the coordinates of joints.
-
-    Raises:
-        InputError: The joint does not exist.
-        UnitError: The value has another dimension.
-    """
+    """Check names and units of values given for the coordinates of joints."""
     _check_values(positions_of(mechanism.joints, mechanism.balls), levels, place, *at)
 
 

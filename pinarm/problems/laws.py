@@ -37,14 +37,8 @@ def laws_of(
     """Return the laws over time of coordinates, checked; profiles over coordinates are driven by the laws of those.
 
     Args:
-        mechanism: The mechanism.
         motion: Coordinate -> its law.
-        place: Gives errors their place.
         span: First and last instant at which the laws are wanted [s].
-
-    Raises:
-        InputError: A coordinate does not exist, or a profile's has no law.
-        UnitError: A field of a law has another dimension.
     """
     laws: dict[str, MotionLaw] = {}
     for name, law in motion.items():
@@ -99,11 +93,7 @@ def grid_of(
     jump in between. Where a load jumps with the position or direction of a joint that follows a law there are two rows.
 
     Args:
-        mechanism: The mechanism.
-        motion: How its joints follow laws.
         t: Instants [s].
-        laws: Laws of the motion and of loads.
-        forces: The loads.
     """
     joints = motion.prescribed.joint_laws
     start, end = float(t[0]), float(t[-1])
@@ -147,16 +137,6 @@ class NearestPosture(InputStruct, frozen=True):
     within: Literal["limits"] | dict[str, tuple[Level, Level]] = {}
 
     def posture(self, mechanism: Mechanism, followed: Mapping[str, MotionLaw]) -> Posture:
-        """Return the posture, its names and units checked.
-
-        Args:
-            mechanism: The mechanism.
-            followed: Coordinates that follow laws: their joints have no posture and no limits here.
-
-        Raises:
-            InputError: A joint does not exist or follows a law, or the posture is outside of the limits.
-            UnitError: A value has another dimension.
-        """
         from pinarm.engine.kinematics.free_pull import Posture
         from pinarm.mechanics.ball_joints import coordinate_name
 
@@ -226,14 +206,9 @@ def joint_motion(
     """Return the motion of the joints of a mechanism by laws.
 
     Args:
-        mechanism: The mechanism.
         motion: Coordinate -> its law.
         resolve: Posture that chooses a motion where there are fewer laws than degrees of freedom; ``None`` where
             there are as many.
-        place: Gives errors their place.
-
-    Raises:
-        InputError: There are too few laws or too many, or the posture does not fit the mechanism.
     """
     rolls = mechanism.closure.rolls
     if resolve is None:
@@ -267,11 +242,6 @@ def rough_start(
 
 
 def _free_joint(mechanism: Mechanism, name: str, followed: Mapping[str, MotionLaw]) -> Joint:
-    """Return a joint that follows no law itself.
-
-    Raises:
-        InputError: It does, or does not exist.
-    """
     with within(Key(name)):
         joint = joint_of(mechanism.joints, name)
         if name in followed:

@@ -97,7 +97,6 @@ class Frequencies(InputStruct, frozen=True, rename={"start": "from", "end": "to"
     samples: Annotated[int, msgspec.Meta(ge=2, le=100_000)] = 200
 
     def check(self) -> None:
-        """Refuse ends that are no frequencies in order."""
         for key, value in (("from", self.start), ("to", self.end)):
             with within(key):
                 check_unit(value, HERTZ)
@@ -122,9 +121,6 @@ class Prepared(Record, frozen=True):
     """Checked input of a solution, near the state.
 
     Attributes:
-        dynamics: The equation of motion with the loads of the run.
-        driven: Coordinates that drives hold or turn.
-        inputs: The inputs.
         q: Configuration near the state, shape (nq,).
     """
 
@@ -168,7 +164,6 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row near the state: enough to see which quantities there are."""
         drives = along(mechanism, self._driven)
         row = schema_row(mechanism, self.about.equilibrium, self.loads, ROW, unit("1"), drives)
         rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
@@ -183,7 +178,6 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         """Return ``None``, so that the mechanism is not simplified: all free joints have a part in its modes."""
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
-        """Check all names and units; return the state to begin with."""
         check_levels(mechanism, self.about.equilibrium, place, "about", "equilibrium")
         driven = self._coordinates(mechanism, place)
         with place("about"):
@@ -194,7 +188,6 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         return Prepared(Dynamics.of(mechanism.model, forces).on(0.0, 1.0), driven, inputs, q)
 
     def _coordinates(self, mechanism: Mechanism, place: Place) -> Driven:
-        """Return the coordinates that drives hold or turn."""
         coordinates = list[Coordinate]()
         for key, names in (("hold", self.about.hold), ("steady", self.about.steady)):
             for name, value in names.items():
@@ -212,7 +205,6 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         return Driven(self._driven, coordinates, prescribed, np.array(held), rates)
 
     def _inputs(self, mechanism: Mechanism, forces: Mapping[str, ForceElement], place: Place) -> list[Input]:
-        """Return the inputs by name; efforts at all joints where none is named."""
         inputs = list[Input]()
         for index, name in enumerate(self.inputs or [*mechanism.joints]):
             with place("inputs", index):
@@ -227,12 +219,6 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
     ) -> Outcome:
-        """Return the state as a row, with its modes as columns.
-
-        Raises:
-            AssemblyError: No steady state is near the start.
-            DynamicsError: The state is singular, something without mass is free, or a joint begins to slip.
-        """
         begun = prepared or self.prepare(mechanism, accuracy, place)
         with place("about"):
             near = first_position(mechanism.closure, begun.driven.held, begun.driven.values, 0.0, begun.q)
@@ -269,7 +255,6 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         return linear
 
     def _linearised(self, mechanism: Mechanism, begun: Prepared, state: SteadyState) -> Linearisation:
-        """Return the motion linearised about a state."""
         positions = {source.position for source in begun.inputs}
         driven = begun.driven
         prescribed = np.array([name in positions for name in driven.names], dtype=bool)
@@ -279,7 +264,6 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
         return linearised(replace(row, tau=tau.T, closure=along(mechanism, self._driven).closure), drives)
 
     def _response(self, place: Place, begun: Prepared, linear: Linearisation) -> dict[str, LabelledArray]:
-        """Return B for the inputs, C and D, and the frequency response."""
         size, inputs, second = len(linear.states), begun.inputs, unit("s")
         names = [f"{input_.position}''" if input_.position else input_.name for input_ in inputs]
         measured = [input_.unit / second**2 if input_.position else input_.unit for input_ in inputs]

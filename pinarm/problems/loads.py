@@ -26,12 +26,7 @@ LOADS: Deferred = {"loads": ("pinarm.mechanics.forces.kinds", "Force")}
 def bind_constant_loads(
     mechanism: Mechanism, loads: Mapping[str, Force], place: Place, *, moving: bool = False
 ) -> dict[str, ForceElement]:
-    """Return the force elements of states without time, at rest or moving; see ``bind_loads``.
-
-    Raises:
-        InputError: A load names something that does not exist, changes with time, or at rest acts in one direction of
-            motion only.
-    """
+    """Return the force elements of states without time, at rest or moving; see ``bind_loads``."""
     forces = bind_loads(mechanism, loads, place)
     require_constant(forces, place)
     for name, force in forces.items():
@@ -45,11 +40,7 @@ def bind_constant_loads(
 
 
 def require_constant(forces: Mapping[str, ForceElement], place: Place) -> None:
-    """Raise where a force follows a law over time.
-
-    Raises:
-        InputError: Says which.
-    """
+    """Raise where a force follows a law over time."""
     for name, force in forces.items():
         if not all(isinstance(law, Constant) for law in force.laws()):
             with place("loads", name):
@@ -59,11 +50,7 @@ def require_constant(forces: Mapping[str, ForceElement], place: Place) -> None:
 
 
 def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
-    """Return the force elements of a run by name: the mechanism's own and those of the problem.
-
-    Raises:
-        InputError: A load names something that does not exist.
-    """
+    """Return the force elements of a run by name: the mechanism's own and those of the problem."""
     forces = dict(mechanism.forces)
     if loads:
         from pinarm.mechanics.forces.kinds import bound
@@ -82,11 +69,7 @@ def schema_row(
     measured: Unit,
     drives: Actuation,
 ) -> Trajectory:
-    """Return one row near a start, under the forces of a run: enough to see which quantities there are.
-
-    Raises:
-        InputError: A load names something that does not exist.
-    """
+    """Return one row near a start, under the forces of a run: enough to see which quantities there are."""
     from pinarm.engine.kinematics.assembly import generic_near
 
     forces = bind_loads(mechanism, loads, nowhere)

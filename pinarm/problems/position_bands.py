@@ -51,17 +51,12 @@ class PositionBand:
 
     @classmethod
     def unknown(cls, size: int, reason: str) -> PositionBand:
-        """Return a band without ends."""
         return cls(np.full((2, size), np.nan), reason)
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionHold:
-    """Where friction holds a mechanism at rest without any effort.
-
-    Attributes:
-        balance: Its weights and loads; exactly one motion is free.
-    """
+    """Where friction holds a mechanism at rest without any effort."""
 
     balance: ForceBalance
 
@@ -70,10 +65,6 @@ class FrictionHold:
 
         Args:
             q: Configuration, shape (nq,).
-            joint: A joint that moves in the free motion.
-
-        Raises:
-            DynamicsError: The efforts are not determined, or no effort moves the mechanism.
         """
         mechanism = self.balance.mechanism
         drives = along(mechanism, [*self.balance.driven.names, joint])
@@ -88,7 +79,6 @@ class FrictionHold:
         return min(-lower, upper)
 
     def holds(self, q: Array) -> bool:
-        """Tell whether friction holds a position."""
         return self.reserve(q, self._mover(self.balance.basis(q))) >= 0.0
 
     def band(self, q: Array, modes: Modes) -> PositionBand:
@@ -116,7 +106,6 @@ class FrictionHold:
         return list(self.balance.mechanism.joints)[int(np.abs(basis[:, 0]).argmax())]
 
     def _end(self, q: Array, basis: Array, step: float) -> Array | str:
-        """Return where the band ends in the direction of a free motion, or why it does not."""
         turned, turns = 0.0, self.balance.turns
         step = step if np.isfinite(step) else TURN * (1.0 + float(np.abs(q).max()))
         for _ in range(STEPS):

@@ -57,7 +57,6 @@ class Range(InputStruct, frozen=True, rename=FILE_KEYS):
     samples: Annotated[int, msgspec.Meta(ge=2, le=10_000_000)] = 201
 
     def check(self) -> None:
-        """Refuse a range that goes nowhere."""
         if self.start == self.end:
             raise InputError("the range begins and ends at the same value")
 
@@ -75,11 +74,9 @@ class StateByState:
 
     @property
     def rates(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
-        """Given velocities and accelerations; those that are left out are 0."""
         return {}, {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row near the start: enough to see which quantities there are, and which are determined."""
         drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
         first = {**{swept: values.start for swept, values in self.over.items()}, **self.hold}
         known = positions_of(mechanism.joints, mechanism.balls)
@@ -109,7 +106,6 @@ class StateByState:
         return replace_fields(fields, **changes, drives=drives, loads={})
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
-        """Check all names and units; return the prescribed coordinates, the drives, the forces, and the given rates."""
         prescribed = _prescribed(mechanism, self.over, self.hold, place)
         rates = np.zeros((2, len(prescribed.names)))
         for order, (key, values) in enumerate(zip(("velocity", "acceleration"), self.rates, strict=True)):
@@ -217,7 +213,6 @@ def _grid(over: Mapping[str, Range]) -> Grid:
 def _prescribed(
     mechanism: Mechanism, over: Mapping[str, Range], hold: Mapping[str, float], place: Place
 ) -> PrescribedCoordinates:
-    """Return the coordinates that are swept and held, their names and units checked."""
     for swept, values in over.items():
         with place("over", swept):
             measured = mechanism.coordinate(swept).unit

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import Annotated
 
 import msgspec
@@ -39,7 +38,6 @@ class TimeGrid(InputStruct, frozen=True):
     samples: Annotated[int, msgspec.Meta(ge=2, le=10_000_000)] = 201
 
     def check(self) -> None:
-        """Refuse a time that does not go forward."""
         with within("end"):
             if not self.end - self.start < math.inf:
                 raise InputError("the time has no finite length")
@@ -48,26 +46,11 @@ class TimeGrid(InputStruct, frozen=True):
 
     def instants(self) -> Array:
         """Return the instants [s], shape (samples,)."""
-        return _even(self.start, self.end, self.samples).copy()
-
-
-@lru_cache(maxsize=1)
-def _even(start: float, end: float, samples: int) -> Array:
-    return np.linspace(start, end, samples)
+        return np.linspace(self.start, self.end, self.samples)
 
 
 def require_memory(rows: int, model: pin.Model, outputs: int, key: str) -> None:
-    """Raise where the rows of a run need more memory than there may be.
-
-    Args:
-        rows: Their number.
-        model: What moves: a row holds t, q, v, a and the efforts.
-        outputs: Number of quantities that are asked.
-        key: What the user changes for other rows.
-
-    Raises:
-        InputError: They do; says how many rows there may be.
-    """
+    """Raise where the rows of a run need more memory than there may be."""
     numbers = 1 + model.nq + 3 * model.nv + outputs
     size = A_ROW + A_NUMBER * numbers
     if rows * size > MEMORY:

@@ -25,7 +25,6 @@ class Weight(Measured):
 
     @property
     def plain(self) -> bool:
-        """Whether it has no unit."""
         return self.unit is None or self.unit.dimension == DIMENSIONLESS.dimension
 
 
@@ -41,10 +40,6 @@ def weights_of(weights: Mapping[str, Weight], units: Mapping[str, Unit], kind: s
         weights: Name -> weight.
         units: Name -> unit of what is weighed.
         kind: What the names are, for messages, such as ``drive of this run``.
-
-    Raises:
-        InputError: A name is unknown, or one has no weight.
-        UnitError: Quantities of different kinds do not have weights in reciprocal units.
     """
     check_names(weights, units, kind)
     if missing := [name for name in units if name not in weights]:
@@ -57,11 +52,7 @@ def weights_of(weights: Mapping[str, Weight], units: Mapping[str, Unit], kind: s
 
 
 def check_names(names: Iterable[str], known: Iterable[str], kind: str) -> None:
-    """Raise where a name is none of those known.
-
-    Raises:
-        InputError: Says what it is not, and lists the names there are.
-    """
+    """Raise where a name is none of those known."""
     for name in names:
         if name not in known:
             with within(Key(name)):
@@ -75,7 +66,6 @@ def reciprocal(measured: Unit) -> str:
 
 
 def _check_reciprocal(weight: Weight, measured: Unit) -> None:
-    """Raise where a weight does not make what it weighs a pure number, as angles are."""
     if weight.plain and measured.dimension != DIMENSIONLESS.dimension:
         raise UnitError(
             f"the weight {weight:g} has no unit",

@@ -299,9 +299,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         Raises:
             InputError: There is nothing of that name, it means several things, or the shape does not fit.
         """
-        from pinarm.engine.quantities import matrices
+        from pinarm.engine.quantities import state_arrays
 
-        return matrices.jacobian(self, name, q)
+        return state_arrays.jacobian(self, name, q)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Return the symmetric mass matrix M(q) of the tree, rotors and armatures included, loops not eliminated.
@@ -315,9 +315,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         Raises:
             InputError: The shape does not fit.
         """
-        from pinarm.engine.quantities import matrices
+        from pinarm.engine.quantities import state_arrays
 
-        return matrices.mass_matrices(self, q)
+        return state_arrays.mass_matrices(self, q)
 
     def derivatives(
         self, q: Array, v: Array, a: Array, tau: Array | None = None, *, t: float = 0.0
@@ -378,9 +378,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         Raises:
             InputError: There is no such link or joint, or the shape does not fit.
         """
-        from pinarm.engine.quantities import matrices
+        from pinarm.engine.quantities import state_arrays
 
-        return matrices.placements(self, name, q)
+        return state_arrays.placements(self, name, q)
 
     def pin_data(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> pin.Data:
         """Return Pinocchio's data of one state of ``model``, filled: a copy of one's own, to be read or changed.
@@ -397,9 +397,9 @@ class Mechanism(mechanism.Mechanism, frozen=True):
         Raises:
             InputError: The shapes do not fit, or several states are given.
         """
-        from pinarm.engine.quantities import matrices
+        from pinarm.engine.quantities import state_arrays
 
-        return matrices.pinocchio_data(self, q, v, a)
+        return state_arrays.pinocchio_data(self, q, v, a)
 
     def isolate(
         self, wanted: str, q: Array | None = None, v: Array | None = None, a: Array | None = None,

@@ -94,21 +94,3 @@ def sampled_motor(limit, samples, period):
             if part.status == 1:
                 held = 0.0 if held else float(np.sign(state[2]))
     return np.array(found)
-
-
-@pytest.mark.parametrize("limit", [2.0])
-def test_a_current_at_its_limit_is_let_go_at_a_sample(tmp_path, limit):
-    """A voltage that jumps does not pass through the value at which the current leaves its limit."""
-    motor = {"kind": "dc", "resistance": "1 ohm", "inductance": "2 mH", "constant": "0.03 N*m/A",
-             "current_limit": f"{limit} A"}  # fmt: skip
-    drive = {"joint": "x", "ratio": 20, "rotor_inertia": "1e-5 kg*m^2", "motor": motor}
-    control = [{"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "24 V/rad",
-                "kd": "0.6 V*s/rad", "limits": ["-24 V", "24 V"], "period": "10 ms"}]  # fmt: skip
-    outputs = ["joint.x.position", "control.servo.current"]
-    result = solved(tmp_path, {"servo": drive}, control, outputs)
-    exact = sampled_motor(limit, 30, 0.01)
-    assert exact[:, 1].max() == pytest.approx(limit)
-    assert exact[:, 1].min() < 0.0
-    rows = np.searchsorted(result["t"].values, np.arange(30) * 0.01 - 1e-9)
-    for name, values in zip(outputs, exact.T, strict=True):
-        assert result[name].values[rows] == pytest.approx(values, abs=1e-7)

@@ -11,8 +11,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.inverse import Inverse
-from pinarm.problems.kinematics import KinematicMotion
+from pinarm.problems.inverse import Inverse, KinematicMotion
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
 

@@ -12,8 +12,7 @@ from pinarm.mechanics.forces.joint_forces import JointEffort, TorqueSpeed
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Table
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
-from pinarm.problems.inverse import Inverse
-from pinarm.problems.kinematics import KinematicMotion
+from pinarm.problems.inverse import Inverse, KinematicMotion
 from pinarm.problems.time_grid import TimeGrid
 
 TIME = TimeGrid(end=2.0, samples=41)

@@ -79,7 +79,6 @@ class NamedQuantity(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """Its names, whole."""
         return [f"{self.name}.{component}" for component in self.components] or [self.name]
 
     def __str__(self) -> str:
@@ -92,7 +91,6 @@ class NamedQuantity(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Its meaning, its axes, and why it is refused."""
         said = "; ".join(filter(None, (self.meaning, self.frame)))
         return f"{said} (refused: {self.refused})" if self.refused else said
 
@@ -115,7 +113,6 @@ class QuantityCatalogue:
         return "\n".join([self.title, *map(str, self.entries)])
 
     def _repr_html_(self) -> str:
-        """Return it as a table that scrolls, for notebooks."""
         from html import escape
 
         columns = ([entry.spelled, entry.unit, entry.words] for entry in self)
@@ -143,7 +140,6 @@ def catalogue_of(mechanism: Mechanism, like: str = "") -> QuantityCatalogue:
 
 
 def _meanings(quantities: Quantities) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """Yield the names of what may be asked, their meanings and their components."""
     run = quantities.trajectory
     mechanism = run.mechanism
     yield run.parameter, "what runs along the rows", ()

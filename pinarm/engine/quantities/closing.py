@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags, Indices, real
+from pinarm.arrays import Array, Indices, real
 from pinarm.engine.kinematics.assembly import OPEN, closed_drawing, first_position, near_given, null_space
 from pinarm.engine.kinematics.continuation import StraightWays, branch_rates
 from pinarm.engine.kinematics.newton import AGREED, SHORT, NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import in_states
-from pinarm.engine.quantities.matrices import frame_named
-from pinarm.engine.quantities.state_arrays import LeadingAxes, states_of
+from pinarm.engine.quantities.state_arrays import LeadingAxes, frame_named, states_of
 from pinarm.engine.series import require_unit
 from pinarm.errors import AssemblyError, InputError, PinarmError, require_map
 from pinarm.input.units import unit
@@ -45,69 +44,44 @@ RATES = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
 """Given arrays -> suffix of their unit behind that of positions."""
 
 
+COORDINATE, POINT, POSE = ((), (), ()), ((3,), (3,), (3,)), ((4, 4), (6,), (6,))
+"""Shapes of positions, velocities and accelerations of a name in one state."""
+
+
 class Target(Record, frozen=True):
     """Prescribed values of one name in n states: a coordinate, the position of a point, or the placement of a frame.
 
+    Of a placement velocities are ``[velocity of the origin; angular velocity]`` in world axes, accelerations their
+    derivatives; its coordinates are the position of its origin, and its rotation vector against a reference.
+
     Attributes:
         coordinates: Name in messages -> coordinate.
-        given: Positions, velocities and accelerations, shape (n, *shapes[k]) each; empty where nothing is given yet.
         shapes: Shapes of the given arrays in one state.
+        given: Positions, velocities and accelerations, shape (n, *shapes[k]) each; empty where nothing is given yet.
+        frame: Name and index of a frame that is placed.
+        reference: Orientation from which its rotation is measured, shape (3, 3).
     """
 
-    shapes: ClassVar[Sequence[tuple[int, ...]]] = (), (), ()
     coordinates: dict[str, Coordinate]
+    shapes: Sequence[tuple[int, ...]] = COORDINATE
     given: tuple[Array, ...] = ()
-
-    def laws(self) -> Array:
-        """Return the values of the coordinates and their first and second derivatives, shape (3, n, k)."""
-        return np.array([x.reshape(len(x), -1) for x in self.given])
-
-    def far(self) -> Flags:
-        """Return a mask of the states to be measured from ``halfway``, shape (n,)."""
-        return np.zeros(len(self.given[0]), dtype=bool)
-
-    def some(self, rows: Indices) -> Target:
-        """Return the target in some states."""
-        return replace(self, given=tuple(x[rows] for x in self.given))
-
-    def halfway(self) -> Target:
-        """Return the target in one state, measured from the orientation halfway to it."""
-        return self
-
-
-class PointTarget(Target, frozen=True):
-    """Position of the origin of a link, in world axes."""
-
-    shapes = (3,), (3,), (3,)
-
-
-class PoseTarget(Target, frozen=True):
-    """Placement of a frame: the position of its origin, and its rotation vector against a reference.
-
-    Velocities are ``[velocity of the origin; angular velocity]`` in world axes, accelerations their derivatives.
-
-    Attributes:
-        name: Name of the frame.
-        frame: Its index.
-        reference: Orientation of the reference, shape (3, 3).
-    """
-
-    shapes = (4, 4), (6,), (6,)
-    name: str = ""
-    frame: int = UNIVERSE
+    frame: tuple[str, int] = ("", UNIVERSE)
     reference: Array = np.eye(3)
 
     @classmethod
-    def of(cls, name: str, frame: int, reference: Array, given: tuple[Array, ...] = ()) -> PoseTarget:
-        """Return the placement of a frame, its orientation measured from a reference."""
+    def placed(cls, name: str, frame: int, reference: Array, given: tuple[Array, ...] = ()) -> Target:
+        """Return the placement of a frame."""
         rows = [TiedFrames(UNIVERSE, frame, RotationVectorRow(k, reference)) for k in range(3)]
         turns = {f"{name}.rotation.{axis}": PairCoordinate(row, RADIAN) for axis, row in zip("xyz", rows, strict=True)}
-        return cls({**_position(name, frame), **turns}, given, name, frame, reference)
+        return cls({**_position(name, frame), **turns}, POSE, given, (name, frame), reference)
 
     def laws(self) -> Array:
+        """Return the values of the coordinates and their first and second derivatives, shape (3, n, k)."""
+        if self.shapes is not POSE:
+            return np.array([x.reshape(len(x), -1) for x in self.given])
         placement, twist, change = self.given
         axes, still, omega = _axes(placement), np.zeros((3, len(twist))), twist[:, 3:].T
-        laws = np.array([np.hstack([placement[:, :3, 3], self._turns()]), twist, change])
+        laws = np.array([np.hstack([placement[:, :3, 3], self.turns()]), twist, change])
         for k in range(3):
             row = RotationVectorRow(k, self.reference)
             direction = row.directions(still, axes)[1][0]
@@ -115,16 +89,20 @@ class PoseTarget(Target, frozen=True):
             laws[2, :, 3 + k] = dot(direction, change[:, 3:].T) + row.bend(still, axes, still, omega)[0]
         return laws
 
-    def far(self) -> Flags:
-        return np.asarray(np.linalg.norm(self._turns(), axis=1) > FAR)
+    def turns(self) -> Array:
+        """Return the rotation vectors of placements, shape (n, 3); 0 of others."""
+        if self.shapes is not POSE:
+            return np.zeros((len(self.given[0]), 3))
+        return rotation_vector(_axes(self.reference.T @ self.given[0][:, :3, :3])).T
+
+    def some(self, rows: Indices) -> Target:
+        return replace(self, given=tuple(x[rows] for x in self.given))
 
     def halfway(self) -> Target:
-        turn = self.reference @ pin.exp3(0.5 * self._turns()[0])
-        return PoseTarget.of(self.name, self.frame, np.asarray(turn), self.given)
-
-    def _turns(self) -> Array:
-        """Return the rotation vectors, shape (n, 3)."""
-        return rotation_vector(_axes(self.reference.T @ self.given[0][:, :3, :3])).T
+        """Return the target in one state, a placement measured from the orientation halfway to it."""
+        if self.shapes is not POSE:
+            return self
+        return Target.placed(*self.frame, np.asarray(self.reference @ pin.exp3(0.5 * self.turns()[0])), self.given)
 
 
 def _axes(turns: Array) -> Array:
@@ -133,7 +111,6 @@ def _axes(turns: Array) -> Array:
 
 
 def _position(name: str, frame: int) -> dict[str, Coordinate]:
-    """Return the components of the position of a frame, by the names of quantities."""
     rows = [TiedFrames(UNIVERSE, frame, LowerPair.row(axis, np.zeros(3))) for axis in np.eye(3)]
     return {f"point.{name}.position.{x}": PairCoordinate(row, METRE) for x, row in zip("xyz", rows, strict=True)}
 
@@ -142,12 +119,7 @@ def target_of(mechanism: Mechanism, name: str, start: Kinematics) -> Target:
     """Return the target of a name, without values.
 
     Args:
-        mechanism: The mechanism.
         name: A coordinate, ``point.P.position.x``, ``point.P``, a link, or the frame ``joint.J``.
-        start: State from which orientations are measured.
-
-    Raises:
-        InputError: There is nothing of that name.
     """
     if name in mechanism.coordinates:
         return Target({name: mechanism.coordinates[name]})
@@ -155,9 +127,9 @@ def target_of(mechanism: Mechanism, name: str, start: Kinematics) -> Target:
         return Target({name: _position(component[1], frame_named(mechanism, component[1]))[name]})
     if name.startswith("point."):
         point = name.removeprefix("point.")
-        return PointTarget(_position(point, frame_named(mechanism, point)))
+        return Target(_position(point, frame_named(mechanism, point)), POINT)
     frame = frame_named(mechanism, name)
-    return PoseTarget.of(name, frame, np.array(start.data.oMf[frame].rotation))
+    return Target.placed(name, frame, np.array(start.data.oMf[frame].rotation))
 
 
 def close(
@@ -175,7 +147,11 @@ def close(
     n, model = int(np.prod(leading.shape, dtype=int)), mechanism.model
     q, v, a = np.tile(begun, (n, 1)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
     with in_states():
-        for rows, part in _parts(n, targets):
+        far = sum((np.linalg.norm(target.turns(), axis=1) > FAR for target in targets), np.zeros(n, dtype=bool))
+        near = [np.flatnonzero(~far)] if targets and not far.all() else []
+        for rows in [*near, *np.flatnonzero(far)[:, None]]:
+            part = [target.some(rows) for target in targets]
+            part = [target.halfway() for target in part] if far[rows[0]] else part
             prescribed = _prescribed(part)
             laws = np.concatenate([target.laws() for target in part], axis=2)
             places = [leading.place(k) for k in rows.tolist()]
@@ -189,11 +165,7 @@ def close(
 
 
 def _start(mechanism: Mechanism, start: Mapping[str, float] | ArrayLike | None) -> Array:
-    """Return the closed configuration near joint coordinates, or near a configuration, shape (nq,).
-
-    Raises:
-        InputError: A joint does not exist, or the loops close elsewhere only.
-    """
+    """Return the closed configuration near joint coordinates, or near a configuration, shape (nq,)."""
     if start is None or isinstance(start, Mapping):
         named = {name: float(real(value, name)) for name, value in (start or {}).items()}
         rough = start_configuration(mechanism, named)
@@ -212,11 +184,6 @@ def _start(mechanism: Mechanism, start: Mapping[str, float] | ArrayLike | None) 
 def _filled(
     targets: Mapping[str, Target], given: Sequence[Mapping[str, ArrayLike]]
 ) -> tuple[LeadingAxes, list[Target]]:
-    """Return the leading axes that all values share, and the targets with their values as rows.
-
-    Raises:
-        InputError: Shapes do not fit, a number is not finite, or something has a rate and no position.
-    """
     for name in (name for rates in given[1:] for name in rates if name not in targets):
         raise InputError(f"'{name}' has a rate and no position", expected=f"one of {', '.join(targets)}")
     arrays = {
@@ -244,12 +211,7 @@ def _filled(
 
 
 def _array(name: str, what: str, value: ArrayLike | pin.SE3 | None, target: Target) -> Array:
-    """Return values of a target in SI, shape (..., *shape of one state); 0 where none are given.
-
-    Raises:
-        InputError: They have another shape, are not finite, or are no placements.
-        UnitError: They measure something else.
-    """
+    """Return values of a target in SI, shape (..., *shape of one state); 0 where none are given."""
     own = target.shapes[[*RATES].index(what)]
     if value is None:
         return np.zeros(own)
@@ -276,17 +238,6 @@ def _array(name: str, what: str, value: ArrayLike | pin.SE3 | None, target: Targ
     return x
 
 
-def _parts(n: int, targets: Sequence[Target]) -> Iterator[tuple[Indices, list[Target]]]:
-    """Yield rows and what is prescribed there: those near the start, then each of the others."""
-    far = np.zeros(n, dtype=bool)
-    for target in targets:
-        far |= target.far()
-    if targets and not far.all():
-        yield (rows := np.flatnonzero(~far)), [target.some(rows) for target in targets]
-    for row in np.flatnonzero(far):
-        yield (rows := np.array([row])), [target.some(rows).halfway() for target in targets]
-
-
 def _prescribed(targets: Sequence[Target]) -> PrescribedCoordinates:
     named = {name: coordinate for target in targets for name, coordinate in target.coordinates.items()}
     return PrescribedCoordinates(tuple(named), tuple(named.values()), ())
@@ -298,9 +249,6 @@ def _positions(
     """Return closed configurations with values of coordinates, shape (n, k), as an array of shape (n, nq).
 
     Without ``places``, names of the states, those that are not reached are NaN.
-
-    Raises:
-        PinarmError: Says which state is not reached, and why.
     """
     closure, ways = mechanism.closure, StraightWays.of(mechanism.closure, prescribed, start)
     q, good = ways.ends(w) if ways else (np.tile(start, (len(w), 1)), np.zeros(len(w), dtype=bool))
@@ -327,10 +275,6 @@ def _rates(
     """Return velocities and accelerations of joints, shape (n, nv) each, from those of coordinates at configurations.
 
     Without accelerations among the ``laws``, shape (3 or 2, n, k), those of joints are only such that these are 0.
-
-    Raises:
-        InputError: The coordinates leave motions free, or their rates do not go together.
-        AssemblyError: A position is singular.
     """
     closure = mechanism.closure
     if closure.rolls:

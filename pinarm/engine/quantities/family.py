@@ -1,23 +1,151 @@
-"""Base class of the families of quantities, and components of vectors by the last word of a name."""
+"""Arrays over the rows of a trajectory, and the base class of the families of quantities computed from them."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from pinarm.arrays import Array, length
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, several
 from pinarm.input.units import unit
-from pinarm.mechanics.geometry.vectors import crossed
-from pinarm.mechanics.joints import METRE
-from pinarm.records import AbstractRecord, ValueRecord
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.geometry.vectors import crossed, moved
+from pinarm.mechanics.joints import METRE, frame_of
+from pinarm.records import AbstractRecord, Record, ValueRecord
+
+if TYPE_CHECKING:
+    from pinarm.engine.constraints.self_stresses import Mobility
+    from pinarm.engine.quantities.reactions import Reactions
+
+
+class Evaluation(Record, frozen=True):
+    """Coordinates, frames, energies, momenta and reactions of a trajectory.
+
+    Attributes:
+        undetermined: ``refuse`` components of reactions that rigid bodies do not determine, or give those of the least
+            multipliers.
+    """
+
+    run: Trajectory
+    undetermined: str = "refuse"
+    judged: bool = True
+
+    @cached_property
+    def reactions(self) -> Reactions:
+        from pinarm.engine.quantities.reactions import SAMPLE, Reactions
+
+        return Reactions(self.run, SAMPLE if self.judged else 0)
+
+    @cached_property
+    def mobility(self) -> Mobility:
+        from pinarm.engine.constraints.self_stresses import mobility_of
+
+        return mobility_of(self.run.mechanism, np.real(self.run.q[0]))
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether rigid bodies may leave something undetermined: loads of constraints, or of frictions."""
+        return bool(self.run.closure.constraints or self.run.mechanism.frictions)
+
+    @cached_property
+    def friction_doubts(self) -> Mapping[str, str]:
+        """Doubts about frictions with undetermined loads, by quantity; see ``friction_law``."""
+        if not any(contact.shared for contact in self.run.mechanism.frictions):
+            return {}
+        from pinarm.engine.quantities.friction_law import friction_doubts
+
+        return friction_doubts(self.run)
+
+    def rate(self, name: str, coordinate: Coordinate, order: int) -> Array:
+        """Return a coordinate, or its first or second derivative, shape (n, ..)."""
+        run = self.run
+        if isinstance(coordinate, LinearCoordinate):
+            return coordinate.rate((run.v, run.a)[order - 1]) if order else coordinate.at(run.q)
+        if name not in self._coordinates:
+            self._coordinates[name] = self._derivatives(coordinate)
+        return np.asarray(self._coordinates[name][..., order])
+
+    @cached_property
+    def _coordinates(self) -> dict[str, Array]:
+        return {}
+
+    def _derivatives(self, coordinate: Coordinate) -> Array:
+        """Return a coordinate with its two derivatives, shape (n, .., 3)."""
+        here = ConstraintRows.of(self.run.mechanism.model, [coordinate]).at(self.run.q)
+        row = here.matrices[..., 0, :]
+        speed, growth = ((row * x).sum(axis=-1) for x in (self.run.v, self.run.a))
+        return np.stack([here.gaps[..., 0], speed, growth + here.drifts(self.run.v)[..., 0]], axis=-1)
+
+    def frame(self, name: str) -> Array:
+        """Return a link's position, velocity, acceleration, angular velocity and acceleration, shape (n, .., 5, 3).
+
+        Of its origin, in world axes [m, m/s, m/s^2, rad/s, rad/s^2]. With the velocity u and the angular velocity
+        omega of the joint's origin, and the arm r from there: ``u + omega x r``, and
+        ``u' + omega x u + alpha x r + omega x (omega x r)`` with the derivative ``[u'; alpha]`` of the twist.
+        """
+        return self._frame(name)[0]
+
+    def turn(self, name: str) -> Array:
+        """Return a link's rotation matrices, columns its axes in the world's, shape (n, .., 3, 3)."""
+        return self._frame(name)[1]
+
+    @cached_property
+    def _frames(self) -> dict[str, tuple[Array, Array]]:
+        return {}
+
+    def _frame(self, name: str) -> tuple[Array, Array]:
+        if name in self._frames:
+            return self._frames[name]
+        model = self.run.mechanism.model
+        frame = frame_of(model, name)
+        joint = model.frames[frame].parentJoint
+        links, twists, rates, _ = self.run.link_motion
+        (turns, places), turned = links.frame(frame), links.turns[..., joint, :, :]
+        arms = places - links.places[..., joint, :]
+        parts = (part for x in (twists, rates) for part in (x[..., joint, :3], x[..., joint, 3:]))
+        u, omega, du, alpha = (np.matvec(turned, part) for part in parts)
+        swept = crossed(omega, arms)
+        rows = places, u + swept, du + crossed(omega, u) + crossed(alpha, arms) + crossed(omega, swept), omega, alpha
+        self._frames[name] = np.stack(np.broadcast_arrays(*rows), axis=-2), turns
+        return self._frames[name]
+
+    @cached_property
+    def energies(self) -> Array:
+        """Kinetic energy, potential energy and their sum [J], springs and rotors included, shape (3, n)."""
+        kinetic, potential = self.run.dynamics.energy(self.run.q, self.run.v)
+        return np.array([kinetic, potential, kinetic + potential])
+
+    @cached_property
+    def momenta(self) -> Array:
+        """Momentum of each link and its rate, shape (2, n, njoints, 6).
+
+        [linear; angular] about the world's origin, world axes [kg*m/s, kg*m^2/s] and [N, N*m].
+        """
+        links, twists, rates, _ = self.run.link_motion
+        growth, turning, _ = links.demands(twists, rates)
+        parts = links.momenta(twists), growth + turning
+        return np.array([moved(links.outwards(part), links.places) for part in parts])
+
+    @cached_property
+    def body_energies(self) -> tuple[Array, Array]:
+        """Kinetic energy, and potential energy of its weight [J], of each link, shape (n, njoints)."""
+        links, twists, _, _ = self.run.link_motion
+        return links.energies(twists)
+
+    @cached_property
+    def gravity_power(self) -> Array:
+        """Power of the weights [W], shape (n,)."""
+        links, twists, _, _ = self.run.link_motion
+        return links.gravity_power(twists)
+
 
 AXES = ("x", "y", "z", "norm")
 ALONG_AXIS = ("axial", "radial")
@@ -52,18 +180,16 @@ class Asked(ValueRecord, frozen=True):
 
     @property
     def of(self) -> str:
-        """Name of the joint, link, element, ... that is meant."""
         return self.words[0]
+
+    @property
+    def unknown(self) -> UnknownQuantity:
+        return UnknownQuantity(self.name)
 
     @property
     def part(self) -> str:
         """Part that is asked, such as ``moment``: the second word; empty where there is none."""
         return self.words[1] if len(self.words) > 1 else ""
-
-    @property
-    def unknown(self) -> UnknownQuantity:
-        """The error that there is no such quantity."""
-        return UnknownQuantity(self.name)
 
 
 class Offered(ValueRecord, frozen=True):
@@ -80,7 +206,6 @@ class Offered(ValueRecord, frozen=True):
     components: tuple[str, ...] = ()
 
     def names(self) -> list[str]:
-        """Return its names, without the family's word."""
         base = ".".join(filter(None, (self.element, self.part)))
         return [f"{base}.{component}" for component in self.components] or [base]
 
@@ -89,10 +214,7 @@ class Family(AbstractRecord, frozen=True):
     """Quantities whose names begin with the same word.
 
     Attributes:
-        element: Letter that stands for what the quantities are of, for documentation.
         meanings: Part -> what it is, in words.
-        undetermined: Whether rigid bodies may leave some of them undetermined.
-        of_variants: Whether they can be told of variants of a mechanism, whose arrays have an axis after the first.
     """
 
     element: ClassVar[str]
@@ -110,7 +232,6 @@ class Family(AbstractRecord, frozen=True):
         """Yield its quantities."""
 
     def names(self) -> list[str]:
-        """Return the names of its quantities, without the family's word."""
         return [name for entry in self.entries() for name in entry.names()]
 
     @abstractmethod
@@ -118,7 +239,6 @@ class Family(AbstractRecord, frozen=True):
         """Return a quantity over the rows."""
 
     def require_efforts(self, asked: Asked) -> None:
-        """Raise where the run has no efforts."""
         if self.run.no_efforts:
             hint = self.run.remedy if self.run.unknown else "kind: inverse"
             raise InputError(f"'{asked.name}': {self.run.no_efforts}", hint=hint)
@@ -144,9 +264,14 @@ class Family(AbstractRecord, frozen=True):
         """Return the component of vectors that the last word names, in the axes that ``along`` names, shape (n,)."""
         axis, extra = asked.words[-1], asked.words[2:-1]
         if "about" in extra[::2] and asked.part not in MOMENTS:
-            raise _about_a_point(asked)
+            raise InputError(
+                f"'{asked.name}': only moments and angular momenta are taken about a point",
+                expected="the name without 'about' and its link",
+            )
         if axis in ALONG_AXIS and extra[::2] in ((), ("about",)):
-            return _split(vectors, self.axes(asked), axis)
+            axes = self.axes(asked)
+            axial = np.asarray((vectors * axes).sum(axis=-1))
+            return axial if axis == "axial" else length(vectors - axial[..., None] * axes)
         if axis not in AXES or len(extra) % 2 or not set(extra[::2]) <= {"about", "along"}:
             raise asked.unknown
         if axis == "norm":
@@ -159,25 +284,6 @@ class Family(AbstractRecord, frozen=True):
     def axes(self, asked: Asked) -> Array:
         """Return the axis by which ``axial`` and ``radial`` are meant, world axes, shape (n, 3); of joints only."""
         raise asked.unknown
-
-
-def _about_a_point(asked: Asked) -> InputError:
-    """Return the refusal of what is no moment, about a point."""
-    words, word = asked.words, asked.name.partition(".")[0]
-    rest = words[words.index("about", 2) + 2 :]
-    plain = ".".join((word, *words[:2], *rest))
-    moment = f"; the moment about it: {word}.{words[0]}.moment.{'.'.join(words[2:])}" if asked.part == "force" else ""
-    return InputError(
-        f"'{asked.name}': only moments and angular momenta are taken about a point, no {asked.part.replace('_', ' ')}",
-        expected=f"the name without 'about' and its link{moment}",
-        hint=plain,
-    )
-
-
-def _split(vectors: Array, axes: Array, part: str) -> Array:
-    """Return a component of ``ALONG_AXIS`` of vectors by unit vectors, both of shape (n, 3); shape (n,)."""
-    axial = np.asarray((vectors * axes).sum(axis=-1))
-    return axial if part == "axial" else length(vectors - axial[..., None] * axes)
 
 
 WRENCH = ("force", "moment")
@@ -225,30 +331,17 @@ class WrenchFamily(Family, frozen=True):
         return f"least multipliers; {doubt}"
 
     def _hyperstatic(self, asked: Asked, doubt: str) -> InputError:
-        """Return the refusal of a component that is not determined, with the joints that share it."""
         mobility = self.evaluation.mobility
         names = several(list(mobility.undetermined))
         shared = f", only what {names} carry together" if names else ""
         looser = f": {mobility.loosenings[0]}" if mobility.loosenings else ""
-        flat = self._across_axis(asked)
         return InputError(
             f"'{asked.name}': {doubt}{shared}",
             expected=f"a component that is determined, or looser joints{looser}",
-            hint=f"{flat}, the size of what is across the axis"
-            if flat
+            hint=f"{asked.name.removesuffix('norm')}radial, the size of what is across the axis"
+            if asked.words[-1] == "norm"
             else "undetermined: minimum_norm, for the least multipliers",
         )
-
-    def _across_axis(self, asked: Asked) -> str:
-        """Return the name of the size across the joint's axis in place of a length, where only that is determined."""
-        if asked.words[-1] != "norm":
-            return ""
-        name = f"{asked.name.removesuffix('norm')}radial"
-        try:
-            self.series(Asked(name, (*asked.words[:-1], "radial")))
-        except InputError:
-            return ""
-        return name
 
 
 def acts(component: Array) -> bool:

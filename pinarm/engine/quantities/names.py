@@ -18,9 +18,8 @@ from msgspec import Struct
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.quantities.families import FAMILIES, family
-from pinarm.engine.quantities.family import RATES, Asked, Family, UnknownQuantity
+from pinarm.engine.quantities.family import RATES, Asked, Evaluation, Family, UnknownQuantity
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.engine.series import Series
 from pinarm.errors import ExpressionError, InputError, UnitError, choices, require_name
@@ -47,11 +46,7 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
     """The quantities of one trajectory; what needs a pass over the rows is computed once, when first asked.
 
     Attributes:
-        trajectory: The motion.
-        symbols: Formulas by name, beside those of the mechanism.
         undetermined: ``refuse``, or ``minimum_norm`` for reactions that rigid bodies do not determine.
-        whole: Those of the whole run where these are of some of its states: it tells what is determined, which a single
-            state may seem to.
     """
 
     trajectory: Trajectory
@@ -62,26 +57,21 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
     _open: list[str] = []
 
     def __repr__(self) -> str:
-        """Return of which motion they are."""
         return f"<Quantities of {self.trajectory!r}>"
 
     def of(self, rows: Trajectory) -> Quantities:
-        """Return the quantities of other states of the same motion."""
         return Quantities(rows, self.symbols, self.undetermined, self.whole or self)
 
     @cached_property
     def evaluation(self) -> Evaluation:
-        """Evaluation of the trajectory, from which quantities are computed."""
         return Evaluation(self.trajectory, self.undetermined, judged=self.whole is None)
 
     @property
     def _judged(self) -> Evaluation:
-        """Evaluation of the whole run, which decides whether quantities are determined."""
         return (self.whole or self).evaluation
 
     @property
     def reactions(self) -> Reactions:
-        """Wrenches that the joints transmit."""
         return self.evaluation.reactions
 
     def figures(self) -> dict[str, Array]:
@@ -90,7 +80,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     @cached_property
     def _families(self) -> dict[str, Family]:
-        """Families that have been asked, by their word."""
         return {}
 
     def _family(self, word: str) -> Family:
@@ -103,7 +92,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     @property
     def parameter(self) -> Series:
-        """Parameter of the rows, such as time, whatever else has its name."""
         run = self.trajectory
         return Series(run.parameter, run.unit, run.parameters)
 
@@ -137,7 +125,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     @cached_property
     def others(self) -> list[Quantities]:
-        """Quantities of the same motion with other frictions that hold it as well."""
         others = self.trajectory.others
         return [Quantities(other, self.symbols, self.undetermined, self.whole) for other in others]
 
@@ -155,7 +142,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
 
     @property
     def _endless(self) -> bool:
-        """Whether there are rows in which what friction leaves open has no end that is known."""
         return any(other.trajectory.endless is not None for other in self.others)
 
     def _values(self, told: Series, name: str) -> Array:
@@ -177,7 +163,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return np.asarray(np.ptp(values, axis=0) > OPEN * np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
     def bounds(self, name: str) -> tuple[Series, Series]:
-        """Return the least and greatest values of a quantity, row by row; both are its own where it is determined."""
         low, high = (self[f"{name}.{extreme}"] for extreme in EXTREMES) if self.others else (self[name], self[name])
         return low, high
 
@@ -219,11 +204,9 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return series
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names of all quantities."""
         return iter(self.names())
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return the names, for completion in notebooks."""
         return self.names()
 
     def names(self) -> list[str]:
@@ -307,7 +290,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return own and name not in self._several and name not in mechanism.worded
 
     def _is_quantity(self, name: str) -> bool:
-        """Tell whether a name is that of a quantity, whatever else is called so."""
         word, _, rest = name.partition(".")
         if word not in FAMILIES or not rest:
             return False
@@ -324,7 +306,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return {*self.trajectory.mechanism.dotted_names, *(name for name in forces if "." in name)}
 
     def asked(self, name: str) -> Asked:
-        """Return the words of the name of a quantity, after that of its family."""
         return Asked(name, tuple(self._words(name.partition(".")[2])))
 
     def _words(self, text: str) -> list[str]:
@@ -340,7 +321,6 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
         return joined
 
     def _evaluate(self, name: str, expression: Expression, *, formula: bool = False) -> Series:
-        """Evaluate a symbol, or a formula that a user wrote where a name could stand."""
         if name in self._open:
             raise ExpressionError(f"the symbol '{name}' is defined by itself: {' -> '.join([*self._open, name])}")
         if len(self._open) >= MAX_DEPTH:

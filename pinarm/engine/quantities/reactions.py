@@ -65,7 +65,6 @@ class Reactions:
     """Wrenches over the rows of one trajectory, kept once computed.
 
     Args:
-        run: The trajectory.
         sample: Largest number of rows at which self-stresses are looked for; 0 for states of a run that tells of them.
     """
 
@@ -85,7 +84,6 @@ class Reactions:
 
     @cached_property
     def links(self) -> LinkPlacements:
-        """Placements of the links in all rows."""
         return LinkPlacements.at(self.model, self.run.q)
 
     @property
@@ -292,7 +290,6 @@ class Reactions:
 
     @property
     def degree(self) -> int:
-        """Degree of hyperstatism: number of constraints that repeat others, where there are most."""
         return max(stresses.degree for _, stresses in self.stresses)
 
     def stressed_joint(self, joint: int) -> list[Array]:
@@ -330,13 +327,7 @@ def fixed_joints(model: pin.Model) -> Mapping[str, int]:
 
 
 def fixed_wrench(reactions: Reactions, name: str) -> Array:
-    """Return the wrench of the parent on the child at a fixed joint's origin, world axes [N, N*m], shape (n, 6).
-
-    Raises:
-        InputError: The masses of the links are not known one by one, or a loop, a coupling or a load acts on the merged
-            body without saying on which link.
-        VariantsDiffer: The model is one of variants, which are then solved one by one.
-    """
+    """Return the wrench of the parent on the child at a fixed joint's origin, world axes [N, N*m], shape (n, 6)."""
     run, model, frame = reactions.run, reactions.model, fixed_joints(reactions.model)[name]
     if not isinstance(model, pin.Model):
         raise VariantsDiffer(f"the wrench of the fixed joint '{name}'")
@@ -354,7 +345,6 @@ def fixed_wrench(reactions: Reactions, name: str) -> Array:
 
 
 def _beyond(model: pin.Model, frame: int) -> set[int]:
-    """Return a frame and those beyond it that the same joint carries."""
     frames, carrier = {frame}, model.frames[frame].parentJoint
     for index, other in enumerate(model.frames.tolist()):  # after those that carry them
         if other.parentFrame in frames and other.parentJoint == carrier:
@@ -363,7 +353,6 @@ def _beyond(model: pin.Model, frame: int) -> set[int]:
 
 
 def _body(model: pin.Model, name: str, carrier: int, links: set[int]) -> pin.Inertia:
-    """Return the inertia of links, in the frame of the joint that carries them."""
     every, beyond = pin.Inertia.Zero(), pin.Inertia.Zero()
     for index, frame in enumerate(model.frames.tolist()):
         if frame.parentJoint == carrier:
@@ -403,7 +392,6 @@ def _loads(reactions: Reactions, dynamics: Dynamics, rows: Indices, name: str) -
 
 
 def _ends(force: ForceElement) -> set[int]:
-    """Return the frames on which a force element acts."""
     along = getattr(force, "coordinate", None)
     return {along.way.first, along.way.second} if isinstance(along, PairCoordinate) else {*force.points}
 

@@ -1,4 +1,4 @@
-"""Arrays of states as a library's users give them: any leading axes, units, joints by name, Pinocchio's order."""
+"""Arrays of states as a library's users give them, and matrices of configurations as Pinocchio's users ask for them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, real
+from pinarm.engine.constraints.constraint_rows import rows_of
+from pinarm.engine.dynamics import mass_matrix
 from pinarm.engine.series import Series, require_unit
-from pinarm.errors import InputError, require_map
+from pinarm.errors import InputError, choices, require_map, require_name
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.ball_joints import configuration, places_of, positions_of, unit_of, velocities_of
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.joints import UNIVERSE, frame_of
 from pinarm.mechanics.laws.motion_law import SECOND
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
 
@@ -42,7 +46,9 @@ class LeadingAxes:
         for name, x in arrays.items():
             width = given[name][1]
             if x.ndim == 0 or x.shape[-1] != width:
-                raise InputError(f"{name} has the shape {x.shape}", expected=f"(..., {width}), such as ({width},)")
+                hint = "q, v = mechanism.from_pinocchio(q, v), of states as Pinocchio has them" if name == "q" else ""
+                expected = f"(..., {width}), such as ({width},)"
+                raise InputError(f"{name} has the shape {x.shape}", expected=expected, hint=hint)
         if len({x.shape[:-1] for x in arrays.values()}) > 1:
             shapes = ", ".join(f"{name}: {x.shape}" for name, x in arrays.items())
             raise InputError(f"the arrays have the shapes {shapes}", expected="the same axes before the last one")
@@ -54,7 +60,6 @@ class LeadingAxes:
         return rows.reshape((*self.shape, *rows.shape[1:]))
 
     def place(self, row: int) -> str:
-        """Return the name of a row in messages."""
         if len(self.shape) == 1:
             return f"row {row}"
         return f"state {tuple(map(int, np.unravel_index(row, self.shape)))}" if self.shape else "the state"
@@ -62,36 +67,22 @@ class LeadingAxes:
 
 def states_of(mechanism: Mechanism, q: ArrayLike, **rates: ArrayLike | None) -> tuple[LeadingAxes, dict[str, Array]]:
     """Return the leading axes of states, and their arrays by name as rows, as far as they are given."""
-    refuse_foreign(mechanism, q, **rates)
+    refuse_foreign(mechanism, q=q, **rates)
     given = {"q": (q, mechanism.model.nq)}
     given |= {name: (x, mechanism.model.nv) for name, x in rates.items() if x is not None}
     leading, rows = LeadingAxes.fold(**given)
-    _check_quaternions(mechanism, leading, rows[0])
+    check_quaternions(mechanism, leading, rows[0])
     return leading, dict(zip(given, rows, strict=True))
 
 
-def refuse_foreign(mechanism: Mechanism, q: ArrayLike, **rates: ArrayLike | None) -> None:
-    """Raise where arrays are not what the mechanism takes; see ``states_of``."""
-    for name, x in {"q": q, **rates}.items():
+def refuse_foreign(mechanism: Mechanism, **given: ArrayLike | None) -> None:
+    """Raise where arrays measure something else than the mechanism takes; see ``states_of``."""
+    for name, x in given.items():
         if isinstance(x, Series):
             require_unit(x, name, *_measures(mechanism, name))
-    nq, shape = mechanism.model.nq, real(q, "q").shape
-    if not shape or shape[-1] == nq:
-        return
-    try:
-        layout = mechanism.pinocchio_layout
-    except InputError:  # Pinocchio's reader has no such model
-        return
-    if shape[-1] == layout.p_nq:
-        raise InputError(
-            f"q has the shape {shape}, as Pinocchio has it",
-            expected=f"(..., {nq})",
-            hint=f"q, v = mechanism.from_pinocchio(q, v): {layout.words()}",
-        )
 
 
 def _measures(mechanism: Mechanism, name: str) -> set[Unit]:
-    """Return in what q, v, a or tau of the coordinates of a mechanism are measured."""
     second, angles = unit("s"), [unit("rad")] if mechanism.balls else []
     coordinates = {*(joint.unit for joint in mechanism.joints.values()), *angles}
     if name == "tau":
@@ -100,7 +91,7 @@ def _measures(mechanism: Mechanism, name: str) -> set[Unit]:
     return {reduce(truediv, per, own) for own in coordinates}
 
 
-def _check_quaternions(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
+def check_quaternions(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
     """Raise where a quaternion has not the length 1."""
     for ball in mechanism.balls.values():
         lengths = np.linalg.norm(ball.quaternion(q), axis=1)
@@ -156,7 +147,6 @@ def columns_of(
     """Return the shape that values share, and each of them in it, in SI.
 
     Args:
-        values: Values by name.
         units: Name -> what it may be measured in; others are refused elsewhere.
     """
     for name, value in values.items():
@@ -202,3 +192,108 @@ def _states(q: ArrayLike, v: ArrayLike | None, nq: int, nv: int) -> tuple[Leadin
         leading, (rows,) = LeadingAxes.fold(q=(q, nq))
         return leading, [rows, np.zeros((len(rows), nv))]
     return LeadingAxes.fold(q=(q, nq), v=(v, nv))
+
+
+TWISTS = {"point": slice(0, 3), "body": slice(3, 6)}
+"""First word of a quantity of links -> the rows of a frame's Jacobian that it asks for."""
+
+COORDINATES = ("coordinate", "joint")
+"""First words of quantities that are coordinates."""
+
+ALONG = ".along."
+
+
+def jacobian(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
+    """Return the matrix J of ``x' = J v``; see ``Mechanism.jacobian``."""
+    require_name(name)
+    leading, rows = _configurations(mechanism, q)
+    of, _, axes = name.partition(ALONG)
+    word, _, rest = of.partition(".")
+    if _is_coordinate(mechanism, of):
+        if axes:
+            raise InputError(f"'{name}': a coordinate has no axes", expected=of)
+        element = rest if word in COORDINATES and of not in mechanism.coordinates else of
+        return leading.unfold(_of_coordinate(mechanism, element, rows))
+    link, part = (rest, TWISTS[word]) if word in TWISTS and rest else (of, slice(0, 6))
+    frame = frame_named(mechanism, link)
+    turn = frame_named(mechanism, axes) if axes else UNIVERSE
+    matrices = np.empty((len(rows), 6, mechanism.model.nv))
+    for matrix, row in zip(matrices, rows, strict=True):
+        state = Kinematics.at(mechanism.model, row)
+        own = pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(2, 3, -1)
+        matrix[:] = (state.data.oMf[turn].rotation.T @ own).reshape(6, -1)
+    return leading.unfold(matrices[:, part])
+
+
+def mass_matrices(mechanism: Mechanism, q: ArrayLike) -> Array:
+    """Return M(q); see ``Mechanism.mass_matrix``."""
+    leading, rows = _configurations(mechanism, q)
+    return leading.unfold(mass_matrix.mass_matrices(mechanism.model, rows))
+
+
+def placements(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
+    """Return the placement of a link or a joint in the world; see ``Mechanism.frame``."""
+    leading, rows = _configurations(mechanism, q)
+    frame = frame_named(mechanism, name)
+    matrices = [Kinematics.at(mechanism.model, row).data.oMf[frame].homogeneous for row in rows]
+    return leading.unfold(np.array(matrices).reshape(-1, 4, 4))
+
+
+def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None) -> pin.Data:
+    """Return Pinocchio's data of one state; see ``Mechanism.pin_data``."""
+    model = mechanism.model
+    if np.ndim(q) != 1:
+        raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({model.nq},)")
+    still = np.zeros(model.nv)
+    _, rows = states_of(mechanism, q, v=still if v is None else v, a=still if a is None else a)
+    configuration, velocity, acceleration = (row[0] for row in rows.values())
+    data = model.createData()
+    pin.computeAllTerms(model, data, configuration, velocity)
+    pin.rnea(model, data, configuration, velocity, acceleration)
+    pin.forwardKinematics(model, data, configuration, velocity, acceleration)
+    pin.updateFramePlacements(model, data)
+    data.M = mass_matrix.mass_matrix(model, configuration)
+    return data
+
+
+def _configurations(mechanism: Mechanism, q: ArrayLike) -> tuple[LeadingAxes, Array]:
+    leading, rows = states_of(mechanism, q)
+    return leading, rows["q"]
+
+
+def _is_coordinate(mechanism: Mechanism, name: str) -> bool:
+    word, _, rest = name.partition(".")
+    coordinates = {*mechanism.coordinates, *mechanism.balls}
+    if name in coordinates and any(
+        frame.type == pin.FrameType.BODY and frame.name == name for frame in mechanism.model.frames
+    ):
+        raise InputError(
+            f"'{name}' is a link and a coordinate", expected=f"point.{name}, body.{name} or coordinate.{name}"
+        )
+    return name in coordinates or (word in COORDINATES and rest in coordinates)
+
+
+def _of_coordinate(mechanism: Mechanism, name: str, rows: Array) -> Array:
+    """Return the row of a coordinate, shape (n, nv); of a ball joint its three rows, shape (n, 3, nv)."""
+    model = mechanism.model
+    if name in mechanism.balls:
+        joint = model.joints[mechanism.balls[name].index]
+        return np.tile(np.eye(model.nv)[joint.idx_v : joint.idx_v + 3], (len(rows), 1, 1))
+    return np.asarray(rows_of(model, [mechanism.coordinates[name]], rows)[:, 0])
+
+
+def frame_named(mechanism: Mechanism, name: str) -> int:
+    """Return the index of the frame of a link, or of a joint where it begins with ``joint.``."""
+    model = mechanism.model
+    word, _, joint = name.partition(".")
+    frames = {
+        frame.name: index
+        for index, frame in enumerate(model.frames)
+        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT) and index
+    }
+    if word != "joint" or not joint:
+        return frame_of(model, name)
+    if joint not in frames:
+        expected, hint = choices(joint, frames)
+        raise InputError(f"the model has no joint '{joint}'", expected=expected, hint=hint)
+    return frames[joint]

@@ -155,7 +155,6 @@ def _friction_loads(mechanism: Mechanism, q: Array, friction: Array) -> Array:
 
 
 def _rows(mechanism: Mechanism, t: float, q: Array, v: Array, a: Array) -> Trajectory:
-    """Return states of their own as a table, without efforts."""
     closure = mechanism.closure
     grid = Grid(np.full(len(q), float(t)), (float(t), float(np.nextafter(t, np.inf))), (0, len(q)))
     return Trajectory(
@@ -272,7 +271,6 @@ class _Tear(NamedTuple):
 
 
 def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
-    """Raise where a given state tears a loop or a coupling."""
     for tear in _tears(closure, leading, q, v, a):
         raise InputError(tear.said, expected="states that the loops and couplings allow", hint=CLOSING)
 

@@ -69,7 +69,6 @@ class Rows:
 
     Attributes:
         holds: Rows that take all decisions as the first one does, shape (count,).
-        marked: Columns that stand in text, by the numbers of their marks.
     """
 
     def __init__(self, count: int) -> None:
@@ -106,14 +105,12 @@ class Rows:
         return read
 
     def lifted(self, text: str) -> Column:
-        """Return the column of a text with marks."""
         texts, columns = self.parts(text)
         if texts == ["", ""]:
             return columns[0]
         return self.applied(lambda *values: joined(texts, values), columns)
 
     def parts(self, text: str) -> tuple[list[str], list[Column]]:
-        """Return the texts between the marks of a text, and the columns of the marks."""
         pieces = _MARK.split(text)
         return pieces[::2], [self.marked[int(place)] for place in pieces[1::2]]
 
@@ -124,7 +121,6 @@ class Rows:
         return _MARK.sub(self._name, text)
 
     def _name(self, mark: re.Match[str]) -> str:
-        """Return a name in place of the digits of a number without a sign, which would bind otherwise."""
         values = self.marked[int(mark[1])].values.tolist()
         numbers = [isinstance(value, int | float) and not isinstance(value, bool) for value in values]
         unsigned = [not str(value).startswith("-") for value in values]

@@ -46,14 +46,12 @@ class Scope:
         self.around, self.is_namespace = around, is_namespace
 
     def chain(self) -> Iterator[Scope]:
-        """Yield this scope and those around it."""
         scope: Scope | None = self
         while scope is not None:
             yield scope
             scope = scope.around
 
     def home(self, name: str) -> Scope | None:
-        """Return the scope that has a name."""
         scope: Scope | None = self
         while scope is not None and name not in scope.own:
             scope = scope.around
@@ -73,23 +71,11 @@ class Unevaluated(Struct):
 
 @lru_cache(maxsize=32)
 def _tree(text: str, source: str) -> Element:
-    """Return the tree of a file, which expansions leave as it is."""
     return tree_of(text, source)
 
 
 class Evaluator:
-    """The values of one expansion: its arguments, the files that it reads, its place in them, and its budget.
-
-    Args:
-        arguments: Values of arguments; defaults are added.
-        rows: Where arguments are columns, given as their marks.
-
-    Attributes:
-        declared: Names of the arguments that the files declare or use.
-        warnings: What is passed over, in words.
-        files: The file that is read, after those that include it.
-        macros: Names of the macros that are expanded, the innermost last.
-    """
+    """The values of one expansion: its arguments, the files that it reads, its place in them, and its budget."""
 
     def __init__(self, root: Path, arguments: dict[str, str], rows: Rows | None = None) -> None:
         self.root, self.arguments, self.rows = root, arguments, rows
@@ -177,7 +163,6 @@ class Evaluator:
         return _literal(value) if self.rows is None else self.rows.literal(_literal, value)
 
     def plain(self, text: str, scope: Scope) -> str:
-        """Return the value of a text that says a name."""
         value = str(self.value(text, scope))
         if OPEN in value:
             raise NotByRows
@@ -288,7 +273,6 @@ class _Names(Mapping[str, Any]):
         self.evaluator, self.scope = evaluator, scope
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return the value of a property, the default where there is none."""
         rows = self.evaluator.rows
         if rows is not None and (column := rows.named(name)) is not None:
             return column

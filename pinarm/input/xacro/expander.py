@@ -36,7 +36,6 @@ class Expansion(ValueRecord, frozen=True):
 
     Attributes:
         arguments: Every ``xacro:arg`` with its value, given or default.
-        warnings: Warnings, such as on unknown attributes.
     """
 
     xml: str
@@ -52,12 +51,7 @@ class Macro(ValueRecord, frozen=True):
 
 
 class Expander:
-    """One expansion: it makes the elements, of the values that ``Evaluator`` gives.
-
-    Args:
-        arguments: Values of arguments; defaults are added.
-        rows: Where arguments are columns, given as their marks.
-    """
+    """One expansion: it makes the elements, of the values that ``Evaluator`` gives."""
 
     def __init__(self, root: Path, arguments: dict[str, str], rows: Rows | None = None) -> None:
         self.values = Evaluator(root, arguments, rows)
@@ -90,7 +84,6 @@ class Expander:
         return made
 
     def _copy(self, source: Element, scope: Scope) -> Element:
-        """Return an element with all that it holds, evaluated."""
         self.elements += 1
         bound("elements", self.elements, MAX_ELEMENTS)
         element = Element(source.tag)
@@ -106,7 +99,6 @@ class Expander:
         self._write(len(source.tag) + sum(map(len, made.attrib.values())))
 
     def _fill(self, source: Element, made: Element, scope: Scope) -> None:
-        """Add the evaluated content of an element to one that is being made."""
         self._add_text(made, source.text, scope)
         for child in source:
             assert isinstance(child, Element)
@@ -133,7 +125,6 @@ class Expander:
         bound("characters", self.made, MAX_BYTES)
 
     def _expand(self, element: Element, made: Element, scope: Scope) -> None:
-        """Add what an element expands to."""
         kind = element.tag.removeprefix("xacro:")
         if kind == element.tag:
             made.append(self._copy(element, scope))
@@ -185,7 +176,6 @@ class Expander:
             target.own[name] = self.values.literal(self.values.value(value, scope))
 
     def _target(self, where: str | None, scope: Scope) -> Scope:
-        """Return the scope that a property is defined in."""
         *inner, outermost = scope.chain()
         if where == "global":
             return outermost
@@ -195,7 +185,6 @@ class Expander:
         return around[0] if around else scope
 
     def _set(self, scope: Scope, name: str, value: str, element: Element) -> None:
-        """Set a property whose text is evaluated at the first use."""
         read = self.values.literal(value)
         scope.own[name] = Unevaluated(read, element) if isinstance(read, str) else read
 
@@ -266,7 +255,6 @@ class Expander:
         self._call_macro(name, element, made, scope, but=("macro",))
 
     def _call_macro(self, name: str, element: Element, made: Element, scope: Scope, but: tuple[str, ...] = ()) -> None:
-        """Add what a call of a macro expands to."""
         *spaces, last = [name] if scope.macro(name) else name.split(".")
         home = scope
         for space in spaces:
@@ -289,7 +277,6 @@ class Expander:
         raise self.values.error(f"unknown macro name: xacro:{name}", expected, hint)
 
     def _called(self, macro: Macro, element: Element, scope: Scope, inner: Scope, but: tuple[str, ...]) -> Scope:
-        """Return the scope within a macro, with the parameters of a call."""
         missing = dict(macro.parameters)
         for key, text in element.attrib.items():
             if key in but or key.startswith("xmlns:"):
@@ -309,7 +296,6 @@ class Expander:
         return inner
 
     def _take_blocks(self, element: Element, missing: dict[str, Any], inner: Scope, scope: Scope) -> None:
-        """Give the elements in a call to the parameters of blocks, in their order."""
         blocks = Element("blocks")
         self._fill(element, blocks, scope)
         waiting = list(blocks)
@@ -356,8 +342,6 @@ class ExpandedColumns(ValueRecord, frozen=True):
     """An expansion for columns of numbers.
 
     Attributes:
-        xml: The model, with words for the numbers that vary.
-        columns: These words, with the numbers or texts in their place.
         arguments: Every ``xacro:arg``: its text, or its texts, floats in the place of what Python writes for them.
     """
 
@@ -372,7 +356,6 @@ def expand(path: Path, arguments: Mapping[str, float | str], *, root: Path) -> E
 
     Args:
         arguments: Values of its ``xacro:arg``, in place of the defaults.
-        root: Folder under which the file and what it includes must lie.
     """
     texts = {name: _argument(name, value) for name, value in arguments.items()}
     file, source = contained_file(path.absolute(), root), str(path)
@@ -393,8 +376,6 @@ def expand_columns(
 
     Args:
         arguments: Values of its ``xacro:arg`` in the first row.
-        columns: Those that vary, with their values in all rows.
-        root: Folder under which the file and what it includes must lie.
     """
     rows = Rows(len(next(iter(columns.values()))))
     texts = {name: _argument(name, value) for name, value in arguments.items()}
@@ -411,7 +392,6 @@ def expand_columns(
 
 
 def _told(text: str, rows: Rows) -> str | AnyColumn:
-    """Return the text of an argument, or its texts in all rows."""
     if OPEN not in text:
         return text
     values = rows.lifted(text).values

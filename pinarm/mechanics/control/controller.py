@@ -140,8 +140,6 @@ class Controller(ABC):
     """A controller of one mechanism.
 
     Attributes:
-        signals: What is measured, s coordinates.
-        references: What each signal should be; none where there is no reference.
         lower: Least efforts [N*m or N], shape (k,).
         upper: Largest efforts, shape (k,).
         sampling: When it acts; ``None`` for a continuous one.
@@ -171,7 +169,6 @@ class Controller(ABC):
 
     @property
     def integrals(self) -> int:
-        """Number of integrals, which are states of the run beside q and v."""
         return 0
 
     def rates(self, given: Given) -> Array:
@@ -187,7 +184,6 @@ class Controller(ABC):
         return 0
 
     def switches(self, mode: int) -> list[Switch[Given]]:
-        """Return where a continuous controller changes its way: where a command reaches a limit."""
         switches = []
         for limits in (self.lower, self.upper):
             for k in np.flatnonzero(np.isfinite(limits)).tolist():
@@ -210,7 +206,6 @@ class Controller(ABC):
 
     @cached_property
     def _places(self) -> tuple[Indices, Indices] | None:
-        """Indices in q and v of the signals where all are coordinates of joints: these are read at once."""
         measured = [signal.coordinate for signal in self.signals]
         own = [
             (coordinate.places[coordinate.joint], coordinate.joint)

@@ -68,11 +68,9 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
 
     @property
     def names(self) -> list[str]:
-        """Names of all coordinates and drives that it needs."""
         return self.drives
 
     def check(self) -> None:
-        """Refuse what only sampled controllers have, and drives that are named twice or not at all."""
         if not self.drives or len(set(self.drives)) < len(self.drives):
             with within("drive"):
                 raise InputError("no drive is named, or one is named twice", expected="each drive once")
@@ -93,7 +91,6 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         return tuple(self.drives), self.joints(plant), signals, laws, *bounds, self.sampling(signals)
 
     def joints(self, plant: Plant) -> tuple[Joint, ...]:
-        """Return the joints that the drives move."""
         with within("drive"):
             return tuple(plant.drive(name) for name in self.drives)
 
@@ -122,7 +119,6 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
             return lower, upper
 
     def sampling(self, signals: Sequence[Signal]) -> Sampling | None:
-        """Return when the controller acts."""
         if self.period is None:
             return None
         with within("resolution"):
@@ -146,7 +142,6 @@ class OneDriveDefinition(ControlDefinition, frozen=True, kw_only=True):
         return [*self.drives, *([self.measures] if self.measures else [])]
 
     def check(self) -> None:
-        """Refuse several drives: each has a controller of its own."""
         super().check()
         if len(self.drives) > 1:
             with within("drive"):
@@ -156,7 +151,6 @@ class OneDriveDefinition(ControlDefinition, frozen=True, kw_only=True):
                 )
 
     def signals(self, plant: Plant) -> tuple[Signal, ...]:
-        """Return the signal of the measured coordinate."""
         return measured(plant, [self.measures or self.drives[0]])
 
 
@@ -206,20 +200,17 @@ class References(Readable):
 
     @classmethod
     def schema(cls) -> dict[str, object]:
-        """Return the JSON Schema of the forms."""
         law = {"anyOf": [{"$ref": f"#/$defs/{kind.__name__}"} for kind in get_args(Law)]}
         listed, named = {"type": "array", "items": law}, {"type": "object", "additionalProperties": law}
         return {"anyOf": [law, listed, named]}
 
     def plain(self) -> object:
-        """Return the laws, in the form in which they were given."""
         return self.given
 
     def laws(self, names: Sequence[str], signals: Sequence[Signal], rest: Law | None = None) -> tuple[Law, ...]:
         """Return the laws that signals follow, checked.
 
         Args:
-            names: Names of the coordinates or drives, as the controller has them.
             rest: What coordinates follow that a map leaves out; ``None`` where it must not.
         """
         with within("follows"):

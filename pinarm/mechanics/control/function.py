@@ -143,12 +143,10 @@ class FunctionControl:
 
     @property
     def names(self) -> list[str]:
-        """Names of the drives; what the function asks for is not known before."""
         return list(self.drives)
 
     @cached_property
     def called(self) -> ControlFunction:
-        """The user's function; that of a sampled controller is reset at the beginning of every integration."""
         return self.function if self.period is None else FreshFunction(self.function)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -168,7 +166,6 @@ class FunctionController(Controller):
 
     Attributes:
         function: ``(t, state) -> effort``.
-        readers: Those that it has asked for, by name.
     """
 
     function: ControlFunction

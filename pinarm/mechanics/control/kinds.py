@@ -336,7 +336,6 @@ class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind",
     lead: Pause = 0.0
 
     def check(self) -> None:
-        """Refuse several drives, and a continuous relay without hysteresis."""
         super().check()
         if self.hysteresis < 0.0 or (self.period is None and not self.hysteresis):
             with within("hysteresis"):

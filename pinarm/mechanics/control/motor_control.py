@@ -21,9 +21,6 @@ class MotorController(Controller):
 
     The integrals are those of the other controller where that is continuous, then the states of the motors. The mode is
     that of the other controller, followed by a digit for each motor.
-
-    Attributes:
-        place: Place of the first command among the commands of sampled controllers.
     """
 
     source: Controller
@@ -55,7 +52,6 @@ class MotorController(Controller):
 
     @cached_property
     def _states(self) -> list[slice]:
-        """Places of the states of every motor among the integrals."""
         ends = list(accumulate((motor.states for motor in self.actuators), initial=self.own))
         return [slice(*pair) for pair in pairwise(ends)]
 

@@ -98,7 +98,6 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         return CamCoupling(name, model.nv, first, second, profile, self.closed_by == "force", contact, missing)
 
     def _contact(self, model: pin.Model, pair: MemberPair) -> CamContact:
-        """Return the contact in the plane across the cam's axis that goes through the link named."""
         cam, follower = pair.first, pair.second
         if cam.joint.unit != RADIAN:
             raise InputError(
@@ -122,7 +121,6 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         return replace(contact, follower=Follower(p, way, sense, float(self.roller_radius), face))
 
     def _place(self, model: pin.Model, pair: MemberPair) -> pin.SE3:
-        """Return the frame of the roller or the face in the carrier, where all coordinates are 0."""
         with within("roller" if self.roller else "face"):
             index = frame_of(model, self.roller or self.face)
             if model.frames[index].parentJoint != pair.second.body:
@@ -146,7 +144,6 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         return plane.direction(normal)
 
     def _facing(self, p: complex, normal: complex) -> complex:
-        """Return the normal, of length 1, in the sense away from the axis of the cam."""
         distance = (np.conj(normal) * p).real / abs(normal)
         if distance == 0.0:
             with within("face"):
@@ -162,7 +159,6 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
 
 
 def _require_smooth(profile: MotionLaw, cam: Joint) -> None:
-    """Raise where the value or the slope of a profile jumps."""
     profile.require_continuous(cam.unit)
     for w in profile.slope_jumps():
         raise InputError(
@@ -176,7 +172,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     Attributes:
         contact: Where they touch; ``None`` where that is not known.
-        missing: What would have to be given for the forces on bodies to be known, in words.
     """
 
     unshown = ("profile", "contact")
@@ -235,7 +230,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def known_contact(self) -> CamContact:
-        """The contact, which must be known."""
         assert self.contact is not None
         return self.contact
 
@@ -243,7 +237,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return self.known_contact.touch(self.values(q, v))
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return the opposite contact forces on cam and follower; nothing where the contact is not known."""
         if self.contact is None:
             return {}
         touch = self.touch(links.q)
@@ -349,7 +342,6 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         return [] if law is None else self.profile.marked(law, start, end)
 
     def _jumps(self, law: MotionLaw, t: float) -> bool:
-        """Return whether f'' jumps where the cam is at an instant."""
         return self._jumps_at(law.on(t, t)(np.array([t]))[0])
 
     def has_kink(self, q: Array) -> bool:

@@ -68,7 +68,6 @@ class Follower(ValueRecord, frozen=True):
 
     Attributes:
         start: P at y = 0 [m].
-        way: Velocity of P per way y, there.
         sense: 1 where the follower turns as the cam for growing y, -1 where against it, 0 where it slides.
         radius: Of the roller, whose rotation has no inertia [m]; 0 of a knife edge.
         face: Normal of the flat face at y = 0, of length 1; ``None`` of a roller.
@@ -139,7 +138,6 @@ class CamContact(Record, frozen=True):
     Attributes:
         origin: Where the axis of the cam meets the plane [m], shape (3,).
         axes: Unit vectors of the plane and of the axis of the cam, right-handed, shape (3, 3).
-        follower: The follower; it stands in the origin where it is not yet known.
     """
 
     pair: MemberPair

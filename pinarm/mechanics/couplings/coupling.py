@@ -32,10 +32,6 @@ class JointRelation(ABC):
     where these meet: steps of integrations end there; see ``ForceElement`` for ``edges``, ``marked`` and ``passed``.
 
     Attributes:
-        kind: Its kind, as files call it.
-        missing: What would have to be given for the forces on bodies to be known, in words.
-        flaw: What is wrong with it at flawed configurations, in words.
-        in_pieces: Whether its row is made of pieces, along the coordinate of a joint.
         side: Sense in which its multiplier can act, 1 or -1; 0 where it holds both ways.
     """
 
@@ -95,11 +91,7 @@ class JointRelation(ABC):
         return self.drifts_at(state.q[None], state.v[None])
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:
-        """Return where its wrenches, which are linear in its multiplier between, change their slope.
-
-        Args:
-            links: Where the links are, at one configuration.
-        """
+        """Return where its wrenches, which are linear in its multiplier between, change their slope."""
         return []
 
     @property
@@ -166,12 +158,10 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
     """A sum of joint coordinates that stays constant; its multiplier is the effort at a joint of weight 1.
 
     Attributes:
-        kind: Its kind, as files call it.
         constant: c, its value at all times.
         follower: Index in v of the joint that mimics the other one and has no drive; ``None`` where either may be
             driven.
         transmission: The wrenches on bodies that do what the multiplier does; ``None`` where they are not known.
-        missing: What would have to be given for them to be known, in words.
     """
 
     name: str
@@ -287,7 +277,6 @@ def left_open(model: pin.Model, couplings: Sequence[JointRelation]) -> dict[int,
 
 
 def _between(model: pin.Model, coupled: set[int]) -> list[int]:
-    """Return the joints from the last body that carries all coupled joints up to these."""
     paths = [{int(j) for j in model.supports[joint]} for joint in coupled]
     carrying = set.intersection(*(path - {joint} for path, joint in zip(paths, coupled, strict=True)))
     return sorted(set.union(*paths) - carrying)

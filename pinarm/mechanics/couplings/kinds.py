@@ -85,7 +85,6 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         return first, second if self.course == "open" else -second
 
     def _ratio(self, pair: MemberPair) -> float:
-        """Return the turns of the second wheel, about its own axis, per turn of the first."""
         first, second = self._signed_radii(pair)
         return first / second * float(np.sign(pair.first.axis @ pair.second.axis))
 
@@ -156,7 +155,6 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
     planets: Annotated[int, msgspec.Meta(ge=2)] | None = None
 
     def check(self) -> None:
-        """Refuse a ratio of 0 or infinity, and angles that no teeth have."""
         if not 0.0 < abs(self.ratio) < np.inf:
             raise InputError(f"the ratio of a gear cannot be {self.ratio:g}", expected="a finite number other than 0")
         check_teeth(self.pressure_angle, self.helix_angle, self.plane)
@@ -233,7 +231,6 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
     plane: str = ""
 
     def check(self) -> None:
-        """Refuse a radius of 0, and angles that no teeth have."""
         if self.radius == 0.0:
             raise InputError("a pinion without a radius moves no rack", expected="a length other than 0")
         check_teeth(self.pressure_angle, self.helix_angle, self.plane)
@@ -283,7 +280,6 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
     offset: Lead = 0.0
 
     def check(self) -> None:
-        """Refuse a lead of 0."""
         if self.lead == 0.0:
             raise InputError("a screw without a lead couples nothing", expected="a length other than 0")
 
@@ -337,7 +333,6 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
     value: AnyQuantity = 0.0
 
     def check(self) -> None:
-        """Refuse weights of 0 or infinity."""
         for name, weight in self.weights.items():
             if not 0.0 < abs(weight) < np.inf:
                 with within("weights", Key(name)):

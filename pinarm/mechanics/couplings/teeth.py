@@ -90,7 +90,6 @@ def member_pair(
 
 
 def _bodies(model: pin.Model, first: Joint, second: Joint) -> tuple[int, int, int]:
-    """Return the carrier and the bodies of the members, where no carrier is named."""
     below = [int(model.parents[joint.index]) for joint in (first, second)]
     if below[0] == below[1]:
         return below[0], first.index, second.index
@@ -116,7 +115,6 @@ class _AxesAtNeutral:
         ).reshape(6, -1)
 
     def axis(self, joint: Joint) -> Array:
-        """Return the unit vector of a joint's axis."""
         part = self.columns[:3, joint.v] if joint.unit == METRE else self.columns[3:, joint.v]
         return np.asarray(self.data.oMi[self.carrier].rotation.T @ part)
 

@@ -37,11 +37,7 @@ class Kink(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A single force or moment of a transmission.
-
-    Attributes:
-        keeps: Whether it keeps its sign where the multiplier changes sides.
-    """
+    """A single force or moment of a transmission."""
 
     unit: Unit
     size: float
@@ -60,7 +56,6 @@ class Transmission(Record, frozen=True):
         second: Index of the joint that moves the second one.
         point: Where the force on the second member is said to act, in the carrier [m], shape (3,).
         wrench: On the second member, of a unit multiplier, [f; m] at the carrier's origin, shape (6,).
-        words: What transmits it, in words.
         folds: Multipliers at which the wrenches change their slope, with half of the change, shape (6,).
         back: On the first member, where it is not the opposite, shape (6,).
     """
@@ -90,7 +85,6 @@ class Transmission(Record, frozen=True):
         return {body: outwards(links, self.carrier, wrench) for body, wrench in self.wrenches(lam).items()}
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:
-        """Return where the wrenches change their slope, at one configuration."""
         folds = [(at, outwards(links, self.carrier, fold[None])[0]) for at, fold in self.folds]
         return [Kink(at, {self.second: fold, self.first: -fold}) for at, fold in folds]
 
@@ -100,7 +94,6 @@ class Transmission(Record, frozen=True):
         return replace(self, wrench=factor * self.wrench, folds=folds)
 
     def parts(self) -> dict[str, Unit]:
-        """Return the names of its single forces and moments, with their units."""
         return {name: part.unit for name, part in self.single.items()}
 
     def part(self, name: str, lam: Array) -> Array:

@@ -97,7 +97,6 @@ class StopSpring(AlongCoordinate, frozen=True):
         stiffness: k [N*m/rad or N/m].
         damping: c [N*m*s/rad or N*s/m].
         half: h [rad or m].
-        sides: 1 and -1, or 1 alone where there is no mirror image.
     """
 
     stiffness: float
@@ -137,7 +136,6 @@ class StopSpring(AlongCoordinate, frozen=True):
         return not self.damping
 
     def edges(self) -> list[Edge]:
-        """Return where sides begin to touch and, with a damper, where they stop pushing while they touch."""
         return [edge for side in self.sides for edge in self._edges_of(side)]
 
     def _edges_of(self, side: float) -> list[Edge]:
@@ -274,7 +272,6 @@ def elastic_gear(
     """Return the spring and damper of an elastic gear, or its flanks.
 
     Args:
-        deflection: w, of the rotor less what it drives.
         backlash: [rad or m].
     """
     stiff = effort_unit(deflection) / deflection.unit

@@ -55,7 +55,6 @@ class Pieces(Record, frozen=True):
 
     @cached_property
     def _bounds(self) -> Array:
-        """The bounds, those of two periods where they repeat, without slivers."""
         around = self.bounds
         if self.period < math.inf:
             around = np.concatenate([[0.0], around, self.period + np.array([0.0, *around]), [2.0 * self.period]])
@@ -201,9 +200,6 @@ class ForceElement(ABC):
     def within(self, kept_q: Indices, kept_v: Indices) -> ForceElement | None:
         """Return the element as it acts on a part of the mechanism, whose other joints are at rest.
 
-        Args:
-            kept_q: Places of the part's configuration in that of the whole.
-
         Returns:
             ``None`` where it takes more than indices to tell.
         """
@@ -251,7 +247,6 @@ class LawElement(ForceElement):
     """An element whose load follows a law of time, times what a condition says of the state.
 
     Attributes:
-        function: The smooth piece of the law on the present interval.
         condition: What of the load depends on the state; ``None`` where nothing does.
     """
 
@@ -267,7 +262,6 @@ class LawElement(ForceElement):
         return replace(self, function=self.law.on(start, end), condition=condition)
 
     def law_at(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the values of the law in states."""
         if self.function is None:
             raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
         value = np.asarray(self.function(np.asarray(t, float))[0])
@@ -306,7 +300,6 @@ class LawElement(ForceElement):
         return f"its points go from {first:.6g} to {last:.6g} s, and it is used from {t.min():.6g} to {t.max():.6g} s"
 
     def recording(self) -> LawElement:
-        """Return the element without notes of another motion."""
         return replace(self, condition=self.condition and replace(self.condition, history=[]))
 
     def note(self, t: float, entered: LawElement) -> None:

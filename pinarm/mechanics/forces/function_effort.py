@@ -21,7 +21,6 @@ class FunctionEffort(AlongCoordinate, frozen=True):
 
     Attributes:
         function: ``(t, state) -> effort`` [N*m or N]. It is called in states in no order of time.
-        readers: Those that it has asked for, by name.
     """
 
     unshown = ("model", "plant", "readers")

@@ -248,7 +248,6 @@ class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"
     curve: list[tuple[AnyQuantity, AnyQuantity]]
 
     def check(self) -> None:
-        """Refuse a curve that is no function of the velocity."""
         if len(self.curve) < 2 or any(b <= a for (a, _), (b, _) in pairwise(self.curve)):
             raise InputError("the velocities of the curve do not ascend", expected="two points or more, ascending")
 
@@ -281,7 +280,6 @@ class MotorCurve(AbstractRecord, ForceElement, frozen=True):
         return self._pieces.passed(v[..., self.v])
 
     def _curve(self, rate: Array) -> tuple[Array, Array]:
-        """Return the efforts and their slopes at velocities."""
         place = np.searchsorted(self.speeds, rate)
         slopes = np.concatenate([[0.0], np.diff(self.efforts) / np.diff(self.speeds), [0.0]])
         return np.interp(rate, self.speeds, self.efforts), slopes[place]

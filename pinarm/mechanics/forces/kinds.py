@@ -44,7 +44,6 @@ def bound(
 
 
 def _refuse_coordinate(force: JointSpring | JointEffort, coordinates: Mapping[str, Coordinate]) -> None:
-    """Refuse a coordinate or a loop joint in place of a joint of the tree."""
     named = force.joint, f"{force.joint}.angle", f"{force.joint}.position"
     along = [name for name in named if name in coordinates]
     if not along:

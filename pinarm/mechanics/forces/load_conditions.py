@@ -22,7 +22,6 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, Time, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate, PathLength, coordinate_of
 from pinarm.mechanics.forces.force_element import Edge, Pieces
-from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, polynomial
 from pinarm.mechanics.laws.over_coordinate import Driven, Profile, reversals
@@ -55,26 +54,12 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
         return w, (rows * v).sum(axis=-1), rows
 
     def _evaluated(self, q: Array) -> tuple[Array, Array]:
-        """Return w, shape (...), and J, shape (..., nv)."""
+        """Return w, shape (...), and J, shape (..., nv), by the motions of the frames that the coordinate measures."""
         if isinstance(self.coordinate, LinearCoordinate):
             weights = self.coordinate.weights
             values = np.asarray(q[..., self.coordinate.places] @ weights)
             return values, np.broadcast_to(weights, (*values.shape, len(weights)))
         states = q.reshape(-1, q.shape[-1])
-        if len(states) == 1 and np.isrealobj(q):
-            w, rows = self._of_state(Kinematics.at(self.model, states[0]))
-        else:
-            w, rows = self._of_frames(states)
-        return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
-
-    def _of_state(self, state: Kinematics) -> tuple[Array, Array]:
-        if not isinstance(self.coordinate, PairCoordinate):
-            return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
-        w, rows = self.coordinate.way.measured(state)
-        return w + self.coordinate.missing_turns(w, state.q), rows
-
-    def _of_frames(self, states: Array) -> tuple[Array, Array]:
-        """Return w, shape (n,), and J, shape (n, nv), by the motions of the frames that the coordinate measures."""
         w, rows = np.zeros(len(states), states.dtype), np.zeros((self.model.nv, len(states)), states.dtype)
         for way, frames in self._ways:
             motion = frames.at_configurations(states)
@@ -82,11 +67,10 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
             rows[frames.velocities[:, 0]] += motion.rows(way.pair)[0, :, 0]
         if isinstance(self.coordinate, PairCoordinate):
             w += self.coordinate.missing_turns(w, states)
-        return w, rows.T
+        return w.reshape(q.shape[:-1]), rows.T.reshape(*q.shape[:-1], self.model.nv)
 
     @cached_property
     def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:
-        """The pairs of frames that the coordinate measures."""
         from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
 
         along = self.coordinate
@@ -106,7 +90,6 @@ class Gate(Record, frozen=True):
     """A direction of motion in which a load acts.
 
     Attributes:
-        sense: 1 where the load acts while it increases, -1 while it decreases.
         is_open: Whether it acts until the next edge; ``None`` where the rate tells.
     """
 
@@ -131,7 +114,6 @@ class LoadCondition(Record, frozen=True):
 
     Attributes:
         profile: f; ``None`` for 1.
-        gates: The load acts while all of these directions hold.
         stretch: Values of w between the jumps of f that hold until the next edge; ``None`` where w tells.
         history: The condition in a motion from instants on [s].
     """
@@ -181,7 +163,6 @@ class LoadCondition(Record, frozen=True):
         return self.history[max(place - 1, 0)][1] if self.history else self
 
     def edges(self) -> list[Edge]:
-        """Return where f jumps, and where the load begins or ceases to act."""
         edges = [gate.edge for gate in self.gates]
         if not (self.profile and self.along and self.profile.leaps):
             return edges
@@ -264,7 +245,6 @@ class LoadKeys(InputStruct, frozen=True, kw_only=True, rename={"while_": "while"
     end: Time | None = None
 
     def check(self) -> None:
-        """Refuse a period of a law over time, and an end that is not after the start."""
         if self.period is not None and self.over is None:
             with within("period"):
                 raise InputError("a law over time has no period", expected="over: the joint whose turns are meant")
@@ -275,11 +255,7 @@ class LoadKeys(InputStruct, frozen=True, kw_only=True, rename={"while_": "while"
     def acting(
         self, key: str, measured: Unit, model: pin.Model, coordinates: Mapping[str, Coordinate]
     ) -> tuple[MotionLaw, LoadCondition | None]:
-        """Return the law over time of a load, and the part that depends on the state.
-
-        Args:
-            coordinates: Coordinates of the mechanism, by name.
-        """
+        """Return the law over time of a load, and the part that depends on the state."""
         law: MotionLaw = getattr(self, key)
         gates = tuple(
             Gate(_measured(model, coordinates, name, "while", Key(name)), SENSES[way])

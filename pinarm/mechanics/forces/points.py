@@ -18,7 +18,6 @@ from pinarm.mechanics.coordinates import Coordinate, PairCoordinate, coordinates
 from pinarm.mechanics.forces.along_coordinate import SpringAlong
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement, LawElement
 from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys
-from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed, joined
 from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
@@ -28,9 +27,6 @@ from pinarm.records import AbstractRecord
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.frame_pairs import FramePairs
-
-MANY = 8
-"""Number of configurations from which on it pays to place them together."""
 
 
 class AppliedWrench(AbstractRecord, LawElement, frozen=True):
@@ -42,7 +38,6 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
         frame: Index of the frame at whose origin it acts.
         axes: Index of the frame in whose axes it is given.
         wrench: force and moment [N, N*m], shape (6,).
-        law: Factor over time, beside that of the condition.
     """
 
     unshown = ("model",)
@@ -57,12 +52,6 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T w`` to ``tau``."""
-        if q.ndim == 1 and np.isrealobj(q):
-            state = Kinematics.at(self.model, q)
-            turn, parts = state.data.oMf[self.axes].rotation, self.wrench.reshape(2, 3)
-            jacobian = pin.getFrameJacobian(self.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
-            tau += self.law_at(t, q, v) * ((parts @ turn.T).ravel() @ jacobian.reshape(6, -1))
-            return
         flat = q.reshape(-1, q.shape[-1])
         point, axes = (frames.at_configurations(flat) for frames in self._frame_pairs)
         force, moment = (np.tensordot(part, axes.turn, (0, 1)) for part in (self.wrench[:3], self.wrench[3:]))
@@ -71,7 +60,6 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
 
     @cached_property
     def _frame_pairs(self) -> tuple[FramePairs, FramePairs]:
-        """The point and the axes, seen from the world."""
         from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
 
         point, axes = (FramePairs.between(self.model, UNIVERSE, frame) for frame in (self.frame, self.axes))

@@ -41,7 +41,6 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
     start: Level = 0.0
 
     def check(self) -> None:
-        """Refuse too few points, and instants that do not increase."""
         check_ascending([t for t, _ in self.points], 1)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -70,7 +69,6 @@ class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
     points: list[tuple[Abscissa, Level]]
 
     def check(self) -> None:
-        """Refuse an empty list, and instants that do not increase."""
         check_ascending([t for t, _ in self.points], 1)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -98,7 +96,6 @@ class PiecewiseLinear(MotionLaw, frozen=True, tag_field="law", tag="piecewise_li
     points: list[tuple[Abscissa, Level]]
 
     def check(self) -> None:
-        """Refuse an empty list, and instants that decrease."""
         check_ascending([t for t, _ in self.points], 1, jumps=True)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -128,7 +125,6 @@ class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
 
     def check(self) -> None:
-        """Refuse too few points, and instants that do not increase."""
         check_ascending([t for t, _ in self.points], 2)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:

@@ -152,7 +152,6 @@ class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename
     begin: Abscissa = 0.0
 
     def check(self) -> None:
-        """Refuse limits that would never let it arrive."""
         if self.start != self.end and (self.acceleration == 0.0 or self.speed == 0.0):
             raise InputError("a trapezoid that goes somewhere needs an acceleration and a speed other than 0")
 
@@ -251,7 +250,6 @@ class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE
     begin: Abscissa = 0.0
 
     def check(self) -> None:
-        """Refuse limits that would never let it arrive."""
         limits = (self.jerk, self.acceleration, self.speed)
         if self.start != self.end and any(limit == 0.0 for limit in limits):
             raise InputError("an s_curve that goes somewhere needs limits other than 0")
@@ -333,7 +331,6 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
                 segment.motion.check_follower(name, names)
 
     def check(self) -> None:
-        """Refuse laws with a jump of value or speed between them."""
         self.pieces()
 
     def pieces(self) -> Sequence[Piece]:
@@ -367,7 +364,6 @@ CONTINUOUS = 1e-9
 
 
 def _check_reached(value: float, reached: float, size: float) -> None:
-    """Raise where a law does not begin at the value that the laws before it reached."""
     if abs(value - reached) > CONTINUOUS * max(abs(value), size):
         raise InputError(
             f"the law begins at {value:.6g}, but the laws before it end at {reached:.6g}",

@@ -69,7 +69,6 @@ class Piece(ValueRecord, frozen=True):
         return np.asarray(np.abs(np.array(self.function(t))).max(axis=1))
 
     def between(self, low: float, high: float) -> Piece:
-        """Return the part of it between two instants that it does not lie outside of."""
         start, end = max(self.start, low), min(self.end, high)
         return Piece(start, end, self.function, tuple(t for t in self.knots if start < t < end))
 
@@ -108,7 +107,6 @@ class Wave(Record, frozen=True):
 
     Attributes:
         start: Mean of the wave, where x is 0.
-        slope: What it rises by beside, in a radian and relative to the amplitude.
         rate: Angular frequency [rad/s].
         phase: Angle at ``begin`` [rad].
         begin: Where x is 0 [s].
@@ -162,11 +160,9 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
 
     @cached_property
     def smooth_pieces(self) -> Sequence[Piece]:
-        """The pieces, computed once."""
         return self.pieces()
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        """Check that every field was written in a unit that fits."""
         for name, kind in measured_fields(type(self)).items():
             with within(FILE_KEYS.get(name, name)):
                 if kind.order is not None:
@@ -198,7 +194,6 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
         return [t for t, jumping in self._jumping() if jumping[1]]
 
     def _jumping(self) -> Iterator[tuple[float, Flags]]:
-        """Yield the breakpoints, and which of s, s' and s'' jump there."""
         for before, after in pairwise(self.smooth_pieces):
             instant = np.array([after.start])
             left, right = np.array(before.function(instant)), np.array(after.function(instant))
@@ -206,7 +201,6 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
             yield after.start, np.abs(left - right)[:, 0] > JUMP * size
 
     def require_continuous(self, along: Unit = SECOND) -> None:
-        """Refuse jumps of s."""
         for t in self.value_jumps():
             raise InputError(
                 f"the value jumps at {t:.6g} {along}",
@@ -246,7 +240,6 @@ class Grid(ValueRecord, frozen=True):
 
         Args:
             t: Instants, shape (n,).
-            kinks: Further instants that cut the grid without rows of their own.
         """
         first, last, laws, jumps = float(t[0]), float(t[-1]), list(laws), set(jumps)
         slack, fixed = ROUNDING * (last - first), {first, last, *jumps, *kinks}
@@ -261,7 +254,6 @@ class Grid(ValueRecord, frozen=True):
         return cls(np.concatenate(parts), cuts, tuple(int(row) for row in rows))
 
     def intervals(self) -> list[tuple[float, float, slice]]:
-        """Return start, end and rows of every interval."""
         return [
             (start, end, slice(low, high))
             for (start, end), (low, high) in zip(pairwise(self.cuts), pairwise(self.rows), strict=True)
@@ -317,7 +309,6 @@ class Grid(ValueRecord, frozen=True):
         return Grid(self.t[low:high], self.cuts[first : last + 2], rows)
 
     def until(self, end: float) -> Grid:
-        """Return the grid up to an instant, which becomes its last cut."""
         kept = [(start, min(stop, end), rows) for start, stop, rows in self.intervals() if start < end or start == stop]
         ends = [rows.start + int((self.t[rows] <= end).sum()) for _, _, rows in kept]
         return Grid(self.t[: ends[-1]], (self.cuts[0], *(stop for _, stop, _ in kept)), (0, *ends))

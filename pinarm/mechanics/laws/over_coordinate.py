@@ -23,7 +23,7 @@ from pinarm.mechanics.laws.kinds import CONTINUOUS, Law
 from pinarm.mechanics.laws.motion_law import JUMP, MotionLaw, Piece, Values
 from pinarm.records import ValueRecord
 
-SAMPLES, MOST_SAMPLES = 2049, 2**20 + 1
+SAMPLES, MOST_SAMPLES = 4097, 2**20 + 1
 """Samples of a smooth piece of the driving law in the search for its reversals, at least and at most."""
 
 EVERY = 8
@@ -49,9 +49,7 @@ class Profile(ValueRecord, frozen=True):
     """A law f(w) over a coordinate w, repeated with a period if there is one.
 
     Attributes:
-        pieces: Smooth pieces in order; those of the first period where it repeats.
         period: Period [rad or m]; infinite where it does not repeat.
-        law: The law; its pieces are functions, which cannot be pickled.
     """
 
     pieces: tuple[Piece, ...]
@@ -60,7 +58,6 @@ class Profile(ValueRecord, frozen=True):
 
     @classmethod
     def of(cls, law: MotionLaw, period: float | None = None) -> Profile:
-        """Return the profile of a law, taken from 0 to the period if there is one."""
         if period is None:
             return cls(tuple(law.smooth_pieces), math.inf, law)
         inside = [piece for piece in law.smooth_pieces if piece.end > 0.0 and piece.start < period]
@@ -104,7 +101,6 @@ class Profile(ValueRecord, frozen=True):
 
     @property
     def starts(self) -> list[float]:
-        """Where pieces begin, ascending; those of the first period where it repeats."""
         return [piece.start for piece in self.pieces if math.isfinite(piece.start)]
 
     @cached_property
@@ -127,7 +123,6 @@ class Profile(ValueRecord, frozen=True):
         return float(below.max(initial=-math.inf)), float(above.min(initial=math.inf))
 
     def _repeated(self, places: Sequence[float] | Array, low: float, high: float, most: int) -> Array:
-        """Return places of the first period in every one between two values, ascending."""
         own = np.array(places)
         if self.period < math.inf and math.isfinite(low) and math.isfinite(high):
             with np.errstate(over="ignore", invalid="ignore"):
@@ -173,7 +168,6 @@ class Profile(ValueRecord, frozen=True):
         high: float,
         *groups: tuple[Sequence[float] | Array, int],
     ) -> list[list[float]]:
-        """Return when a smooth motion passes groups of places, each with their largest number."""
         t, w = _one_way(drive, low, high)
         ends = float(w.min()), float(w.max())
         return [_passages(drive, t, w, self._repeated(places, *ends, most)) for places, most in groups]
@@ -192,11 +186,6 @@ class Profile(ValueRecord, frozen=True):
         return values[0], values[1], values[2]
 
     def check_repeated(self, *, load: bool = False) -> None:
-        """Refuse a profile that has points beyond its period, or that differs between its beginning and its end.
-
-        Args:
-            load: Whether its slope may differ there, and of a law that may jump its value too.
-        """
         if self.period == math.inf:
             return
         slack = ON_BREAKPOINT * self.period
@@ -225,7 +214,6 @@ class Profile(ValueRecord, frozen=True):
 
 
 def _leaps(before: Piece, after: Piece) -> bool:
-    """Return whether a value jumps from the end of one piece to the start of another."""
     left, right = before.function(np.array([before.end]))[0], after.function(np.array([after.start]))[0]
     return bool(abs(right - left)[0] > JUMP * max(before.size()[0], after.size()[0]))
 
@@ -258,7 +246,6 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
     period: Extent | None = None
 
     def check(self) -> None:
-        """Refuse a profile that does not go on from one period to the next."""
         with within("period"):
             Profile.of(self.profile, self.period).check_repeated()
 
@@ -339,25 +326,24 @@ def _one_way(drive: Callable[[Array], Values], low: float, high: float) -> tuple
 
 
 def _sampled(drive: Callable[[Array], Values], low: float, high: float) -> tuple[Array, Array]:
-    """Return even instants, as many as a motion asks for that swings, and its speeds there, both (n,)."""
+    """Return instants, as many as a motion asks for that swings, and its speeds there, both (n,).
+
+    They are apart by all distances, so that no swing looks slow.
+    """
     samples = SAMPLES
     while samples <= MOST_SAMPLES:
-        t, k = np.linspace(low, high, samples), np.arange(samples - 1.0)
-        uneven = t[:-1] + (GOLDEN * k * k) % 1.0 * np.diff(t)  # apart by all distances: no swing looks slow there
+        k = np.arange(samples - 1.0)
+        inner = low + (high - low) * (k + (GOLDEN * k * k) % 1.0) / (samples - 1.0)
+        t = np.array([low, *inner[1:], high])
         w, speed, _ = drive(t)
         rounding = ON_BREAKPOINT * max(float(np.abs(speed).max()), float(np.abs(w).max()) / (high - low))
-        if EVERY * max(_turns(speed, rounding), _turns(drive(uneven)[1], rounding)) <= samples:
+        way = np.sign(speed) * (np.abs(speed) > rounding)
+        if EVERY * np.count_nonzero(way[:-1] * way[1:] < 0.0) <= samples:
             return t, speed
         samples = 2 * samples - 1
     raise InputError(
         f"what a profile follows turns back more than {MOST_SAMPLES // EVERY} times", expected="a shorter motion"
     )
-
-
-def _turns(speed: Array, rounding: float) -> int:
-    """Return the number of sign changes between consecutive speeds, shape (n,), that both exceed rounding."""
-    way = np.sign(speed) * (np.abs(speed) > rounding)
-    return int(np.count_nonzero(way[:-1] * way[1:] < 0.0))
 
 
 def _passages(drive: Callable[[Array], Values], t: Array, w: Array, places: Array) -> list[float]:

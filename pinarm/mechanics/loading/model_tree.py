@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -47,7 +47,6 @@ class TreeJoint(ValueRecord, frozen=True):
     """A joint with its child link.
 
     Attributes:
-        kind: Kind of motion; a revolute joint counts turns.
         placement: Placement of the joint frame in the parent link, at coordinate 0.
         axis: Unit vector in joint axes, shape (3,): of rotation or sliding, or normal to the plane.
         offset: Placement of the child link in the joint frame.
@@ -57,7 +56,6 @@ class TreeJoint(ValueRecord, frozen=True):
         rest: Coordinate at which that spring is free [rad or m]; 0 for joints with several coordinates.
         armature: Rotor inertia reflected to the joint [kg*m^2 or kg], the same in all directions.
         drawn: Coordinate of the reference pose of the model [rad or m].
-        made_for: Joint of the file that needs it, where the file itself has no joint or link of its name.
     """
 
     name: str
@@ -91,12 +89,8 @@ class Tree(ValueRecord, frozen=True):
 
     Attributes:
         links: Inertia of every link about its own frame, 0 where none is given; the root first.
-        joints: Joints depth-first: each after the joint of its parent link.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
         defects: Physically impossible values with which the model can still be built, in words.
-        notes: Parts of the file that are modelled differently or not at all, in words.
-        loops: Joints that close loops of the tree, by name.
-        couplings: Gears, screws and sums of joint coordinates, by name.
         held: Joint that is yet to be fixed, by ``with_held`` -> the coordinate at which it is held [rad or m].
     """
 
@@ -113,7 +107,6 @@ class Tree(ValueRecord, frozen=True):
 
     @property
     def root(self) -> str:
-        """The root link."""
         return next(iter(self.links))
 
 
@@ -244,7 +237,7 @@ def _principal(moments: Array) -> tuple[Array, Flags, Flags]:
 def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple[tuple[Mimic, ...], tuple[str, ...]]:
     """Return the couplings whose leaders exist, and a note on each of the others."""
     leaders = {mimic.joint: mimic.of for mimic in mimics}
-    kept, orphans, ending = [], [], set[str]()
+    kept, orphans = [], []
     if twice := [joint for joint, count in Counter(mimic.joint for mimic in mimics).items() if count > 1]:
         raise ModelError(f"joint '{twice[0]}' follows other joints twice", expected="one coupling for each joint")
     for mimic in mimics:
@@ -258,20 +251,13 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
                 f"joint '{mimic.joint}' mimics '{mimic.of}', which is {joints[mimic.of]}",
                 expected="a leader with one coordinate",
             )
-        ending |= _followed(mimic.joint, leaders, ending)
+        chain, last = {mimic.joint: None}, mimic.joint
+        while (last := leaders.get(last, "")) and last not in chain:
+            chain[last] = None
+        if last:
+            raise ModelError(f"joint '{mimic.joint}' mimics itself: {' -> '.join([*chain, last])}")
         kept.append(mimic)
     return tuple(kept), tuple(orphans)
-
-
-def _followed(joint: str, leaders: Mapping[str, str], ending: Set[str]) -> Set[str]:
-    """Return a joint with those that it follows, up to one of those that are known not to follow a circle."""
-    chain, last = {joint: None}, joint
-    while last in leaders and last not in ending:
-        last = leaders[last]
-        if last in chain:
-            raise ModelError(f"joint '{joint}' mimics itself: {' -> '.join([*chain, last])}")
-        chain[last] = None
-    return chain.keys()
 
 
 def from_z(axis: Array) -> Array:

@@ -148,12 +148,7 @@ class PinocchioLayout(Record, frozen=True):
 
     @classmethod
     def of(cls, xml: str, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> PinocchioLayout:
-        """Compare a mechanism with the joints that ``pin.buildModelFromUrdf`` makes of the same text.
-
-        Args:
-            joints: Its joints with one coordinate, by name.
-            balls: Its ball joints, by name.
-        """
+        """Compare a mechanism with the joints that ``pin.buildModelFromUrdf`` makes of the same text."""
         root = tree_of(xml)
         if root.tag != "robot":
             format = {"mujoco": "MJCF", "sdf": "SDF"}.get(root.tag, root.tag)
@@ -182,8 +177,6 @@ class PinocchioLayout(Record, frozen=True):
         """Compare a mechanism with Pinocchio's model of the same joints.
 
         Args:
-            joints: Its joints with one coordinate, by name.
-            balls: Its ball joints, by name.
             renamed: Names there -> names here, where they differ.
         """
         names = [renamed.get(name, name) for name in theirs.names]
@@ -193,7 +186,6 @@ class PinocchioLayout(Record, frozen=True):
         return cls(theirs.nq, theirs.nv, model.nq, model.nv, parts)
 
     def words(self) -> str:
-        """Return the conventions of q and v that differ from Pinocchio's, in words; empty where none differs."""
         conventions = {
             "continuous": "q has the angle, turns counted (Pinocchio: cos, sin)",
             "planar": "q has x, y and the angle, v the velocity in the axes of the parent (Pinocchio: x, y, cos, sin, "

@@ -64,12 +64,8 @@ class RobotModel(ValueRecord, frozen=True):
 
     Attributes:
         model: Pinocchio's model; joints depth-first, limits that are not given are infinite.
-        forces: Springs and damping of the joints, and regularised dry friction, by name.
         friction: Dry friction of joints with one coordinate, by name, which sticks [N*m or N].
-        loops: Joints that close loops of the tree, by name.
-        couplings: Gears, screws and sums of joint coordinates, by name.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
-        notes: Parts of the file that are modelled differently or not at all, in words.
     """
 
     model: pin.Model
@@ -93,10 +89,6 @@ def build_model(
         defects: Whether impossible inertias, and joints that mimic a missing one, are refused, or used and noted.
         creep: Velocity below which dry friction decreases that is to be regularised [rad/s or m/s]; ``None`` where it
             sticks. That of ball joints is regularised in any case. Infinite: there is no dry friction.
-        name: Of the model, in an SDF text with several.
-
-    Raises:
-        ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
     """
     xml, tree = _read(xml, name)
     tree = _with_base(tree, base)
@@ -118,7 +110,6 @@ def build_model(
 
 
 def _read(xml: str, name: str) -> tuple[str, Tree]:
-    """Return a text whose names other readers take too, and its tree."""
     root = tree_of(xml)
     if any(":" in element.tag or any(map(_is_undeclared, element.attrib)) for element in root.iter()):
         xml = ElementTree.tostring(_without_prefixes(tree_of(xml)), encoding="unicode")
@@ -218,7 +209,6 @@ def _with_base(tree: Tree, base: Base | None) -> Tree:
 
 
 def _standing(tree: Tree) -> list[str]:
-    """Return the joints of the root beyond which there are masses, but for the floating ones."""
     first = dict[str, str]()
     heavy = dict[str, None]()
     for joint in tree.joints:
@@ -229,7 +219,6 @@ def _standing(tree: Tree) -> list[str]:
 
 
 def _assembled(tree: Tree) -> pin.Model:
-    """Return Pinocchio's model of a tree."""
     model = pin.Model()
     model.name = tree.name
     simple = [part for joint in tree.joints for part in _parts(joint)]
@@ -311,7 +300,6 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
 
 
 def _rubbing(tree: Tree) -> list[TreeJoint]:
-    """Return the simple joints with dry friction."""
     parts = (part for joint in tree.joints for part in _parts(joint))
     return [part for part in parts if part.friction and part.kind != "fixed"]
 
@@ -361,7 +349,6 @@ def _require_weighable(model: pin.Model) -> None:
 
 
 def _massless(model: pin.Model) -> Iterator[str]:
-    """Yield a note on joints whose subtree has no mass."""
     heavy = [bool(body.mass or body.inertia.any()) for body in model.inertias]
     idle = [not any(heavy[joint] for joint in model.subtrees[index]) for index in range(model.njoints)]
     names = [model.names[index] for index in range(1, model.njoints) if idle[index] and not idle[model.parents[index]]]

@@ -43,7 +43,6 @@ def closing_frames(model: pin.Model, loops: Sequence[LoopJoint]) -> dict[str, tu
 
 
 def _point(model: pin.Model, frame: int) -> tuple[float, ...]:
-    """Return the joint that moves a frame, and the place of its origin there, rounded."""
     point = model.frames[frame]
     return (point.parentJoint, *(round(float(x), DIGITS) for x in point.placement.translation))
 

@@ -21,7 +21,6 @@ class LoopJoint(TiedFrames, frozen=True, kw_only=True):
     """A loop joint of one mechanism, ready for evaluation.
 
     Attributes:
-        kind: Its kind, as files call it.
         side: 0: it holds both ways.
         rolling: Rows that bind velocities alone: their gap is 0 in all positions.
     """
@@ -35,7 +34,6 @@ class LoopJoint(TiedFrames, frozen=True, kw_only=True):
         return METRE if self.pair.along[row] else RADIAN
 
     def helical(self, row: int) -> bool:
-        """Tell whether a row ties a way to an angle, so that its gap is known but for whole leads."""
         return self.pair.along[row] and self.pair.about[row]
 
 
@@ -54,7 +52,6 @@ class LoopDefinition(InputStruct, frozen=True):
         raise NotImplementedError
 
     def bind(self, model: pin.Model, name: str) -> LoopJoint:
-        """Return the loop joint of one model."""
         first, second = (frame_of(model, link) for link in self.between)
         if model.frames[first].parentJoint == model.frames[second].parentJoint:
             raise InputError(
@@ -72,7 +69,6 @@ class CableLoop(HeldCoordinate, frozen=True, kw_only=True):
 
     Attributes:
         length: [m].
-        opens: What happens where it opens, in words.
     """
 
     coordinate: PathLength

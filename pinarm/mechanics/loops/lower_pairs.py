@@ -53,7 +53,6 @@ class Tilt(Record, frozen=True):
     Unlike components of ``log R`` it does not change sign where the rotation about the axis passes half a turn.
 
     Attributes:
-        axis: Shape (3,).
         normal: Any unit vector at right angles to it, for frames that are turned over, shape (3,).
     """
 
@@ -242,7 +241,6 @@ class Helical(LoopDefinition, frozen=True, tag_field="kind", tag="screw", kw_onl
     offset: Lead = 0.0
 
     def check(self) -> None:
-        """Refuse a lead that ties no rotation to a way."""
         if self.lead == 0.0:
             raise InputError(
                 "a screw of lead 0 does not advance", expected="a length other than 0", hint="kind: revolute"
@@ -294,7 +292,6 @@ class TurnedAbout(PairCoordinate, frozen=True):
     Attributes:
         turns: Sum of the angles of the joints between the frames, which tells the turns; ``None`` where it does not.
         offset: What the angle is more than that, but for whole turns [rad].
-        threaded: Whether the place along a screw tells the turns.
     """
 
     turns: LinearCoordinate | None = None

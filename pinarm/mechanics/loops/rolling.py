@@ -40,7 +40,6 @@ class Rolling(LoopDefinition, frozen=True, tag_field="kind", tag="rolling", kw_o
     normal: Direction = "z"
 
     def check(self) -> None:
-        """Refuse a wheel without size."""
         if not float(self.radius) > 0.0:
             raise InputError("a wheel of radius 0 does not roll", expected="a length above 0", hint="kind: knife_edge")
 
@@ -114,7 +113,6 @@ class Wheel(Record, frozen=True):
         return self.normal.reshape(3, *(1,) * (p.ndim - 1))
 
     def _frame(self, p: Array, axes: Axes) -> tuple[Array, Array, Array]:
-        """Return the axis, the way up in the plane of the wheel, and the way ahead, all in frame 1."""
         axis, normal = combined(axes, self.axis), self._normal(p)
         ahead = cross(axis, normal)
         if (np.real(dot(ahead, ahead)) < FLAT**2).any():
@@ -190,6 +188,5 @@ def _unit(x: Array) -> Array:
 
 
 def _rate(x: Array, dx: Array) -> Array:
-    """Return the rate of ``x / |x|``."""
     unit = _unit(x)
     return np.asarray((dx - dot(unit, dx) * unit) / np.sqrt(dot(x, x)))

@@ -36,13 +36,7 @@ MOTION = re.compile(r"(?:position|velocity|acceleration)\b")
 
 
 def requested_joints(texts: Iterable[str], symbols: Mapping[str, Expression], mechanism: Mechanism) -> set[str]:
-    """Return the names of the joints whose effort, power or reaction is requested, or the torque of whose drive.
-
-    Args:
-        texts: Quantities, symbols and formulas.
-        symbols: Those of the scenario, beside those of the mechanism.
-        mechanism: The mechanism.
-    """
+    """Return the names of the joints whose effort, power or reaction is requested, or the torque of whose drive."""
     left, seen = list(texts), set[str]()
     while left:
         text = left.pop()
@@ -69,7 +63,6 @@ class Locking(Record, frozen=True):
 
     Attributes:
         positions: Joint -> where it stands [rad or m].
-        couplings: Names of couplings all of whose joints are locked.
         answered: Joints whose effort carries what the motion of the whole asks at them, and nothing else.
     """
 
@@ -79,11 +72,7 @@ class Locking(Record, frozen=True):
 
 
 def locking(declared: Declaration, mechanism: Mechanism, requested: Collection[str]) -> Locking | None:
-    """Return the joints that a problem may lock, with forces asked at some joints by name; ``None`` without any.
-
-    Raises:
-        KeyError: A coordinate does not exist.
-    """
+    """Return the joints that a problem may lock, with forces asked at some joints by name; ``None`` without any."""
     known = _KnownMotion(declared, mechanism)
     if not known.still or not known.reducible:
         return None
@@ -110,7 +99,6 @@ class _KnownMotion(Record, frozen=True):
 
     @cached_property
     def driven(self) -> set[int]:
-        """Joints whose own coordinate is held or follows a law."""
         own = {name: _own_joint(self.prescribed[name]) for name in (*self.declared.held, *self.declared.laws)}
         return {v for v in own.values() if v is not None}
 
@@ -168,7 +156,6 @@ class _KnownMotion(Record, frozen=True):
         return joints.union(*map(_joints_of, guides))
 
     def kept_joints(self, requested: Collection[str]) -> set[int]:
-        """Return the joints that have to stay, where forces are asked at those that are named."""
         mechanism, declared = self.mechanism, self.declared
         stay = self.shared_efforts | (set(range(mechanism.model.nv)) - set(self.still))
         stay |= {mechanism.joints[name].v for name in requested if name in mechanism.joints}
@@ -186,7 +173,6 @@ class _KnownMotion(Record, frozen=True):
 
     @property
     def reducible(self) -> bool:
-        """Whether joints can be locked at all."""
         constraints, closure = self.mechanism.constraints, self.mechanism.closure
         if self.declared.drives and {*self.declared.drives} != {*self.prescribed}:
             return False
@@ -199,7 +185,6 @@ class _KnownMotion(Record, frozen=True):
         return not self.declared.integrated or (straight and not closure.redundant)
 
     def has_same_drives(self, settled: Collection[str]) -> bool:
-        """Tell whether drives act on the part as on the whole, where none are named."""
         constraints = self.mechanism.constraints
         left = [constraint for constraint in constraints if constraint.name not in settled]
         if self.declared.drives or (followers_of(left) is None) == (followers_of(constraints) is None):
@@ -208,7 +193,6 @@ class _KnownMotion(Record, frozen=True):
 
     @cached_property
     def _state(self) -> Kinematics:
-        """A state at rest of no special kind."""
         model = self.mechanism.model
         anywhere = np.sin(np.arange(1.0, model.nv + 1.0))
         return Kinematics.at(model, pin.integrate(model, pin.neutral(model), anywhere))

@@ -33,7 +33,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import bind_loads
-from pinarm.problems.simplify.locking import Locking
+from pinarm.problems.simplify.locking import Locking, locking
 from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
@@ -41,19 +41,16 @@ if TYPE_CHECKING:
 
 
 class LockedMechanism(Record, frozen=True):
-    """A mechanism with joints locked.
+    """A mechanism with joints locked: the part that is left of it.
 
     Attributes:
-        whole: The mechanism.
-        forces: All force elements of the run, those of the whole.
-        locking: The joints.
-        mechanism: The part that is solved.
+        elements: Force elements of the part.
     """
 
     whole: Mechanism
     forces: Mapping[str, ForceElement]
     locking: Locking
-    mechanism: Mechanism
+    elements: Mapping[str, ForceElement] = {}
 
     @classmethod
     def of(
@@ -62,29 +59,21 @@ class LockedMechanism(Record, frozen=True):
         """Return a mechanism with joints locked; ``None`` where a force element cannot be had without them.
 
         Args:
-            whole: The mechanism.
-            forces: All force elements of the run.
-            loads: Definitions of those of the problem.
-            locking: The joints.
+            forces: All force elements of the run, by name.
+            loads: Definitions of those of the problem, by name.
         """
-        part = _Part(whole, locking)
-        elements = part.forces(forces, {**whole.description.forces, **loads})
-        return None if elements is None else cls(whole, forces, locking, replace(part.mechanism, forces=elements))
-
-    @cached_property
-    def _part(self) -> _Part:
-        return _Part(self.whole, self.locking)
+        part = cls(whole, forces, locking)
+        elements = part._elements({**whole.description.forces, **loads})
+        return None if elements is None else replace(part, elements=elements)
 
     def spread(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return states of the part as those of the whole, shapes (.., nq) and (.., nv)."""
-        part = self._part
-        whole_q = np.broadcast_to(part.configuration, (*q.shape[:-1], len(part.configuration))).copy()
+        whole_q = np.broadcast_to(self.configuration, (*q.shape[:-1], len(self.configuration))).copy()
         whole_v = np.zeros((*v.shape[:-1], self.whole.model.nv))
-        whole_q[..., part.kept_q], whole_v[..., part.kept_v] = q, v
+        whole_q[..., self.kept_q], whole_v[..., self.kept_v] = q, v
         return whole_q, whole_v
 
     def restored(self, outcome: Outcome) -> Outcome:
-        """Return the outcome of the part as that of the whole."""
         motion = outcome.motion and RestoredMotion(self, outcome.motion, outcome.rows.grid.cuts)
         events = [self._event(event) for event in outcome.events]
         return replace(outcome, rows=self.restored_rows(outcome.rows), motion=motion, events=events)
@@ -94,8 +83,7 @@ class LockedMechanism(Record, frozen=True):
         return replace(event, q=q, v=v)
 
     def restored_rows(self, run: Trajectory) -> Trajectory:
-        """Return states of the part as those of the whole, with the efforts of the joints that are locked."""
-        own, kept, n = self.locking, self._part.kept_v, len(run)
+        own, kept, n = self.locking, self.kept_v, len(run)
         (q, v), (_, a), (_, tau) = (self.spread(run.q, x) for x in (run.v, run.a, run.tau))
         names = [constraint.name for constraint in run.closure.constraints[len(run.mechanism.constraints) :]]
         closure = self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names])
@@ -149,13 +137,6 @@ class LockedMechanism(Record, frozen=True):
 
         return Multipliers(own, lam.along) if gone.any() else lam
 
-
-class _Part(Record, frozen=True):
-    """The part of a mechanism that is left where joints are locked."""
-
-    whole: Mechanism
-    locking: Locking
-
     @cached_property
     def configuration(self) -> Array:
         """A configuration of the whole in which the locked joints are where they are locked, shape (nq,)."""
@@ -181,7 +162,6 @@ class _Part(Record, frozen=True):
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """The part, without force elements."""
         whole, model = self.whole, self.model
         joints = joints_of(model)
         left = (constraint for constraint in whole.constraints if constraint.name not in self.locking.couplings)
@@ -191,12 +171,10 @@ class _Part(Record, frozen=True):
         drives = {name: drive for name, drive in whole.drives.items() if drive.joint in joints}
         return replace(
             whole, model=model, joints=joints, balls=balls_of(model), coordinates=self._coordinates(),
-            constraints=constraints, drives=drives, forces={},
+            constraints=constraints, drives=drives, forces=self.elements,
         )  # fmt: skip
 
-    def forces(
-        self, forces: Mapping[str, ForceElement], definitions: Mapping[str, Force]
-    ) -> dict[str, ForceElement] | None:
+    def _elements(self, definitions: Mapping[str, Force]) -> dict[str, ForceElement] | None:
         """Return the force elements of the part; ``None`` where one is not known of it, or jumps where it would stay.
 
         Those at locked joints are left out.
@@ -204,7 +182,7 @@ class _Part(Record, frozen=True):
         from pinarm.mechanics.forces.kinds import bound
 
         elements, part = dict[str, ForceElement](), self.mechanism
-        for name, force in forces.items():
+        for name, force in self.forces.items():
             within = force.within(self.kept_q, self.kept_v)
             if within is None:
                 if name not in definitions:
@@ -297,9 +275,7 @@ class Removal(ValueRecord, frozen=True):
     """A joint that is not solved for.
 
     Attributes:
-        joint: Its name.
         how: ``locked``; files of earlier versions also have ``dropped``, with its bodies.
-        why: In words.
     """
 
     joint: str
@@ -311,11 +287,6 @@ class Simplification(Record, frozen=True):
     """A problem, and what is solved in its place.
 
     Attributes:
-        question: The problem on the whole mechanism.
-        mechanism: The whole.
-        accuracy: How it is solved.
-        place: Gives errors their place.
-        problem: The problem on the part.
         part: What is solved; ``None`` where that is the whole.
     """
 
@@ -334,32 +305,17 @@ class Simplification(Record, frozen=True):
     def required(
         cls, problem: Problem, mechanism: Mechanism, accuracy: Accuracy, place: Place, requested: Collection[str]
     ) -> Simplification:
-        """Return the simplification of a problem; its part is ``None`` where nothing can be locked.
-
-        Args:
-            problem: The problem.
-            mechanism: The mechanism.
-            accuracy: How it is solved.
-            place: Gives errors their place.
-            requested: Names of the joints at which forces are asked.
-
-        Raises:
-            InputError: The problem has a mistake.
-        """
+        """Return the simplification of a problem; its part is ``None`` where nothing can be locked."""
         declared, whole = problem.declaration(), cls.whole(problem, mechanism, accuracy, place)
         tied = joint_ties(mechanism.constraints) or any(drive.turns_rotor for drive in mechanism.drives.values())
         if declared is None or tied or mechanism.frictions:  # these move, or stick and slip, with several joints
             return whole
-        from pinarm.problems.simplify.locking import locking
-
         try:
             lock = locking(declared, mechanism, requested)
         except KeyError:  # a name that does not exist: the question tells of it when it is solved
             lock = None
         if lock is None:
             return whole
-        from pinarm.problems.simplify.simplification import LockedMechanism
-
         forces = bind_loads(mechanism, declared.loads, place)
         part = LockedMechanism.of(mechanism, forces, declared.loads, lock)
         if part is None:
@@ -372,9 +328,6 @@ class Simplification(Record, frozen=True):
         """Return the outcome of the mechanism that was solved, and that of the whole mechanism.
 
         Where the part cannot be solved, the whole is tried, so that an error refers to the whole.
-
-        Raises:
-            PinarmError: As the problem itself.
         """
         if self.part is None:
             return self._as_put()
@@ -390,7 +343,6 @@ class Simplification(Record, frozen=True):
 
     @property
     def solved(self) -> Mechanism:
-        """The mechanism that is solved."""
         return self.mechanism if self.part is None else self.part.mechanism
 
     def _as_put(self) -> tuple[Outcome, Outcome]:
@@ -407,7 +359,6 @@ class Simplification(Record, frozen=True):
 
     @property
     def removals(self) -> tuple[Removal, ...]:
-        """Removed joints, each with the reason."""
         if self.part is None:
             return ()
         positions, joints = self.part.locking.positions, self.mechanism.joints.values()

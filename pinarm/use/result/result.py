@@ -25,7 +25,6 @@ from pinarm.errors import DynamicsError, InputError, PinarmError, choices
 from pinarm.input.yaml.schema import plain, quantity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
-from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.expectation import unreached
 from pinarm.use.result.failures import too_large
@@ -436,10 +435,13 @@ class Result(Run, frozen=True):
             f"{rule}: what follows from its friction, such as efforts and motions, rests on this choice"
             for rule in rules
         ]
-        coarse = coarse_angles(run.mechanism.joints, run.q)
         missed = unreached(self.quantities, self.content.expect)
         undecided = [note for note in open_notes(self.outcome.decisions) if note not in self.no_bound]
+<<<<<<< HEAD
         said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *coarse]
+=======
+        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *self._periods()]
+>>>>>>> eda4db6c (Readers, forces and quantities have one route for one state and for many, and fewer special cases)
         said += beyond_points(run)
         said += [] if self.errors else unexplained_notes(self.figures)  # a bound of the error covers them
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along

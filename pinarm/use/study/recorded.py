@@ -74,7 +74,7 @@ def _rows(
     if instants.ndim != 1:
         raise InputError(f"t has the shape {instants.shape}", expected="(n,)")
     given = {"v": v, "a": a, "tau": tau}
-    refuse_foreign(mechanism, q, **given)
+    refuse_foreign(mechanism, q=q, **given)
     positions = as_rows(real(q, "q"), nq, "q")
     arrays = {name: None if x is None else as_rows(real(x, name), nv, name) for name, x in given.items()}
     same_rows(instants, positions, *(x for x in arrays.values() if x is not None))

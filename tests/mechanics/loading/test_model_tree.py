@@ -1,16 +1,12 @@
 """Names of the parts of a tree: links, frames and joints of the file, and those that are made for its joints."""
 
-from time import process_time
-from xml.etree import ElementTree
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from pinarm.errors import ModelError
-from pinarm.mechanics.loading.model_tree import Mimic, checked_mimics, from_z
+from pinarm.mechanics.loading.model_tree import from_z
 from pinarm.mechanics.loading.pinocchio_model import build_model
-from pinarm.mechanics.loading.sdf.reader import sdf_tree
 
 MASS = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
 SDF_MASS = "<inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>"
@@ -78,31 +74,6 @@ def test_a_name_that_a_part_of_a_joint_has_is_refused(case):
     with pytest.raises(ModelError, match=rf"have the name '{name}': .*a part of '{joint}'") as caught:
         build_model(text)
     assert caught.value.hint == "rename one of them"
-
-
-def test_joints_that_follow_each_other_take_time_in_proportion_to_their_number():
-    """A hundredth of a second; a walk along the chain from each of them took half a minute."""
-    count = 3000
-    mimics = [Mimic(f"j{k}", f"j{k - 1}", 1.0, 0.0) for k in range(1, count)]
-    kinds = dict.fromkeys((f"j{k}" for k in range(count)), "revolute")
-    begin = process_time()
-    assert checked_mimics(mimics, kinds) == (tuple(mimics), ())
-    assert process_time() - begin < 2.0
-    with pytest.raises(ModelError, match=r"joint 'j1' mimics itself: j1 -> j0 -> j2999 -> .* -> j2 -> j1$"):
-        checked_mimics([*mimics, Mimic("j0", f"j{count - 1}", 1.0, 0.0)], kinds)
-
-
-def test_a_long_chain_of_an_sdf_grows_in_proportion_to_its_length():
-    """Also where it stands in the file from its end to its beginning: ten times the links, ten times the work."""
-
-    def taken(count):
-        names = ["world", *(f"l{k}" for k in range(count))]
-        root = ElementTree.fromstring(sdf(*((f"j{k}", "revolute", *names[k : k + 2]) for k in reversed(range(count)))))
-        begin = process_time()
-        assert [joint.name for joint in sdf_tree(root).joints] == [f"j{k}" for k in range(count)]
-        return process_time() - begin
-
-    assert taken(1000) < 35.0 * min(taken(100) for _ in range(3))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -204,7 +204,7 @@ def _motor_remarks(controller: MotorController, part: dict[str, Array], nodes: _
         if isinstance(motor, TorqueSource) and motor.continuous is not None:
             rms = nodes.mean(part["torque"][:, k] ** 2) ** 0.5
             speed = nodes.mean(np.abs(motor.ratio * nodes.v[:, controller.joints[k].v]))
-            if rms > (allowed := float(motor.continuous.at(np.array(speed)))):
+            if rms > (allowed := float(np.interp(speed, *motor.continuous))):
                 yield (
                     f"{drive} gives a torque of {rms:.3g} N*m rms at a mean speed of {speed:.3g} rad/s, more than "
                     f"its continuous torque there, {allowed:.3g} N*m"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from pinarm.engine.quantities.evaluation import Evaluation
-from pinarm.engine.quantities.family import Family
+from pinarm.engine.quantities.family import Evaluation, Family
 
 FAMILIES = {
     "joint": ("joints", "JointQuantities"),

@@ -119,7 +119,6 @@ def _moved_joints(run: Trajectory) -> list[str]:
 
 
 def _index_of(asked: Asked, run: Trajectory) -> int:
-    """Return Pinocchio's index of the joint that is asked about."""
     joint = run.mechanism.joints.get(asked.of) or run.mechanism.balls.get(asked.of)
     if joint is None:
         raise asked.unknown
@@ -127,7 +126,6 @@ def _index_of(asked: Asked, run: Trajectory) -> int:
 
 
 def _beyond(asked: Asked, run: Trajectory) -> list[int]:
-    """Return Pinocchio's indices of a joint and those beyond it, or of all joints."""
     if asked.of != ALL:
         return [int(joint) for joint in run.mechanism.model.subtrees[_index_of(asked, run)]]
     if ALL in _moved_joints(run):

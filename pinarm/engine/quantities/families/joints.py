@@ -123,7 +123,6 @@ class JointQuantities(WrenchFamily, frozen=True):
         return Series(asked.name, measure, values, self.doubt(asked, stresses))
 
     def _of_fixed(self, asked: Asked) -> Series:
-        """Return a component of the wrench of a fixed joint."""
         frame = fixed_joints(self.run.mechanism.model).get(asked.of)
         if frame is None or len(asked.words) < 3 or asked.part not in WRENCH:
             raise asked.unknown

@@ -79,7 +79,6 @@ def joint_chain(
 
     Args:
         joints: The ``<joint>`` elements of the body.
-        place: Placement of the body in the parent link at the reference pose.
     """
     free = any(joint.tag == "freejoint" or joint.attributes.get("type") == "free" for joint in joints)
     if free and (len(joints) > 1 or parent != "world"):
@@ -96,14 +95,6 @@ def joint_chain(
         made_for = name if child != body else ""
         yield replace(joint, parent=parent, child=child, placement=place * joint.placement, made_for=made_for)
         parent, place = child, pin.SE3.Identity()
-
-
-def aligned(settings: Settings, joint: BodyElement) -> bool:
-    """Return whether MuJoCo moves the frame of a free body without bodies on it to its inertia."""
-    if joint.tag != "freejoint":
-        return settings.aligns and joint.attributes.get("type") == "free"
-    said = word(joint.attributes.get("align"), UNSAID, "freejoint: align")
-    return settings.aligns if said == "auto" else said == "true"
 
 
 def with_actuators(
@@ -144,7 +135,6 @@ def _coefficient(attributes: Attributes, key: str, settings: Settings, where: st
 
 
 def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: Notes) -> TreeJoint:
-    """Return a joint in its body frame, with the forces and limits of its attributes."""
     where, attributes = f"joint '{name}'", part.attributes
     stiffness, damping, friction, armature = (_coefficient(attributes, key, settings, where) for key in COEFFICIENTS)
     joint = TreeJoint(name, kind, "", "", pin.SE3.Identity(), stiffness=stiffness, damping=damping, friction=friction,
@@ -163,8 +153,6 @@ def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: 
         if attributes.get("range") and attributes.get("limited") != "false":
             notes.setdefault("the range of ball joints is not watched", []).append(name)
         return joint
-    if attributes.get("range") and attributes.get("limited", "auto") == "auto" and not settings.limits_by_range:
-        notes.setdefault("their range is no limit, as autolimits is false and limited is not said", []).append(name)
     axis = direction(numbers_in(attributes, "axis", where, 3, (0.0, 0.0, 1.0)), f"{where}: its axis")
     measured = _measured(settings, replace(joint, axis=part.frame.rotation @ axis), attributes, where)
     if measured.drawn:
@@ -221,17 +209,10 @@ class Equalities:
     MuJoCo holds equalities by springs (``solref``, ``solimp``); here they are exact. Source: MuJoCo, XML reference,
     section equality, and ``mj_instantiateEquality`` of its engine.
 
-
-    from __future__ import annotations
-
-    from collections.abc import Iterable, Iterator, Mapping
-
     Attributes:
         places: Body -> its placement in the world in the pose of the file.
-        sites: Named points, as joints that fix them to bodies, by name.
         held: Joint -> coordinate at which it is held [rad or m].
         frames: Frames that are tied, as joints that fix them to their bodies.
-        loops: Joints that close loops, by name.
     """
 
     joints: Mapping[str, TreeJoint]
@@ -262,7 +243,6 @@ class Equalities:
         return self
 
     def _couple(self, attributes: Attributes, where: str) -> None:
-        """Read the equality of one or two joints."""
         follower, leader = attributes.get("joint1", ""), attributes.get("joint2")
         text = attributes.get("polycoef", "0 1 0 0 0").split()
         curve = numbers_in({"polycoef": " ".join([*text, *["0"] * (5 - len(text))])}, "polycoef", where, 5)
@@ -288,7 +268,6 @@ class Equalities:
             self.mimics.append(Mimic(follower, leader, float(curve[1]), offset))
 
     def _tie(self, tag: str, name: str, attributes: Attributes, where: str) -> None:
-        """Read an equality that ties two bodies, or two sites."""
         from pinarm.mechanics.loops.lower_pairs import Fixed, Spherical  # not paid for by models without loops
 
         if name in self.loops:
@@ -301,7 +280,6 @@ class Equalities:
         self.loops[name] = (Spherical if tag == "connect" else Fixed)(between=(first, second))
 
     def _ends(self, tag: str, attributes: Attributes, where: str) -> list[tuple[str, pin.SE3]]:
-        """Return two bodies that are tied, each with the place of the tie in it."""
         first, second = (
             known(attributes.get(key, default), self.places, "body", where)
             for key, default in (("body1", ""), ("body2", "world"))
@@ -372,6 +350,5 @@ def _hinge_axes(a: TreeJoint, b: TreeJoint, c: TreeJoint, d: TreeJoint) -> tuple
 
 
 def _rounded(axis: Array) -> Array:
-    """Return a coordinate axis for a unit vector that is one but for printed digits."""
     near = np.round(axis)
     return near if np.abs(axis - near).max() < PRINTED else axis

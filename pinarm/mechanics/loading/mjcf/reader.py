@@ -18,7 +18,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, several
 from pinarm.input.xml_text import MAX_LINKS, bound, check_names, counted
-from pinarm.mechanics.loading.mjcf.joints import Equalities, Notes, aligned, elements_of, joint_chain, with_actuators
+from pinarm.mechanics.loading.mjcf.joints import Equalities, Notes, elements_of, joint_chain, with_actuators
 from pinarm.mechanics.loading.mjcf.settings import (
     GENERATED,
     MJCF,
@@ -120,7 +120,6 @@ class _Reader:
     notes: Notes = field(default_factory=dict)
 
     def bodies(self, element: Element, parent: str, frame: pin.SE3, childclass: str, *, moves: bool) -> None:
-        """Read the bodies and sites in a body, or in a frame of it with the given placement in the body."""
         for child in element:
             if child.tag == "frame":
                 place = frame * self.settings.placement(child.attrib, f"a frame of '{parent}'")
@@ -148,8 +147,6 @@ class _Reader:
         place = frame * settings.placement(body.attrib, where)
         self.places[name] = self.places[parent] * place
         joints = [*elements_of(settings, body, childclass, *JOINTS)]
-        if any(aligned(settings, joint) for joint in joints) and sum(1 for _ in body.iter("body")) == 1:
-            self._note("free bodies whose frame MuJoCo moves to their inertia (align): here it stays as drawn", name)
         chain = [*joint_chain(settings, joints, parent, name, place, self.notes)]
         for joint in chain or [fixed_frame(name, parent, place)]:
             if joint.name in self.joints:
@@ -165,8 +162,7 @@ class _Reader:
     def _inertia(self, body: Element, childclass: str, where: str, *, moves: bool) -> pin.Inertia:
         """Return the inertia of a body about its frame; zero for a body that never moves.
 
-        As in MuJoCo an ``<inertial>`` stays where ``inertiafromgeom`` is true, but no geom of the body has a mass, and
-        what ``boundmass`` gives a body without mass stands at the body's ``pos``, though in the axes of the body.
+        As in MuJoCo an ``<inertial>`` stays where ``inertiafromgeom`` is true, but no geom of the body has a mass.
         """
         settings = self.settings
         if not moves and not settings.total_mass:
@@ -183,26 +179,9 @@ class _Reader:
             if len(inertials) > 1:
                 raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
             total = inertials[0].frame.act(_inertial(inertials[0].attributes, settings, where))
-        elif not total.mass and settings.least_mass:
-            total = inertia(0.0, numbers_in(body.attrib, "pos", where, 3, (0.0, 0.0, 0.0)), np.zeros((3, 3)))
-        if not moves and settings.fuses and total.mass:
-            raise ModelError(
-                f"{where}: its mass counts in settotalmass, or with fusestatic does not", expected="one of them"
-            )
-        return self._bounded(total, where)
-
-    def _bounded(self, body: pin.Inertia, where: str) -> pin.Inertia:
-        """Return an inertia raised to the mass and moments of ``boundmass`` and ``boundinertia``, and balanced."""
-        settings, moments = self.settings, body.inertia
-        if settings.least_inertia:
-            values, axes = np.linalg.eigh(moments)
-            moments = axes @ np.diag(np.maximum(values, settings.least_inertia)) @ axes.T
-        if wrong := inertia_defect(moments):
-            if settings.balances and np.linalg.eigvalsh(moments)[0] >= 0.0:
-                moments = np.trace(moments) / 3.0 * np.eye(3)
-            else:
-                self.defects.append(f"{where}: {wrong}")
-        return inertia(max(body.mass, settings.least_mass), body.lever, moments)
+        if wrong := inertia_defect(total.inertia):
+            self.defects.append(f"{where}: {wrong}")
+        return total
 
 
 class MeshMass(ModelError):
@@ -210,12 +189,7 @@ class MeshMass(ModelError):
 
 
 def geom_inertia(attributes: Attributes, settings: Settings, where: str) -> pin.Inertia:
-    """Return the inertia of a shape about its body's frame.
-
-    Args:
-        attributes: Those of the geom, with those of its class.
-        where: What it belongs to, for messages.
-    """
+    """Return the inertia of a shape about its body's frame."""
     kind = attributes.get("type", "mesh" if "mesh" in attributes else "sphere")
     mass, density = (number_in(attributes, key, where, -1.0) for key in ("mass", "density"))
     group = number_in(attributes, "group", where, 0.0)
@@ -272,7 +246,6 @@ def _scaled(links: dict[str, pin.Inertia], total: float) -> dict[str, pin.Inerti
 
 
 def _unread(model: Element) -> Iterator[str]:
-    """Yield notes on sections that move a MuJoCo model and are not supported."""
     for tag in ("deformable", "extension"):
         if model.find(f"{tag}/*") is not None:
             raise ModelError(f"the model has a section <{tag}>, which is not read", expected="rigid bodies and joints")

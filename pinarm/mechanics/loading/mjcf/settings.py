@@ -91,11 +91,12 @@ ACTUATOR = "actuator"
 ORIENTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 """Attributes that say an orientation -> how many numbers they have."""
 
+
 SWITCHES = ("gravity", "passive", "spring", "damper", "frictionloss", "constraint", "equality")
 """Flags that are read."""
 
-NO, YES = ("false", "true"), ("true", "false")
-"""Words of a switch, the default first."""
+YES = ("true", "false")
+"""Words of a switch that is on by default."""
 
 
 @dataclass(frozen=True)
@@ -108,16 +109,9 @@ class Settings:
         limits_by_range: Whether a range is a limit without ``limited="true"`` (``autolimits``).
         source: Source of inertias (``inertiafromgeom``): ``false``: inertials, ``true``: geoms, ``auto``: inertials
             where given, else geoms.
-        groups: First and last group of the geoms with mass.
-        least_mass: Lower bound of the mass of every body [kg].
-        least_inertia: Lower bound of the principal moments of every body [kg*m^2].
-        balances: Whether moments that no body can have are replaced by their mean (``balanceinertia``).
         total_mass: Total to which all masses are scaled [kg]; 0 for no scaling.
-        fuses: Whether bodies that do not move become part of the world (``fusestatic``), which has no mass.
-        aligns: Whether MuJoCo moves the frames of free bodies to their inertia (``alignfree``).
         gravity: Gravity field [m/s^2], world axes, shape (3,).
         off: The disabled ones of ``SWITCHES``.
-        classes: Attributes by class and element, inherited ones included.
     """
 
     angle: float
@@ -125,12 +119,7 @@ class Settings:
     limits_by_range: bool
     source: str
     groups: tuple[float, float]
-    least_mass: float
-    least_inertia: float
-    balances: bool
     total_mass: float
-    fuses: bool
-    aligns: bool
     gravity: Array
     off: frozenset[str]
     classes: Mapping[str, Mapping[str, Attributes]] = field(repr=False)
@@ -149,15 +138,16 @@ class Settings:
             return word(compiler.get(key), words, f"<compiler>: {key}")
 
         first, last = numbers_in(compiler, "inertiagrouprange", "<compiler>", 2, (0.0, 5.0))
-        least_mass, least_inertia, total = (
-            number_in(compiler, key, "<compiler>", 0.0) for key in ("boundmass", "boundinertia", "settotalmass")
-        )
+        total = max(0.0, number_in(compiler, "settotalmass", "<compiler>", 0.0))
+        changing = [key for key in ("boundmass", "boundinertia") if number_in(compiler, key, "<compiler>", 0.0)]
+        changing += [key for key in ("balanceinertia", *["fusestatic"] * (total > 0.0)) if compiler.get(key) == "true"]
+        if changing:
+            said = f"<compiler>: {changing[0]} changes masses as MuJoCo compiles them, which is not read"
+            raise ModelError(said, hint="the model as MuJoCo writes it, by mj_saveLastXML")
         return cls(
             angle=math.pi / 180.0 if chosen("angle", ("degree", "radian")) == "degree" else 1.0, sequence=sequence,
             limits_by_range=chosen("autolimits", YES) == "true", source=chosen("inertiafromgeom", ("auto", *YES)),
-            groups=(first, last), least_mass=least_mass, least_inertia=least_inertia,
-            balances=chosen("balanceinertia", NO) == "true", total_mass=max(0.0, total),
-            fuses=chosen("fusestatic", NO) == "true", aligns=chosen("alignfree", NO) == "true",
+            groups=(first, last), total_mass=total,
             gravity=numbers_in(option, "gravity", "<option>", 3, (0.0, 0.0, -9.81)),
             off=frozenset(name for name in SWITCHES if flags.get(name) == "disable"), classes=_classes(model),
         )  # fmt: skip
@@ -166,7 +156,6 @@ class Settings:
         """Return the attributes of an element, with those of its default class where it has none.
 
         Args:
-            element: An element, such as a joint.
             childclass: Default class of the body, for elements without ``class``.
             kind: Name of such elements in default classes; the element's tag if empty.
         """
@@ -281,7 +270,6 @@ def _classes(model: Element) -> dict[str, Mapping[str, Attributes]]:
 
 
 def _class(element: Element, above: Mapping[str, Attributes]) -> Iterator[tuple[str, Mapping[str, Attributes]]]:
-    """Yield a default class and the classes in it, each with its inherited attributes."""
     own = dict(above)
     for child in element:
         if child.tag != "default":

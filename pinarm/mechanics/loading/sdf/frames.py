@@ -8,7 +8,7 @@ frame.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeVar
 from xml.etree.ElementTree import Element
 
@@ -30,8 +30,7 @@ SDF = format_names({
     "pose": "relative_to frame degrees rotation_format",
     "inertial": "auto > mass pose inertia density- auto_inertia_params-",
     "inertia": "> ixx ixy ixz iyy iyz izz",
-    "joint": "name type > pose parent child axis axis2=axis gearbox_ratio gearbox_reference_body thread_pitch "
-             "screw_thread_pitch",
+    "joint": "name type > pose parent child axis axis2=axis thread_pitch screw_thread_pitch",
     "axis": "> xyz use_parent_model_frame limit dynamics mimic",
     "xyz": "expressed_in",
     "limit": "> lower upper effort velocity stiffness- dissipation-",
@@ -65,8 +64,6 @@ class Frames:
     placed: Mapping[str, tuple[str, pin.SE3]]
     attached: Mapping[str, str]
     root: str = MODEL
-    _places: dict[str, pin.SE3] = field(default_factory=dict)
-    _links: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, model: Element) -> Frames:
@@ -88,28 +85,24 @@ class Frames:
         return cls(placed, {}, WORLD)
 
     def placement(self, name: str, where: str) -> pin.SE3:
-        """Return the placement of a frame in the root."""
-        chain = dict[str, pin.SE3]()
-        while name != self.root and name not in self._places:
-            base, chain[name] = self._known(self.placed, name, where)
-            if base in chain:
-                raise ModelError(f"{where}: frames are placed in each other: {' -> '.join([*chain, base])}")
-            name = base
-        place = self._places.get(name, pin.SE3.Identity())
-        for frame, step in reversed(chain.items()):
-            place = self._places[frame] = place * step
+        place, chain = pin.SE3.Identity(), dict[str, None]()
+        while name != self.root:
+            if name in chain:
+                raise ModelError(f"{where}: frames are placed in each other: {' -> '.join([*chain, name])}")
+            chain[name] = None
+            name, step = self._known(self.placed, name, where)
+            place = step * place
         return place
 
     def link(self, name: str, where: str) -> str:
         """Return the link that a frame moves with."""
         chain = {name: None}
-        while (base := self._links.get(name) or self._known(self.attached, name, where)) != name:
+        while (base := self._known(self.attached, name, where)) != name:
             if base in chain or base == MODEL:
                 raise ModelError(
                     f"{where}: the frame '{next(iter(chain))}' is attached to no link", expected="attached_to: a link"
                 )
             chain[base], name = None, base
-        self._links.update(dict.fromkeys(chain, name))
         return name
 
     def _known(self, frames: Mapping[str, ValueT], name: str, where: str) -> ValueT:

@@ -1,23 +1,21 @@
 """The ``<joint>`` elements of SDF: what each is in a tree, and the loop joint that it is where it closes a loop.
 
 A universal joint is two revolute joints in a row, ``NAME.axis`` and ``NAME.axis2``. A screw is a slide ``NAME.slide``
-and a revolute joint ``NAME``, tied by a coupling of its lead. A gearbox moves no link, and couples two joints on one
-body: with theta_1 the angle from the reference body to the parent about ``<axis>``, and theta_2 that from the reference
-body to the child about ``<axis2>``, ``theta_2 = -gearbox_ratio theta_1``.
+and a revolute joint ``NAME``, tied by a coupling of its lead.
 
 The tree takes joints in the order of the file, from the world outwards. A joint between links that both hang in the
 tree already closes a loop; one that leads from a link to its own parent is turned round, and keeps its coordinate. A
 model that no joint ties to the world floats.
 
-Source: SDFormat 1.12, specification of joint, gearbox_reference_body and gearbox_ratio.
+Source: SDFormat 1.12, specification of joint.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -31,11 +29,9 @@ from pinarm.mechanics.loading.values import direction, numbers
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.kinds import CouplingDefinition, Gear
+    from pinarm.mechanics.couplings.kinds import CouplingDefinition
     from pinarm.mechanics.loops.kinds import Loop
 
-GEARBOX = "gearbox"
-"""Type of the joints that move no link, and couple others."""
 
 LIMITLESS = 1e15
 """Limit from which on there is none: the format's own default is 1e16."""
@@ -46,8 +42,6 @@ INFINITE = ("inf", "+inf", "-inf")
 SQUARE = 1e-6
 """Cosine of the angle between two axes up to which they are at right angles: digits that a file prints."""
 
-ALONG = 1e-6
-"""Sine of the angle between an axis of a gearbox and that of a joint up to which they are one: printed digits."""
 
 SECOND = ".axis2"
 """End of the name of the second joint of a universal one."""
@@ -67,11 +61,8 @@ class SdfJoint:
     """A joint of an SDF file.
 
     Attributes:
-        kind: Its type, as the file calls it.
-        parent: The link that the file calls parent, or the world.
         steps: Its simple joints from the parent to the child, each with its axis in the joint's axes.
         lead: Way per turn of a screw, positive for a right-handed thread [m]; 0 of other joints.
-        notes: What is read in one of several possible meanings, in words.
     """
 
     name: str
@@ -92,7 +83,6 @@ class SdfJoint:
 
     @property
     def active(self) -> bool:
-        """Whether it has more than a motion: limits, damping, friction, a spring, or a joint that it follows."""
         return bool(self.mimics) or any(
             step.bounds != Bounds() or step.damping or step.friction or step.stiffness for step in self.steps
         )
@@ -145,7 +135,7 @@ class SdfJoint:
 
 
 def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoint:
-    """Return the joint of an element that is no gearbox.
+    """Return the joint of an element.
 
     Args:
         joint: The ``<joint>``.
@@ -154,7 +144,7 @@ def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoi
     name, kind_name = str(joint.get("name")), joint.get("type", "")
     where = f"joint '{name}'"
     if kind_name not in KINDS:
-        expected, hint = choices(kind_name, [*KINDS, GEARBOX])
+        expected, hint = choices(kind_name, KINDS)
         raise ModelError(f"{where}: a joint of type '{kind_name}' is not read", expected=expected, hint=hint)
     place = frames.placement(name, where)
     parent, child = (_end_of(joint, end, frames, where) for end in ("parent", "child"))
@@ -176,7 +166,6 @@ def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoi
 
 
 def _end_of(joint: Element, end: str, frames: Frames, where: str) -> str:
-    """Return the link at an end of a joint, or the world."""
     name = text_of(joint, end)
     return WORLD if name == WORLD and end != "child" else frames.link(name, f"{where}: {end}")
 
@@ -259,49 +248,6 @@ def _mimic(axis: Element | None, name: str, where: str) -> Mimic | None:
     return Mimic(name, element.get("joint", "") + second, multiplier, offset - multiplier * reference)
 
 
-class Hinge(NamedTuple):
-    """A revolute joint of the tree, whose ``child`` turns against its ``parent``; its axis in the axes of the model."""
-
-    name: str
-    parent: str
-    child: str
-    axis: Array
-
-
-def gear_of(joint: Element, frames: Frames, version: tuple[int, int], hinges: Iterable[Hinge]) -> Gear:
-    """Return the gear that a gearbox is; see ``joint_in``."""
-    from pinarm.mechanics.couplings.kinds import Gear
-
-    where = f"joint '{joint.get('name')}'"
-    place = frames.placement(str(joint.get("name")), where)
-    base = _end_of(joint, "gearbox_reference_body", frames, where)
-    ratio = number_in(joint, "gearbox_ratio", 1.0, where)
-    if ratio == 0.0:
-        raise ModelError(f"{where}: its gearbox_ratio is 0", expected="a number other than 0")
-    first = joint.find("axis")
-    second = joint.find("axis2") if joint.find("axis2") is not None else first
-    known = [*hinges]
-    (driver, sense), (follower, other) = (
-        _hinge(known, base, _end_of(joint, end, frames, where),
-               place.rotation @ _axis_in(axis, place, frames, version, where), where)
-        for end, axis in (("parent", first), ("child", second))
-    )  # fmt: skip
-    return Gear(joints=(driver, follower), ratio=-sense * other * ratio)
-
-
-def _hinge(hinges: Iterable[Hinge], base: str, link: str, axis: Array, where: str) -> tuple[str, float]:
-    """Return the joint between a body and a link about an axis, and the sign of its coordinate about it."""
-    for hinge in hinges:
-        ends = hinge.parent, hinge.child
-        if {*ends} == {base, link} and np.linalg.norm(np.cross(hinge.axis, axis)) < ALONG:
-            return hinge.name, float(np.sign(hinge.axis @ axis)) * (1.0 if ends == (base, link) else -1.0)
-    raise ModelError(
-        f"{where}: no revolute joint of the tree turns '{link}' against '{base}' about the gearbox's axis",
-        expected="one between its gearbox_reference_body and each of its links",
-        hint="without it, a coupling of the mechanism file: couplings: {kind: gear}",
-    )
-
-
 FREE = "root"
 """Name of the joint by which the first link of a model floats."""
 
@@ -311,11 +257,7 @@ class SpanningTree:
     """The tree while it grows.
 
     Attributes:
-        links: Links that hang in it already, the world first.
         joints: Simple joints and frames, depth-first.
-        hung: The joints of the file that they are made of.
-        couplings: Threads of the screws, by name of the joint.
-        notes: What is modelled differently, in words.
     """
 
     links: dict[str, None] = field(default_factory=dict)
@@ -326,7 +268,6 @@ class SpanningTree:
     notes: list[str] = field(default_factory=list)
 
     def hang(self, joint: SdfJoint, placed: Mapping[str, pin.SE3]) -> str:
-        """Hang a link in the tree by a joint that leads to it or from it; return the link."""
         outwards = joint.parent in self.links
         parent, child = (joint.parent, joint.child) if outwards else (joint.child, joint.parent)
         self.joints += joint.hung(parent, child, placed)
@@ -339,7 +280,6 @@ class SpanningTree:
         return child
 
     def free(self, link: str, place: pin.SE3, *, fixed: bool) -> None:
-        """Let a link float in the world, or hold it."""
         floating = any(joint.kind == "floating" for joint in self.joints)
         name = f"{link}_free" if floating else FREE
         self.joints.append(TreeJoint(name, "fixed" if fixed else "floating", WORLD, link, place))
@@ -348,11 +288,7 @@ class SpanningTree:
 def spanning_tree(
     joints: Sequence[SdfJoint], places: Mapping[str, pin.SE3], stand: pin.SE3, *, fixed: bool
 ) -> SpanningTree:
-    """Return the tree of joints, and loop joints for those that it does not need.
-
-    Args:
-        places: Placement of every link in the model, in the order of the file.
-    """
+    """Return the tree of joints, and loop joints for those that it does not need."""
     tree, placed = SpanningTree(), {WORLD: stand.inverse(), **places}
     at: dict[str, list[tuple[bool, int]]] = {}
     for number, joint in enumerate(joints):
@@ -382,7 +318,6 @@ def spanning_tree(
 
 
 def _notes(tree: SpanningTree, joints: Sequence[SdfJoint]) -> Iterator[str]:
-    """Yield notes on loops, on threads, and on a model that floats."""
     if names := [*tree.loops]:
         yield f"closing loops of the tree of joints: {listed('joint', names)}"
     if active := [joint.name for joint in joints if joint.name in tree.loops and joint.active]:

@@ -5,24 +5,18 @@ Source: SDFormat 1.12, specification of model, link and joint.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
-import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices, listed
 from pinarm.input.xml_text import MAX_LINKS, bound, check_names, counted
 from pinarm.mechanics.loading.model_tree import Tree, body_inertia, checked_mimics, inertia_defect
-from pinarm.mechanics.loading.sdf.frames import SDF, WORLD, Frames, is_true, number_in, pose_of, text_of
-from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, SdfJoint, gear_of, joint_in, spanning_tree
-from pinarm.mechanics.loading.values import numbers, solid_inertia, symmetric
+from pinarm.mechanics.loading.sdf.frames import SDF, WORLD, Frames, is_true, number_in, pose_of
+from pinarm.mechanics.loading.sdf.joints import joint_in, spanning_tree
+from pinarm.mechanics.loading.values import numbers, symmetric
 from pinarm.records import replace
-
-if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.kinds import Gear
 
 MOMENTS = ("ixx", "iyy", "izz")
 
@@ -34,13 +28,14 @@ def sdf_tree(root: Element, name: str = "") -> Tree:
     """Return the tree of an ``<sdf>`` element.
 
     Args:
-        root: The element, from which other models are removed.
         name: Name of the model; where it is empty the only one, or the only one with joints that move.
     """
     notes: list[str] = []
     version, model = _version(root), _model(root, name, notes)
     unread = check_names(root, SDF)
-    _renew(root, version)
+    for pose in root.iter("pose") if version < (1, 7) else ():  # its attribute before version 1.7
+        if "frame" in pose.attrib:
+            pose.attrib.setdefault("relative_to", pose.attrib.pop("frame"))
     frames = Frames.of(model)
     defects: list[str] = []
     bodies = {str(link.get("name")): _inertia(link, defects, notes) for link in model.findall("link")}
@@ -53,11 +48,13 @@ def sdf_tree(root: Element, name: str = "") -> Tree:
     own = frames.placement(placed, "placement_frame").inverse() if placed else pin.SE3.Identity()
     stand = around.placement(model.get("name", ""), "the model") * own
     elements = model.findall("joint")
-    joints = [joint_in(element, frames, version) for element in elements if element.get("type") != GEARBOX]
+    joints = [joint_in(element, frames, version) for element in elements]
     static = is_true(model.findtext("static"), "static")
-    _require_still(static, elements)
+    if static and (moving := [joint.name for joint in joints if joint.kind != "fixed"]):
+        raise ModelError(
+            f"the model is static, and {listed('joint', moving)} moves", expected="fixed joints alone, or no <static>"
+        )
     tree = spanning_tree(joints, places, stand, fixed=static)
-    couplings = {**tree.couplings, **_gears(elements, frames, version, tree.hung)}
     leaders = {joint.name: joint.first for joint in tree.hung}
     mimics = [replace(mimic, of=leaders.get(mimic.of, mimic.of)) for joint in tree.hung for mimic in joint.mimics]
     kept, orphans = checked_mimics(mimics, {joint.name: joint.kind for joint in tree.joints})
@@ -68,74 +65,43 @@ def sdf_tree(root: Element, name: str = "") -> Tree:
     gravity = _gravity(root, version, notes)
     return Tree(
         model.get("name", ""), links, tuple(tree.joints), kept, gravity, (*defects, *orphans),
-        (*notes, *tree.notes), tree.loops, couplings,
+        (*notes, *tree.notes), tree.loops, tree.couplings,
     )  # fmt: skip
 
 
 def _gravity(root: Element, version: tuple[int, int], notes: list[str]) -> Array | None:
-    """Return the gravity of the world [m/s^2], shape (3,); ``None`` for a model without one.
-
-    Before version 1.6 it is an element of ``<physics>``. A world that says nothing has that of the format.
-    """
+    """Return the gravity of the world, before version 1.6 of its ``<physics>`` [m/s^2], shape (3,)."""
     world = root.find("world")
     if world is None:
         return None
-    engines = {" ".join(text.split()) for part in world.findall("physics") if (text := text_of(part, "gravity"))}
-    if engines and version >= (1, 6):
-        notes.append("the <gravity> in <physics> is not read: from version 1.6 on it stands in the <world>")
-    text = text_of(world, "gravity")
-    if not text and version < (1, 6):
-        if len(engines) > 1:
-            raise ModelError(
-                f"the <physics> of the world have several gravities: {'; '.join(sorted(engines))}", expected="one"
-            )
-        text = next(iter(engines), "")
-    if not text:
+    paths = ("gravity",) if version >= (1, 6) else ("gravity", "physics/gravity")
+    texts = {" ".join((part.text or "").split()) for path in paths for part in world.findall(path)} - {""}
+    if len(texts) > 1:
+        raise ModelError(f"the world has several gravities: {'; '.join(sorted(texts))}", expected="one")
+    if not texts:
         notes.append(f"the world has no <gravity>, and by the format {GRAVITY} m/s^2")
-    return numbers(text or GRAVITY, 3, "gravity")
-
-
-def _gears(
-    elements: Sequence[Element], frames: Frames, version: tuple[int, int], hung: Sequence[SdfJoint]
-) -> dict[str, Gear]:
-    """Return the gears that the gearboxes of a model are, by name."""
-    hinges = [
-        Hinge(joint.name, joint.parent, joint.child, joint.place.rotation @ joint.steps[0].axis)
-        for joint in hung
-        if joint.kind in ("revolute", "continuous")
-    ]
-    boxes = [element for element in elements if element.get("type") == GEARBOX]
-    return {str(box.get("name")): gear_of(box, frames, version, hinges) for box in boxes}
+    return numbers(next(iter(texts), GRAVITY), 3, "gravity")
 
 
 def _version(root: Element) -> tuple[int, int]:
-    """Return the version of the format."""
-    parts = root.get("version", "").split(".")
-    if len(parts) < 2 or not all(part.isdecimal() and part.isascii() for part in parts[:2]) or parts[0] != "1":
-        raise ModelError(f"the model is SDF of version '{root.get('version', '')}'", expected="1.4 to 1.12")
-    version = int(parts[0][:4]), int(parts[1][:4])
-    if version < (1, 4):
+    written = root.get("version", "")
+    first, _, second = written.partition(".")
+    second = second.partition(".")[0]
+    if first != "1" or not second.isdecimal() or not second.isascii() or int(second[:4]) < 4:
         raise ModelError(
-            f"the model is SDF of version {version[0]}.{version[1]}",
+            f"the model is SDF of version '{written}'",
             expected="1.4 to 1.12",
             hint="a newer version, as 'gz sdf -p' writes it",
         )
-    return version
-
-
-def _renew(root: Element, version: tuple[int, int]) -> None:
-    """Give poses of versions before 1.7 the attribute of later ones that says the same: ``relative_to``."""
-    for pose in root.iter("pose") if version < (1, 7) else ():
-        if "frame" in pose.attrib and "relative_to" not in pose.attrib:
-            pose.set("relative_to", pose.attrib.pop("frame"))
+    return 1, int(second[:4])
 
 
 def _model(root: Element, name: str, notes: list[str]) -> Element:
-    """Return a model of a file, and remove the others and their worlds."""
     models = [(holder, model) for holder in (root, *root.findall("world")) for model in holder.findall("model")]
     chosen = [(holder, model) for holder, model in models if model.get("name", "") == name] if name else models
     if len(chosen) > 1:
-        chosen = [(holder, model) for holder, model in chosen if _moving(model.findall("joint"))]
+        moves = './/joint[@type!="fixed"]'
+        chosen = [(holder, model) for holder, model in chosen if model.find(moves) is not None]
     if len(chosen) != 1:
         names = [model.get("name", "") for _, model in models]
         expected, hint = choices(name, names) if names else ("one <model>, in <sdf> or in a <world>", "")
@@ -160,63 +126,6 @@ def _model(root: Element, name: str, notes: list[str]) -> Element:
     return model
 
 
-def _moving(joints: Sequence[Element]) -> list[str]:
-    """Return the names of the joints that are not fixed."""
-    return [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
-
-
-def _require_still(static: bool, joints: Sequence[Element]) -> None:
-    """Raise where a model that is said not to move has joints that do."""
-    if static and (moving := _moving(joints)):
-        verb = "move" if len(moving) > 1 else "moves"
-        raise ModelError(
-            f"the model is static, and its {listed('joint', moving)} {verb}",
-            expected="fixed joints alone",
-            hint="without <static>, and a fixed joint from the world to its base",
-        )
-
-
-SOLIDS = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-    "ellipsoid": ("radii",),
-}
-"""Shape of a ``<geometry>`` -> the elements with its sizes [m]."""
-
-WATER = 1000.0
-"""Density of a collision that gives none [kg/m^3]."""
-
-
-def _solids(link: Element, inertial: Element, where: str) -> pin.Inertia:
-    """Return the inertia of a link with ``auto="true"``: of its collision shapes, by density, or by a mass of all."""
-    total, common = pin.Inertia.Zero(), number_in(inertial, "density", WATER, where)
-    for collision in link.findall("collision"):
-        part = f"{where}: collision '{collision.get('name', '')}'"
-        shape = next((shape for shape in collision.findall("geometry/*") if shape.tag in SOLIDS), None)
-        if shape is None:
-            raise ModelError(
-                f"{part}: the mass of its shape is not computed",
-                expected=f"one of {', '.join(SOLIDS)}",
-                hint="<mass> and <inertia> in the <inertial> of the link",
-            )
-        words = " ".join(text_of(shape, tag) for tag in SOLIDS[shape.tag])
-        sizes = numbers(words, 3 if shape.tag in ("box", "ellipsoid") else len(SOLIDS[shape.tag]), f"{part}: size")
-        halved = {"box": [0.5] * 3, "cylinder": [1.0, 0.5], "capsule": [1.0, 0.5]}.get(shape.tag, 1.0)
-        density = number_in(collision, "density", common, part)
-        if density < 0.0 or not (sizes > 0.0).all():
-            raise ModelError(f"{part}: its density or a size of it is not positive")
-        base, place = pose_of(collision, "", part)
-        if base:
-            raise ModelError(f"{part}: its pose is relative to '{base}'", expected="the link itself")
-        total += place.act(solid_inertia(shape.tag, sizes * halved, density))
-    if not total.mass:
-        raise ModelError(f"{where}: its inertia is that of its collisions, and they have no mass")
-    mass = number_in(inertial, "mass", total.mass, where)
-    return body_inertia(mass, pin.SE3(np.eye(3), total.lever), total.inertia * (mass / total.mass), where)
-
-
 def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia:
     """Return the inertia of a link about its frame; 1 kg and 1 kg*m^2 where the file gives none."""
     where, inertial = f"link '{link.get('name')}'", link.find("inertial")
@@ -225,7 +134,11 @@ def _inertia(link: Element, defects: list[str], notes: list[str]) -> pin.Inertia
     if inertial is None:
         notes.append(f"{where}: it has no <inertial>, and by the format 1 kg and moments of 1 kg*m^2")
     elif is_true(inertial.get("auto"), f"{where}: auto"):
-        return _solids(link, inertial, where)
+        raise ModelError(
+            f"{where}: its inertia is that of its collisions, which is not computed",
+            expected="<mass> and <inertia>",
+            hint="the model as 'gz sdf -p --expand-auto-inertials' writes it",
+        )
     elif missing := [tag for tag in ("mass", *(f"inertia/{key}" for key in MOMENTS)) if not inertial.findtext(tag)]:
         amounts = "1 kg" if missing == ["mass"] else "1 kg*m^2" if "mass" not in missing else "1 kg and 1 kg*m^2"
         notes.append(f"{where}: its <inertial> has no {', '.join(missing)}, and by the format {amounts}")

@@ -5,7 +5,7 @@
 ``<coupling>`` of URDF+         ``sum of q to the successor = ratio * sum of q to the predecessor``, each from the link
                                 where their ways part
 ``<loop_joint>`` of Isaac Sim   a joint between a frame in ``<link1>`` and one in ``<link2>``
-``<joint>`` in a ``<gazebo>``   a joint of SDF: it closes a loop where all joints of the tree are at 0; or a gearbox
+``<joint>`` in a ``<gazebo>``   a joint of SDF: it closes a loop where all joints of the tree are at 0
 ==============================  ========================================================================================
 
 Sources: M. Chignoli, J.-J. Slotine, P. Wensing, S. Kim, *URDF+: An Enhanced URDF for Robots with Kinematic Loops*,
@@ -26,7 +26,7 @@ from pinarm.errors import ModelError, choices, listed
 from pinarm.input.xml_text import check_names, meant_by
 from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, tied_frames
 from pinarm.mechanics.loading.sdf.frames import MODEL, SDF, Frames, pose_of, text_of
-from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, gear_of, joint_in
+from pinarm.mechanics.loading.sdf.joints import joint_in
 from pinarm.mechanics.loading.values import axis_of, number, placement_of, text_in
 from pinarm.records import replace
 
@@ -91,7 +91,6 @@ class _Closed:
     remarks: list[str] = field(default_factory=list)
 
     def close(self, element: Element, ends: list[tuple[str, Element | None]]) -> None:
-        """Add the loop joint of an element between origins in two links."""
         from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS, AxisDefinition
 
         where, type_name = _where(element), element.get("type", "")
@@ -112,7 +111,6 @@ class _Closed:
             self.loops[name] = kind(between=between)  # type: ignore[assignment]
 
     def couple(self, element: Element) -> None:
-        """Add the coupling of an element."""
         from pinarm.mechanics.couplings.kinds import WeightedSum
 
         where, name = _where(element), self._named(element)
@@ -128,7 +126,7 @@ class _Closed:
         self.couplings[name] = WeightedSum(weights={**weights[1], **weights[0]})
 
     def add_joint_of_sdf(self, element: Element) -> None:
-        """Add a joint of SDF, which closes a loop, or a gearbox; one between links of Gazebo alone is passed over."""
+        """Add a joint of SDF, which closes a loop; one between links of Gazebo alone is passed over."""
         check_names(element, SDF)
         where, name, placed = _where(element), self._named(element), self._placed
         if strange := [link for end in ("parent", "child") if (link := text_of(element, end)) not in placed]:
@@ -139,14 +137,6 @@ class _Closed:
         pose = pose_of(element, text_of(element, "child"), where)
         placing = {MODEL: (MODEL, pin.SE3.Identity()), **{link: (MODEL, place) for link, place in placed.items()}}
         frames = Frames({**placing, name: pose}, {link: link for link in placed})
-        if element.get("type") == GEARBOX:
-            hinges = [
-                Hinge(joint.name, joint.parent, joint.child, placed[joint.parent].rotation @ joint.placement.rotation
-                      @ joint.axis)
-                for joint in self.tree.joints if joint.kind == "revolute"
-            ]  # fmt: skip
-            self.couplings[name] = gear_of(element, frames, VERSION, hinges)
-            return
         joint = joint_in(element, frames, VERSION)
         made, self.loops[name] = joint.closing(placed)
         self.frames += made
@@ -154,7 +144,6 @@ class _Closed:
         self.idle += [name] if joint.active else []
 
     def notes(self) -> Iterator[str]:
-        """Yield notes on loops read, on joints not read, and on properties not modelled."""
         if self.loops:
             yield f"closing loops of the tree of joints: {listed('joint', [*self.loops])}"
         if self.idle:
@@ -181,7 +170,6 @@ class _Closed:
         return link
 
     def _way(self, link: str) -> Iterator[str]:
-        """Yield the joints that move from a link to the root."""
         above = {joint.child: joint for joint in self.tree.joints}
         while (joint := above.get(link)) is not None:
             if joint.kind != "fixed":
@@ -190,7 +178,6 @@ class _Closed:
 
     @cached_property
     def _placed(self) -> dict[str, pin.SE3]:
-        """Placement of every link where all joints are at 0, in the axes of the root."""
         placed = {self.tree.root: pin.SE3.Identity()}
         for joint in self.tree.joints:
             placed[joint.child] = placed[joint.parent] * joint.placement * joint.offset

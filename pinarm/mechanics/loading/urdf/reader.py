@@ -13,8 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from pinarm.errors import ModelError, choices, listed, several
-from pinarm.input.numbers import is_decimal
+from pinarm.errors import ModelError, choices, listed
 from pinarm.input.xml_text import check_names, counted, format_names
 from pinarm.mechanics.loading.model_tree import (
     Bounds,
@@ -90,7 +89,9 @@ def urdf_tree(robot: Element) -> Tree:
     joints = {name: _joint(joint, name, links, notes) for name, joint in elements.items()}
     root, order = _ordered(links, joints)
     mimics, orphans = checked_mimics([*_mimics(elements)], {name: joint.kind for name, joint in joints.items()})
-    notes += [*_unknown_limits(elements, joints), *_unmodelled(robot, elements)]
+    notes += _unknown_limits(elements, joints)
+    if locked := [name for name, joint in elements.items() if _is_fixed(joint) and joint.find("mimic") is not None]:
+        notes.append(f"fixed joints follow no other, though they have a <mimic>: {listed('joint', locked)}")
     gazebo = [*robot.findall("gazebo")]
     if others := sum(any(child.tag != "joint" for child in part) or not len(part) for part in gazebo):
         unread["<gazebo>"] = others
@@ -185,7 +186,6 @@ def _bounds(joint: Element, where: str, notes: list[str]) -> Bounds:
 
 
 def _unknown_limits(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint]) -> Iterator[str]:
-    """Yield one note for each kind of limit that is 0 or missing."""
     missing: dict[str, list[str]] = {"position": [], "effort": [], "velocity": []}
     for name, joint in joints.items():
         limit = None if joint.kind == "fixed" else elements[name].find("limit")
@@ -199,25 +199,6 @@ def _unknown_limits(elements: Mapping[str, Element], joints: Mapping[str, TreeJo
     for key, names in missing.items():
         if names:
             yield f"{key} limits of 0 or less, or none, are taken for unknown: {listed('joint', names)}"
-
-
-def _unmodelled(robot: Element, elements: Mapping[str, Element]) -> Iterator[str]:
-    """Yield notes on what moves a robot in other programs."""
-    if locked := [name for name, joint in elements.items() if _is_fixed(joint) and joint.find("mimic") is not None]:
-        yield f"fixed joints follow no other, though they have a <mimic>: {listed('joint', locked)}"
-    if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if is_decimal(spring.text)):
-        yield "springs that the model gives to its joints for Gazebo are not modelled"
-    idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
-    geared = [
-        transmission.get("name", "without name")
-        for transmission in robot.findall("transmission")
-        if any(
-            part.tag in idle and is_decimal(part.text) and abs(float(part.text or 0)) != idle[part.tag]
-            for part in transmission.iter()
-        )
-    ]
-    if geared:
-        yield f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}"
 
 
 def _is_fixed(joint: Element) -> bool:
@@ -239,7 +220,6 @@ def _mimics(elements: Mapping[str, Element]) -> Iterator[Mimic]:
 
 
 def _ordered(links: Mapping[str, Any], joints: Mapping[str, TreeJoint]) -> tuple[str, tuple[TreeJoint, ...]]:
-    """Return the root, and the joints depth-first."""
     carried: dict[str, str] = {}
     for name in sorted(joints):
         if (other := carried.setdefault(child := joints[name].child, name)) != name:

@@ -77,7 +77,6 @@ class Body(NamedTuple):
 
 
 def _carried(place: VariantPlacement, body: Body) -> Body:
-    """Return an inertia about the frame in which its own is placed."""
     turned = place.rotation @ body.moments @ place.rotation.swapaxes(1, 2)
     return Body(body.mass, place.translation + np.matvec(place.rotation, body.centre), turned)
 
@@ -98,7 +97,6 @@ def _tree_of(xml: str) -> Tree:
 
 @lru_cache(KEPT)
 def _marked(text: str, columns: Sequence[str]) -> Element:
-    """Return a text with words where numbers vary."""
     robot = tree_of(text)
     _check_places(robot, columns)
     return robot
@@ -212,12 +210,10 @@ class _Reader:
 
     @cached_property
     def _origins(self) -> dict[str, VariantPlacement]:
-        """Origins of joints that vary, by the name of the joint."""
         origins = ((element.get("name", ""), element.find("origin")) for element in self.robot.findall("joint"))
         return {name: self._place(origin) for name, origin in origins if origin is not None and self._varies(origin)}
 
     def _varied_body(self, link: str) -> Body | None:
-        """Return the inertia of a link, about its own frame, where it varies."""
         inertial = self.robot.find(f"link[@name='{link}']/inertial") if "'" not in link else None
         if inertial is None or not any(self._varies(element) for element in inertial):
             return None
@@ -273,6 +269,5 @@ def _turns(angles: Array) -> Array:
 
 
 def _same(own: Array, first: Array) -> None:
-    """Raise where what was computed for the first variant is not what its model has."""
     if not np.abs(own - first).max() <= ROUNDING * np.abs(first).max():
         raise VariantsDiffer("the model of the first variant")

@@ -131,7 +131,6 @@ def _frames(model: pin.Model, links: list[str]) -> Iterator[tuple[str, int, pin.
 
 
 def _add_joint(robot: Element, model: pin.Model, index: int, links: list[str]) -> None:
-    """Add a joint, or the chain of simple joints that it is, between its links."""
     joint, name, place = model.joints[index], model.names[index], model.jointPlacements[index]
     kind, parent = joint.shortname().removeprefix("JointModel"), links[model.parents[index]]
     if advice := REFUSED.get("Helical" if kind in HELICAL else kind.removesuffix("Unaligned")):
@@ -175,7 +174,6 @@ def _range(model: pin.Model, place: int) -> tuple[float, float]:
 
 
 def _add_limits(element: Element, model: pin.Model, joint: pin.JointModel, k: int, *, counted: bool) -> None:
-    """Add the limits of a coordinate, as far as the model has some."""
     limits: dict[str, float] = {}
     if counted:
         low, high = _range(model, joint.idx_q + k)
@@ -189,7 +187,6 @@ def _add_limits(element: Element, model: pin.Model, joint: pin.JointModel, k: in
 
 
 def _add_dynamics(element: Element, model: pin.Model, places: range, name: str) -> None:
-    """Add damping, dry friction and armature, which are the same in all directions of a joint."""
     values: dict[str, float] = {}
     for key, limits in (
         ("damping", model.damping),
@@ -209,7 +206,6 @@ def _add_dynamics(element: Element, model: pin.Model, places: range, name: str) 
 
 
 def _notes(model: pin.Model) -> Iterator[str]:
-    """Yield notes on properties of a model that are left out or changed."""
     if np.any(model.rotorInertia):
         yield "rotor inertias and gear ratios of the pin.Model, which Pinocchio's dynamics leaves out, are not taken"
     if len(model.referenceConfigurations):
