@@ -174,6 +174,11 @@ def _name(head: str) -> str:
     return heading[0] if heading else head.strip()
 
 
+def read_headings(name: str) -> list[str]:
+    """Return the headings of a CSV file as they are written; its rows are not read."""
+    return [head.strip() for head in table(Path(name), Path(name).name)[0]]
+
+
 @lru_cache(maxsize=8)
 def read_columns(name: str, names: frozenset[str], stamp: tuple[int, int]) -> dict[str, Column]:
     """Read columns of a CSV file: headings as they are written, each with its numbers as they are written.
