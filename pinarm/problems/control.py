@@ -23,6 +23,8 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.control.controller import Controller, Reader, Signal
+from pinarm.mechanics.control.definition import ControlDefinition
+from pinarm.mechanics.control.function import FunctionControl
 from pinarm.mechanics.control.kinds import PidController
 from pinarm.mechanics.control.motor_control import MotorController
 from pinarm.mechanics.joints import Joint, effort_unit
@@ -34,10 +36,9 @@ from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
-    from pinarm.mechanics.control.definition import ControlDefinition
-    from pinarm.mechanics.control.function import FunctionControl
 
-    ControlOfRun = ControlDefinition | FunctionControl
+ControlOfRun = ControlDefinition | FunctionControl
+"""A controller as a file, or Python, gives it."""
 
 
 @dataclass(frozen=True, eq=False)
