@@ -437,11 +437,7 @@ class Result(Run, frozen=True):
         ]
         missed = unreached(self.quantities, self.content.expect)
         undecided = [note for note in open_notes(self.outcome.decisions) if note not in self.no_bound]
-<<<<<<< HEAD
-        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *coarse]
-=======
-        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed, *self._periods()]
->>>>>>> eda4db6c (Readers, forces and quantities have one route for one state and for many, and fewer special cases)
+        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed]
         said += beyond_points(run)
         said += [] if self.errors else unexplained_notes(self.figures)  # a bound of the error covers them
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
