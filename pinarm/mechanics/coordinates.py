@@ -324,8 +324,21 @@ def coordinate_of(model: pin.Model, coordinates: Mapping[str, Coordinate], name:
     """Return a coordinate by name."""
     if name not in coordinates:
         expected, hint = choices(name, coordinates)
+        hint = _definition_of(model, name) or hint
         raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
     return coordinates[name]
+
+
+def _definition_of(model: pin.Model, name: str) -> str:
+    """Return a hint that defines the coordinate meant by ``hand.y`` or ``point.hand.position.y``; else empty."""
+    point, dot, axis = name.rpartition(".")
+    point = point.removeprefix("point.").removesuffix(".position")
+    if not dot or axis not in ("x", "y", "z") or point not in links_of(model):
+        return ""
+    own = f"{point}_{axis}".replace(".", "_")
+    return (
+        f"{own} here, with coordinates: {{{own}: {{kind: point, point: {point}, along: {axis}}}}} in the mechanism file"
+    )
 
 
 def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) -> LinearCoordinate:
