@@ -31,6 +31,7 @@ from pinarm.mechanics.joints import (
     frame_of,
     frames_of,
     joint_of,
+    links_of,
     unit_vector,
 )
 from pinarm.records import Record, ValueRecord, replace
