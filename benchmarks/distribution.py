@@ -19,8 +19,7 @@ from unittest.mock import patch
 
 import pinarm
 from pinarm.use.workers import dispatch
-from pinarm.use.workers.dispatch import Dispatch
-from pinarm.use.workers.executors import Workers, chosen_workers
+from pinarm.use.workers.dispatch import Dispatch, Workers, chosen_workers
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "gen411_arm_static.yaml"
 FEW_ROWS = {"problem.over.phi.samples": 5}
@@ -51,7 +50,7 @@ def chunk_times(workers: Workers) -> tuple[float, float]:
     """Return the time of a chunk of one job, once workers run, and the processor time of it here [s]."""
     with patch.object(dispatch, "GROWTH", 1), closing(Dispatch(abs, workers)) as chunks:
         answers = (answer for _, some in chunks.answers([0.0] * CHUNKS) for answer in some)
-        first = len(list(islice(answers, 4 * workers.count())))
+        first = len(list(islice(answers, 4 * workers.room())))
         begin, cpu = time.perf_counter(), time.process_time()
         left = sum(1 for _ in answers)
         assert first + left == CHUNKS

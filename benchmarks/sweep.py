@@ -19,7 +19,6 @@ import numpy as np
 
 import pinarm
 from pinarm.use.cases.case import WORTH, Task, Wanted, solve_case
-from pinarm.use.cases.case_table import CaseTable
 from pinarm.use.cases.solving import CaseSolver
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.workers.runners import in_order
@@ -116,9 +115,9 @@ def compared(given: Comparison) -> tuple[float, float]:
     quantities = scenario.quantities()
     wanted = tuple(Wanted.read(text).measured(quantities)[0] for text in given.results or scenario.content.outputs)
     task = Task.of(scenario, wanted)
-    solver, jobs = CaseSolver(task), CaseTable.of(cases)
+    solver = CaseSolver(task)
     begin = time.process_time()
-    rows = [row.numbers for row in in_order(solver.together(jobs))]
+    rows = [row.numbers for row in in_order(solver.together(cases))]
     middle = time.process_time()
     alone = [solve_case(task, case).numbers for case in cases[:ONE_BY_ONE]]
     end = time.process_time()

@@ -32,8 +32,8 @@ from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
 from pinarm.use.study.sweep import sweep
-from pinarm.use.workers import executors
-from pinarm.use.workers.executors import LocalProcesses
+from pinarm.use.workers import dispatch
+from pinarm.use.workers.dispatch import LocalProcesses
 
 
 def pytest_collection_finish() -> None:
@@ -121,9 +121,9 @@ class ThisProcess(LocalProcesses):
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Solve sweeps and batches in this process, where a test asks for no second worker."""
     processes = LocalProcesses
-    for module in (executors, sweep):
+    for module in (dispatch, sweep):
         monkeypatch.setattr(module, "cores", lambda: 1)
-    monkeypatch.setattr(executors, "LocalProcesses", lambda number: (ThisProcess if number == 1 else processes)(number))
+    monkeypatch.setattr(dispatch, "LocalProcesses", lambda number: (ThisProcess if number == 1 else processes)(number))
 
 
 @pytest.fixture

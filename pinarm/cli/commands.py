@@ -102,7 +102,7 @@ def work(options: Namespace, kind: str) -> Iterator[tuple[Scenario, Destination,
         if getattr(options, "cluster", None) is None:  # a trade-off has no such option
             yield scenario, target, None
             return
-        from pinarm.use.workers.executors import cluster
+        from pinarm.use.workers.dispatch import cluster
 
         with cluster(options.cluster) as executor:
             yield scenario, target, executor
@@ -360,7 +360,7 @@ MANY: dict[str, Any] = {"action": "append", "default": []}
     output("folder of the sweep (default: results/SCENARIO-sweep)"),
     PLOTS,
     DPI,
-    flag("--parquet", "write the table as Parquet too, in parts"),
+    flag("--parquet", "write the table as Parquet too"),
     VALUES,
 )
 def _sweep(options: Namespace) -> int:

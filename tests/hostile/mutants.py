@@ -24,7 +24,7 @@ from pinarm.use.show.meshes import read_mesh
 from pinarm.use.study.restore import restore
 from pinarm.use.study.sweep.axes import read_cases
 from pinarm.use.study.sweep.solving import Journal
-from pinarm.use.workers.executors import ExecutorWorkers
+from pinarm.use.workers.dispatch import ExecutorWorkers
 
 LARGEST = 100_000
 """Characters of a mutant; files near the bounds of size have tests of their own."""
@@ -311,8 +311,7 @@ def _drawn(name: str) -> Attempt:
 
 def _journal(folder: Path) -> None:
     journal = Journal(folder / "journal.jsonl", "task", width=2)
-    for case in range(3):
-        journal.row(str(case))
+    assert len([*journal.rows()]) < 100
     journal.close()
 
 
@@ -329,7 +328,7 @@ def _commanded(folder: Path) -> None:
     words = ["sweep", str(folder / "s.yaml"), "--no-plots", "-j", "1", "-o", str(folder / "swept"), *options]
     with (
         ThreadPoolExecutor(1) as pool,
-        patch("pinarm.use.workers.executors.chosen_workers", lambda number, executor: ExecutorWorkers(pool, 1)),
+        patch("pinarm.use.workers.dispatch.chosen_workers", lambda number, executor: ExecutorWorkers(pool, 1)),
         contextlib.redirect_stderr(io.StringIO()) as said,
         contextlib.suppress(SystemExit),
     ):

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -51,6 +51,19 @@ WORTH = (*MEASURES, QUADRATURE, GLOBAL_ERROR, OPEN)
 """Accuracy measures of a case: those of its run; the largest quadrature error of its figures of curves, relative to
 them; the global error, where the scenario has a target for it; the number of decisions at thresholds that are not
 certain. NaN where a case has none."""
+
+
+ARGUMENT = "arguments."
+"""Prefix of paths to arguments of the model."""
+
+COLUMNS = (ARGUMENT, *(f"problem.{key}." for key in ("motion", "time", "over", "hold", "velocity", "acceleration")))
+"""Prefixes of paths to numbers that may differ between cases solved together: of the model, laws, rows and starts."""
+
+
+@cache
+def is_column(path: str) -> bool:
+    """Tell whether numbers at a path may differ: numbers of rows may not, which arrays have in common."""
+    return path.startswith(COLUMNS) and not path.endswith(".samples")
 
 
 NO_SECTIONS: Mapping[str, Numbered] = MappingProxyType({})
@@ -109,7 +122,6 @@ class Wanted(Taken):
     Attributes:
         quantity: A quantity, a symbol or a formula; of a number, its name.
         number: The number of the run; ``None`` for the least and the greatest value of the rows.
-        unit: Of the numbers in every case; ``None`` where it is not known.
         optional: Whether a case may lack it, which is NaN then: its other numbers count all the same.
     """
 
@@ -121,10 +133,6 @@ class Wanted(Taken):
     @classmethod
     def read(cls, text: str, sections: Mapping[str, object] = NO_SECTIONS) -> Wanted:
         """Read ``QUANTITY``, or ``QUANTITY @ PLACE`` and the like; see ``read_number``.
-
-        Args:
-            text: What is wanted.
-            sections: What the sections of the scenario are of, by key.
 
         Raises:
             InputError: It cannot be read.
@@ -140,17 +148,12 @@ class Wanted(Taken):
         return cls(number.label, number)
 
     def labels(self) -> tuple[str, ...]:
-        """Return the names of the numbers."""
         return (self.number.label,) if self.number else (f"min {self.quantity}", f"max {self.quantity}")
 
     def measured(
         self, quantities: Quantities, sections: Mapping[str, Numbered] = NO_SECTIONS
     ) -> tuple[Wanted, list[Series]]:
-        """Return a copy with its unit, and the columns of its numbers, still empty.
-
-        Args:
-            quantities: Quantities of the scenario, with nothing solved.
-            sections: Assessments and search of the scenario, by key.
+        """Return a copy with its unit, and the empty columns of its numbers, from quantities with nothing solved.
 
         Raises:
             InputError: There is no such quantity.
@@ -191,7 +194,6 @@ class FunctionValue(Taken):
     """The number that a function in Python computes of the result of each case.
 
     Attributes:
-        name: Name of the function, and of the column.
         code: The function, pickled.
         file: The file of an imported function, empty for others; its content is part of what a journal knows.
         unit: SI unit of the number; ``None`` where it is not known.
@@ -303,25 +305,25 @@ class Task:
     Attributes:
         source: Source of the scenario: a process that misses one of its files can report it.
         wanted: Numbers to take from each result.
-        anchors: Cases to begin with: from the first that can be solved, the loops of all cases solved together are
-            closed, so that the last digits depend on no worker. Without anchors, each worker begins with a case of its
-            own.
+        anchor: Values of a case that can be solved, beside which cases are solved together; those of the scenario where
+            it has none.
         measured: Whether the measures of accuracy are wanted.
     """
 
     source: ScenarioSource
     wanted: tuple[Taken, ...]
-    anchors: tuple[Case, ...] = ()
-    measured: bool = True
+    anchor: Case
+    measured: bool
 
     @classmethod
-    def of(cls, scenario: Scenario, wanted: Iterable[Taken], *anchors: Case, measured: bool = True) -> Task:
+    def of(
+        cls, scenario: Scenario, wanted: Iterable[Taken], anchor: Case | None = None, *, measured: bool = True
+    ) -> Task:
         """Return the task of all cases of a scenario, for a process in any folder."""
-        return cls(scenario.source, tuple(wanted), anchors, measured)
+        return cls(scenario.source, tuple(wanted), dict(anchor or {}), measured)
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario."""
         return self.source.scenario()
 
     def case(self, values: Case) -> Scenario:
@@ -355,10 +357,6 @@ def solve_case(task: Task, values: Case) -> Row:
 
 def solved_case(task: Task, values: Case) -> tuple[Row, Result | None]:
     """Return the row of one case and its result, where it failed the beginning of it if any; the row says why.
-
-    Args:
-        task: The scenario and what is wanted of it.
-        values: Path -> value that replaces that of the scenario.
 
     Raises:
         Interrupted: By the user.

@@ -1,40 +1,40 @@
 """Solution of cases: those that differ by numbers only are solved as one array, the others one by one.
 
 The numbers of a case do not depend on those that are solved with it. They are the same to the last digit however cases
-are spread over workers: loops are followed from an anchor of the task, whatever case comes first.
+are spread over workers: all cases of a kind are solved beside one base, the scenario with the values of the kind.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
-from pinarm.arrays import Indices
-from pinarm.use.cases.case import Case, Row, Task, solve_case
-from pinarm.use.cases.case_table import Kind, RowTable, SomeCases, grouped, of_kind, tabled
-from pinarm.use.cases.stack import EXPANDED, Stack
+from pinarm.use.cases.case import Case, Row, Task, Value, is_column, solve_case
+from pinarm.use.cases.stack import Stack
 from pinarm.use.workers.runners import Runners
 from pinarm.use.workers.worker import LostJob
-
-Part = tuple[Indices, RowTable | list[Row]]
-"""Places of cases, and their rows."""
 
 KINDS = 8
 """Kinds of cases whose stacks are kept."""
 
+Kind = tuple[tuple[str, Value], ...] | None
+"""Values common to cases that may be solved together; ``None`` for a case that varies no ``column``."""
+
+
+def kind_of(values: Case) -> Kind:
+    """Return the kind of a case: its values but for those of columns."""
+    kept = tuple([(path, "" if is_column(path) else value) for path, value in values.items()])
+    return kept if any(map(is_column, values)) else None
+
 
 @dataclass(eq=False)
 class _Known:
-    """A kind of cases: its stack, whether they can only be solved one by one, whether the anchors have been tried."""
+    """A kind of cases: its stack, if there is one, and whether a case was the same solved by it and alone."""
 
-    stack: Stack | None = None
-    alone: bool = False
-    anchored: bool = False
+    stack: Stack | None
+    agreed: bool = False
 
 
 @dataclass(frozen=True)
@@ -47,64 +47,39 @@ class CaseSolver:
         """Solve one case by itself."""
         return solve_case(self.task, case)
 
-    def together(self, cases: SomeCases) -> Iterator[tuple[list[int], RowTable | list[Row]]]:
+    def together(self, cases: Sequence[Case]) -> Iterator[tuple[list[int], list[Row]]]:
         """Yield places of cases and their rows: of those that are solved at once, or of one."""
-        for kind, places in grouped(cases).items():
-            while len(places):
-                parts = self._solved(self._known(kind), places, cases)
-                places = places[sum(len(some) for some, _ in parts) :]
-                yield from ((some.tolist(), rows) for some, rows in parts)
+        groups = dict[Kind, dict[int, Case]]()
+        for place, case in enumerate(cases):
+            groups.setdefault(kind_of(case), {})[place] = case
+        for kind, some in groups.items():
+            stack = None if kind is None else self._stack(kind, [*some.values()])
+            rows = dict(zip(some, stack.rows([*some.values()]), strict=True)) if stack else {}
+            solved = {place: row for place, row in rows.items() if row is not None}
+            if solved:
+                yield [*solved], [*solved.values()]
+            yield from (([place], [self(case)]) for place, case in some.items() if place not in solved)
 
-    def _solved(self, known: _Known, places: Indices, cases: SomeCases) -> list[Part]:
-        """Return the rows of the first of some places, or of several."""
-        first, last = cases[int(places[0])], cases[int(places[-1])]
-        if not known.anchored:
-            known.anchored = True
-            for anchor in self.task.anchors:
-                case = of_kind(anchor, first)
-                if case is not None and not known.alone and not known.stack:
-                    self._begin(known, case, last)
-        if not known.alone and not known.stack:
-            row = self._begin(known, first, last)
-            if self.task.anchors and known.stack and known.stack.follows:
-                known.stack, known.alone = None, True  # numbers would depend on which case comes first
-            if not known.stack:
-                return [(places[:1], [row])]
-        if known.alone or not known.stack:
-            return [(places[:1], [self(first)])]
-        some = places[:EXPANDED]
-        solved, rows = known.stack.rows(tabled(cases, some))
-        parts: list[Part] = [(some[solved], rows)] if len(solved) else []
-        return [*parts, *((np.array([place]), [self(cases[place])]) for place in np.delete(some, solved).tolist())]
+    def _stack(self, kind: Kind, cases: Sequence[Case]) -> Stack | None:
+        """Return the stack of a kind, compared with one of its cases alone; ``None`` where there is none.
 
-    def _begin(self, known: _Known, first: Case, last: Case) -> Row:
-        """Solve a case alone, return its row, and begin a stack with it where both ways agree on it and on another."""
-        stack, row = Stack.begin(self.task, first)
-        if stack is None:
-            known.alone = known.alone or not row.error
-            return row
-        try:
-            agreed = stack.agrees(first, row)
-            others = agreed if last == first else stack.agrees(last, self(last))
-        except Exception:  # a fault of the program too costs time only
-            agreed = others = False
-        if agreed and others is not False:
-            known.stack = stack
-        elif False in (agreed, others):
-            known.alone = True
-        return row
-
-    def _known(self, kind: Kind) -> _Known:
-        """Return the state of a kind, the last used ones of which are kept."""
-        known = self._kinds.setdefault(kind, _Known(alone=kind is None))
-        self._kinds.move_to_end(kind)
-        while len(self._kinds) > KINDS:
-            self._kinds.popitem(last=False)
-        return known
+        Where both ways differ, all cases of the kind are solved one by one. A case that fails decides nothing.
+        """
+        known = self._kinds.pop(kind, None) or _Known(Stack.begin(self.task, dict(kind or ())))
+        self._kinds[kind] = known
+        if len(self._kinds) > KINDS:
+            del self._kinds[next(iter(self._kinds))]
+        for place in dict.fromkeys((len(cases) - 1, 0, len(cases) // 2)):
+            if known.agreed or not known.stack:
+                break
+            agreed = known.stack.agrees(cases[place], self(cases[place]))
+            known.agreed, known.stack = bool(agreed), None if agreed is False else known.stack
+        return known.stack if known.agreed else None
 
     @cached_property
-    def _kinds(self) -> OrderedDict[Kind, _Known]:
-        return OrderedDict()
+    def _kinds(self) -> dict[Kind, _Known]:
+        """The kinds that were used last, the last one at the end."""
+        return {}
 
 
 SolveCases = Callable[[Iterable[Case]], Iterator[Row]]
@@ -113,15 +88,11 @@ SolveCases = Callable[[Iterable[Case]], Iterator[Row]]
 
 @contextmanager
 def solving(task: Task, runners: Runners) -> Iterator[SolveCases]:
-    """Yield a function that solves cases, as often as it is called; workers end with the block.
-
-    Args:
-        task: What is the same in all cases.
-        runners: Who solves them.
-    """
+    """Yield a function that solves cases, as often as it is called; workers end with the block."""
     with runners.applying(CaseSolver(task)) as apply:
+        yield lambda cases: map(row_of, apply(cases))
 
-        def solve(cases: Iterable[Case]) -> Iterator[Row]:
-            return (Row((), row.reason, final=False) if isinstance(row, LostJob) else row for row in apply(cases))
 
-        yield solve
+def row_of(answer: Row | LostJob) -> Row:
+    """Return the row of a case, also of one that has no answer."""
+    return Row((), answer.reason, final=False) if isinstance(answer, LostJob) else answer

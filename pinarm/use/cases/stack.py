@@ -1,8 +1,8 @@
 """Cases that differ by numbers of the model or of laws, solved together as one array.
 
-The first case is solved as any other: its checks of names and units hold for all. Masses, inertias and placements of
-the others are arrays over the cases, and so are positions, efforts, quantities and measured figures, by the same
-functions; laws are read case by case. The last case of the first stack is solved alone too, and compared.
+The base, a first case, is solved as any other: its checks of names and units hold for all. Masses, inertias and
+placements of the others are arrays over the cases, and so are positions, efforts, quantities and measured figures, by
+the same functions; laws are read case by case.
 
 A number of a run, such as a maximum between rows or a mean, is found by functions that ask for states at instants which
 follow from the states before. They are called for every case; one that lacks states is interrupted and says which, the
@@ -12,15 +12,16 @@ found by the same steps as those of a case alone.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Flags
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.figures import sampled
 from pinarm.engine.checks.residuals import residual_figures
@@ -31,13 +32,25 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.motion.variants import PrescribedVariants, follows_alike
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, PinarmError
+from pinarm.errors import InputError, PinarmError, UnitError
+from pinarm.input.units import Unit, read_quantity
 from pinarm.input.yaml.document import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
-from pinarm.use.cases.case import QUADRATURE, WORTH, Case, Row, Taken, Task, solved_case
-from pinarm.use.cases.case_table import ARGUMENT, CaseTable, RowTable, moving, number_of, numbers_of
+from pinarm.use.cases.case import (
+    ARGUMENT,
+    COLUMNS,
+    QUADRATURE,
+    WORTH,
+    Case,
+    Row,
+    Taken,
+    Task,
+    Value,
+    is_column,
+    solved_case,
+)
 from pinarm.use.result.curve import Spots
 from pinarm.use.result.failures import failures_in_words
 from pinarm.use.result.measures import COSTS
@@ -48,24 +61,16 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
 
+NUMBERS = 800_000
+"""Most numbers of one array over the cases of a stack: larger ones leave the caches of processors."""
 
-class Place(NamedTuple):
-    """States of a case that are asked for.
+JUDGED = 4
+"""Rows of each case at which it is looked which components of reactions rigid bodies determine: that belongs to the
+structure. The base is looked at as any other case."""
 
-    Attributes:
-        case: The case.
-        interval: An interval of its grid.
-        t: Values of the parameter there, as bytes.
-    """
-
-    case: int
-    interval: int
-    t: bytes
-
-    @property
-    def instants(self) -> Array:
-        """The values, shape (n,)."""
-        return np.frombuffer(self.t)
+AGREED = 1e-10
+"""Least difference of a case solved with others from the same alone, relative to the largest of its numbers, that makes
+all of them be solved alone."""
 
 
 class StatesMissing(Exception):
@@ -82,7 +87,6 @@ class CaseQuantities(Quantities, kw_only=True):
     case: int
 
     def __getitem__(self, name: str) -> Series:
-        """Return a quantity of the case; see ``Quantities``."""
         series = self.shared[name]
         values, terms = series.values, np.broadcast_to(series.terms, series.values.shape)
         case = min(self.case, values.shape[1] - 1)
@@ -111,6 +115,18 @@ class CaseLookup(Lookup, frozen=True):
         asked = [(interval, t.tobytes()) for interval, t in places]
         if missing := [place for place in asked if place not in self.solved]:
             raise StatesMissing(missing)
+
+
+class Place(NamedTuple):
+    """Instants in an interval of the grid of a case, as bytes, whose states are asked for."""
+
+    case: int
+    interval: int
+    t: bytes
+
+    @property
+    def instants(self) -> Array:
+        return np.frombuffer(self.t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,18 +189,17 @@ class VariantNumbers:
 
     @cached_property
     def _lookups(self) -> list[CaseLookup]:
-        """The runs of all cases."""
         rows = (replace(self.run, grid=grid) for grid in self.variants.grids)
         each = (CaseQuantities(run, shared=self.quantities, case=case) for case, run in enumerate(rows))
         return [CaseLookup(quantities, self.variants.motion) for quantities in each]
 
     def _solve(self, places: Sequence[Place], sound: Flags) -> None:
-        """Solve states of cases, as many of one number of rows at once as suits processors."""
-        alike = dict[int, list[Place]]()
+        """Solve states of cases: as many at once, with one number of instants, as suits processors."""
+        alike = defaultdict[int, list[Place]](list)
         for place in places:
-            alike.setdefault(len(place.t), []).append(place)
-        for some in alike.values():
-            size = self.block(len(some[0].instants))
+            alike[len(place.instants)].append(place)
+        for count, some in alike.items():
+            size = self.block(count)
             for start in range(0, len(some), size):
                 self._solve_alike(some[start : start + size], sound)
 
@@ -195,180 +210,157 @@ class VariantNumbers:
         have other last digits alone than beside others.
         """
         places = places if len(places) > 1 else [*places, *places]
-        cases = np.array([place.case for place in places])
-        grids = [_at(self.variants.grids[place.case], place) for place in places]
-        mechanism = some_variants(self.variants.mechanism, cases)
-        run, good = self.variants.some(mechanism, cases, grids).at(self._near(places, cases))
+        cases, grids = np.array([place.case for place in places]), [self.variants.grids[place.case] for place in places]
+        parts = [
+            Grid(place.instants, grid.cuts[place.interval : place.interval + 2], (0, len(place.instants)))
+            for place, grid in zip(places, grids, strict=True)
+        ]
+        near = np.stack([self._near(*some) for some in zip(places, grids, strict=True)], axis=1)
+        run, good = self.variants.some(some_variants(self.variants.mechanism, cases), cases, parts).at(near)
         quantities = self.quantities.of(run)
         sound[cases[~good]] = False
         for k, place in enumerate(places):
             solved = CaseQuantities(self.variants.run, shared=quantities, case=k)
             self._lookups[place.case].solved[place.interval, place.t] = solved
 
-    def _near(self, places: Sequence[Place], cases: Indices) -> Array:
-        """Return configurations near those at places, shape (n, places, nq): those of rows, moved on to the places."""
-        q, v, a = (x[:, np.minimum(cases, x.shape[1] - 1)] for x in (self.run.q, self.run.v, self.run.a))
-        rows, steps = zip(*(_nearest(self.variants.grids[place.case], place) for place in places), strict=True)
-        row, h = np.stack(rows, axis=1), np.stack(steps, axis=1)[..., None]
-        every = np.arange(len(places))
-        if self.run.separate:
-            return np.asarray(q[row, every])
-        return np.asarray(q[row, every] + h * (v[row, every] + 0.5 * h * a[row, every]))
-
-
-def _at(grid: Grid, place: Place) -> Grid:
-    """Return the grid of instants of one interval."""
-    t = place.instants
-    return Grid(t, (grid.cuts[place.interval], grid.cuts[place.interval + 1]), (0, len(t)))
-
-
-def _nearest(grid: Grid, place: Place) -> tuple[Indices, Array]:
-    """Return the rows of a grid that are nearest to instants of an interval, and how far from these [s], shape (n,)."""
-    first, end = grid.rows[place.interval], grid.rows[place.interval + 1]
-    first, end = (first, end) if first < end else (0, len(grid.t))
-    known, t = grid.t[first:end], place.instants
-    rows = np.abs(known - t[:, None]).argmin(axis=1)
-    return first + rows, t - known[rows]
-
-
-NUMBERS = 800_000
-"""Most numbers of one array over the cases of a stack: larger ones leave the caches of processors."""
-
-EXPANDED = 10_000
-"""Cases whose model is expanded at once: to read it for one takes as long as for many."""
-
-JUDGED = 4
-"""Rows of each case at which it is looked which components of reactions rigid bodies determine: that belongs to the
-structure. The first case is looked at as any other."""
-
-AGREED = 1e-10
-"""Least difference of a case solved with others from the same alone, relative to the largest of its numbers, that makes
-all of them be solved alone."""
-
-Numbers = list[tuple[Indices, Array]]
-"""Places of cases that can be solved, and their rows of numbers, block by block."""
+    def _near(self, place: Place, grid: Grid) -> Array:
+        """Return configurations near those at a place, shape (n, nq): of the nearest rows, moved on by their rates."""
+        first, end = grid.rows[place.interval : place.interval + 2]
+        first, end = (first, end) if first < end else (0, len(grid.t))
+        row = first + np.abs(grid.t[first:end] - place.instants[:, None]).argmin(axis=1)
+        q, v, a = (x[row, min(place.case, x.shape[1] - 1)] for x in (self.run.q, self.run.v, self.run.a))
+        h = (place.instants - grid.t[row])[:, None]
+        return np.asarray(q if self.run.separate else q + h * (v + 0.5 * h * a))
 
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """The first of the cases that are solved together.
+    """The base of cases that are solved together: its result, solved alone, and its motion.
 
     Attributes:
         task: What is the same in all cases.
-        values: The values of the first case.
-        first: Its result, solved alone.
-        motion: Its motion.
         files: The files that cases refer to.
     """
 
     task: Task
-    values: Case
-    first: Result
+    base: Result
     motion: PrescribedMotion
     files: tuple[str, ...]
 
     @classmethod
-    def begin(cls, task: Task, values: Case) -> tuple[Stack | None, Row]:
-        """Solve a first case alone; return its stack, ``None`` where others cannot be solved with it, and its row."""
-        row, result = solved_case(task, values)
+    def begin(cls, task: Task, kind: Case) -> Stack | None:
+        """Return the stack beside the task's anchor with values of a kind; ``None`` where none can be solved so."""
+        columns = {path: task.anchor[path] for path in kind if path in task.anchor and is_column(path)}
+        row, result = solved_case(task, {path: x for path, x in kind.items() if not is_column(path)} | columns)
         if row.error or result is None or any(entry.alone for entry in task.wanted):
-            return None, row
-        content, outcome = result.content, result.outcome
-        asks = content.find or content.accuracy.target is not None or result.trajectory.columns or outcome.figures
-        if asks or not isinstance(outcome.motion, PrescribedMotion):
-            return None, row
-        prescription = outcome.motion.prescription
+            return None
+        content, motion = result.content, result.outcome.motion
+        asks = content.find or content.accuracy.target is not None or result.trajectory.columns
+        if asks or result.outcome.figures or not isinstance(motion, PrescribedMotion):
+            return None
+        prescription = motion.prescription
         whole = prescription.mechanism is result.scenario.mechanism
-        if not whole or not isinstance(prescription.motion, DeterminedMotion):
-            return None, row
-        return cls(task, values, result, outcome.motion, row.files), row
+        determined = isinstance(prescription.motion, DeterminedMotion)
+        return cls(task, result, motion, row.files) if whole and determined else None
 
-    @property
-    def follows(self) -> bool:
-        """Whether loops of the others are closed from the first case."""
-        return bool(self.first.trajectory.mechanism.closure.size)
-
-    @cached_property
-    def _table(self) -> PrescribedTable:
-        """The laws and rows of the first case."""
-        return PrescribedTable(self.motion.prescription, self.first.trajectory.grid, self.motion.start)
-
-    def block_of(self, rows: int) -> int:
-        """Return the number of cases with so many rows whose arrays are of a size that suits processors."""
-        return max(1, NUMBERS // (rows * int(self.first.trajectory.mechanism.model.njoints) * 6))
-
-    def rows(self, cases: CaseTable) -> tuple[Indices, RowTable]:
-        """Return the places of the cases that can be solved so, and their rows; the others are to be solved alone.
+    def rows(self, cases: Sequence[Case]) -> list[Row | None]:
+        """Return the rows of cases, ``None`` of those that are to be solved alone.
 
         What one of them raises costs the others time only, and is told when it is solved alone.
         """
-        parts = _tried(partial(self._solved, cases), np.arange(len(cases)))
-        if not parts:
-            return np.zeros(0, np.intp), RowTable(np.zeros((0, 0)), self.files)
-        places, numbers = zip(*parts, strict=True)
-        return np.concatenate(places), RowTable(np.concatenate(numbers), self.files)
+        try:
+            with failures_in_words():
+                return self._solved(cases)
+        except Exception:
+            half = len(cases) // 2
+            return [*self.rows(cases[:half]), *self.rows(cases[half:])] if half else [None]
 
-    def _solved(self, cases: CaseTable, places: Indices) -> Numbers:
-        """Return the numbers of some of the cases, whose model is expanded at once.
+    def agrees(self, case: Case, alone: Row) -> bool | None:
+        """Tell whether a case has the same numbers here as alone; ``None`` where it has none here."""
+        try:
+            with failures_in_words():
+                (row,) = self._solved([case])
+        except VariantsDiffer:
+            return False
+        except PinarmError:
+            return None
+        except Exception:  # a fault of the program too costs time only
+            return False
+        if row is None or alone.error:
+            return None if row is None else False
+        here, there = np.array(row.numbers), np.array(alone.numbers)
+        size, apart = (np.nanmax(np.abs(x), initial=0.0) for x in (there, here - there))
+        return bool((np.isnan(here) == np.isnan(there)).all() and apart <= AGREED * size)
+
+    def _solved(self, cases: Sequence[Case]) -> list[Row | None]:
+        """Return the rows of cases, whose model is expanded at once.
 
         Raises:
             VariantsDiffer: The cases differ in more than numbers of the model.
             PinarmError: A file may not be read any more, or something cannot be computed in one of them.
         """
-        some = cases.some(places)
-        mechanism, possible = self._mechanism(some)
+        mechanism, possible = self._mechanism(cases)
         require_joint_forces(self.motion.prescription.dynamics.forces)
-        size, parts = self.block_of(len(self.first.trajectory)), []
-        for start in range(0, len(some), size):
-            tables = self._followed(some, range(1 + start, 1 + min(start + size, len(some))))
-            chosen = np.array([*tables])  # the first case is the one that the others are compared with
+        size, rows = self._block(len(self.base.trajectory)), dict[int, Row]()
+        for start in range(1, 1 + len(cases), size):
+            tables = self._followed(cases, range(start, min(start + size, 1 + len(cases))))
+            chosen = np.array([*tables])  # the base is the variant 0, with which the others are compared
             numbers, finite = self._numbers(some_variants(mechanism, chosen), [*tables.values()])
-            sound = possible[chosen] & finite & (chosen > 0)
-            parts.append((places[chosen[sound] - 1], numbers[sound] + 0.0))  # -0 becomes 0
-        return parts
+            for k in np.flatnonzero(possible[chosen] & finite).tolist():
+                rows[int(chosen[k])] = Row(tuple((numbers[k] + 0.0).tolist()), "", self.files)  # -0 becomes 0
+        return [rows.get(variant) for variant in range(1, 1 + len(cases))]
 
-    def _mechanism(self, cases: CaseTable) -> tuple[Mechanism, Flags]:
-        """Return the mechanism in the first case and in others, and which of them can be followed so."""
-        scenario = self.first.scenario
+    def _block(self, rows: int) -> int:
+        """Return the number of cases with so many rows whose arrays are of a size that suits processors."""
+        return max(1, NUMBERS // (rows * int(self.base.trajectory.mechanism.model.njoints) * 6))
+
+    def _mechanism(self, cases: Sequence[Case]) -> tuple[Mechanism, Flags]:
+        """Return the mechanism in the base and in cases, and which of them can be followed so."""
+        mechanism, arguments = self.base.scenario.mechanism, self.base.content.arguments
+        numbers = dict[str, list[float]]()
+        for path in cases[0]:
+            if path.startswith(ARGUMENT):
+                name = path.removeprefix(ARGUMENT)
+                written = arguments[name].unit if name in arguments else None
+                unit = mechanism.argument_units.get(name, written)
+                numbers[name] = [float(mechanism.arguments[name]), *(_number(case[path], unit) for case in cases)]
+        if not numbers:
+            return alike_variants(mechanism, 1 + len(cases)), np.ones(1 + len(cases), dtype=bool)
         known = {
-            name: argument.given if argument.word is not None else scenario.mechanism.arguments[name]
-            for name, argument in scenario.content.arguments.items()
+            name: argument.given if argument.word is not None else mechanism.arguments[name]
+            for name, argument in arguments.items()
         }
-        numbers = dict[str, Array]()
-        for column in cases.columns:
-            if column.path.startswith(ARGUMENT):
-                first = self.values[column.path]
-                both = np.append(number_of(first, first), numbers_of(column, first))
-                numbers[column.path.removeprefix(ARGUMENT)] = both
-        if numbers:
-            return mechanism_variants(scenario.mechanism, known, numbers)
-        return alike_variants(scenario.mechanism, 1 + len(cases)), np.ones(1 + len(cases), dtype=bool)
+        return mechanism_variants(mechanism, known, numbers)
 
-    def _followed(self, cases: CaseTable, variants: range) -> dict[int, PrescribedTable]:
-        """Return the laws and rows of the first case and of some others, by their place among the variants.
+    def _followed(self, cases: Sequence[Case], variants: range) -> dict[int, PrescribedTable]:
+        """Return the laws and rows of the base and of some cases, by their place among the variants.
 
         Those that fail, or have other rows, are left out: what is wrong with them is told where they are solved alone.
         """
-        columns, tables = moving(cases), {0: self._table}
-        if not columns:
+        scenario, tables = self.base.scenario, {0: self._table}
+        moving = [path for path in cases[0] if path.startswith(COLUMNS[1:])]
+        if not moving:
             return tables | dict.fromkeys(variants, self._table)
-        scenario = self.first.scenario
         for variant in variants:
             with suppress(PinarmError):
-                document = varied(scenario.document, {column.path: column.at(variant - 1) for column in columns})
+                document = varied(scenario.document, {path: cases[variant - 1][path] for path in moving})
                 table = scenario.with_document(document).prescribed_table(scenario)
                 if table is not None and follows_alike(table, self._table):
                     tables[variant] = table
         return tables
 
+    @cached_property
+    def _table(self) -> PrescribedTable:
+        return PrescribedTable(self.motion.prescription, self.base.trajectory.grid, self.motion.start)
+
     def _numbers(self, mechanism: Mechanism, tables: Sequence[PrescribedTable]) -> tuple[Array, Flags]:
         """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
-        scenario, count = self.first.scenario, len(tables)
-        variants = PrescribedVariants(self.motion, self.first.trajectory, mechanism, tables)
+        scenario, count = self.base.scenario, len(tables)
+        variants = PrescribedVariants(self.motion, self.base.trajectory, mechanism, tables)
         run, sound = variants.rows()
         judged = Quantities(run.some(sampled(len(run), JUDGED)), scenario.symbols, scenario.content.undetermined)
         quantities, finite = judged.of(run), sound.copy()
-        numbers, quadrature, sound = VariantNumbers(variants, run, quantities, self.block_of).told(
+        numbers, quadrature, sound = VariantNumbers(variants, run, quantities, self._block).told(
             self.task.wanted, finite
         )
         for values in (*(quantities[name].values for name in scenario.content.outputs), *numbers):
@@ -382,40 +374,27 @@ class Stack:
         """Return the measures of accuracy of variants, each of shape (k,) or (1,), and note which are finite.
 
         Raises:
-            VariantsDiffer: They are not those of the first case.
+            VariantsDiffer: They are not those of the base.
         """
         figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
         for figure in figures.values():
             finite &= np.isfinite(figure)
-        if {name for name, figure in figures.items() if not np.isnan(figure.flat[0])} != (
-            self.first.figures.keys() - COSTS
-        ):
+        measured = {name for name, figure in figures.items() if not np.isnan(figure.flat[0])}
+        if measured != self.base.figures.keys() - COSTS:
             raise VariantsDiffer("which figures can be measured")
         return figures
 
-    def agrees(self, values: Case, alone: Row) -> bool | None:
-        """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
 
-        Raises:
-            VariantsDiffer: No cases of its kind have.
-        """
-        try:
-            with failures_in_words():
-                ((places, numbers),) = self._solved(CaseTable.of([values]), np.arange(1))
-        except PinarmError:
-            return None
-        if not len(places) or alone.error:
-            return False if len(places) else None
-        here, there = numbers[0], np.array(alone.numbers)
-        size, apart = (np.nanmax(np.abs(x), initial=0.0) for x in (there, here - there))
-        return bool((np.isnan(here) == np.isnan(there)).all() and apart <= AGREED * size)
+def _number(value: Value, unit: Unit | None) -> float:
+    """Return the number of an argument [SI].
 
-
-def _tried(solve: Callable[[Indices], Numbers], cases: Indices) -> Numbers:
-    """Return the numbers of cases, without those for which something is raised."""
+    Raises:
+        VariantsDiffer: It is a word, or has another unit.
+    """
     try:
-        with failures_in_words():
-            return solve(cases)
-    except Exception:
-        half = len(cases) // 2
-        return [*_tried(solve, cases[:half]), *_tried(solve, cases[half:])] if half else []
+        number, measured = read_quantity(str(value))
+    except UnitError:
+        raise VariantsDiffer("words") from None
+    if unit is not None and (measured is None or measured.dimension != unit.dimension):
+        raise VariantsDiffer("numbers with other units")
+    return number

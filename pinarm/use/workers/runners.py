@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pinarm.errors import InputError
 from pinarm.records import ValueRecord
-from pinarm.use.workers.worker import LostJob, answered_parts, in_order
+from pinarm.use.workers.worker import AnsweredPart, LostJob, answered_parts
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -24,7 +24,6 @@ MOST = 10_000
 
 JobT = TypeVar("JobT")
 AnswerT = TypeVar("AnswerT")
-
 
 Apply = Callable[[Iterable[JobT]], Iterator[AnswerT | LostJob]]
 """Jobs -> their answers, in their order; the answers are the same whoever gives them."""
@@ -59,26 +58,21 @@ class Runners(ValueRecord, frozen=True):
         check_number(self.number)
 
     @contextmanager
-    def answering(
-        self, function: Callable[[Any], AnswerT], written: Callable[[list[JobT]], Any] = list
-    ) -> Iterator[Answering[JobT, AnswerT]]:
+    def answering(self, function: Callable[[JobT], AnswerT]) -> Iterator[Answering[JobT, AnswerT]]:
         """Yield a function from jobs to numbered answers, for any number of calls; workers end with the block.
 
-        Args:
-            function: Importable by its name, as is all that it holds; see ``worker.answered_parts``.
-            written: Converts a list of jobs to the argument that the function gets for it.
+        The function is importable by its name, as is all that it holds; see ``answered_parts``.
 
         Raises:
             InputError: A worker has other versions, or other files.
             NumericsError: Workers die one after the other, or there are none any more.
         """
         if self.number is None and self.executor is None:
-            yield partial(_answers_here, function, written)
+            yield partial(_answers_here, function)
             return
-        from pinarm.use.workers.dispatch import Dispatch
-        from pinarm.use.workers.executors import chosen_workers
+        from pinarm.use.workers.dispatch import Dispatch, chosen_workers
 
-        with closing(Dispatch(function, chosen_workers(self.number, self.executor), written)) as dispatch:
+        with closing(Dispatch(function, chosen_workers(self.number, self.executor))) as dispatch:
             yield dispatch.answers
 
     @contextmanager
@@ -97,13 +91,20 @@ HERE = Runners()
 
 
 def _answers_here(
-    function: Callable[[JobT], AnswerT], written: Callable[[list[JobT]], Any], jobs: Iterable[JobT]
+    function: Callable[[JobT], AnswerT], jobs: Iterable[JobT]
 ) -> Iterator[tuple[list[tuple[int, JobT]], Collection[Any]]]:
     """Yield the answers of jobs, which are solved when they are asked for, or with one before them."""
     left, size = enumerate(jobs), TOGETHER if hasattr(function, "together") else 1
     while some := list(islice(left, size)):
-        if size == 1:
-            yield some, [function(some[0][1])]
-            continue
-        for places, answers in answered_parts(function, written([job for _, job in some])):
+        for places, answers in answered_parts(function, [job for _, job in some]):
             yield [some[place] for place in places], answers
+
+
+def in_order(parts: Iterable[AnsweredPart]) -> Iterator[Any]:
+    """Yield answers in the order of their jobs, each as soon as all before it are there."""
+    early, wanted = dict[int, Any](), 0
+    for places, answers in parts:
+        early |= zip(places, answers, strict=True)
+        while wanted in early:
+            yield early.pop(wanted)
+            wanted += 1

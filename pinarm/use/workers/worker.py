@@ -19,8 +19,15 @@ from pinarm.errors import fault
 from pinarm.input.roots import Access, example_robot_data, file_root, noting_files
 from pinarm.records import ValueRecord
 
-KEPT = 2
-"""Functions that a thread keeps: what is built for a scenario serves one thread at a time."""
+EXAMPLES = "example_files"
+"""Folder of the package that a wheel has, and a checkout has elsewhere."""
+
+MOST_BYTES, BLOCK = 2_000_000_000, 1 << 20
+"""Size of a file whose content is read, and of the parts in which it is read [bytes]."""
+
+Versions = Mapping[str, str]
+"""Program -> its version."""
+
 
 AnsweredPart = tuple[Iterable[int], Collection[Any]]
 """Places of jobs in a chunk, and their answers."""
@@ -47,8 +54,13 @@ class Answers(NamedTuple):
 
 
 class _Session(NamedTuple):
+    name: str
     function: Callable[[Any], Any]
     files: set[Path]
+
+
+_kept = threading.local()
+"""The session of a thread: what is built for a scenario serves one thread at a time."""
 
 
 def work(wanted: Versions, session: str, function: bytes, access: Access, jobs: bytes) -> Answers | Versions:
@@ -63,23 +75,25 @@ def work(wanted: Versions, session: str, function: bytes, access: Access, jobs: 
     """
     if wanted != versions():
         return versions()
-    kept, begin = _session(session, function), time.perf_counter()
+    kept: _Session | None = getattr(_kept, "session", None)
+    if kept is None or kept.name != session:
+        kept = _kept.session = _Session(session, pickle.loads(function), set())
+    begin = time.perf_counter()
     with file_root(*access), noting_files() as files:
         parts = [*answered_parts(kept.function, pickle.loads(jobs))]
     seconds, robots = time.perf_counter() - begin, example_robot_data()
-    own = {file for file in files - kept.files if not file.is_relative_to(robots)}
-    kept.files.update(own)
-    return Answers(parts, seconds, {str(file): file_digest(str(file)) for file in own})
+    new = {file for file in files - kept.files if not file.is_relative_to(robots)}
+    kept.files.update(new)
+    return Answers(parts, seconds, {str(file): file_digest(str(file)) for file in new})
 
 
-def answered_parts(function: Callable[[Any], Any], jobs: Any) -> Iterator[AnsweredPart]:
+def answered_parts(function: Callable[[Any], Any], jobs: list[Any]) -> Iterator[AnsweredPart]:
     """Yield places of jobs and their answers; a fault of the program costs one job.
 
     A function with a method ``together`` solves several jobs at once, and yields the same, without errors.
     """
-    together = getattr(function, "together", None)
-    if together is not None:
-        yield from together(jobs)
+    if hasattr(function, "together"):
+        yield from function.together(jobs)
         return
     for place, job in enumerate(jobs):
         try:
@@ -87,38 +101,6 @@ def answered_parts(function: Callable[[Any], Any], jobs: Any) -> Iterator[Answer
         except Exception as error:
             answer = LostJob(f"the program failed: {fault(error)}")
         yield [place], [answer]
-
-
-_kept = threading.local()
-
-
-def _session(name: str, function: bytes) -> _Session:
-    sessions: dict[str, _Session] = _kept.__dict__.setdefault("sessions", {})
-    if name not in sessions:
-        while len(sessions) >= KEPT:
-            del sessions[next(iter(sessions))]
-        sessions[name] = _Session(pickle.loads(function), set())
-    return sessions[name]
-
-
-def in_order(parts: Iterable[AnsweredPart]) -> Iterator[Any]:
-    """Yield answers in the order of their jobs, each as soon as all before it are there."""
-    early, wanted = dict[int, Any](), 0
-    for places, answers in parts:
-        early |= zip(places, answers, strict=True)
-        while wanted in early:
-            yield early.pop(wanted)
-            wanted += 1
-
-
-EXAMPLES = "example_files"
-"""Folder of the package that a wheel has, and a checkout has elsewhere."""
-
-MOST_BYTES, BLOCK = 2_000_000_000, 1 << 20
-"""Size of a file whose content is read, and of the parts in which it is read [bytes]."""
-
-Versions = Mapping[str, str]
-"""Program -> its version."""
 
 
 @cache
@@ -149,13 +131,6 @@ def code_digest() -> str:
     for path in sorted(code - {*package.joinpath(EXAMPLES).rglob("*")}):
         content.update(f"{path.relative_to(package)}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
     return content.hexdigest()[:12]
-
-
-def differences(here: Versions, there: Versions) -> str:
-    """Return the versions that differ between this process and another, in words; empty where none does."""
-    names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
-    pairs = ((name, here.get(name, "absent"), there.get(name, "absent")) for name in names)
-    return ", ".join(f"{name} is {own} here and {other} there" for name, own, other in pairs)
 
 
 def file_digest(file: str) -> str:

@@ -9,7 +9,7 @@ import pinarm
 from pinarm.use.cases import solving
 from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
 from pinarm.use.cases.solving import CaseSolver
-from pinarm.use.workers.worker import in_order
+from pinarm.use.workers.runners import in_order
 
 Chunk = Callable[[pinarm.Scenario, Sequence[dict[str, Value]], Sequence[str]], np.ndarray]
 

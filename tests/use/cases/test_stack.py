@@ -1,6 +1,6 @@
 """Cases solved together against the same cases alone, on every scenario that can take part."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +8,8 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.arrays import Indices
 from pinarm.records import replace
-from pinarm.use.cases.case import WORTH, Row, Task, Value, Wanted, solve_case
-from pinarm.use.cases.case_table import CaseTable, RowTable
+from pinarm.use.cases.case import WORTH, Task, Value, Wanted, solve_case
 from pinarm.use.cases.stack import Stack
 from tests.use.cases.conftest import Chunk
 
@@ -92,19 +90,11 @@ def test_laws_and_numbers_are_those_of_each_case_alone(
     assert compared(task_of(SCENARIOS / f"{name}.yaml", results, few), cases) == 3
 
 
-def rows_by(solve: Callable[[CaseTable], tuple[Indices, RowTable]], cases: Cases) -> list[Row | None]:
-    """Return the rows of cases, ``None`` of those that are not solved."""
-    places, rows = solve(CaseTable.of(cases))
-    found = dict(zip(places.tolist(), rows, strict=True))
-    return [found.get(place) for place in range(len(cases))]
-
-
 def compared(task: Task, cases: Cases) -> int:
     """Compare cases solved together with each alone, and return how many have been."""
-    stack, row = Stack.begin(task, cases[0])
-    assert stack is not None, row.error
-    count = 0
-    for values, row in zip(cases, rows_by(stack.rows, cases), strict=True):
+    stack, count = Stack.begin(task, cases[0]), 0
+    assert stack is not None
+    for values, row in zip(cases, stack.rows(cases), strict=True):
         alone = solve_case(task, values)
         if row is None:  # where a motion is out of reach, or comes near a singular position
             continue
@@ -129,7 +119,7 @@ def test_every_quantity_is_that_of_each_case_alone_or_is_not_told(arm: Path, ste
     """Whatever can be asked by name: a number of another variant, or rows and variants mixed up, would be seen."""
     cases = cases_of(arm, ("m_A", "l1", "l2"), 3)  # as many as rows: a wrong axis would fit
     task = task_of(arm, (), ["problem.over.phi.samples=3"])
-    stack, _ = Stack.begin(task, cases[0])
+    stack = Stack.begin(task, cases[0])
     assert stack is not None
     alone = [task.case(case).run() for case in cases]
     known = {
@@ -145,10 +135,10 @@ def test_every_quantity_is_that_of_each_case_alone_or_is_not_told(arm: Path, ste
         "joint.B.power",
     }
     told = set()
-    for name in known.union(stack.first.quantities.names()[::step]):
+    for name in known.union(stack.base.quantities.names()[::step]):
         try:
-            entry, _ = Wanted.read(name).measured(stack.first.quantities)
-            rows = rows_by(replace(stack, task=replace(task, wanted=(entry,))).rows, cases)
+            entry, _ = Wanted.read(name).measured(stack.base.quantities)
+            rows = replace(stack, task=replace(task, wanted=(entry,))).rows(cases)
         except PinarmError:
             continue
         if None in rows:
@@ -165,24 +155,23 @@ def test_a_motion_that_comes_near_a_singular_position_is_left_to_each_case_alone
     """Its regularity is looked for between rows: with a = 0.145 m the crank all but stretches the linkage."""
     path = SCENARIOS / "crank_rocker_turning.yaml"
     task, cases = task_of(path), [{"arguments.a": text} for text in ("0.10 m", "0.12 m", "0.1985 m", "0.25 m")]
-    stack, _ = Stack.begin(task, cases[0])
+    stack = Stack.begin(task, cases[0])
     assert stack is not None
-    assert [row is None for row in rows_by(stack.rows, cases)] == [False, False, True, True]
+    assert [row is None for row in stack.rows(cases)] == [False, False, True, True]
     assert not solve_case(task, cases[2]).error
     assert solve_case(task, cases[3]).error
 
 
 def test_what_cannot_be_solved_together_is_none(arm: Path) -> None:
     task, cases = task_of(arm), cases_of(arm, ("m_A",), 6)
-    stack, _ = Stack.begin(task, cases[0])
+    stack = Stack.begin(task, cases[0])
     assert stack is not None
     odd: Cases = [{"arguments.m_A": text} for text in ("-3 kg", "200 g", "nan kg", "1e200 kg", "0.2 kg")]
-    rows = rows_by(stack.rows, [*odd, *cases])
-    assert [row is None for row in rows[:4]] == [True] * 4
+    rows = stack.rows([*odd, *cases])
+    assert [row is None for row in rows[:4]] == [True, False, True, True]
     assert None not in rows[4:]
-    expected = solve_case(task, odd[4])
-    assert rows[4] is not None
-    np.testing.assert_allclose(rows[4].numbers, expected.numbers, atol=1e-12)
+    for place in (1, 4):
+        np.testing.assert_allclose(rows[place].numbers, solve_case(task, odd[place]).numbers, atol=1e-12)
 
 
 def test_forces_that_only_the_sweep_asks_for_are_judged_and_solved_together(chunk: Chunk) -> None:

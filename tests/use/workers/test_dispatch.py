@@ -13,8 +13,7 @@ import pinarm
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.roots import note_files
 from pinarm.use.workers import worker
-from pinarm.use.workers.dispatch import HOPELESS, Dispatch
-from pinarm.use.workers.executors import WorkerDeath
+from pinarm.use.workers.dispatch import HOPELESS, Dispatch, WorkerDeath
 from pinarm.use.workers.worker import LostJob, versions, work
 
 
@@ -37,10 +36,8 @@ class Here:
     def __init__(self, number: int = 2, ends: Callable[[list[Any]], Any] = lambda jobs: None) -> None:
         self.number, self.ends, self.closed, self.chunks = number, ends, False, list[list[Any]]()
 
-    def count(self) -> int:
+    def room(self) -> int:
         return self.number
-
-    room = count
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         self.chunks.append(list(pickle.loads(arguments[-1])))
@@ -54,8 +51,6 @@ class Here:
 
     def result(self, future: Future[Any]) -> Any:
         return future.result()
-
-    def require(self) -> None: ...
 
     def close(self) -> None:
         self.closed = True

@@ -13,8 +13,7 @@ from typing import Any
 import pytest
 
 from pinarm.errors import NumericsError
-from pinarm.use.workers.dispatch import Dispatch
-from pinarm.use.workers.executors import ExecutorWorkers, LocalProcesses
+from pinarm.use.workers.dispatch import Dispatch, ExecutorWorkers, LocalProcesses
 from pinarm.use.workers.worker import LostJob
 
 KILLED = """
@@ -104,7 +103,7 @@ class Refusing(Executor):
 def test_threads_answer_every_job_once_and_the_executor_stays() -> None:
     with ThreadPoolExecutor(3) as executor:
         workers = ExecutorWorkers(executor)
-        assert workers.count() == 3
+        assert workers.room() == 6
         assert sorted(distribute(square, range(300), workers)) == [(n, n * n) for n in range(300)]
         assert executor.submit(square, 3).result() == 9
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import pytest
 
 from pinarm.use.workers import runners
-from pinarm.use.workers.runners import HERE, Runners
-from pinarm.use.workers.worker import AnsweredPart, in_order
+from pinarm.use.workers.runners import HERE, Runners, in_order
+from pinarm.use.workers.worker import AnsweredPart
 
 
 def hurried(n: int) -> int:

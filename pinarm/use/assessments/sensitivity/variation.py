@@ -26,8 +26,7 @@ from pinarm.errors import InputError, UnitError, choices, within
 from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity, unit
 from pinarm.input.yaml.document import require_unit
 from pinarm.input.yaml.schema import PURE, Measured
-from pinarm.use.cases.case import Case, Row, Task, Wanted
-from pinarm.use.cases.case_table import is_column
+from pinarm.use.cases.case import Case, Row, Task, Wanted, is_column
 from pinarm.use.cases.solving import SolveCases, solving
 from pinarm.use.progress import tell
 from pinarm.use.result.numbers import AnyNumber

@@ -16,37 +16,58 @@ from __future__ import annotations
 
 import math
 import re
-from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Location
 from pinarm.input.csv_tables import split_heading, table
-from pinarm.input.numbers import DECIMAL, decimals, is_whole, leading_number
+from pinarm.input.numbers import DECIMAL, is_whole, leading_number
 from pinarm.input.units import MAX_QUANTITY, unit
 from pinarm.use.cases.case import Value
-from pinarm.use.cases.case_table import CaseTable, Column
 
 MOST = 10_000_000
 """Cases of one sweep."""
 
 
 @dataclass(frozen=True)
-class Axis:
-    """Paths that vary together.
+class Column:
+    """The values of one path.
 
     Attributes:
-        columns: One per path, all of one length.
-        drawn: Whether the values were drawn by chance.
+        path: Where in the scenario they go.
+        unit: Of numbers; empty for none.
     """
+
+    path: str
+    values: Sequence[Value]
+    unit: str = ""
+
+    def at(self, row: int) -> Value:
+        """Return a value as a scenario file would have it."""
+        value = self.values[row]
+        return f"{value!r} {self.unit}" if self.unit else value
+
+    @cached_property
+    def is_numeric(self) -> bool:
+        return not any(isinstance(value, str | bool) for value in self.values)
+
+    @cached_property
+    def as_array(self) -> Array:
+        """The values as numbers, or as words, shape (values,)."""
+        return np.asarray(self.values, float if self.is_numeric else str)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Paths that vary together: columns of one length; ``drawn`` where the values were drawn by chance."""
 
     columns: tuple[Column, ...]
     drawn: bool = False
@@ -91,26 +112,20 @@ class Cases:
 
     def values(self, case: int) -> dict[str, Value]:
         """Return the values of one case by path."""
-        return self.some(np.array([case]))[0]
-
-    def some(self, cases: Indices) -> CaseTable:
-        """Return the values of some cases."""
-        return CaseTable(tuple(column.some(rows) for column, rows in self._rows(cases)))
-
-    def table(self, cases: range | None = None) -> list[Series]:
-        """Return the values of every path over some cases, or all, in the units they were given in."""
-        numbers = np.arange(len(self)) if cases is None else np.arange(cases.start, cases.stop)
-        return [
-            Series(column.path, unit(column.unit or "1"), column.as_array[rows]) for column, rows in self._rows(numbers)
-        ]
-
-    def _rows(self, cases: Indices) -> Iterator[tuple[Column, Indices]]:
-        """Yield the columns, and which of their values cases have."""
-        inner = len(self)
+        values, inner = dict[str, Value](), len(self)
         for axis in self.axes:
             inner //= len(axis)
-            rows = cases // inner % len(axis)
-            yield from ((column, rows) for column in axis.columns)
+            values |= {column.path: column.at(case // inner % len(axis)) for column in axis.columns}
+        return values
+
+    def table(self) -> list[Series]:
+        """Return the values of every path over the cases, in the units they were given in."""
+        series, inner = list[Series](), len(self)
+        for axis in self.axes:
+            inner //= len(axis)
+            rows = np.arange(len(self)) // inner % len(axis)
+            series += [Series(x.path, unit(x.unit or "1"), x.as_array[rows]) for x in axis.columns]
+        return series
 
 
 @dataclass(frozen=True)
@@ -118,7 +133,6 @@ class Distribution:
     """Numbers that are drawn by chance.
 
     Attributes:
-        path: Where in the scenario they go.
         kind: ``normal``, ``uniform`` or ``tolerance``.
         a: Mean, lower bound, or nominal value.
         b: Standard deviation, upper bound, or greatest deviation.
@@ -132,11 +146,7 @@ class Distribution:
     unit: str = ""
 
     def quantile(self, share: Array) -> Array:
-        """Return the values below which given shares of the numbers lie.
-
-        Args:
-            share: Between 0 and 1, shape (n,).
-        """
+        """Return the values below which shares of the numbers lie, between 0 and 1, shape (n,)."""
         if self.kind == "normal":
             from scipy.special import ndtri
 
@@ -149,14 +159,10 @@ Sampling = Literal["random", "latin"]
 
 
 def draw(distributions: Sequence[Distribution], samples: int, seed: int, how: Sampling) -> Axis:
-    """Draw numbers; the same seed gives the same.
+    """Draw numbers, each independently of the others, by numpy's generator PCG64; the same seed gives the same.
 
-    Args:
-        distributions: What is varied, each independently of the others.
-        samples: How many cases.
-        seed: Of numpy's generator PCG64.
-        how: ``random``, or ``latin`` for a Latin hypercube: each value once in each of ``samples`` parts of equal
-            probability, which takes fewer cases for the same accuracy of a mean (McKay, Beckman and Conover, 1979).
+    ``latin`` is a Latin hypercube: each value once in each of ``samples`` parts of equal probability, which takes fewer
+    cases for the same accuracy of a mean (McKay, Beckman and Conover, 1979).
     """
     generator = np.random.default_rng(seed)
     if how == "latin":
@@ -165,13 +171,8 @@ def draw(distributions: Sequence[Distribution], samples: int, seed: int, how: Sa
         shares = LatinHypercube(len(distributions), seed=generator).random(samples)
     else:
         shares = generator.random((samples, len(distributions)))
-    return Axis(
-        tuple(
-            Column(distribution.path, array("d", distribution.quantile(shares[:, index]).tobytes()), distribution.unit)
-            for index, distribution in enumerate(distributions)
-        ),
-        drawn=True,
-    )
+    pairs = zip(distributions, shares.T, strict=True)
+    return Axis(tuple(Column(x.path, x.quantile(share).tolist(), x.unit) for x, share in pairs), drawn=True)
 
 
 UnitOf = Callable[[str], str]
@@ -192,12 +193,7 @@ _TRUTH: Mapping[str, bool] = {"true": True, "false": False}
 
 
 def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
-    """Read what is given for one path.
-
-    Args:
-        path: Where in the scenario the values go.
-        given: Text as in the table above, or a sequence of numbers or texts.
-        unit_of: The unit of bare numbers.
+    """Read what is given for one path: text as in the table above, or a sequence of numbers or texts.
 
     Raises:
         InputError: It is none of the forms, or the unit is ambiguous.
@@ -250,24 +246,18 @@ def _grid(path: str, match: re.Match[str], unit_of: UnitOf) -> Column:
     start, end, count = float(match[1]), float(match[2]), int(match[3])
     if not 2 <= count <= MOST or start == end:
         raise InputError(f"'{match[0].strip()}' is no grid", expected=f"two different ends and 2 to {MOST:,} values")
-    values = np.linspace(start, end, count)
-    measured = _unit(path, match[4], unit_of)
+    values, measured = np.linspace(start, end, count), _unit(path, match[4], unit_of)
     if not measured and is_whole(match[1]) and is_whole(match[2]) and (values == values.round()).all():
         return Column(path, [round(value) for value in values.tolist()])
-    return Column(path, array("d", values.tobytes()), measured)
+    return Column(path, values.tolist(), measured)
 
 
 def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = False) -> Column:
     """Return the values that texts say; with ``last`` a unit at the end of the last one is that of all."""
-    plain = _plain(items)
-    if plain is not None:
-        measured = _unit(path, "", unit_of)
-        return Column(path, array("d", plain) if measured else plain, measured)
-    values = [_item(item) for item in items]
-    words = [item.strip() for item in items]
+    values, words = [_item(item) for item in items], [item.strip() for item in items]
     if not any(values) and all(words):
         return Column(path, [_TRUTH.get(word, word) for word in words])
-    numbers, units = [], []
+    numbers, units = list[int | float](), list[str]()
     for item, parts in zip(words, values, strict=True):
         if parts is None:
             raise InputError(f"'{item[:SHOWN]}' is no number, as others are", expected="all numbers, or all words")
@@ -278,33 +268,16 @@ def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = Fa
         numbers.append(int(number) if is_whole(number) and not written else float(number))
     if last and not any(units[:-1]):
         units = [units[-1]] * len(units)
-    if len(set(units)) == 1:
+    kinds = dict.fromkeys(units)
+    if len(kinds) == 1:
         measured = _unit(path, units[0], unit_of)
-        return Column(path, array("d", numbers) if measured else numbers, measured)
-    if not all(units):
+        return Column(path, [float(number) for number in numbers] if measured else numbers, measured)
+    if "" in kinds:
         raise InputError("some of the values have a unit and some have none", expected="20, 40, 60 kg")
-    factors = [unit(text).factor / unit(units[0]).factor for text in units]
-    if len({unit(text).dimension for text in units}) > 1:
-        raise InputError(f"the units {', '.join(sorted(set(units)))} are of different kinds", expected="one kind")
-    return Column(path, [number * factor for number, factor in zip(numbers, factors, strict=True)], units[0])
-
-
-def _plain(items: Sequence[str]) -> list[int | float] | None:
-    """Return the numbers that texts are; ``None`` where one is none, or has a unit."""
-    if max(map(len, items)) > MAX_QUANTITY:
-        return None
-    try:
-        numbers = decimals(items)
-    except ValueError:
-        return None
-    if not all(map(math.isfinite, numbers)):
-        return None
-    if not any(map(float.is_integer, numbers)):
-        return numbers
-    return [
-        int(text) if number.is_integer() and is_whole(text.strip()) else number
-        for text, number in zip(items, numbers, strict=True)
-    ]
+    if len({unit(text).dimension for text in kinds}) > 1:
+        raise InputError(f"the units {', '.join(sorted(kinds))} are of different kinds", expected="one kind")
+    factors = {text: unit(text).factor / unit(units[0]).factor for text in kinds}
+    return Column(path, [number * factors[text] for number, text in zip(numbers, units, strict=True)], units[0])
 
 
 def _item(text: str) -> tuple[str, str] | None:
@@ -330,14 +303,12 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
     lines = [*below]
     if not lines:
         raise InputError("there are no cases", expected="a heading and at least one line").at(Location(str(path)))
-    texts = [*zip(*(row for _, row in lines), strict=False)]
-    alike = {len(row) for _, row in lines} == {len(heads)}
-    if not alike or not all(all(map(str.strip, cells)) for cells in texts):
-        line, row = next(each for each in lines if len(each[1]) != len(heads) or not all(map(str.strip, each[1])))
-        place = Location(str(path), line, 1, ",".join(row))
-        raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
+    for line, row in lines:
+        if len(row) != len(heads) or not all(map(str.strip, row)):
+            place = Location(str(path), line, 1, ",".join(row))
+            raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
     columns = []
-    for number, (head, cells) in enumerate(zip(heads, texts, strict=True)):
+    for number, (head, *cells) in enumerate(zip(heads, *(row for _, row in lines), strict=True)):
         heading = split_heading(head)
         try:
             if heading is None or not heading[0]:
@@ -346,9 +317,9 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
         except InputError as error:
             raise error.at(Location(str(path), 1, 1, ",".join(heads))) from None
         try:
-            columns.append(_column(heading[0], cells, partial(_same, measured)))
+            columns.append(_column(heading[0], cells, {heading[0]: measured}.__getitem__))
         except InputError as error:
-            line, row = next((each for each in lines if not _is_number(each[1][number])), (1, heads))
+            line, row = next((line for line in lines if not _is_number(line[1][number])), (1, heads))
             raise error.at(Location(str(path), line, 1, ",".join(row))) from None
     return Axis(tuple(columns))
 
@@ -356,10 +327,6 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
 def _is_number(text: str) -> bool:
     item = _item(text)
     return item is not None and math.isfinite(float(item[0]))
-
-
-def _same(measured: str, path: str) -> str:
-    return measured
 
 
 def axes_of(
@@ -370,15 +337,7 @@ def axes_of(
     seed: int,
     how: Sampling,
 ) -> Iterator[Axis]:
-    """Yield the axes: the lines of a file, then what is drawn, then each list or grid.
-
-    Args:
-        unit_of: Path -> the unit of bare numbers.
-        over: Path -> values; see ``sweep``, as for the others.
-        cases: A file of cases.
-        samples: How many values to draw.
-        seed: Of the drawing.
-        how: Of the drawing.
+    """Yield the axes: the lines of a file, then what is drawn, then each list or grid; see ``sweep``.
 
     Raises:
         InputError: Something is to be drawn and it is not said how often, or the other way round.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from array import array
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -23,13 +22,14 @@ from pinarm.mechanics.laws.motion_law import ROUNDING
 from pinarm.problems.forward import Forward
 from pinarm.records import replace
 from pinarm.use.cases.case import Case, Row, Taken, Task, Wanted, solved_case
-from pinarm.use.cases.case_table import Column
+from pinarm.use.cases.solving import row_of
 from pinarm.use.facade import Given, Result, Scenario, load
+from pinarm.use.output import whole_folder
 from pinarm.use.result.result import Result as ResultRecord
 from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
 from pinarm.use.store.files import CSV_FORMS, write_arrays, write_parts
 from pinarm.use.store.save import arrays, csv
-from pinarm.use.study.sweep.axes import Axis, Cases
+from pinarm.use.study.sweep.axes import Axis, Cases, Column
 from pinarm.use.study.sweep.solving import Solving
 from pinarm.use.study.sweep.sweep import first_case, measured_results, swept_of
 from pinarm.use.study.sweep.table import Sweep
@@ -73,44 +73,28 @@ class InstantValues(Taken):
         return [(value, 0.0) for value in _at_instants(result, states).ravel().tolist()]
 
 
-@dataclass(frozen=True)
-class ColumnReduction(Taken):
-    """One number of a quantity over the instants that a motion comes to."""
+def _measures(asked: Mapping[str, Measure | Sequence[Measure]]) -> list[tuple[str, Measure]]:
+    """Return the pairs of a quantity and a measure of a map.
 
-    quantity: str
-    measure: Measure
+    Raises:
+        InputError: There is no such measure.
+    """
+    require_map(asked, "quantities and measures", "{'A_y': ['max', 95]}")
+    pairs = list[tuple[str, Measure]]()
+    for name, measures in asked.items():
+        pairs += [(name, measure) for measure in ([measures] if isinstance(measures, str | int | float) else measures)]
+    for name, measure in pairs:
+        if isinstance(measure, str) and measure not in REDUCTIONS:
+            names, hint = choices(measure, REDUCTIONS)
+            expected = f"{names}, or a percentage such as 95"
+            raise InputError(f"there is no measure '{measure}' of {name}", hint=hint, expected=expected)
+        if not isinstance(measure, str) and not 0.0 <= measure <= 100.0:
+            raise InputError(f"{measure} is no percentage of {name}", expected="a number from 0 to 100")
+    return pairs
 
-    @classmethod
-    def read(cls, asked: Mapping[str, Measure | Sequence[Measure]]) -> list[ColumnReduction]:
-        """Return the reductions of a map from quantities to one measure, or several.
 
-        Raises:
-            InputError: There is no such measure.
-        """
-        require_map(asked, "quantities and measures", "{'A_y': ['max', 95]}")
-        reductions = []
-        for name, measures in asked.items():
-            for measure in [measures] if isinstance(measures, str | int | float) else measures:
-                if isinstance(measure, str) and measure not in REDUCTIONS:
-                    names, hint = choices(measure, REDUCTIONS)
-                    expected = f"{names}, or a percentage such as 95"
-                    raise InputError(f"there is no measure '{measure}' of {name}", hint=hint, expected=expected)
-                if not isinstance(measure, str) and not 0.0 <= measure <= 100.0:
-                    raise InputError(f"{measure} is no percentage of {name}", expected="a number from 0 to 100")
-                reductions.append(cls(name, measure))
-        return reductions
-
-    @property
-    def label(self) -> str:
-        share = self.measure if isinstance(self.measure, str) else f"{self.measure:g} %"
-        return f"{share} {self.quantity}"
-
-    def numbers(self, result: ResultRecord) -> list[tuple[float, float]]:
-        values, t = _at_instants(result, result.quantities.determined(self.quantity).values), _instants(result.scenario)
-        reached = _rows(result.trajectory.grid.t, t)[1]
-        if not isinstance(self.measure, str):
-            return [(float(np.percentile(values[reached], self.measure)), 0.0)]
-        return [(float(REDUCTIONS[self.measure](t[reached], values[reached])), 0.0)]
+def _reduced(measure: Measure, t: Array, x: Array) -> float:
+    return float(REDUCTIONS[measure](t, x) if isinstance(measure, str) else np.percentile(x, measure))
 
 
 def _instants(scenario: ScenarioRecord) -> Array:
@@ -208,8 +192,9 @@ class Batch:
             InputError: There is no quantity of a name.
         """
         self._known(names)
-        table = self._solved([InstantValues(name) for name in names], len(names) * len(self.t)).numbers
-        return np.moveaxis(table[:, : len(names) * len(self.t)].reshape(len(self), len(names), -1), 1, 0)
+        width = len(names) * len(self.t)
+        table = self._solved([InstantValues(name) for name in names], width).numbers
+        return np.moveaxis(table[:, :width].reshape(len(self), len(names), -1), 1, 0)
 
     def states(self) -> tuple[Array, Array]:
         """Return q, shape (b, n, nq), and v, shape (b, n, nv), of the whole mechanism; not a number beyond an end."""
@@ -231,10 +216,20 @@ class Batch:
         Raises:
             InputError: There is no such quantity, or no such measure.
         """
-        wanted = ColumnReduction.read(asked)
-        known = self._known([reduction.quantity for reduction in wanted])
-        columns = [Series(item.label, known[item.quantity].unit, np.zeros(0)) for item in wanted]
-        return self._table(self._solving(wanted, columns, measured=False))
+        pairs = _measures(asked)
+        known, columns = self._known([name for name, _ in pairs]), list[Series]()
+        t, *tables = self.values("t", *known)
+        values, whole = dict(zip(known, tables, strict=True)), set(range(len(self))) - self.failures.keys()
+        for name, measure in pairs:
+            label, numbers = measure if isinstance(measure, str) else f"{measure:g} %", np.full(len(self), np.nan)
+            for k in whole:
+                reached = np.isfinite(t[k])
+                numbers[k] = _reduced(measure, self.t[reached], values[name][k, reached])
+            columns.append(Series(f"{label} {name}", known[name].unit, numbers))
+        solving = Solving(Task.of(self.scenario, ()), self.cases, columns, errors=self.failures)
+        solving.numbers[:, : len(columns)] = np.transpose([series.values for series in columns])
+        solving.solved[:] = True
+        return self._table(solving)
 
     def numbers(self, *texts: str) -> Sweep:
         """Return numbers of every motion as its own run tells them: ``numbers("C_B @ rms", "limits.least_margin")``.
@@ -263,15 +258,13 @@ class Batch:
         Raises:
             InputError: The folder cannot be written, or holds something else.
         """
-        from pinarm.use.output import whole_folder
-
         outputs = list(dict.fromkeys(self.scenario.content.outputs))
         wanted, columns = measured_results(self.scenario, self.cases, outputs)
         solving = Solving(Task.of(self.scenario, wanted), self.cases, columns)
         with whole_folder(Path(folder), "batch") as draft, self.runners.applying(MotionFiles(solving.task)) as apply:
             (draft / "motions").mkdir()
             for number, motion in enumerate(apply(map(self.cases.values, range(len(self))))):
-                row, *files = (Row((), motion.reason),) if isinstance(motion, LostJob) else motion
+                row, *files = (row_of(motion),) if isinstance(motion, LostJob) else motion
                 solving.take(number, row)
                 for name, content in zip(("csv", "npz"), files, strict=False):
                     if content:
@@ -280,7 +273,6 @@ class Batch:
         return Path(folder)
 
     def _solved(self, wanted: Sequence[Taken], width: int = 0) -> Solving:
-        """Return numbers of all motions without their measures of accuracy."""
         return self._solving(wanted, [Series("", DIMENSIONLESS, np.zeros(0))] * width, measured=False)
 
     def _solving(self, wanted: Sequence[Taken], columns: Sequence[Series], *, measured: bool = True) -> Solving:
@@ -293,15 +285,10 @@ class Batch:
         return solving
 
     def _table(self, solving: Solving) -> Sweep:
-        given = {column.path: list(column.values) for column in self.cases.columns()}
-        return swept_of(self.scenario, solving, {"over": given})
+        return swept_of(self.scenario, solving, {"over": {x.path: list(x.values) for x in self.cases.columns()}})
 
     def _known(self, names: Sequence[str]) -> dict[str, Series]:
-        """Return quantities, of no motion yet.
-
-        Raises:
-            InputError: There is no quantity of a name.
-        """
+        """Return quantities, of no motion yet, or raise where there is none of a name."""
         quantities = self.scenario.quantities()
         with np.errstate(all="ignore"):
             return {name: quantities[name] for name in names}
@@ -363,11 +350,7 @@ def batch(
 
 
 def _columns(scenario: Scenario, problem: Forward, given: Mapping[str, Mapping[str, ArrayLike] | None]) -> list[Column]:
-    """Return the initial values by their paths, those of single numbers the same for all.
-
-    Raises:
-        InputError: A joint has not one coordinate or follows a law, or the numbers of values differ.
-    """
+    """Return the initial values by their paths, those of single numbers the same for all, or raise as in ``batch``."""
     joints, values, units = scenario.mechanism.joints, dict[str, ArrayLike](), {}
     free = [name for name in joints if name not in problem.motion]
     for what, per in (("position", ""), ("velocity", "/s")):
@@ -392,4 +375,4 @@ def _columns(scenario: Scenario, problem: Forward, given: Mapping[str, Mapping[s
 
 def _column(name: str, values: Array, measured: str) -> Column:
     what, _, joint = name.partition(" ")
-    return Column(joined(["problem", "initial", what, joint]), array("d", values.tobytes()), measured)
+    return Column(joined(["problem", "initial", what, joint]), values.tolist(), measured)

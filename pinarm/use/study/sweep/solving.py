@@ -10,41 +10,30 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
-import io
 import json
 import os
-import pickle
 import secrets
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from urllib.parse import quote, unquote_to_bytes
+from urllib.parse import quote, unquote
 
 import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, PinarmError
+from pinarm.errors import InputError
 from pinarm.input.roots import Stamp, stamp_of
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.input.yaml.schema import plain
-from pinarm.mechanics.control.function import FunctionControl
-from pinarm.problems.forward import Forward
 from pinarm.records import replace
-from pinarm.use.cases.case import WORTH, Row, Task, Value
-from pinarm.use.cases.case_table import CaseTable
-from pinarm.use.cases.solving import CaseSolver
+from pinarm.use.cases.case import WORTH, Case, Row, Task
+from pinarm.use.cases.solving import CaseSolver, row_of
 from pinarm.use.output import check_replaceable, locks, reason
 from pinarm.use.study.sweep.axes import Cases
-from pinarm.use.workers.runners import Runners
-from pinarm.use.workers.worker import LostJob, file_digest, versions
-
-if TYPE_CHECKING:
-    from pinarm.engine.mechanism import Mechanism
-    from pinarm.use.scenario.scenario import ScenarioSource
+from pinarm.use.workers.runners import LostJob, Runners
+from pinarm.use.workers.worker import file_digest, versions
 
 JOURNAL = "journal.jsonl"
 """Its name in the folder of a sweep."""
@@ -64,50 +53,13 @@ def digest(data: object) -> str:
 def task_digest(task: Task) -> str:
     """Return a digest of all that determines the numbers of a sweep, but for its files and the values of its cases.
 
-    The code of this program is part of it, a mechanism that was given in Python, and where loops may be closed from the
-    anchors of the task, these too.
+    The code of this program is part of it. A mechanism or functions given in Python are never the same again.
     """
-    relevant = {key: value for key, value in task.source.document.data.items() if key not in ("expect", "title")}
-    anchors = [dict(anchor) for anchor in task.anchors] if _depends_on_anchors(task) else []
-    wanted, folder = [repr(entry) for entry in task.wanted], str(task.source.folder.resolve())
-    return digest([relevant, folder, identity(task.source), wanted, anchors, versions()])
-
-
-def _depends_on_anchors(task: Task) -> bool:
-    """Tell whether the last digits of a case may depend on the anchors: see ``Task``."""
-    try:
-        scenario = task.source.scenario()
-        return bool(scenario.mechanism.closure.size) and not isinstance(scenario.problem, Forward)
-    except PinarmError:  # cases change what is wrong with it
-        return True
-
-
-class Sources:
-    """The files that cases refer to, which have to stay the same for as long as a sweep runs."""
-
-    def __init__(self) -> None:
-        self.stamps: dict[str, Stamp | None] = {}
-        self.checked: tuple[str, ...] = ()
-
-    def check(self, files: tuple[str, ...]) -> None:
-        """Raise where a file has changed since a case first referred to it.
-
-        Cases of one answer of a worker share one tuple of files, which is looked at once.
-
-        Raises:
-            InputError: One has.
-        """
-        if files is self.checked:
-            return
-        self.checked = files
-        for file in files:
-            try:
-                stamp = stamp_of(os.stat(file))
-            except (OSError, ValueError):
-                stamp = None
-            if self.stamps.setdefault(file, stamp) != stamp:
-                hint = "the same command again: it solves anew what the old file was used for"
-                raise InputError(f"the file {file} has changed while the sweep ran", hint=hint)
+    source = task.source
+    relevant = {key: value for key, value in source.document.data.items() if key not in ("expect", "title")}
+    python = secrets.token_hex() if source.given or source.functions or source.function_forces else ""
+    wanted, folder = [repr(entry) for entry in task.wanted], str(source.folder.resolve())
+    return digest([relevant, folder, source.seed, python, wanted, versions()])
 
 
 class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -153,8 +105,6 @@ class Journal:
             if not locks(self.file.fileno(), fcntl.LOCK_EX):
                 raise InputError(f"another sweep is writing to {path.parent}", expected="a folder of its own")
             self._begin()
-            self.lines = open(path, "rb")  # noqa: SIM115
-            self.positions = dict(self._read())
         except BaseException:
             self.file.close()
             raise
@@ -172,31 +122,20 @@ class Journal:
         if self.file.read(1) != b"\n":
             self._append(b"\n")
 
-    def _read(self) -> Iterator[tuple[str, int]]:
-        """Yield the cases that are known and whose files are as they were, and the positions of their lines."""
-        sets, position = dict[str, bool](), 0
-        for line in self.lines:
-            entry = _entry(line)
-            if entry and entry.files is not None:
-                names = [os.fsdecode(unquote_to_bytes(name)) for name in entry.files]
-                sets[entry.set] = _contents(names) == entry.files
-            elif entry and sets.get(entry.set) and len(entry.numbers) == (0 if entry.error else self.width):
-                yield entry.case, position
-            position += len(line)
+    def rows(self) -> Iterator[tuple[str, Row]]:
+        """Yield the cases that are known and whose files are as they were, by their digests."""
+        sets = dict[str, bool]()
+        with open(self.path, "rb") as lines:
+            for entry in map(_entry, lines):
+                if entry and entry.files is not None:
+                    names = [unquote(name, errors="surrogateescape") for name in entry.files]
+                    sets[entry.set] = _contents(names) == entry.files
+                elif entry and sets.get(entry.set) and len(entry.numbers) == (0 if entry.error else self.width):
+                    yield entry.case, Row(tuple(np.nan if x is None else x for x in entry.numbers), entry.error)
 
-    def key(self, values: Mapping[str, Value]) -> str:
+    def key(self, values: Case) -> str:
         """Return the digest of a case."""
         return digest([self.task, dict(values)])
-
-    def row(self, key: str) -> Row | None:
-        """Return the row of a case that is known."""
-        if key not in self.positions:
-            return None
-        self.lines.seek(self.positions[key])
-        entry = _entry(self.lines.readline())
-        if entry is None or entry.case != key:
-            return None
-        return Row(tuple(np.nan if number is None else number for number in entry.numbers), entry.error)
 
     def add(self, cases: Iterable[tuple[str, Row]]) -> None:
         """Write down cases that are finished, by their digests.
@@ -228,13 +167,12 @@ class Journal:
 
     def close(self) -> None:
         """Close the file, which others may write then."""
-        self.lines.close()
         self.file.close()
 
 
 def _contents(files: Iterable[str]) -> dict[str, str]:
     """Return the digests of the contents of files, by names that JSON can hold, which the system's need not be."""
-    return {quote(os.fsencode(name), safe="/: "): file_digest(name) for name in files}
+    return {quote(name, safe="/: ", errors="surrogateescape"): file_digest(name) for name in files}
 
 
 def _entry(line: bytes) -> JournalEntry | None:
@@ -243,32 +181,6 @@ def _entry(line: bytes) -> JournalEntry | None:
         return msgspec.json.decode(line, type=JournalEntry)
     except (ValueError, RecursionError):
         return None
-
-
-def identity(source: ScenarioSource) -> list[object]:
-    """Return plain data that differ where the mechanism that a scenario was given in Python does.
-
-    Functions in Python, whose code nothing tells, are never the same again.
-    """
-    acting = [*source.functions, *(source.given.control if source.given else ())]
-    functions = [secrets.token_hex() for control in acting if isinstance(control, FunctionControl)]
-    return [source.seed, functions or (_of_mechanism(source.given) if source.given else [])]
-
-
-def _of_mechanism(mechanism: Mechanism) -> list[str]:
-    """Return digests of the file of a mechanism and of what was made of it, numbers of tables included."""
-    described = msgspec.to_builtins(mechanism.description, enc_hook=plain)
-    _, (_, fields) = mechanism.__reduce__()
-    stream = io.BytesIO()
-    _Pickler(stream, protocol=5).dump([fields[name] for name in fields if name not in ("description", "locate")])
-    return [digest(described), hashlib.sha256(stream.getvalue()).hexdigest()]
-
-
-class _Pickler(pickle.Pickler):
-    """Writes sets in the same order in every process."""
-
-    def persistent_id(self, thing: Any) -> Any:
-        return sorted(map(repr, thing)) if isinstance(thing, set | frozenset) else None
 
 
 UNSOLVED = "not solved"
@@ -285,11 +197,9 @@ class Solving:
         task: What is the same in all of them.
         cases: Their values.
         results: The columns of what is taken from them, still empty.
-        progress: Called after every case.
-        sources: The files that cases refer to.
         errors: Case -> why it failed.
-        done: Number of cases that are solved.
-        numbers: Their rows, NaN where there is none, shape (cases, columns).
+        stamps: Files that cases refer to, as they were at first.
+        numbers: Rows of cases, NaN where there is none, shape (cases, columns).
         solved: Which cases are done, shape (cases,).
     """
 
@@ -297,8 +207,8 @@ class Solving:
     cases: Cases
     results: Sequence[Series]
     progress: Progress = lambda done, failed, total: None
-    sources: Sources = field(default_factory=Sources)
     errors: dict[int, str] = field(default_factory=dict)
+    stamps: dict[str, Stamp | None] = field(default_factory=dict)
     done: int = 0
 
     def __post_init__(self) -> None:
@@ -307,11 +217,7 @@ class Solving:
         self.numbers: Array = np.full((len(self.cases), len(self.named)), np.nan)
 
     def run(self, runners: Runners, folder: Path | None = None) -> None:
-        """Solve all cases.
-
-        Args:
-            runners: Who solves them.
-            folder: Where to keep the journal; ``None`` for none.
+        """Solve all cases; keep the journal in a folder, if there is one.
 
         Raises:
             InputError: The folder cannot be written, or a file changes on the way.
@@ -325,36 +231,43 @@ class Solving:
         except OSError as error:
             raise InputError(f"the sweep cannot be written to {folder}: {reason(error)}") from None
         with closing(Journal(folder / JOURNAL, task_digest(self.task), len(self.named))) as journal:
+            keys = dict[str, int]()
+            for key, row in journal.rows():
+                keys = keys or {journal.key(self.cases.values(case)): case for case in range(len(self.cases))}
+                if (case := keys.get(key)) is not None and not self.solved[case]:
+                    self.take(case, row)
             self._solve(runners, journal)
 
     def _solve(self, runners: Runners, journal: Journal | None) -> None:
-        with runners.answering(CaseSolver(self.task), self._written) as answering:
-            for jobs, answers in answering(self._unknown(journal)):
-                self._take([case for _, case in jobs], answers, journal)
+        left = np.flatnonzero(~self.solved).tolist()
+        with runners.answering(CaseSolver(self.task)) as answering:
+            for jobs, answers in answering(map(self.cases.values, left)):
+                self._take({left[number]: values for number, values in jobs}, answers, journal)
 
-    def _written(self, cases: list[int]) -> CaseTable:
-        """Return cases as workers get them."""
-        return self.cases.some(np.array(cases))
-
-    def _unknown(self, journal: Journal | None) -> Iterator[int]:
-        """Yield the cases that the journal does not know, and take the others from it."""
-        for case in range(len(self.cases)):
-            known = journal.row(journal.key(self.cases.values(case))) if journal and journal.positions else None
-            if known is None:
-                yield case
-            else:
-                self.take(case, known)
-
-    def _take(self, cases: list[int], answers: Collection[Row | LostJob], journal: Journal | None) -> None:
+    def _take(self, cases: dict[int, Case], answers: Collection[Row | LostJob], journal: Journal | None) -> None:
         """Take the answers of cases, and write them to the journal."""
-        rows = [Row((), row.reason, final=False) if isinstance(row, LostJob) else row for row in answers]
-        for row in rows:
-            self.sources.check(row.files)
+        rows = [row_of(answer) for answer in answers]
+        for files in {row.files for row in rows}:
+            self.check(files)
         if journal:
-            keys = map(journal.key, self._written(cases))
-            journal.add((key, row) for key, row in zip(keys, rows, strict=True) if row.final)
+            journal.add((journal.key(x), row) for x, row in zip(cases.values(), rows, strict=True) if row.final)
         for case, row in zip(cases, rows, strict=True):
             self.take(case, row)
+
+    def check(self, files: Iterable[str]) -> None:
+        """Raise where a file has changed since a case first referred to it.
+
+        Raises:
+            InputError: One has.
+        """
+        for file in files:
+            try:
+                stamp = stamp_of(os.stat(file))
+            except (OSError, ValueError):
+                stamp = None
+            if self.stamps.setdefault(file, stamp) != stamp:
+                hint = "the same command again: it solves anew what the old file was used for"
+                raise InputError(f"the file {file} has changed while the sweep ran", hint=hint)
 
     def take(self, case: int, row: Row) -> None:
         """Take the row of a case."""

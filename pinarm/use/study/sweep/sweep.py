@@ -21,7 +21,7 @@ from pinarm.use.study.sweep.axes import Cases, axes_of
 from pinarm.use.study.sweep.branches import ALL, MEASURE, RAW, ModeValues
 from pinarm.use.study.sweep.solving import Solving
 from pinarm.use.study.sweep.table import Sweep
-from pinarm.use.workers.executors import cores
+from pinarm.use.workers.dispatch import cores
 from pinarm.use.workers.runners import Runners, check_number
 
 if TYPE_CHECKING:
@@ -29,10 +29,6 @@ if TYPE_CHECKING:
 
 TRIED = 9
 """Cases, spread over those of a sweep, that are checked until one is right: what all suffer from is the sweep's."""
-
-ANCHORS = 5
-"""Cases, spread over those of a sweep, from the first of which that can be solved loops of all others are closed."""
-
 
 ResultFunction = Callable[["Result"], Any]
 """Computes one number of the result of a case."""
@@ -90,8 +86,9 @@ def sweep(
     with noting_files() as files:
         chosen = Cases.of(axes_of(scenario.unit_at, given, cases, samples, seed, sampling))
         require_apart(scenario.document.data, values or (), (column.path for column in chosen.columns()))
-        solving = _solving(scenario, chosen, asked or scenario.content.outputs, progress)
-    solving.sources.check(tuple(map(str, files)))
+        wanted, columns = measured_results(scenario, chosen, asked or scenario.content.outputs)
+        solving = Solving(Task.of(scenario, wanted), chosen, columns, progress)
+    solving.check(map(str, files))
     runners = Runners(workers if executor is not None else workers or cores(), executor)
     try:
         solving.run(runners, None if folder is None else Path(folder))
@@ -106,27 +103,8 @@ def sweep(
     return table
 
 
-def _solving(
-    scenario: Scenario,
-    cases: Cases,
-    results: Sequence[str | ResultFunction],
-    progress: Callable[[int, int, int], None],
-) -> Solving:
-    """Return the solution of the cases, before it begins; closed loops are continued from cases spread over all."""
-    wanted, columns = measured_results(scenario, cases, results)
-    anchors = np.unique(np.linspace(0, len(cases) - 1, ANCHORS).astype(int)).tolist()
-    return Solving(Task.of(scenario, wanted, *map(cases.values, anchors)), cases, columns, progress)
-
-
 def swept_of(scenario: Scenario, solving: Solving, definition: Mapping[str, Any], notes: Sequence[str] = ()) -> Sweep:
-    """Return the table of cases that have been solved.
-
-    Args:
-        scenario: The scenario.
-        solving: The cases.
-        definition: How their values were given.
-        notes: What to know of the results.
-    """
+    """Return the table of cases that have been solved; the definition says how their values were given."""
     cases, columns = solving.cases, solving.columns()
     asked = [series.name for series in solving.results if not series.name.startswith(RAW)]
     for entry in solving.task.wanted:
@@ -197,6 +175,18 @@ def _notes(scenario: Scenario, cases: Cases) -> list[str]:
             varied = scenario.varied(cases.values(case))
             notes += [f"case {case}: {note}" for note in varied.method_notes(varied.content.accuracy)]
     return list(dict.fromkeys(notes))
+def _notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[str]:
+    """Return notes of the first and the last case: figures not over whole periods, a removed method of integration."""
+    from pinarm.use.result.whole_periods import whole_period_notes
+
+    numbers, notes = [entry.number for entry in wanted if entry.number is not None], dict[str, None]()
+    for case in (0, len(cases) - 1):
+        with suppress(PinarmError):  # a case that fails says why itself
+            varied = scenario.varied(cases.values(case))
+            said = varied.method_notes(varied.content.accuracy)
+            said = [*said, *(whole_period_notes(varied.problem, varied.mechanism, numbers) if numbers else ())]
+            notes |= dict.fromkeys(f"case {case}: {note}" for note in said)
+    return [*notes]
 
 
 def first_case(scenario: Scenario, cases: Cases) -> Scenario:
@@ -208,7 +198,7 @@ def first_case(scenario: Scenario, cases: Cases) -> Scenario:
         PinarmError: What the first case suffers from.
     """
     errors, last = [], len(cases) - 1
-    for case in dict.fromkeys([0, last, *np.linspace(0, last, TRIED).astype(int).tolist()]):
+    for case in dict.fromkeys(np.linspace(0, last, TRIED).astype(int).tolist()):
         try:
             end = scenario.varied(cases.values(case)).without_variants()
             end.validate()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,7 +20,7 @@ from pinarm.engine.labelled_array import dataframe
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, require_name
 from pinarm.input.numbers import DECIMAL
-from pinarm.input.units import DIMENSIONLESS, unit
+from pinarm.input.units import unit
 from pinarm.input.yaml.document import Document
 from pinarm.use.cases.case import OPEN, WORTH
 from pinarm.use.output import whole_folder
@@ -36,14 +37,11 @@ if TYPE_CHECKING:
 
     from pinarm.use.show.picture import Picture
 
-NAMED, SHOWN_CASES, SHOWN = 12, 5, 10
-"""Most columns that the ``repr`` names, cases that a note names, and reasons of failures that are printed."""
+NAMED, SHOWN = 12, 10
+"""Most columns that the ``repr`` names, and reasons of failures that are printed."""
 
-BLOCK, PART = 10_000, 10_000
-"""Lines of CSV whose texts are made at once; cases of a part of the table as Parquet."""
-
-PARQUET = "cases.parquet"
-"""Folder of the table as Parquet, in parts, which pandas, pyarrow, Polars and Spark read as one table."""
+BLOCK = 10_000
+"""Lines of CSV whose texts are made at once."""
 
 TEXTS, SHORTEST = 25_000_000, 20
 """Most characters of an array of texts, each as long as the longest; and least length to which a text is cut."""
@@ -65,8 +63,6 @@ class Sweep:
     """Results of a sweep: columns with one number, or word, per case.
 
     Attributes:
-        name: Name of the scenario.
-        title: Title of the scenario.
         definition: The call as plain data.
         cases: The values of every case.
         columns: Results and measures of accuracy in SI; NaN where a case has none.
@@ -157,15 +153,11 @@ class Sweep:
 
     def _open_cases(self) -> list[str]:
         """Return a note of the cases whose results hang on decisions that are not certain, if any."""
-        cases = [np.flatnonzero(series.values > 0.0) for series in self.columns if series.name == OPEN]
-        if not cases or not len(cases[0]):
-            return []
-        first = ", ".join(map(str, cases[0][:SHOWN_CASES].tolist()))
-        more = ", ..." if len(cases[0]) > SHOWN_CASES else ""
-        return [
-            f"{len(cases[0])} cases hang on decisions that are not certain, such as whether an event takes place: "
-            f"column '{OPEN}', and the notes of single runs (cases {first}{more})"
-        ]
+        cases = [k for x in self.columns if x.name == OPEN for k in np.flatnonzero(x.values > 0.0).tolist()]
+        said = "results hang on decisions that are not certain, such as whether an event takes place"
+        return (
+            [f"{said}: column '{OPEN}', and the notes of single runs ({_counted(len(cases), cases)})"] if cases else []
+        )
 
     def plot(self, name: str | None = None) -> Picture:
         """Return a plot of a column over what was varied: curves, a map, or how often which value came out.
@@ -195,7 +187,7 @@ class Sweep:
             folder: The folder; an earlier sweep in it is replaced.
             plots: Format of the pictures, ``svg`` (the default), ``png`` or ``pdf``; ``False`` for none.
             dpi: Pixels per inch of PNG.
-            parquet: Whether the table is written as Parquet too, in parts of 10,000 cases, by pyarrow.
+            parquet: Whether the table is written as Parquet too, by pyarrow.
 
         Raises:
             InputError: The folder cannot be written, or holds files that are not an earlier sweep's, or pyarrow is not
@@ -205,7 +197,7 @@ class Sweep:
         with whole_folder(folder, "sweep", source=Path(scenario) if scenario else None, beside=(JOURNAL,)) as draft:
             self.write_tables(draft, folder)
             if parquet:
-                self._write_parquet(draft / PARQUET)
+                self._write_parquet(draft / "cases.parquet")
             if plots:
                 from pinarm.use.show.picture_files import write_pictures
                 from pinarm.use.study.sweep.plots import pictures
@@ -223,22 +215,15 @@ class Sweep:
         write_arrays(draft / "cases.npz", arrays(list(self.table.values()), self.errors))
         write(draft / "summary.json", json_text(self.summary()) + "\n")
 
-    def _write_parquet(self, folder: Path) -> None:
-        """Write the table into a new folder: number of the case, the columns of the CSV file in SI, why it failed."""
+    def _write_parquet(self, file: Path) -> None:
+        """Write number of the case, the columns of the CSV file in SI, and why the case failed."""
         require_parquet()
         import pyarrow
         import pyarrow.parquet
 
-        folder.mkdir()
-        unknown, known = np.full(len(self), np.nan), {series.name: series for series in self.columns}
-        measures = [known.get(name, Series(name, DIMENSIONLESS, unknown)) for name in WORTH]
-        for number, begin in enumerate(range(0, len(self), PART)):
-            part = range(begin, min(begin + PART, len(self)))
-            table: dict[str, Any] = {"case": part}
-            table |= {series.label: series.values for series in self.cases.table(part)}
-            table |= {series.label: series.values[begin : part.stop] for series in (*self.results(), *measures)}
-            table["error"] = [self.errors.get(case, "") for case in part]
-            pyarrow.parquet.write_table(pyarrow.table(table), folder / f"part-{number:06d}.parquet")
+        columns: dict[str, Any] = {series.label: series.values for series in self.table.values()}
+        errors = [self.errors.get(case, "") for case in range(len(self))]
+        pyarrow.parquet.write_table(pyarrow.table({"case": range(len(self)), **columns, "error": errors}), file)
 
     def _repr_html_(self) -> str:
         """Return statistics and a plot, for notebooks."""
@@ -263,43 +248,43 @@ def stored_sweep(folder: Path) -> Sweep:
     Raises:
         InputError: It is none, or its files do not belong together.
     """
-    from msgspec import json
-
-    file, definition = folder / "sweep.yaml", Document.read(folder / "sweep.yaml").data
+    definition = Document.read(folder / "sweep.yaml").data
     try:
         base, units = definition["base"], definition.get("units", {})
         source = folder / definition["cases"] if definition.get("cases") else None
         drawn = definition.get("samples"), definition["seed"], definition["sampling"]
         cases = Cases.of(axes_of(lambda path: units.get(path, ""), definition["over"], source, *drawn))
-        with np.load(folder / "cases.npz", allow_pickle=False) as stored:
-            varied = {column.path for column in cases.columns()}
-            columns = [
-                Series(name, None if text == "?" else unit(text), stored[name])
-                for name, text in stored["units"].tolist()
-                if name not in varied
-            ]
-            errors = {case: text for case, text in enumerate(stored["error"].tolist()) if text}
-        if {len(cases)} != {len(series.values) for series in columns}:
-            raise InputError(f"{folder / 'cases.npz'} has not the cases of {file}")
-        shown = Presentation.of(
+        columns, errors = _stored_columns(folder / "cases.npz", cases)
+        presentation = Presentation.of(
             base.get("units", {}), base.get("labels", {}), base.get("lang"), base.get("csv", "commas")
         )
-        notes = list(json.decode((folder / "summary.json").read_bytes()).get("notes", ()))
+        notes = json.loads((folder / "summary.json").read_bytes()).get("notes", ())
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{folder} does not hold a sweep ({error!r})", hint="run the sweep again") from None
-    name = Path(str(definition.get("scenario", folder.name))).stem
     return Sweep(
-        name=name,
+        name=Path(str(definition.get("scenario", folder.name))).stem,
         title=str(base.get("title", "")),
         definition=definition,
         cases=cases,
         columns=columns,
         errors=errors,
-        presentation=shown,
+        presentation=presentation,
         notes=notes,
     )
+
+
+def _stored_columns(file: Path, cases: Cases) -> tuple[list[Series], dict[int, str]]:
+    """Return the results of cases, and why some failed."""
+    with np.load(file, allow_pickle=False) as stored:
+        varied = {column.path for column in cases.columns()}
+        results = [(name, text) for name, text in stored["units"].tolist() if name not in varied]
+        columns = [Series(name, None if text == "?" else unit(text), stored[name]) for name, text in results]
+        errors = {case: text for case, text in enumerate(stored["error"].tolist()) if text}
+    if {len(cases)} != {len(series.values) for series in columns}:
+        raise InputError(f"{file} has not the cases of sweep.yaml beside it")
+    return columns, errors
 
 
 def csv_lines(columns: Sequence[Series], errors: Mapping[int, str]) -> Iterator[str]:
@@ -316,22 +301,14 @@ def csv_lines(columns: Sequence[Series], errors: Mapping[int, str]) -> Iterator[
 
 def _texts(values: NDArray[Any]) -> list[str]:
     """Return the cells of a column."""
-    if values.dtype.kind != "f":
-        return [cell(value) if isinstance(value, str) else repr(value) for value in values.tolist()]
-    texts = [*map(repr, values.tolist())]
-    for row in np.flatnonzero(np.isnan(values)).tolist():
-        texts[row] = ""
-    return texts
+    return [cell(x) if isinstance(x, str) else repr(x).replace("nan", "") for x in values.tolist()]
 
 
 def arrays(columns: Sequence[Series], errors: Mapping[int, str]) -> dict[str, Any]:
     """Return a table as arrays by name, with all units; for many cases the reasons are cut to ``TEXTS``."""
     n = len(columns[0].values)
     width = max(SHORTEST, TEXTS // max(n, 1))
-    shown = {k: text if len(text) <= width else f"{text[: width - 3]}..." for k, text in errors.items()}
-    texts = np.zeros(n, f"U{max((len(text) for text in shown.values()), default=1) or 1}")
-    for number, text in shown.items():
-        texts[number] = text
+    texts = np.array([errors.get(case, "")[:width] for case in range(n)], str)
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
     return {**{series.name: series.values for series in columns}, "error": texts, "units": units}
 
@@ -348,11 +325,9 @@ def statistics(series: Series) -> dict[str, Any]:
         return numbers
     low, high = int(values.argmin()), int(values.argmax())
     numbers |= {"min": values[low], "at_min": int(solved[low]), "max": values[high], "at_max": int(solved[high])}
-    exponent = int(np.frexp(np.abs(values).max())[1])  # squares of sizes up to 1 are finite
-    scaled = np.ldexp(values, -exponent)
-    measures = {"mean": scaled.mean(), **({"deviation": scaled.std(ddof=1)} if len(values) > 1 else {})}
-    measures |= {name: np.quantile(scaled, share) for name, share in QUANTILES.items()}
-    numbers |= {name: np.ldexp(x, exponent) for name, x in measures.items()}
+    with np.errstate(over="ignore"):
+        numbers |= {"mean": values.mean(), **({"deviation": values.std(ddof=1)} if len(values) > 1 else {})}
+    numbers |= {name: np.quantile(values, share) for name, share in QUANTILES.items()}
     return {name: float(value) if isinstance(value, np.floating) else value for name, value in numbers.items()}
 
 
@@ -406,8 +381,7 @@ def remarks(sweep: Sweep) -> list[str]:
         left = summary["results"][name]["cases"]
         words = f"is not finite in some cases ({_counted(len(cases), cases)}); its statistics are over {left}"
         lines.append(f"missing: {name} {words}")
-    for failure in reasons[:SHOWN]:
-        lines.append(f"failed: {failure['reason']} ({_counted(failure['cases'], failure['first'])})")
+    lines += [f"failed: {x['reason']} ({_counted(x['cases'], x['first'])})" for x in reasons[:SHOWN]]
     return [*lines, *([f"failed: {len(reasons) - SHOWN} more reasons"] if len(reasons) > SHOWN else [])]
 
 

@@ -8,8 +8,7 @@ from scipy import stats
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.use.cases.case_table import Column
-from pinarm.use.study.sweep.axes import Axis, Cases, Distribution, draw, read_axis, read_cases
+from pinarm.use.study.sweep.axes import Axis, Cases, Column, Distribution, draw, read_axis, read_cases
 
 
 def bare(path: str) -> str:

@@ -10,8 +10,7 @@ import pinarm
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.use.cases.case_table import Column
-from pinarm.use.study.sweep.axes import Axis, Cases
+from pinarm.use.study.sweep.axes import Axis, Cases, Column
 from pinarm.use.study.sweep.branches import RAW, ModeValues
 from pinarm.use.study.sweep.table import Sweep
 

