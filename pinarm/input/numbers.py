@@ -7,7 +7,6 @@ mistakes.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
 DECIMAL = r"[+-]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?+"
 """Pattern of a decimal number. Its repetitions never give back what they took, so that no text takes quadratic time."""
@@ -20,12 +19,6 @@ def decimal(text: str) -> float:
     if not text.isascii() or "_" in text:
         raise ValueError(f"not a decimal number: {text[:40]!r}")
     return float(text)
-
-
-def decimals(texts: Sequence[str]) -> list[float]:
-    """Return the numbers that texts are, all checked at once; see ``decimal``."""
-    whole = "".join(texts)
-    return [*map(float, texts)] if whole.isascii() and "_" not in whole else [*map(decimal, texts)]
 
 
 def is_decimal(text: str | None) -> bool:

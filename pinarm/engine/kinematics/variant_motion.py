@@ -12,13 +12,11 @@ A variant of which one of these is not so is solved alone. Arrays have the shape
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.nullspace import RANK, VANISHED
 from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.kinematics.continuation import NEAR, BatchClosing, Rates
@@ -36,7 +34,7 @@ UNEVEN = 50.0
 which rows are interpolated (``motion.singular_passage``)."""
 
 COARSE = 0.25
-"""Change of the first variant's coordinates from one row to the next of a coarse continuation [rad or m]: a prediction
+"""Change of the first variant's coordinates between rows that are solved one after the other [rad or m]: a prediction
 by velocity and acceleration errs by some hundredths of it, and of twice as fast a variant by a tenth."""
 
 SAME = 1e-6
@@ -98,7 +96,7 @@ class VariantMotion(Record, frozen=True):
         with np.errstate(all="ignore"):  # of variants that are to be solved alone
             q, rates, sound = self._solved(laws, near)
             good = sound.all(axis=0) & _is_one_motion(t.reshape(len(t), -1), q, rates)
-            first, begun = self._begun(self._spread(start[None])[0], self._spread(laws[0, :1])[0])
+            first, begun = self._begun(start, laws)
             good &= begun & (np.abs(first - q[0]).max(axis=-1) <= SAME)
         return self._sound(q, rates, good)
 
@@ -112,8 +110,7 @@ class VariantMotion(Record, frozen=True):
     def continued(self, t: Array, laws: Array, first: Array, start: Array) -> Array:
         """Return configurations near those of the rows, shape (n, k, nq), where variants follow laws of their own.
 
-        Some of the rows are solved one after the other, each predicted by velocity and acceleration of the one before;
-        through the states of two such rows leads the polynomial of the fifth degree that those between are near.
+        Some of the rows are solved one after the other; their velocities and accelerations predict the rows between.
 
         Args:
             t: The parameter at the rows, shape (n, k or 1).
@@ -121,17 +118,15 @@ class VariantMotion(Record, frozen=True):
             first: Configurations of the first variant, shape (n, nq).
             start: See ``follow``.
         """
-        knots, near = _knots(first), np.empty((len(first), len(self.own.model), first.shape[1]))
+        most = float(np.abs(np.diff(first, axis=0)).max(initial=0.0))
+        step = max(1, int(COARSE / max(most, 1e-300)))
+        near = np.empty((len(first), len(self.own.model), first.shape[1]))
         with np.errstate(all="ignore"):
-            q, _ = self._begun(self._spread(start[None])[0], self._spread(laws[0, :1])[0])
-            before = self._moving(q, laws[:, :1])
-            near[0] = q
-            for low, high in pairwise(knots):
-                h = (t[high] - t[low])[:, None]
-                after = self._moving(before[0] + h * (before[1] + 0.5 * h * before[2]), laws[:, high : high + 1])
-                share = np.where(h == 0.0, 1.0, (t[low + 1 : high + 1] - t[low])[..., None] / h)
-                near[low + 1 : high + 1] = _between(share, h, before, after)
-                before = after
+            near[0], _ = self._begun(start, laws)
+            for row in range(0, len(first), step):
+                q, rates, _ = self._solved(laws[:, row : row + 1], near[row : row + 1])
+                h = (t[row + 1 : row + 1 + step] - t[row])[..., None]
+                near[row + 1 : row + 1 + step] = q + h * (rates.v + 0.5 * h * rates.a)
         return near
 
     def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
@@ -151,53 +146,43 @@ class VariantMotion(Record, frozen=True):
         measured = closing.at(q)
         return q, closing.rates(measured, dw, ddw), done & closing.closed(measured, w)
 
-    def _moving(self, near: Array, laws: Array) -> tuple[Array, Array, Array]:
-        """Return q, v and a of one row near configurations, each of shape (k, nv)."""
-        q, rates, _ = self._solved(laws, near[None])
-        return q[0], rates.v[0], rates.a[0]
-
     def _sound(self, q: Array, rates: Rates, good: Flags) -> VariantStates:
         """Return states; those of variants that are not good are the first's."""
         q, v, a = (np.where(good[:, None], x, x[:, :1]) for x in (q, rates.v, rates.a))
         return VariantStates(q, v, a, good & self.own.alike_in_size)
 
-    def _begun(self, start: Array, w: Array) -> tuple[Array, Flags]:
-        """Return first positions, shape (k, nv), and where they are one step from closed drawings."""
-        drawn, good = self._assembled(start, w, np.arange(self.own.size))
-        first, reached = self._assembled(drawn, w, np.arange(self.closing.rows.size))
-        change = self.closing.missing(self.closing.at(drawn[None]), w[None])[..., self.own.size :].repeat(2, axis=0)
-        states = np.stack([drawn, first])
+    def _begun(self, start: Array, laws: Array) -> tuple[Array, Flags]:
+        """Return first positions, shape (k, nv), and where they are one step from closed drawings, within limits."""
+        drawn, good = self._drawn(self._spread(start[None])[0])
+        first, _, reached = self._solved(laws[:, :1], drawn[None])
+        w, states = self._spread(laws[0, :1]), np.concatenate([drawn[None], first])
+        change = self.closing.missing(self.closing.at(drawn[None]), w)[..., self.own.size :].repeat(2, axis=0)
         rates = self.closing.rates(self.closing.at(states), change, np.zeros_like(change))
-        good &= _is_one_motion(np.array([[0.0], [1.0]]), states, rates)
-        return first, good & reached & self._within(states)
-
-    def _within(self, q: Array) -> Flags:
-        """Tell in which variants configurations, shape (2, k, nq), are within the limits of joints, shape (k,)."""
-        model, given = (
-            self.own.first.model,
-            {getattr(coordinate, "joint", None) for coordinate in self.solver.coordinates},
-        )
+        one_step = _is_one_motion(np.array([[0.0], [1.0]]), states, rates)
+        model, given = self.own.first.model, {getattr(x, "joint", None) for x in self.solver.coordinates}
         judged = [k for k in range(model.nq) if k not in given]
         low, high = model.lowerPositionLimit[judged], model.upperPositionLimit[judged]
-        return np.asarray(((q[..., judged] >= low) & (q[..., judged] <= high)).all(axis=(0, -1)))
+        within = ((states[..., judged] >= low) & (states[..., judged] <= high)).all(axis=(0, -1))
+        return first[0], good & one_step & reached[0] & within
 
-    def _assembled(self, q: Array, w: Array, some: Indices) -> tuple[Array, Flags]:
-        """Return where damped steps on some rows lead, shape (k, nv), and where no step had to be damped, (k,)."""
-        solver, whole, size = self.solver, self.closing.rows, np.full(len(q), np.inf)
-        good, allowed = np.ones(len(q), dtype=bool), self.closing.allowed(w)[:, some]
+    def _drawn(self, q: Array) -> tuple[Array, Flags]:
+        """Return where damped steps close the loops, shape (k, nv), and where every step made gaps smaller, (k,)."""
+        solver, size, m = self.solver, np.full(len(q), np.inf), self.own.size
+        good = np.ones(len(q), dtype=bool)
+        allowed = self.closing.allowed(np.zeros(self.closing.rows.size - m))[:m]
         for _ in range(ITERATIONS):
             measured = self.closing.at(q[None])
-            gaps = self.closing.missing(measured, w[None])[0][:, some]
+            gaps = -measured.gaps[0][:, :m]
             closed = (np.abs(gaps) <= allowed).all(axis=-1)
-            left = np.linalg.norm(gaps / solver.measure[some], axis=-1)
+            left = np.linalg.norm(gaps / solver.measure[:m], axis=-1)
             good &= closed | (left < size)
             if (closed | ~good).all():
                 break
-            rows = measured.matrices[0][:, some]
-            counts = np.linalg.norm(rows, axis=2, keepdims=True) > VANISHED * whole.reach[some, None]
-            rows = rows * counts * (solver.scale / solver.measure[some, None])
-            step = np.matvec(np.linalg.pinv(rows, rcond=RANK), gaps / solver.measure[some])
-            turning = rows[:, solver.curved[some]].any(axis=1)
+            rows = measured.matrices[0][:, :m]
+            counts = np.linalg.norm(rows, axis=2, keepdims=True) > VANISHED * self.closing.rows.reach[:m, None]
+            rows = rows * counts * (solver.scale / solver.measure[:m, None])
+            step = np.matvec(np.linalg.pinv(rows, rcond=RANK), gaps / solver.measure[:m])
+            turning = rows[:, solver.curved[:m]].any(axis=1)
             most = np.where(turning, np.abs(step), 0.0).max(axis=-1)
             step *= np.where(closed, 0.0, np.minimum(1.0, 0.5 / np.maximum(most, 1e-300)))[:, None]
             q, size = q + solver.scale * step, left
@@ -211,26 +196,3 @@ def _is_one_motion(t: Array, q: Array, rates: Rates) -> Flags:
     correction = np.abs(q[1:] - q[:-1] - 0.5 * h * (v[:-1] + slope)).max(axis=-1)
     near = (correction <= NEAR) & on_branch(h * (v[1:] - slope), correction) & (rates.sense[1:] == rates.sense[:-1])
     return np.asarray(near.all(axis=0) & (rates.size.max(axis=0) <= UNEVEN * rates.size.min(axis=0)))
-
-
-def _knots(q: Array) -> list[int]:
-    """Return the first row, the last, and evenly some between that are near each other, given rows of shape (n, nq)."""
-    most = float(np.abs(np.diff(q, axis=0)).max(initial=0.0))
-    step = max(1, int(COARSE / most)) if most * (len(q) - 1) > COARSE else max(1, len(q) - 1)
-    return [*range(0, len(q) - 1, step), len(q) - 1]
-
-
-def _between(share: Array, h: Array, before: Sequence[Array], after: Sequence[Array]) -> Array:
-    """Return the polynomials of the fifth degree through two states, shape (n, k, nv), at shares of the way between.
-
-    Args:
-        share: 0 at the first state, 1 at the second, shape (n, k or 1, 1).
-        h: The parameter between them, shape (k or 1, 1).
-        before: q, v and a of the first, each of shape (k, nv).
-        after: Those of the second.
-    """
-    q, v, a, s = before[0], h * before[1], 0.5 * h * h * before[2], share
-    gap = np.array([after[0] - (q + v + a), h * after[1] - (v + 2.0 * a), h * h * after[2] - 2.0 * a])
-    weights = (10.0, -4.0, 0.5), (-15.0, 7.0, -1.0), (6.0, -3.0, 0.5)
-    third, fourth, fifth = (np.tensordot(row, gap, 1) for row in weights)
-    return np.asarray(q + s * (v + s * (a + s * (third + s * (fourth + s * fifth)))))

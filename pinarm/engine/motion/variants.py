@@ -63,14 +63,10 @@ class PrescribedVariants:
         return self._solved(self._each_alone() if self._open else self._followed())
 
     def at(self, near: Array) -> tuple[Trajectory, Flags]:
-        """Return states and mask as ``rows`` does, at rows of separate states near configurations of shape (n, k, nq).
-
-        Raises:
-            VariantsDiffer: See ``rows``.
-        """
-        return self._solved(
-            self._each_alone() if self._open else self._rated(self._followers.follow_near(self._laws, near))
-        )
+        """Return states and mask as ``rows`` does, at separate states near configurations of shape (n, k, nq)."""
+        if self._open:
+            return self._solved(self._each_alone())
+        return self._solved(self._rated(self._followers.follow_near(self._laws, near)))
 
     @cached_property
     def _closure(self) -> VariantClosure:
@@ -81,6 +77,10 @@ class PrescribedVariants:
     @cached_property
     def _alike(self) -> bool:
         return all(table is self.tables[0] for table in self.tables)
+
+    @property
+    def _different(self) -> Sequence[PrescribedTable]:
+        return self.tables[:1] if self._alike else self.tables
 
     @property
     def _open(self) -> bool:
@@ -97,46 +97,45 @@ class PrescribedVariants:
     def _followed(self) -> VariantStates:
         """Return the states by Newton's method, for all variants at once."""
         laws, first = self._laws, self.run.q
-        tables = self.tables[:1] if self._alike else self.tables
-        t = np.stack([table.grid.t for table in tables], axis=1)
-        start = np.array([table.start for table in tables])
+        t = np.stack([table.grid.t for table in self._different], axis=1)
+        start = np.array([table.start for table in self._different])
         near = first[:, None] if self._alike else self._followers.continued(t, laws, first, start)
         return self._rated(self._followers.follow(t, laws, near, start))
 
     @cached_property
     def _followers(self) -> VariantMotion:
-        return VariantMotion.of(self._closure, _determined(self.tables[0]).prescribed, self.run.q[0])
+        motion = self.tables[0].prescription.motion
+        assert isinstance(motion, DeterminedMotion)
+        return VariantMotion.of(self._closure, motion.prescribed, self.run.q[0])
 
     @cached_property
     def _laws(self) -> Array:
         """The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d)."""
-        tables = self.tables[:1] if self._alike else self.tables
-        values = [[table.grid.evaluate(law) for law in table.prescription.motion.laws] for table in tables]
+        values = [[table.grid.evaluate(law) for law in table.prescription.motion.laws] for table in self._different]
         return np.array(values).transpose(2, 3, 0, 1)
 
     def _rated(self, states: VariantStates) -> VariantStates:
         """Return states with the velocities and accelerations that are given for every row, where they are."""
-        tables = self.tables[:1] if self._alike else self.tables
-        rates = [table.prescription.rates for table in tables if table.prescription.rates is not None]
+        rates = [table.prescription.rates for table in self._different if table.prescription.rates is not None]
         if not rates:
             return states
         dw, ddw = np.array(rates).swapaxes(0, 1)
         v, a = self._followers.rates(states.q, dw, ddw)
         return states._replace(v=v, a=a)
 
-    def _solved(self, states: VariantStates) -> tuple[Trajectory, Flags]:
+    def _solved(self, solved: VariantStates) -> tuple[Trajectory, Flags]:
         """Return states as rows with efforts."""
         closure, prescription = self._closure, self.motion.prescription
         if lossy(prescription.mechanism):
             raise VariantsDiffer("the directions of joints, on which the losses of gears depend")
         dynamics = Dynamics.of_variants(closure.model, prescription.dynamics.forces)
         drives = None if prescription.drives is None else _drives(prescription.drives, closure)
-        q, v, a, sound = states
+        q, v, a, sound = solved
         grid, times = self.grids[0], [grid.t for grid in self.grids]
         grid = grid if all(t is grid.t for t in times) else replace(grid, t=np.stack(times, axis=1))
         lam = Multipliers.known(np.zeros((*q.shape[:2], closure.size)), closure.size)
-        rows = replace(self.run, grid=grid, mechanism=self.mechanism, q=q, v=v, a=a, tau=np.zeros_like(v), lam=lam,
-                       closure=closure, dynamics=dynamics)  # fmt: skip
+        states = {"q": q, "v": v, "a": a, "tau": np.zeros_like(v), "lam": lam}
+        rows = replace(self.run, grid=grid, mechanism=self.mechanism, closure=closure, dynamics=dynamics, **states)
         known = replace(prescription, mechanism=self.mechanism, dynamics=dynamics, drives=drives)
         return known.solved(rows, self.motion.pace), sound
 
@@ -150,12 +149,6 @@ def follows_alike(table: PrescribedTable, first: PrescribedTable) -> bool:
 def _names(prescription: Prescription) -> tuple[str, ...] | None:
     motion = prescription.motion
     return motion.prescribed.names if isinstance(motion, DeterminedMotion) else None
-
-
-def _determined(table: PrescribedTable) -> DeterminedMotion:
-    motion = table.prescription.motion
-    assert isinstance(motion, DeterminedMotion)
-    return motion
 
 
 def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
@@ -172,10 +165,8 @@ class DrivesOfVariants(SelectedDrives, frozen=True):
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the efforts and the multipliers, both from G taken apart once; NaN where they are not determined."""
-        ((_, split),), weights = (
-            self.closure.splits(q).parts,
-            np.array([joint.weights for joint in self.joints.values()]),
-        )
+        ((_, split),) = self.closure.splits(q).parts
+        weights = np.array([joint.weights for joint in self.joints.values()])
         ways, load = np.einsum("nkjf,dj->nkfd", split.free, weights), np.einsum("nkjf,nkj->nkf", split.free, demand)
         ways = np.broadcast_to(ways, (*load.shape, len(weights))).reshape(-1, load.shape[-1], len(weights))
         least = np.full(len(ways), WEAK * np.linalg.norm(weights, axis=1).max())

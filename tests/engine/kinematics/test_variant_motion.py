@@ -94,7 +94,7 @@ def test_variants_with_laws_of_their_own_move_by_freudensteins_equation(turns: f
     near = motion.continued(t, laws, q, start[None])
     states = motion.follow(t, laws, near, start[None])
     assert states.sound.all()
-    np.testing.assert_allclose(near, states.q, atol=1e-6)  # h^6/46080 of the sixth derivative, with h = 0.4 rad
+    np.testing.assert_allclose(near, states.q, atol=0.01)  # h^3/6 of the third derivative, with h = 0.4 rad
     for k, b in enumerate((0.35, 0.36)):
         theta4 = np.unwrap(rocker(theta2[:, k], FIRST["a"], b, FIRST["c"], FIRST["d"]))
         np.testing.assert_allclose(states.q[:, k, 2], theta4, atol=ROUNDING)

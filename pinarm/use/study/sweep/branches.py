@@ -122,54 +122,41 @@ def _branches(cases: Cases, values: Complex, shapes: Complex) -> tuple[Indices, 
     order = np.tile(np.arange(values.shape[1]), (len(values), 1))
     if any(axis.drawn or len(axis.columns) > 1 for axis in cases.axes):
         return order, ["modes are numbered by frequency in each case: cases in no order have no branches"]
-    scaled = shapes / _sizes(shapes)
-    doubtful = []
-    for case, before, further in _way(cases, np.asarray(np.isfinite(values).any(axis=1))):
-        own = values[before, order[before]]
-        expected = own if further is None else 2.0 * own - values[further, order[further]]
-        expected = np.where(np.isnan(expected), own, expected)
+    sizes = np.sqrt((np.abs(np.nan_to_num(shapes)) ** 2).mean(axis=(0, 1)))  # in which units differ
+    scaled, doubtful = shapes / np.where(sizes > 0.0, sizes, 1.0), list[str]()
+    for case, before, further, ratio in _way(cases, np.asarray(np.isfinite(values).any(axis=1))):
+        known = values[before, order[before]]
+        expected = known + ratio * (known - values[further, order[further]])
         mac = _assurance(scaled[before, order[before]], scaled[case])
-        order[case] = _matched(expected, values[case], mac)
-        agreed = mac[np.arange(len(own)), order[case]]
-        doubtful += [(branch + 1, before, case) for branch in np.flatnonzero(agreed < UNCERTAIN).tolist()]
-    return order, _words(doubtful)
+        order[case] = _matched(np.where(np.isnan(expected), known, expected), values[case], mac)
+        uncertain = np.flatnonzero(mac[np.arange(len(known)), order[case]] < UNCERTAIN)
+        doubtful += [f"mode {branch + 1} from case {before} to {case}" for branch in uncertain.tolist()]
+    if not doubtful:
+        return order, []
+    places = ", ".join(doubtful[:NAMED]) + (f" and {len(doubtful) - NAMED} more" if len(doubtful) > NAMED else "")
+    said = f"branches of modes may be mistaken where shapes change by much: {places}; more cases there tell"
+    return order, [said]
 
 
-def _sizes(shapes: Complex) -> Array:
-    """Return the typical size of each coordinate, in whose units shapes are compared, shape (nv,)."""
-    known = np.abs(np.nan_to_num(shapes)).reshape(-1, shapes.shape[-1])
-    sizes = np.sqrt((known**2).mean(axis=0))
-    return np.where(sizes > 0.0, sizes, 1.0)
+def _way(cases: Cases, known: Flags) -> Iterator[tuple[int, int, int, float]]:
+    """Yield cases in the order of their values, each with the known case beside it and the one beyond in that line.
 
-
-def _way(cases: Cases, known: Flags) -> Iterator[tuple[int, int, int | None]]:
-    """Yield cases in the order of their values, each with the known case beside it, and the one beyond in that line."""
-    shape = [len(axis) for axis in cases.axes]
-    sorts = [
-        np.argsort(column.as_array, kind="stable") if column.is_numeric else np.arange(len(axis))
-        for axis in cases.axes
-        for column in axis.columns
-    ]
-    numbers = np.arange(len(cases)).reshape(shape)[np.ix_(*sorts)]
-    for place in np.ndindex(*shape):
-        line = next((axis for axis in reversed(range(len(shape))) if place[axis]), None)
-        if line is None or not known[case := int(numbers[place])]:
+    The last number is the distance from the case beside, relative to that between both; 0 where there is no distance.
+    """
+    columns = [axis.columns[0] for axis in cases.axes]
+    orders = [np.argsort(x.as_array, kind="stable") if x.is_numeric else np.arange(len(x.values)) for x in columns]
+    numbers = np.arange(len(cases)).reshape([len(axis) for axis in cases.axes])[np.ix_(*orders)]
+    for place in np.ndindex(*numbers.shape):
+        line = max((axis for axis, k in enumerate(place) if k), default=0)
+        row = numbers[(*place[:line], slice(place[line] + 1), *place[line + 1 :])]
+        behind = [k for k in reversed(range(place[line])) if known[row[k]]]
+        if not behind or not known[row[-1]]:
             continue
-        behind = [int(numbers[(*place[:line], k, *place[line + 1 :])]) for k in reversed(range(place[line]))]
-        near = [other for other in behind if known[other]][:2]
-        if near:
-            even = len(near) == 2 and behind[:2] == near and _is_even(cases, line, case, *near)
-            yield case, near[0], near[1] if even else None
-
-
-def _is_even(cases: Cases, line: int, *three: int) -> bool:
-    """Return whether the values of three cases along an axis have equal distances: a straight line goes on then."""
-    column = cases.axes[line].columns[0]
-    inner = int(np.prod([len(axis) for axis in cases.axes[line + 1 :]]))
-    if not column.is_numeric:
-        return False
-    last, middle, first = (float(column.as_array[case // inner % len(cases.axes[line])]) for case in three)
-    return bool(np.isclose(last - middle, middle - first, rtol=1e-6))
+        near, far, ratio = behind[0], behind[min(1, len(behind) - 1)], 0.0
+        if columns[line].is_numeric and far != near:
+            x = columns[line].as_array[orders[line]]
+            ratio = float((x[place[line]] - x[near]) / (x[near] - x[far])) if x[near] != x[far] else 0.0
+        yield int(row[-1]), int(row[near]), int(row[far]), ratio
 
 
 def _assurance(x: Complex, y: Complex) -> Array:
@@ -187,14 +174,3 @@ def _matched(expected: Complex, values: Complex, mac: Array) -> Indices:
     cost = 2.0 * np.abs(expected[:, None] - values) / size + 1.0 - mac
     _, chosen = linear_sum_assignment(np.where(np.isnan(cost), APART, cost))
     return np.asarray(chosen)
-
-
-def _words(doubtful: Sequence[tuple[int, int, int]]) -> list[str]:
-    if not doubtful:
-        return []
-    places = [f"mode {branch} from case {before} to {case}" for branch, before, case in doubtful[:NAMED]]
-    more = f" and {len(doubtful) - NAMED} more" if len(doubtful) > NAMED else ""
-    return [
-        f"branches of modes may be mistaken where shapes change by much: {', '.join(places)}{more}; "
-        "more cases there tell"
-    ]

@@ -32,8 +32,8 @@ from pinarm.use.cases.case import WORTH, Case, Row, Task
 from pinarm.use.cases.solving import CaseSolver, row_of
 from pinarm.use.output import check_replaceable, locks, reason
 from pinarm.use.study.sweep.axes import Cases
-from pinarm.use.workers.runners import LostJob, Runners
-from pinarm.use.workers.worker import file_digest, versions
+from pinarm.use.workers.runners import Runners
+from pinarm.use.workers.worker import LostJob, file_digest, versions
 
 JOURNAL = "journal.jsonl"
 """Its name in the folder of a sweep."""
