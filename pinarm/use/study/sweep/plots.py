@@ -12,13 +12,16 @@ from pinarm.engine.series import Series
 from pinarm.input.units import HERTZ, unit
 from pinarm.input.yaml.document import argument_of
 from pinarm.language import decimals, in_language, said
+from pinarm.use.show.labels import axis_label, name_label, plain, shown
+from pinarm.use.show.picture import COLOURS, Picture, draw, drawable, drawing, label, legend, limits
+from pinarm.use.show.picture_files import file_name
+from pinarm.use.show.plot import STYLES
 from pinarm.use.study.sweep.axes import Axis
 from pinarm.use.study.sweep.branches import MEASURE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from pinarm.use.show.picture import Picture
     from pinarm.use.study.sweep.table import Sweep
 
 FAMILY = 6
@@ -26,8 +29,6 @@ FAMILY = 6
 ROOT_LOCUS = "root_locus"
 """Picture of all eigenvalues."""
 
-FAR = 3.0
-"""Frequency of the turns, relative to that of the modes, up to which its line is wholly in a picture of modes."""
 PICTURES = 24
 """Columns that are drawn of themselves."""
 
@@ -41,9 +42,6 @@ def plot(sweep: Sweep, series: Series) -> Picture:
     Over one list or grid it is a curve, over two a family of curves or, where both are long, a map. Of cases that were
     drawn by chance, or that vary in more ways, it is a histogram with the median and the middle 90 %.
     """
-    from pinarm.use.show.labels import plain
-    from pinarm.use.show.picture import drawing
-
     counts = {"failed": len(sweep.errors), "count": len(sweep)}
     failed = said(" ({failed} of {count} cases failed)", **counts) if sweep.errors else ""
     with drawing(7.0, 4.2, plain(f"{sweep.title or sweep.name}{failed}")) as picture:
@@ -75,9 +73,6 @@ def _branches_of(sweep: Sweep, name: str) -> dict[str, Series]:
 
 def _branches(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw a measure of all modes over a number; over a speed, with the lines of once and twice the speed."""
-    from pinarm.use.show.labels import axis_label, shown
-    from pinarm.use.show.picture import label
-
     along, column = sweep.cases.axes[0], sweep.cases.table()[0]
     x, order = _ticks(axis.xaxis, along), np.argsort(column.values, kind="stable")
     for k, (mode, branch) in enumerate(_branches_of(sweep, series.name).items()):
@@ -97,10 +92,11 @@ def _speed_lines(axis: Axes, x: Array, turns: Array) -> None:
     low, high = axis.get_ylim()
     ends = np.argsort(x)[[0, -1]]
     for times, style in ((1, "--"), (2, ":")):
-        axis.plot(x[ends], times * np.abs(turns[ends]), color="0.4", linewidth=1.0, linestyle=style,
-                  label=said("{times} × speed", times=times), zorder=0)  # fmt: skip
-    once = 1.05 * float(np.abs(turns).max())
-    axis.set_ylim(min(low, 0.0), max(high, once) if once < FAR * high else high)
+        name = said("{times} × speed", times=times)
+        axis.plot(
+            x[ends], times * np.abs(turns[ends]), color="0.4", linewidth=1.0, linestyle=style, label=name, zorder=0
+        )
+    axis.set_ylim(min(low, 0.0), high)
 
 
 def _root_locus(axis: Axes, sweep: Sweep, series: Series) -> None:
@@ -123,17 +119,11 @@ def _root_locus(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 def _look(k: int) -> dict[str, Any]:
     """Return colour and dashes of a branch."""
-    from pinarm.use.show.picture import COLOURS
-    from pinarm.use.show.plot import STYLES
-
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": STYLES[k // len(COLOURS) % len(STYLES)]}
 
 
 def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw curves over the longer axis, one for each value of the other."""
-    from pinarm.use.show.labels import axis_label, plain, shown
-    from pinarm.use.show.picture import COLOURS, draw, drawable, label, legend, limits
-
     along, other, values = _grid(sweep, series)
     scale, measured = shown(series, sweep.presentation)
     x, lost, values = _ticks(axis.xaxis, along), np.isnan(values).any(axis=0), values / scale
@@ -150,9 +140,6 @@ def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw the values over two numbers, a cell for each case; those that failed stay grey."""
-    from pinarm.use.show.labels import axis_label, shown
-    from pinarm.use.show.picture import drawable, label
-
     along, other, values = _grid(sweep, series)
     assert other is not None
     scale, measured = shown(series, sweep.presentation)
@@ -171,9 +158,6 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
     """Draw how often which value came out."""
-    from pinarm.use.show.labels import axis_label, shown
-    from pinarm.use.show.picture import COLOURS, drawable, label
-
     scale, measured = shown(series, sweep.presentation)
     values = drawable(series.values / scale)
     values = values[np.isfinite(values)]
@@ -201,9 +185,6 @@ def _grid(sweep: Sweep, series: Series) -> tuple[Axis, Axis | None, Array]:
 
 def _ticks(direction: Any, axis: Axis) -> Array:
     """Return the places of an axis's values; words stand side by side."""
-    from pinarm.use.show.labels import plain
-    from pinarm.use.show.picture import drawable, label
-
     column = axis.columns[0]
     if column.is_numeric:
         return drawable(np.array(column.values, float))
@@ -218,9 +199,6 @@ def _value(axis: Axis, row: int) -> str:
 
 def _named(axis: Axis, sweep: Sweep, *, measured: bool = True) -> str:
     """Return the label of what varies: that of the scenario for the path or the argument, or the argument's name."""
-    from pinarm.use.show.labels import axis_label, name_label
-    from pinarm.use.show.picture import label
-
     column, how = axis.columns[0], sweep.presentation
     name = column.path if column.path in how.labels else argument_of(column.path) or column.path
     return label(axis_label(name, unit(column.unit or "1"), how) if measured else name_label(name, how))
@@ -238,7 +216,5 @@ def pictured(sweep: Sweep) -> list[Series]:
 
 def pictures(sweep: Sweep) -> Iterator[tuple[str, Picture]]:
     """Yield a picture of every result by the name of its file."""
-    from pinarm.use.show.picture_files import file_name
-
     for number, series in enumerate(pictured(sweep)[:PICTURES], 1):
         yield f"{number:02d}_{file_name(series.name).strip('_')}", plot(sweep, series)
