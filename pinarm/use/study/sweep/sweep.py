@@ -175,18 +175,6 @@ def _notes(scenario: Scenario, cases: Cases) -> list[str]:
             varied = scenario.varied(cases.values(case))
             notes += [f"case {case}: {note}" for note in varied.method_notes(varied.content.accuracy)]
     return list(dict.fromkeys(notes))
-def _notes(scenario: Scenario, cases: Cases, wanted: Sequence[Taken]) -> list[str]:
-    """Return notes of the first and the last case: figures not over whole periods, a removed method of integration."""
-    from pinarm.use.result.whole_periods import whole_period_notes
-
-    numbers, notes = [entry.number for entry in wanted if entry.number is not None], dict[str, None]()
-    for case in (0, len(cases) - 1):
-        with suppress(PinarmError):  # a case that fails says why itself
-            varied = scenario.varied(cases.values(case))
-            said = varied.method_notes(varied.content.accuracy)
-            said = [*said, *(whole_period_notes(varied.problem, varied.mechanism, numbers) if numbers else ())]
-            notes |= dict.fromkeys(f"case {case}: {note}" for note in said)
-    return [*notes]
 
 
 def first_case(scenario: Scenario, cases: Cases) -> Scenario:
