@@ -45,6 +45,7 @@ from pinarm.use.study.answers.check import rows as verdict_rows
 if TYPE_CHECKING:
     from pinarm.use.facade import Result
     from pinarm.use.result.section import Section, SectionTable
+    from pinarm.use.show.picture import Picture
 
 CURVES = 2
 """Quantities a picture: a page holds two pictures, and little room is lost where one does not fit."""
@@ -73,14 +74,7 @@ REPLAY_HEIGHT = 420
 
 
 class Chapter(ValueRecord, frozen=True):
-    """A chapter on one result.
-
-    Attributes:
-        title: Of the scenario.
-        subtitle: The mechanism, and the kind of problem.
-        body: All that is below these, as HTML.
-        language: In which it is written.
-    """
+    """A chapter on one result: title, subtitle, all that is below these as HTML, and its language."""
 
     title: str
     subtitle: str
@@ -112,12 +106,13 @@ def chapter_on(
         PinarmError: The motion of a saved result cannot be solved again, which numbers between its rows need.
     """
     mechanism = result.trajectory.mechanism
+    sections = list(result.shown_sections.values())
     limits = [said("Limit: {excess}.", excess=told(excess.words(result.trajectory))) for excess in result.excesses()]
     replay, unshown = _replay(result) if moving else ("", [])
     verdicts, missed = _verdicts(result)
-    asked = KINDS[result.kind].question if result.kind in KINDS else ""
+    asked, worst = KINDS[result.kind].question if result.kind in KINDS else "", worst_instants(result)
     own, torsors = _names(result), _joint_torsors(result)
-    links = figure(link_graph(mechanism).svg()) if 1 < mechanism.model.njoints <= MOST_BODIES else ""
+    links = figure(link_graph(mechanism)) if 1 < mechanism.model.njoints <= MOST_BODIES else ""
     tables, along = mechanism_tables(mechanism, result.presentation), result.trajectory.parameter
     left_out = ReportTable([said("Joint"), said("how"), said("why")],
                            [(x.joint, told(x.how), told(x.why)) for x in result.removals], range(3))  # fmt: skip
@@ -127,17 +122,17 @@ def chapter_on(
         part("Question", tag("p", text(told(asked)), "asked"), question(result)),
         part("Answers", _ranges(result), _numbers(result), _findings(result)),
         part("Actions in the joints", torsors) if student else "",
-        part("Mechanism", figure(sketch(result, titled=False).svg(), "sketch"), tag("p", text(mobility_words(result)))),
+        part("Mechanism", figure(sketch(result, titled=False), "sketch"), tag("p", text(mobility_words(result)))),
         part("Equations in letters", *_equations(result, folder)) if equations else "",
         part("Motion and curves", replay, *map(figure, _curves(result))),
-        *(_part(section, result.presentation, own) for section in result.shown_sections.values()),
-        part("Free-body diagrams", *map(figure, _free_bodies(result))),
+        *(_part(section, result.presentation, own) for section in sections),
+        part("Free-body diagrams", *(figure(free_body_diagrams(result, at, titled=False)) for at in worst.values())),
         part("Comparison with independent and published values", verdicts),
         part("Accuracy", sentences(error_lines(result)), sentences(accuracy_lines(result.figures, along))),
         part("What was left out, and notes", left_out, sentences([*counted(result.notes()), *unshown])),
         appendix(
             part("Mechanism in numbers", links, *tables),
-            *(_further(section, own) for section in result.shown_sections.values()),
+            *(part(x.title, *(_section_table(y, x.key, own, FEW_ROWS) for y in x.tables[1:])) for x in sections),
             "" if student else part("Actions in the joints", torsors),
             part("Measures of accuracy", _accuracy(result)),
             part("Provenance", _provenance(result, folder, date)),
@@ -176,9 +171,9 @@ def appendix(*parts: str) -> str:
     return tag("section", f"{tag('h3', said('Appendix'))}\n{inner}", "appendix")
 
 
-def figure(drawn: str, kind: str = "") -> str:
+def figure(drawn: Picture, kind: str = "") -> str:
     """Return a picture as a figure of the page."""
-    return tag("figure", drawn, kind)
+    return tag("figure", drawn.svg(), kind)
 
 
 def _warnings(result: Result) -> list[str]:
@@ -213,8 +208,8 @@ def _ranges(result: Result) -> ReportTable:
     cells = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
     if result.errors:
         headings.append(said("error"))
-        bounds = [_bound(result.errors.get(series.name)) for series in result.columns()[1:]]
-        cells = [[*row, bound] for row, bound in zip(cells, bounds, strict=True)]
+        bounds = [result.errors.get(series.name) for series in result.columns()[1:]]
+        cells = [[*row, _bound(bound)] for row, bound in zip(cells, bounds, strict=True)]
         remark = said(
             "error: bound of the global error relative to the largest value of the quantity, in 99 of 100 cases"
         )
@@ -243,23 +238,13 @@ def _findings(result: Result) -> ReportTable:
     return ReportTable([said("Found"), said("value")], rows)
 
 
-def _curves(result: Result) -> Iterator[str]:
+def _curves(result: Result) -> Iterator[Picture]:
     """Yield the outputs over the parameter, a few to a picture; nothing where the answers show every row."""
     if len(result) < 2 or (result.trajectory.numbered and len(result) <= FEW):
         return
     names = [series.name for series in result.columns()[1:]]
     for first in range(0, len(names), CURVES):
-        yield plot(result, tuple(names[first : first + CURVES]), titled=False).svg()
-
-
-def _free_bodies(result: Result) -> Iterator[str]:
-    for at in worst_instants(result).values():
-        yield free_body_diagrams(result, at, titled=False).svg()
-
-
-def _further(section: Section, own: Container[str]) -> str:
-    """Return the tables of a section after its first, for the appendix."""
-    return part(section.title, *(_section_table(table, section.key, own, FEW_ROWS) for table in section.tables[1:]))
+        yield plot(result, tuple(names[first : first + CURVES]), titled=False)
 
 
 def _part(section: Section, how: Presentation, own: Container[str]) -> str:
@@ -267,15 +252,12 @@ def _part(section: Section, how: Presentation, own: Container[str]) -> str:
     tables = [_section_table(table, section.key, own) for table in section.tables]
     printed = {cell for table in tables for row in table.rows for cell in row}
     numbers = {name: how.shown(series) for name, series in section.numbers.items()}
-    others = {name: series for name, series in numbers.items() if _cell(series) not in printed}
-    rows = [[name, unit_text(series.unit), _cell(series)] for name, series in others.items()]
+    rows = [[name, unit_text(series.unit), rounded(float(series.values[0]))] for name, series in numbers.items()]
+    rows = [row for row in rows if row[2] not in printed]
     more = ReportTable([said("Number"), said("unit"), said("value")], rows, range(2))
-    pictures = [figure(graph(drawn, how).svg()) for drawn in section.graphs]
-    return part(section.title, more, *tables[:1], sentences(section.remarks), *pictures)
-
-
-def _cell(series: Series) -> str:
-    return rounded(float(series.values[0]))
+    return part(
+        section.title, more, *tables[:1], sentences(section.remarks), *(figure(graph(x, how)) for x in section.graphs)
+    )
 
 
 def _section_table(table: SectionTable, key: str, own: Container[str], most: int = MOST_ROWS) -> ReportTable:

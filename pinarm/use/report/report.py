@@ -160,7 +160,7 @@ def _chapter_on_sweep(sweep: Sweep, date: str) -> Chapter:
         sentences(failed, "box warnings"),
         part("Question", ReportTable([said("Given"), said("Of"), said("Value")], [*_question(sweep)], range(3))),
         part("Answers", ReportTable([said("Result"), said("unit"), *map(told, columns)], answers, range(2))),
-        part("Curves", *(figure(drawn.svg()) for _, drawn in pictures(sweep))),
+        part("Curves", *(figure(drawn) for _, drawn in pictures(sweep))),
         part("Accuracy and notes", sentences(remarks(sweep))),
         appendix(part("Cases", _cases(sweep)), part("Provenance", provenance(origin, date))),
     ]  # fmt: skip
