@@ -189,8 +189,6 @@ def _traced(mechanism: Mechanism) -> tuple[str, dict[str, sympy.Expr]]:
 
 
 class _UrdfReader:
-    """Reads joints and inertias of a URDF text with words for formulas."""
-
     def __init__(self, xml: str, formulas: Mapping[str, sympy.Expr]) -> None:
         root, self.formulas = ElementTree.fromstring(xml), formulas
         self.links = {str(link.get("name")): link for link in root.findall("link")}
@@ -259,7 +257,6 @@ def rotation(axis: sympy.Matrix, angle: Any) -> sympy.Matrix:
 
 
 def _of_numbers(mechanism: Mechanism) -> LetteredTree:
-    """Return the tree with the numbers of Pinocchio's model."""
     model, joints = mechanism.model, {joint.index: joint for joint in mechanism.joints.values()}
     names = {0: "", **{index: joint.name for index, joint in joints.items()}}
     places = {frame.name: (names[frame.parentJoint], _pose(frame.placement)) for frame in model.frames}

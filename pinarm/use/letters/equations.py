@@ -69,7 +69,6 @@ class Equations(Record, frozen=True):
     difference: float
 
     def __str__(self) -> str:
-        """Return them as text."""
         width = max(map(len, self.symbols), default=0)
         lines = [f"Equations of {self.title}", *(f"  {name:{width}}  {words}" for name, words in self.symbols.items())]
         for heading, equations in self.parts():
@@ -78,7 +77,6 @@ class Equations(Record, frozen=True):
         return "\n".join(lines)
 
     def _repr_latex_(self) -> str:
-        """Return them for notebooks."""
         rows = [f"{latex(e.left, self.dots)} &= {latex(e.right, self.dots)}" for _, some in self.parts() for e in some]
         return r"$\begin{aligned}" + r"\\ ".join(rows) + r"\end{aligned}$"
 
@@ -252,8 +250,6 @@ def _require_same(plain: sympy.Expr, short: sympy.Expr) -> None:
 
 
 class _Proof:
-    """The numbers behind the symbols of one mechanism with its forces."""
-
     def __init__(self, letters: Letters, forces: Sequence[LetteredForce]) -> None:
         self.letters, self.mechanism = letters, letters.mechanism
         self.numbers = {letter(name): value for name, value in self.mechanism.arguments.items()}
@@ -331,7 +327,6 @@ class _Proof:
 
 
 def _meanings(letters: Letters, forces: Sequence[LetteredForce], loops: Sequence[LetteredLoop]) -> dict[str, str]:
-    """Return symbol -> meaning, but for the arguments of the model."""
     meanings: dict[str, str] = {}
     for c in letters.coordinates.chosen:
         kind = "joint" if c.name in letters.mechanism.joints else "coordinate"

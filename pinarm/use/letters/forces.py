@@ -88,7 +88,6 @@ def _effort(name: str, force: Any, shares: Mapping[str, sympy.Expr], meaning: st
 def _spring(
     letters: Letters, name: str, force: JointSpring | CoordinateSpring, shares: Mapping[str, sympy.Expr]
 ) -> LetteredForce:
-    """Return a spring and damper on a sum of joint coordinates."""
     value = sum(share * letters.coordinates.joints[joint] for joint, share in shares.items())
     terms = (
         ("k", "stiffness", force.stiffness, value - exact(float(force.rest))),
@@ -101,7 +100,6 @@ def _spring(
 
 
 def _force(letters: Letters, name: str, force: Wrench) -> LetteredForce:
-    """Return a force at a point, a symbol for each component that it has."""
     point, path = letters.place(force.point)
     vector, symbols = sympy.zeros(3, 1), dict[str, tuple[str, float]]()
     for k, component in enumerate(force.force):

@@ -89,7 +89,6 @@ def mathml(formula: sympy.Expr, dots: Dots) -> str:
 
 
 def _term(term: sympy.Expr, *, first: bool) -> str:
-    """Return a term of a sum with its sign."""
     minus = bool(term.could_extract_minus_sign())
     sign = "\u2212" if minus else "" if first else "+"
     content = _presentation(-term if minus else term)

@@ -167,7 +167,6 @@ def _assembled(mechanism: Mechanism, links: LinkPlacements, parts: Iterable[_Par
 
 
 def _at_joints(mechanism: Mechanism, name: str, kind: str, efforts: Array, links: LinkPlacements) -> _Part:
-    """Return a carrier whose unknowns are efforts at joints, shape (c or 1, k, nv)."""
     efforts = np.broadcast_to(efforts, (len(links.q), *efforts.shape[1:]))
     return _Part(name, kind, joint_efforts(mechanism, links, efforts), efforts)
 
@@ -183,7 +182,6 @@ def motions(mechanism: Mechanism, links: LinkPlacements, body: int) -> Array:
 
 
 def _subspace(model: pin.Model, body: int) -> Array:
-    """Return the unit motions of a joint in its own axes, shape (6, nv)."""
     joint = model.joints[body]
     return LinkTree.of(model).subspace[:, joint.idx_v : joint.idx_v + joint.nv]
 
@@ -261,7 +259,6 @@ def _joint_spaces(
 
 
 def _driven(mechanism: Mechanism, efforts: Mapping[str, Coordinate], balls: set[str]) -> set[int]:
-    """Return the joints along which efforts act, those of rotors too."""
     moved_by = np.asarray(mechanism.model.armature) != 0.0
     for along in efforts.values():
         if isinstance(along, LinearCoordinate):

@@ -65,7 +65,6 @@ def sources(state: Quantities, actions: Actions, *, split: bool) -> list[Source]
 
 
 def _spread(run: Trajectory, acting: Mapping[int, Array]) -> Array:
-    """Return wrenches on bodies as one array, shape (njoints, 6)."""
     spread = np.zeros((run.mechanism.model.njoints, 6))
     for body, wrench in acting.items():
         spread[body] += np.reshape(wrench, 6)
@@ -73,12 +72,10 @@ def _spread(run: Trajectory, acting: Mapping[int, Array]) -> Array:
 
 
 def _efforts(run: Trajectory, load: Array) -> Array:
-    """Return the wrenches of efforts at the joints, shape (nv,), on the links, shape (njoints, 6)."""
     return _spread(run, joint_efforts(run.mechanism, run.link_motion[0], np.reshape(load, (1, 1, -1))))
 
 
 def _carried(state: Quantities, actions: Actions) -> Iterator[Source]:
-    """Yield the actions of joints, constraints and drives."""
     run, model = state.trajectory, state.trajectory.mechanism.model
     links, total = run.link_motion[0], state.reactions.joints
     inner = links.inwards(moved(total, links.places))[0]

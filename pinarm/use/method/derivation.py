@@ -156,7 +156,6 @@ class Derivation(Record, frozen=True):
         return min((names[k] for k in alike), key=lambda name: name.removeprefix("axis of ") not in cut)
 
     def _equation(self, step: Step, chain: Chain) -> Equation:
-        """Return an equation without numbers."""
         carriers, left = self.search.actions.carriers, step.unknowns(self.search.actions)
         vanishing = [
             (said(WORDS[carrier.kind], name=carrier.name), said(WORDS[self._reason(carrier, step)]))
@@ -211,7 +210,6 @@ class Derivation(Record, frozen=True):
 
     @cached_property
     def _symbols(self) -> Mapping[str, str]:
-        """Symbols that stand for one quantity, by its name."""
         return {expression.text.strip(): name for name, expression in symbols_of(self.quantities).items()}
 
     @cached_property
@@ -238,7 +236,6 @@ class Derivation(Record, frozen=True):
         return tuple(sorted(terms, key=lambda term: ROLES.index(term.role)))
 
     def _label(self, name: str, kind: str, step: Step) -> str:
-        """Return the name of a term, with symbols of the mechanism where there are any."""
         if kind in ("drive", "law"):
             own = self.wanted.symbol if (name, self.wanted.kind) == (self.wanted.of, "effort") else ""
             return own or self._symbols.get(f"joint.{name}.effort") or _named(kind, name)
@@ -285,7 +282,6 @@ class Derivation(Record, frozen=True):
         return replace(isolation, value=value, solution=solution, scale=scale, asked=text)
 
     def _size(self, acting: Sequence[Source], step: Step) -> float:
-        """Return the size of the largest term of an equation, or of its parts."""
         return max((source.size(step.twists[0], self.search.landmarks.extent) for source in acting), default=0.0)
 
     def _placed(self, step: Step, q: Array, marks: Landmarks) -> Step:
@@ -304,7 +300,6 @@ class Derivation(Record, frozen=True):
         return "N" if step.screw.point is None else "N*m"
 
     def _solution(self, state: Quantities) -> float:
-        """Return the wanted unknown in the full solution; of a law the known effort along the coordinate."""
         if self.wanted.kind != "law":
             return float(state[self.wanted.quantity].values[0])
         effort, joint = state.trajectory.effort_along(self.wanted.of), self.mechanism.joints.get(self.wanted.of)

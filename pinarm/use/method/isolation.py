@@ -112,7 +112,6 @@ class Equation(Record, frozen=True):
         yield from (f"   {self.gives}",) if self.gives else ()
 
     def _together(self, role: str) -> list[str]:
-        """Return weights or inertias of several bodies in one phrase."""
         names = dict.fromkeys(term.of for term in self.terms if term.role == role)
         return [said(WORDS[role], name=", ".join(names))] if names else []
 
@@ -158,7 +157,6 @@ class Isolation(Record, frozen=True):
         return f"<Isolation for '{self.wanted.name}' of '{self.title}': {len(self.equations)} equations>"
 
     def __str__(self) -> str:
-        """Return it as text."""
         with writing(self.language):
             return "\n".join(self._lines())
 
@@ -184,7 +182,6 @@ class Isolation(Record, frozen=True):
         return {**told, "residual": self.residual}
 
     def _repr_html_(self) -> str:
-        """Return the text, for notebooks."""
         from pinarm.use.show.notebook import lines
 
         return lines(str(self).split("\n"))

@@ -245,7 +245,6 @@ class Search(Record, frozen=True):
 
     @cached_property
     def _twists(self) -> Array:
-        """Unit motions of all screws, shape (s, c, 6)."""
         twists = self.landmarks.twists(self.landmarks.screws) / self._scale
         return np.asarray(twists / np.linalg.norm(twists, axis=-1, keepdims=True))
 
@@ -301,7 +300,6 @@ class Search(Record, frozen=True):
         return None
 
     def _through(self, opened: tuple[Carrier, ...]) -> Chain | None:
-        """Return the equations with these unknowns and the wanted one that give the latter; ``None`` without such."""
         inner = np.zeros(self.wanted.shape[1], dtype=bool)
         for place in opened:
             inner[place.columns] = True
@@ -376,7 +374,6 @@ def _independent(rows: Array, head: int) -> list[int]:
 
 
 def _give(rows: Array, wanted: Array) -> bool:
-    """Tell whether rows give the wanted one at all configurations."""
     weights = (np.linalg.lstsq(rows[:, k].T, unknown, rcond=None)[0] for k, unknown in enumerate(wanted))
     missed = [np.abs(rows[:, k].T @ weight - wanted[k]).max() for k, weight in enumerate(weights)]
     return bool(max(missed) < NOTHING * 1e2 * max(1.0, float(np.abs(wanted).max())))

@@ -257,7 +257,6 @@ def _static(quantities: Quantities, of: str) -> tuple[Array, Array, Array]:
 
 
 def _possible(run: Trajectory, of: str, place: Array) -> Array:
-    """Return the wrenches that a joint can transmit at its place, shape (k, n, 6)."""
     mechanism, links = run.mechanism, LinkPlacements.at(run.mechanism.model, run.q)
     joint = mechanism.joints.get(of) or mechanism.balls.get(of)
     if joint is not None:
@@ -289,7 +288,6 @@ def _moving(quantities: Quantities, of: str, kind: str) -> tuple[Array, Array, A
 
 
 def _links_of_joint(quantities: Quantities, of: str) -> tuple[int, int]:
-    """Return the bodies that a joint or loop joint ties, by joint index."""
     model = quantities.trajectory.mechanism.model
     if (loop := quantities.reactions.loops.get(of)) is not None:
         return model.frames[loop.first].parentJoint, model.frames[loop.second].parentJoint
@@ -298,7 +296,6 @@ def _links_of_joint(quantities: Quantities, of: str) -> tuple[int, int]:
 
 
 def _twist(quantities: Quantities, body: int, place: Array) -> Array:
-    """Return the kinematic torsor of a body at a place, world axes, shape (n, 6)."""
     links, twists, _, _ = quantities.trajectory.link_motion
     turn, origin = links.turns[:, body], links.places[:, body]
     omega = rotated(turn, twists[:, body, 3:])

@@ -69,7 +69,6 @@ def symbols_of(quantities: Quantities) -> Mapping[str, Expression]:
 
 
 def _leaves(quantities: Quantities, name: str, depth: int) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Yield the quantities behind a name with what kind of unknown they are, and of what."""
     symbols = symbols_of(quantities)
     if name not in symbols and (kind := _kind(quantities, name)):
         yield name, kind

@@ -177,7 +177,6 @@ def figure(drawn: Picture, kind: str = "") -> str:
 
 
 def _warnings(result: Result) -> list[str]:
-    """Return reasons not to use the numbers."""
     target = result.content.accuracy.target
     reasons = (
         [said("The error of these numbers has no bound: {why}.", why=told(result.no_bound))] if result.no_bound else []
@@ -190,7 +189,6 @@ def _warnings(result: Result) -> list[str]:
 
 
 def _merits(result: Result, verdicts: ReportTable, missed: Sequence[str]) -> Iterator[str]:
-    """Yield the checks that the numbers passed."""
     if result.error is not None and isfinite(result.error) and not result.no_bound:
         yield said("The global error of all outputs is below {error:.1e} of their largest values, in 99 of 100 cases.",
                    error=result.error)  # fmt: skip
@@ -233,7 +231,6 @@ def _numbers(result: Result) -> ReportTable:
 
 
 def _findings(result: Result) -> ReportTable:
-    """Return the figures that the problem found, such as values that were sought."""
     rows = [[name, f"{value:.9g}"] for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
     return ReportTable([said("Found"), said("value")], rows)
 
@@ -248,7 +245,6 @@ def _curves(result: Result) -> Iterator[Picture]:
 
 
 def _part(section: Section, how: Presentation, own: Container[str]) -> str:
-    """Return the numbers, first table, remarks and pictures of a section."""
     tables = [_section_table(table, section.key, own) for table in section.tables]
     printed = {cell for table in tables for row in table.rows for cell in row}
     numbers = {name: how.shown(series) for name, series in section.numbers.items()}
@@ -320,7 +316,6 @@ def _joint_torsors(result: Result) -> ReportTable:
 
 
 def _torsors(result: Result) -> Iterator[tuple[str, str, str, str, Torsor]]:
-    """Yield name, bodies and kind of each joint with its torsor."""
     mechanism, model = result.trajectory.mechanism, result.trajectory.mechanism.model
     ties = [(str(model.names[k]), joint_kind(model, k), int(model.parents[k]), k) for k in bodies_of(mechanism)]
     for constraint in mechanism.constraints:
@@ -357,7 +352,6 @@ def _range(acting: Torsor, k: int, scale: float, largest: float) -> str:
 
 
 def _accuracy(result: Result) -> ReportTable:
-    """Return the measures of accuracy of a run, and their meanings."""
     few, rows = {**RESIDUALS, **CLOSURES, **PATHS}, []
     for name, value in result.figures.items():
         if name in MEASURES:

@@ -81,7 +81,6 @@ def problem_rows(problem: Mapping[str, Any]) -> Iterator[Row]:
 
 
 def _given(result: Result) -> Iterator[Row]:
-    """Yield arguments of the model, payloads, gravity, values to be found, and the wanted accuracy."""
     mechanism, content = result.trajectory.mechanism, result.content
     if mechanism.arguments:
         arguments = (_argument(result, name, x) for name, x in mechanism.arguments.items())
@@ -100,14 +99,12 @@ def _given(result: Result) -> Iterator[Row]:
 
 
 def _argument(result: Result, name: str, value: float) -> str:
-    """Return a number of the model in the units of the run."""
     unit = result.trajectory.mechanism.argument_units.get(name)
     shown = result.presentation.shown(Series(name, unit, np.array([value])))
     return f"{name} = {number(shown.values[0])} {unit_text(shown.unit) if shown.unit else ''}".rstrip()
 
 
 def _asked(result: Result) -> Iterator[Row]:
-    """Yield the quantities asked for: symbols with their formulas, then the others."""
     formulas = {**result.trajectory.mechanism.description.symbols, **result.content.symbols}
     outputs = list(dict.fromkeys(result.content.outputs))
     yield from ((said("Asked for"), name, formulas[name]) for name in outputs if name in formulas)

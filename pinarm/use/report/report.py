@@ -146,7 +146,6 @@ def _chapter(source: Result | Sweep | str | Path, date: str, moving: bool, stude
 
 @in_language
 def _chapter_on_sweep(sweep: Sweep, date: str) -> Chapter:
-    """Return the chapter on a sweep."""
     (_, _, *columns), *rows = ranges(sweep)
     answers = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
     failed = (
@@ -182,7 +181,6 @@ def _question(sweep: Sweep) -> Iterator[tuple[str, str, str]]:
 
 
 def _cases(sweep: Sweep) -> ReportTable:
-    """Return the table of the first cases, numbers in the units that people are shown."""
     shown = [*sweep.given, *map(sweep.presentation.shown, sweep.results())]
     count = min(len(sweep), MOST_CASES)
     given = len(sweep.given)
@@ -210,7 +208,6 @@ def _told_apart(chapters: Sequence[Chapter], sources: Sequence[Result | Sweep | 
 
 
 def _page(title: str, chapters: Sequence[Chapter], date: str) -> str:
-    """Return the whole document; of several chapters it begins with their list."""
     several, entries, articles = len(chapters) > 1, list[str](), list[str]()
     for k, chapter in enumerate(chapters, 1):
         link, subtitle = f'<a href="#chapter-{k}">{text(chapter.title)}</a>', text(chapter.subtitle)

@@ -111,7 +111,6 @@ def nodes_of(model: pin.Model, q: Array) -> list[Node]:
 
 
 def _placements(model: pin.Model, joint: int, q: Array) -> Array:
-    """Return a joint's own placement at every row, shape (rows, 7)."""
     data, back = new_data(model), model.jointPlacements[joint].inverse()
     rows = np.empty((len(q), 7))
     for row, state in zip(rows, q, strict=True):

@@ -89,7 +89,6 @@ def _direction(axis: Array) -> str:
 
 
 def _range(model: pin.Model, joint: Joint | None, how: Presentation) -> str:
-    """Return the limits of a joint with one coordinate."""
     if joint is None:
         return ""
     low, high = model.lowerPositionLimit[joint.q], model.upperPositionLimit[joint.q]

@@ -121,7 +121,6 @@ def read_mesh(path: Path) -> list[Mesh]:
 
 
 def _read_stl(raw: bytes) -> list[Mesh]:
-    """Return the mesh of a binary or ASCII file."""
     count = int.from_bytes(raw[80:84], "little")
     if len(raw) >= 84 and len(raw) == 84 + _FACET.itemsize * count:
         corners = np.frombuffer(raw, _FACET, count, 84)["corners"].reshape(-1, 3)
@@ -137,7 +136,6 @@ def _read_stl(raw: bytes) -> list[Mesh]:
 
 
 def _read_obj(raw: bytes) -> list[Mesh]:
-    """Return the mesh of a file; polygons are cut into fans."""
     points, fans = array("d"), array("q")
     for line in _OBJ_LINE.finditer(b"\n" + raw):
         words = line[2].split()
@@ -239,7 +237,6 @@ class _Collada:
         return _floats(source.find("float_array")).reshape(-1, stride)[:, :3]
 
     def _colour(self, name: str) -> Colour | None:
-        """Return the diffuse colour of a material."""
         material = self.ids.get(name.removeprefix("#"))
         effect = self._named(material.find("instance_effect")) if material is not None else None
         colour = effect.find(".//diffuse/color") if effect is not None else None
@@ -286,7 +283,6 @@ def _translate(numbers: Array) -> Array:
 
 
 def _rotate(numbers: Array) -> Array:
-    """Return Rodrigues' rotation about an axis by an angle in degrees."""
     axis, angle = numbers[:3] / np.linalg.norm(numbers[:3]), np.radians(numbers[3])
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     matrix = np.eye(4)

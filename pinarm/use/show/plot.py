@@ -148,7 +148,6 @@ WORDS = ("frequency", "phase", "amplitude")
 
 
 def _bars(drawn: Graph, how: Presentation, title: str) -> Picture:
-    """Return a picture of horizontal bars with their names."""
     lengths = drawn.curves[0].across
     scale, measured = shown(lengths, how)
     with drawing(WIDTH, HEAD + BAR * len(drawn.bars), title) as picture:

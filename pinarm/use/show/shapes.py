@@ -129,7 +129,6 @@ def visuals(mechanism: Mechanism) -> Visuals:
 
 
 def _visuals(robot: ElementTree.Element, model: pin.Model) -> Iterator[tuple[ElementTree.Element, pin.Frame]]:
-    """Yield the visuals of a URDF, with the frames of their links."""
     frames = {frame.name: frame for frame in model.frames if frame.type == pin.FrameType.BODY}
     for link in robot.findall("link"):
         for visual in link.findall("visual"):
@@ -152,7 +151,6 @@ def _visual(
     source: Source,
     meshes: dict[Path, list[Mesh]],
 ) -> Iterator[Shape]:
-    """Yield the solids of one visual."""
     geometry = visual.find("geometry")
     if geometry is None or len(geometry) == 0:
         raise ModelError("a visual has no geometry")

@@ -118,7 +118,6 @@ def structure(mechanism: Mechanism, q: Array, text: str) -> Picture:
 
 
 def _where(result: Result, row: int) -> str:
-    """Return the name of a position in the legend."""
     run = result.trajectory
     scale, measured = shown(result.parameter, result.presentation)
     value = decimals(f"{run.grid.t[row] / scale:.4g}").replace("-", "−")
@@ -170,18 +169,15 @@ class _Sketch:
         return self.axis.lines[count]
 
     def _line(self, points: Array, colour: str, width: float, style: str = "-") -> None:
-        """Draw a line through points of the world, shape (n, 3)."""
         self.axis.plot(*self.axes @ points.T, color=colour, linewidth=width, linestyle=style)
 
     def _mark(self, point: Array, colour: str, size: float, marker: str = "o", fill: str = "#ffffff") -> None:
-        """Draw a mark at a point of the picture, shape (2,)."""
         self.axis.plot(*point[:, None], marker, color=colour, markersize=size, markerfacecolor=fill)
 
     def _at(self, place: Array, point: BodyPoint) -> Array:
         return np.asarray(self.axes @ point.path(place[None])[0])
 
     def _bodies(self, place: Array, colour: str, width: float) -> None:
-        """Draw the mechanism in one position: sticks, connections, slides and pins."""
         figure = self.seen.figure
         rails = [rail for rail in (*figure.slides.values(), *self.seen.slots) if rail.node]
         for stick in (*figure.lines, *rails):
@@ -223,7 +219,6 @@ class _Sketch:
             self._mark(at, colour, 1.5 * width)
 
     def _ground(self) -> None:
-        """Draw rails and slots of the ground, and supports."""
         figure = self.seen.figure
         for rail in (*figure.slides.values(), *self.seen.slots):
             if not rail.node:

@@ -189,7 +189,6 @@ class StickFigure(Record, frozen=True):
             yield Shape(rod.node, pin.SE3(np.eye(3), end), "sphere", (POINT * self.size,), colour)
 
     def _foot(self, up: Array, at: Array) -> Shape:
-        """Return a short block below a joint."""
         width, height = (edge * self.size for edge in FOOT)
         middle = at - (PIN * self.size + height / 2.0) * up
         return Shape(0, _along(middle, up), "box", (width, width, height), GROUND)
@@ -278,7 +277,6 @@ def _placed(nodes: Sequence[Node], body: int, middle: Array, outline: Array, axi
 
 
 def _wheels(mechanism: Mechanism) -> Iterator[tuple[int, float]]:
-    """Yield the bodies that have teeth, with their pitch radii [m]."""
     from pinarm.mechanics.couplings.transmissions import ToothContact
 
     for coupling in mechanism.constraints:
@@ -312,7 +310,6 @@ def _cuboid(inertia: pin.Inertia) -> tuple[Array, Array]:
 
 
 def _rail(node: Node, beyond: float) -> Stick:
-    """Return the line along which a joint slides, and so far beyond both ends of its way [m]."""
     ways = np.array([node.values.min() - beyond, node.values.max() + beyond])
     points = np.outer(ways, node.axis) @ node.placement.rotation.T + node.placement.translation
     return Stick(node.parent, np.asarray(points), RAIL, "-.")
@@ -354,6 +351,5 @@ def _cylinder(node: int, start: Array, end: Array, radius: float, colour: Colour
 
 
 def _along(centre: Array, direction: Array) -> pin.SE3:
-    """Return the placement whose z is a direction."""
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.asarray(direction, float))
     return pin.SE3(turn.toRotationMatrix(), centre)

@@ -180,7 +180,6 @@ def _number_lines(result: Result) -> list[str]:
 
 
 def _number_line(series: Series, shown: Series, left: float, bound: float | None) -> str:
-    """Return a number of the run with the bound of its error, or its quadrature error."""
     value, unit = float(shown.values[0]), str(shown.unit or "?")
     if isnan(value):  # an event that does not take place
         return f"{series.name}: no value in this run"

@@ -64,7 +64,6 @@ def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
 
 
 def _centres(model: pin.Model) -> list[tuple[BodyPoint, float]]:
-    """Return the centres of mass of the moving bodies that have mass, and their masses [kg]."""
     bodies = [(node, inertia) for node, inertia in enumerate(model.inertias) if node and inertia.mass > 0.0]
     return [(BodyPoint(node, np.array(inertia.lever)), float(inertia.mass)) for node, inertia in bodies]
 
@@ -133,7 +132,6 @@ def _wrench(run: Trajectory, name: str, joint: int) -> Array:
 
 
 def _torques(run: Trajectory, nodes: Sequence[Node], places: Array) -> Iterator[Arrow]:
-    """Yield the efforts of the drives, about or along the axes of their joints."""
     for joint in run.mechanism.joints.values():
         node, at = nodes[joint.index], BodyPoint(joint.index, np.zeros(3))
         axis = places[:, joint.index, :3, :3] @ node.axis

@@ -116,7 +116,6 @@ class Page:
             self.events.append(message)
 
     def _next(self) -> dict[str, Any]:
-        """Return the next message of the browser."""
         end = time.monotonic() + PATIENCE
         while b"\0" not in self._rest:
             ready, _, _ = select.select([self._answers], [], [], max(end - time.monotonic(), 0.0))

@@ -144,7 +144,6 @@ def _moved(model: pin.Model, q: Sequence[Array] | Array, steps: Array) -> Array:
 
 
 def _description(result: Result, number: int) -> str:
-    """Return the frequency and the damping of a mode in words."""
     row = next(cells for cells in result.section("modes").tables[0].rows if cells[0] == str(number))
     frequency, damping, nature = float(row[1]), float(row[3]), str(row[-1])
     if nature == "rigid":

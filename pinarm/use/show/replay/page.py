@@ -89,7 +89,6 @@ class Replay(Record, frozen=True):
         return path
 
     def _repr_html_(self) -> str:
-        """Return the page in a frame, for notebooks; saved ones keep it."""
         from pinarm.use.show.notebook import frame
 
         return frame(self.html, height=560)
@@ -244,7 +243,6 @@ def _place(placement: pin.SE3) -> list[float]:
 
 
 def _mesh(mesh: Mesh, packing: Packing) -> Plain:
-    """Return a mesh: vertices as 16-bit steps above ``low``, triangles as indices."""
     step = np.maximum(mesh.high - mesh.low, 1e-12) / STEPS
     steps = np.round((mesh.vertices - mesh.low) / step).astype(np.uint16)
     triangles = mesh.triangles.astype(np.uint16 if len(mesh.vertices) <= STEPS else np.uint32)
@@ -264,7 +262,6 @@ def _arrow(arrow: Arrow, largest: float, packing: Packing) -> Plain:
 
 
 def _paths(traces: Sequence[str]) -> Iterator[Plain]:
-    """Yield the legend of the paths."""
     for k, name in enumerate(traces):
         yield {"trace": k, "text": said("centre of mass") if name == "com" else said("path of {name}", name=name)}
 
@@ -299,7 +296,6 @@ def _with_bounds(quantities: Quantities, names: Sequence[str]) -> Iterator[Serie
 
 
 def _curve(series: Series, result: Result, rows: Indices, colour: str, packing: Packing) -> Plain:
-    """Return a plot: its values at the rows, as they are shown."""
     drawn = result.presentation.shown(series.without_rounding())
     values: Array = drawn.values[rows]
     if not np.isfinite(values).all():
