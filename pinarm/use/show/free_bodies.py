@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,11 @@ from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE
 from pinarm.engine.series import Series
 from pinarm.language import decimals, in_language, said, told
 from pinarm.records import Record
-from pinarm.use.assessments.loads.load_sets import Action, FreeBody, free_bodies
+from pinarm.use.assessments.loads.load_sets import Action, free_bodies
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.bodies import placed
 from pinarm.use.show.document import rounded
-from pinarm.use.show.labels import plain, symbol, unit_text
+from pinarm.use.show.labels import plain, shown, symbol, unit_text
 from pinarm.use.show.picture import COLOURS, INK, Note, Picture, drawing, label
 from pinarm.use.show.scene import Framing, scene
 from pinarm.use.show.sketch import GROUND, PATH, POINTS, round_up, write_beside
@@ -72,34 +72,22 @@ class _Scale(Record, frozen=True):
         return f"{told(action.what)} {said(', ').join(parts)}" if parts else ""
 
 
-class _Panel(Record, frozen=True):
+class _Panel(NamedTuple):
     """A body with its loads in the plane of the picture.
 
-    Attributes:
-        free: The body.
-        lines: Its outline [m], shape (k, 2) each.
-        points: Where the loads act [m], shape (n, 2).
-        arrows: Their forces [points], shape (n, 2).
+    Its outline [m], shape (k, 2) each; where the loads act [m], and their forces [points], shape (n, 2).
     """
 
-    free: FreeBody
+    name: str
+    actions: Sequence[Action]
     lines: Sequence[Array]
     points: Array
     arrows: Array
 
-    def scale(self, extent: float) -> float:
-        """Return the largest scale [points per metre] at which outline and arrows fit into the panel."""
-        corners = np.concatenate([*self.lines, self.points])
-        largest = float(np.ptp(corners, axis=0).max())
-        scales = np.geomspace(WIDE, 1.0, 120) / max(largest, LEAST * extent)
-        room = np.array([WIDE, HIGH]) - 2.0 * ROOM
-        fitting = (per for per in scales.tolist() if (np.ptp(self.ends(per), axis=0) <= room).all())
-        return next(fitting, float(scales[-1]))
-
     def ends(self, per: float) -> Array:
-        """Return the corners of the outline and the tips of the arrows at a scale [points], shape (k, 2)."""
-        tips = per * self.points + self.arrows
-        return np.concatenate([*(per * line for line in self.lines), per * self.points, tips])
+        """Return the corners of the outline and the tips of the arrows at a scale [points per metre], shape (k, 2)."""
+        corners = per * np.concatenate([*self.lines, self.points])
+        return np.concatenate([corners, per * self.points + self.arrows])
 
 
 @in_language
@@ -120,20 +108,19 @@ def free_body_diagrams(result: Result, at: float | str | None = None, *, titled:
     seen = scene(mechanism, result.trajectory.dynamics.forces, result.trajectory.q)
     axes, place = seen.framing.axes, placed(mechanism.model, row.trajectory.q)[0]
     bodies = [*free_bodies(row, seen.framing.normal)]
-    shown = [action for free in bodies if not free.left_out for action in free.actions]
-    scale, panels = _scale(shown, axes, result.presentation, seen.framing.size), []
+    drawn = [action for free in bodies if not free.left_out for action in free.actions]
+    scale, panels = _scale(drawn, axes, result.presentation, seen.framing.size), []
     for free in bodies:
         own = [] if free.left_out else [action for action in free.actions if scale.words(action)]
         if not (own or free.left_out):
             continue
-        sticks = [stick for stick in seen.figure.lines if stick.node == free.body]
-        lines = [(stick.points @ place[free.body, :3, :3].T + place[free.body, :3, 3]) @ axes.T for stick in sticks]
-        points = np.array([each.point for each in own] or [place[free.body, :3, 3]]) @ axes.T
-        forces = np.array([each.wrench[:3] for each in own] or [np.zeros(3)]) @ axes.T
-        cut = FreeBody(free.body, free.link, own, free.doubt, free.left_out)
-        panels.append(_Panel(cut, lines, points, scale.per_newton * forces))
-    heading = _heading(result, float(row.trajectory.grid.t[0]), titled)
-    return _drawn(panels, scale, heading, seen.framing)
+        turn, origin = place[free.body, :3, :3], place[free.body, :3, 3]
+        lines = [(stick.points @ turn.T + origin) @ axes.T for stick in seen.figure.lines if stick.node == free.body]
+        points = np.array([action.point for action in own] or [origin]) @ axes.T
+        forces = np.array([action.wrench[:3] for action in own] or [np.zeros(3)]) @ axes.T
+        name = said("{link}: not determined", link=free.link) if free.left_out else free.link
+        panels.append(_Panel(name, own, lines, points, scale.per_newton * forces))
+    return _drawn(panels, scale, _heading(result, float(row.trajectory.grid.t[0]), titled), seen.framing)
 
 
 def _scale(shown: Sequence[Action], axes: Array, how: Presentation, extent: float) -> _Scale:
@@ -163,15 +150,11 @@ PARTS = (slice(0, 3), slice(3, 6))
 
 
 def _heading(result: Result, t: float, titled: bool) -> str:
-    shown = result.presentation.shown(result.parameter)
-    factor = result.parameter.unit.factor / shown.unit.factor if shown.unit and result.parameter.unit else 1.0
-    unit = "" if str(shown.unit or "1") == "1" else f" {shown.unit}"
-    place = f"{symbol(shown.name)} = {plain(decimals(f'{t * factor:.5g}{unit}'))}"
-    return (
-        f"{plain(result.content.title or result.name)}, {place}"
-        if titled
-        else said("Free bodies at {place}", place=place)
-    )
+    factor, unit = shown(result.parameter, result.presentation)
+    mark = {"1": "", "°": "°"}.get(str(unit or "1"), f" {unit}")
+    place = f"{symbol(result.parameter.name)} = {plain(decimals(f'{t / factor:.5g}{mark}'))}"
+    title = plain(result.content.title or result.name)
+    return f"{title}, {place}" if titled else said("Free bodies at {place}", place=place)
 
 
 def _drawn(panels: Sequence[_Panel], scale: _Scale, heading: str, framing: Framing) -> Picture:
@@ -183,7 +166,7 @@ def _drawn(panels: Sequence[_Panel], scale: _Scale, heading: str, framing: Frami
         for k, panel in enumerate(panels):
             corner = (k % columns) / columns, (FOOT + HIGH * (rows - 1 - k // columns)) / height
             axis = picture.add_axes((*corner, 1.0 / columns, HIGH / height))
-            _panel(axis, panel, panel.scale(framing.size), scale, framing.normal)
+            _panel(axis, panel, scale, framing)
         foot = picture.add_axes((0.0, 0.0, 1.0, FOOT / height))
         foot.set(xlim=(0.0, width), ylim=(0.0, FOOT))
         foot.set_axis_off()
@@ -198,25 +181,28 @@ def _drawn(panels: Sequence[_Panel], scale: _Scale, heading: str, framing: Frami
     return picture
 
 
-def _panel(axis: Axes, panel: _Panel, per: float, scale: _Scale, normal: Array | None) -> None:
+def _panel(axis: Axes, panel: _Panel, scale: _Scale, framing: Framing) -> None:
     """Draw a body with its loads; larger loads choose the places of their names first."""
+    largest = float(np.ptp(np.concatenate([*panel.lines, panel.points]), axis=0).max())
+    scales = np.geomspace(WIDE, 1.0, 120) / max(largest, LEAST * framing.size)
+    room = np.array([WIDE, HIGH]) - 2.0 * ROOM
+    fitting = (per for per in scales.tolist() if (np.ptp(panel.ends(per), axis=0) <= room).all())
+    per, hidden, notes = next(fitting, float(scales[-1])), [*panel.lines], []
     ends = panel.ends(per)
     left, bottom = ((ends.min(axis=0) + ends.max(axis=0) - np.array([WIDE, HIGH])) / 2.0 / per).tolist()
     axis.set(xlim=(left, left + WIDE / per), ylim=(bottom, bottom + HIGH / per))
     axis.set_axis_off()
-    free, hidden = panel.free, [*panel.lines]
-    name = said("{link}: not determined", link=free.link) if free.left_out else free.link
-    axis.text(0.02, 0.97, label(plain(name)), transform=axis.transAxes, fontsize=8, weight="bold", va="top")
+    axis.text(0.02, 0.97, label(plain(panel.name)), transform=axis.transAxes, fontsize=8, weight="bold", va="top")
     for line in panel.lines:
         axis.plot(*line.T, color=PATH, linewidth=2.2)
-    notes = []
-    for action, point, arrow in zip(free.actions, panel.points, panel.arrows, strict=False):
-        colour, tip = _colour(action), point + arrow / per
+    for action, point, arrow in zip(panel.actions, panel.points, panel.arrows, strict=False):
+        colour = next((colour for words, colour in KINDS.items() if action.what.startswith(words)), COLOURS[0])
+        tip = point + arrow / per
         axis.plot(*point, "o", color=colour, markersize=DOT, markerfacecolor="white")
-        hidden += [np.array([point, tip]), *_moment(axis, action, point, per, scale, normal, colour)]
+        hidden += [np.array([point, tip]), *_moment(axis, action, point, per, scale, framing.normal, colour)]
         _arrow(axis, point, tip, colour)
         notes.append((float(np.linalg.norm(arrow)), Note(plain(scale.words(action)), tip, colour)))
-    write_beside(axis, [note for _, note in sorted(notes, key=lambda each: -each[0])], hidden, per, ())
+    write_beside(axis, [note for _, note in sorted(notes, key=lambda sized: -sized[0])], hidden, per, ())
 
 
 def _moment(
@@ -231,10 +217,6 @@ def _moment(
     axis.plot(*arc.T, color=colour, linewidth=1.1)
     _arrow(axis, arc[-4], arc[-1], colour)
     return [arc]
-
-
-def _colour(action: Action) -> str:
-    return next((colour for words, colour in KINDS.items() if action.what.startswith(words)), COLOURS[0])
 
 
 def _arrow(axis: Axes, start: Array, tip: Array, colour: str) -> None:
