@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.friction import extremes
 from pinarm.errors import InputError
 from pinarm.use.study.restore import restore
 
@@ -93,12 +94,20 @@ def test_a_gear_that_does_not_lock_needs_the_guide_as_statics_says(hoist):
     assert result["joint.lift.friction.greatest"].values == pytest.approx(np.full(3, GUIDE), rel=1e-10)
 
 
-def test_ends_that_are_not_known_are_infinite(hoist, tmp_path):
-    """With a brake on the drum three joints share the weight, and the gear raises its own load."""
+def test_a_brake_on_the_drum_leaves_the_rope_to_the_guide(hoist, tmp_path):
+    """Three joints share the weight, and the gear raises its own load."""
     path = hoist(LOCKS)
     mechanism = tmp_path / "mechanism.yaml"
     mechanism.write_text(mechanism.read_text() + "  D: {constant: 1 N*m}\n")
     result = pinarm.run(path)
+    ends = (result[f"coupling.cable.effort.{end}"].values for end in ("least", "greatest"))
+    assert list(map(float, map(np.mean, ends))) == pytest.approx([LOAD - GUIDE, LOAD + GUIDE], rel=1e-10)
+
+
+def test_ends_that_are_not_known_are_infinite(hoist, tmp_path, monkeypatch):
+    """As of many joints that hold one motion."""
+    monkeypatch.setattr(extremes, "MOST", 1)
+    result = pinarm.run(hoist(LOCKS))
     for read in (result, restore(result.save(tmp_path / "saved", plots=True))):
         assert (read["coupling.cable.effort.least"].values == -np.inf).all()
         assert (read["coupling.cable.effort.greatest"].values == np.inf).all()

@@ -171,7 +171,6 @@ class RecordedEfforts(_ControlLoad):
 
     @property
     def present(self) -> Array:
-        """The load at the end; see ``HeldLoad``."""
         return np.asarray(self.history.loads[-1])
 
     def piece(self, t: float) -> int:
@@ -183,7 +182,6 @@ class RecordedEfforts(_ControlLoad):
         return [float(t) for t in self.history.times]
 
     def load_of(self, pieces: Indices) -> Array:
-        """Return the loads after changes; see ``HeldLoad``."""
         return np.asarray(self.history.loads[pieces])
 
 
@@ -206,7 +204,6 @@ class Controls:
 
     @cached_property
     def memory(self) -> ControlMemory:
-        """Their memory."""
         sampled = [controller for controller in self.controllers if controller.sampling]
         continuous = [controller for controller in self.controllers if not controller.sampling]
         return ControlMemory(sampled, continuous, self.free.model.nv)
@@ -218,17 +215,14 @@ class Controls:
 
     @property
     def advice(self) -> str:
-        """Changes of the controllers to try where the motion grows without bound."""
         return " or ".join(map(_advice, self.controllers))
 
     @property
     def continuous(self) -> bool:
-        """Whether a controller acts at every instant."""
         return bool(self.memory.continuous)
 
     @cached_property
     def joints(self) -> tuple[int, ...]:
-        """Indices in v of the joints that are driven, the sampled ones first, as ``RecordedEfforts`` has them."""
         ordered = (*self.memory.sampled, *self.memory.continuous)
         return tuple(joint.v for controller in ordered for joint in controller.joints)
 
@@ -250,7 +244,6 @@ class Controls:
             memory.note(t)
 
     def around(self, system: System) -> System:
-        """Return a system with the integrals of controllers, where there are any."""
         return ControlledSystem(system, self.memory) if len(self.memory.integral) else system
 
     def interval(self, interval: Interval, system: System) -> Interval:
@@ -349,7 +342,6 @@ class ControlledSystem:
         return self.inner.closure
 
     def with_integrals(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return states with the integrals in the memory."""
         integral = np.broadcast_to(self.memory.integral, (*v.shape[:-1], self.memory.integral.shape[-1]))
         return q, np.concatenate([v, integral], axis=-1)
 
@@ -386,7 +378,6 @@ class ControlledSystem:
         return acceleration
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the mechanism's states; loads that are evaluated next have the integrals of these."""
         self.memory.integral, self.memory.instants = self.integrals(v).copy(), t
         return self.inner.whole(t, q, v[..., : self.inner.manifold.nv])
 

@@ -59,11 +59,15 @@ def reference_after(laws: tuple[MotionLaw, ...], t: Array, slack: float = 0.0) -
 
 
 class ScheduledAct(NamedTuple):
-    """An action of a sampled controller: it measures, or applies the command of an earlier sample."""
+    """An action of a sampled controller.
 
+    Attributes:
+        order: 0 where a command of an earlier sample is applied, 1 of a measurement, 2 of a command without delay.
+    """
+
+    order: int
     controller: int
     sample: int
-    measures: bool
 
 
 class Schedule(NamedTuple):
@@ -71,7 +75,7 @@ class Schedule(NamedTuple):
 
     Attributes:
         instants: Ascending [s].
-        actions: Those at each, in order: commands of earlier samples are applied before others are measured.
+        actions: Those at each, in order.
         slack: Difference below which instants are the same [s].
         samples: Instants of the samples of every controller [s].
     """
@@ -88,29 +92,17 @@ class Schedule(NamedTuple):
         slack = SAME * min((sampling.period for sampling in timed), default=0.0)
         marks, samples = list[tuple[float, ScheduledAct]](), list[Array]()
         for number, sampling in enumerate(timed):
-            count = int((end - start - slack) / sampling.period) + 1
+            count, applied = int((end - start - slack) / sampling.period) + 1, 0 if sampling.delay > slack else 2
             samples.append(start + sampling.period * np.arange(float(count)))
             for k, t in enumerate(samples[-1].tolist()):
-                marks.append((t, ScheduledAct(number, k, True)))
-                marks.append((t + sampling.delay, ScheduledAct(number, k, False)))
+                marks += [(t, ScheduledAct(1, number, k)), (t + sampling.delay, ScheduledAct(applied, number, k))]
         instants, actions = list[float](), list[list[ScheduledAct]]()
         for t, action in sorted(marks):
             if not instants or t > instants[-1] + slack:
                 instants.append(t)
                 actions.append([])
             actions[-1].append(action)
-        return cls(instants, [_in_order(here) for here in actions], slack, samples)
-
-
-def _in_order(actions: Sequence[ScheduledAct]) -> list[ScheduledAct]:
-    """Return actions at one instant: earlier commands apply, then all measure, then new commands without delay."""
-    measured = {(act.controller, act.sample) for act in actions if act.measures}
-
-    def place(act: ScheduledAct) -> tuple[int, ScheduledAct]:
-        at_once = not act.measures and (act.controller, act.sample) in measured
-        return (2 if at_once else int(act.measures)), act
-
-    return sorted(actions, key=place)
+        return cls(instants, [sorted(here) for here in actions], slack, samples)
 
 
 class Sampler:
@@ -209,7 +201,6 @@ class ControlMemory:
         self.note(start)
 
     def note(self, t: float) -> None:
-        """Keep the state from an instant on [s]."""
         self.times.append(t)
         self.changes.append(Change(self.load, self.applied, self.commands, tuple(self.modes)))
 
@@ -229,9 +220,9 @@ class ControlMemory:
         """Let sampled controllers do what is due at t [s], in the state (q, v) of the mechanism."""
         self.load, self.commands, self.applied = self.load.copy(), self.commands.copy(), self.applied.copy()
         while self.due(t):
-            for number, sample, measures in self.schedule.actions[self.done]:
+            for order, number, sample in self.schedule.actions[self.done]:
                 place = self.places[number]
-                if measures:
+                if order == 1:
                     command = self.samplers[number].sample(sample, t, q, v, self._excess(number, t, q, v))
                     self.waiting[number][sample] = self.commands[place] = command
                     continue
@@ -272,7 +263,6 @@ class ControlMemory:
             self.load, self.applied, self.modes = now
 
     def history(self) -> ControlHistory:
-        """Return all changes until now."""
         loads, applied, commands, modes = zip(*self.changes, strict=True)
         counts = np.array(modes, dtype=np.intp).reshape(len(self.times), len(self.continuous))
         times = np.array(self.times)

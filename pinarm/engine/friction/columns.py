@@ -73,7 +73,6 @@ def own_effort(joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate
 
 
 def _through(joint: Joint, coordinates: Mapping[str, Coordinate]) -> Array:
-    """Return the parts that the drives have in the effort of a joint, shape (d,)."""
     each = coordinates.values()
     return np.array([along.weights[joint.v] if isinstance(along, LinearCoordinate) else 0.0 for along in each])
 

@@ -15,7 +15,7 @@ friction at rest; only joints that slip have the friction of slip.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
@@ -41,8 +41,8 @@ MARGIN = 1e-9
 MANY = 6
 """Number of groups at rest up to which all 3^n combinations are tried."""
 
-SETTLED, ITERATIONS = 1e-13, 60
-"""Change of f in a step of Newton's method, relative to f, after which it has converged; and its steps at most."""
+SETTLED, ITERATIONS = 1e-14, 400
+"""Change of the limits by which joints share a load, relative to the largest; and steps towards them at most."""
 
 
 def companions(response: SlipResponse, first: int) -> list[int]:
@@ -75,7 +75,6 @@ def groups_of(contacts: Sequence[FrictionContact], response: SlipResponse, some:
 
 
 def _require_one_direction(contacts: Sequence[FrictionContact], groups: Sequence[SlipGroup]) -> None:
-    """Raise where components of one slip are in different groups."""
     seen = set[str]()
     for group in groups:
         names = {contacts[i].name for i in group.members}
@@ -141,75 +140,44 @@ class FrictionBalance:
         """
         mu, constant = np.array([contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed
                                  in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
-        slips = (direction != 0.0).astype(float)
-        limits = self._shared_limits(direction, mu * slips, constant * slips, stuck)
-        fixed, response = self._eliminated(slips, self._shares(limits, stuck), stuck)
-        loads = self.response.loads.reduced(fixed, response)
-        slipping = Slipping(self.contacts, direction, mu * slips, constant * slips, loads)
-        if not (slipping.require_one_root() if any_load else slipping.require_one_root_here()):
+        mu, constant = mu * (direction != 0.0), constant * (direction != 0.0)
+
+        def under(limits: Array) -> Array | None:
+            fixed, ways = self._eliminated(direction, self._shares(limits, stuck), stuck)
+            slipping = Slipping(self.contacts, direction, mu, constant, self.response.loads.reduced(fixed, ways))
+            has_root = slipping.require_one_root() if any_load else slipping.require_one_root_here()
+            return fixed + ways @ slipping.friction() if has_root else None
+
+        f, limits = self._shared(under, stuck)
+        if f is None:
             return None
-        f = fixed + response @ slipping.friction()
         held = np.array([group.ratios @ f[list(group.members)] for group in stuck])
-        most = self.limits(f) if limits is None else limits
-        bounds = np.array([(group.ratios * group.units) @ most[list(group.members)] for group in stuck])
+        bounds = np.array([(group.ratios * group.units) @ limits[list(group.members)] for group in stuck])
         return FrictionSolution(f, self.response.at(f), held, bounds)
 
-    def _eliminated(self, slips: Array, shares: Array, stuck: Sequence[SlipGroup]) -> tuple[Array, Array]:
-        """Return friction as ``fixed + response x`` of that x of slipping joints, stuck ones not accelerating."""
-        own, first = np.diag(slips), [group.first for group in stuck]
-        if not stuck:
-            return np.zeros(len(slips)), own
-        rows = self.response.mobility[first]
-        back = shares @ np.linalg.inv(rows @ shares)
-        return -back @ self.response.acceleration[first], own - back @ rows @ own
+    def _shared(self, under: Callable[[Array], Array | None], stuck: Sequence[SlipGroup]) -> tuple[Array | None, Array]:
+        """Return friction whose groups share in proportion to limits, and these limits, which depend on the friction.
 
-    def _shares(self, limits: Array | None, stuck: Sequence[SlipGroup]) -> Array:
-        """Return the friction of all joints for ``phi = 1`` of each stuck group, shape (k, g)."""
-        shares = np.zeros((len(self.contacts), len(stuck)))
-        for g, group in enumerate(stuck):
-            members = list(group.members)
-            own = [self.contacts[i].name == self.contacts[group.first].name for i in members]
-            shared = group.units * (limits[members] if limits is not None and limits[members].any() else own)
-            shares[members, g] = shared / (group.ratios @ shared)
-        return shares
-
-    def _shared_limits(self, direction: Array, mu: Array, constant: Array, stuck: Sequence[SlipGroup]) -> Array | None:
-        """Return the limits by which the members of groups share, shape (k,); ``None`` where each has one member."""
-        members = [i for group in stuck if len(group.members) > 1 for i in group.members]
-        if not members:
-            return None
-        if self.response.loads.constant:
-            return self.limits(np.zeros(len(mu)))
-        mu, constant = mu.copy(), constant.copy()
-        mu[members], constant[members] = np.array([self.contacts[i].law.resting for i in members]).T
-        return self.limits(self.shared(stuck, direction, mu, constant))
-
-    def shared(self, groups: Sequence[SlipGroup], direction: Array, mu: Array, constant: Array) -> Array:
-        """Return friction f whose groups share in proportion to limits that depend on f, shape (k,).
-
-        Members have ``f_i = sigma u_i L_i(f)``, with ``|sigma| <= 1`` such that the group does not accelerate;
-        where even ``|sigma| = 1`` does not hold the group, it breaks loose with these limits. With the
-        frictions of joints that slip, ``f_i = - s_i R_i(f)``, and of groups of one member, these are as many
-        equations as unknowns f and sigma:
-
-            f_i - e_i R_i(f) = 0,    alpha_g(f) = 0  or  sigma_g = +-1        (1)
-
-        Solved by Newton's method; which of the two equations of a group counts is told by ``sigma - rho / b``, with the
-        rest ``rho = alpha / A`` and the limit b of the group (Hintermueller, Ito, Kunisch, The primal- dual active set
-        strategy as a semismooth Newton method, SIAM J. Optim. 13 (2003), 865-888). ``mu`` and ``constant`` are those of
-        slip of joints that slip, those at rest of stuck ones, 0 of others, shape (k,).
+        Groups that are held by more than their limits count with these, with which they break loose.
         """
-        f, sigma = np.zeros(len(mu)), np.zeros(len(groups))
+        several, limits = any(len(group.members) > 1 for group in stuck), np.zeros(len(self.contacts))
+        if not stuck:
+            return under(limits), limits
+        limits = self.limits(limits) if several else limits
         for _ in range(ITERATIONS):
-            matrix, rest = self._linearised(groups, direction, mu, constant, f, sigma)
-            try:
-                step = np.linalg.solve(matrix, -rest)
-            except np.linalg.LinAlgError:
-                break
-            f, sigma = f + step[: len(f)], sigma + step[len(f) :]
-            if np.abs(step[: len(f)]).max() <= SETTLED * np.abs(f).max():
-                return f
-        names = dict.fromkeys(self.contacts[i].name for group in groups for i in group.members)
+            f = under(limits)
+            if f is None:
+                return None, limits
+            before, within = limits, f.copy()
+            for group in (group for group in stuck if len(group.members) > 1):
+                members = list(group.members)
+                phi = abs(float(group.ratios @ f[members]))
+                bound = float((group.ratios * group.units) @ limits[members])
+                within[members] *= min(1.0, bound / phi) if phi else 1.0
+            limits = self.limits(within)
+            if not several or np.abs(limits - before).max() <= SETTLED * np.abs(limits).max():
+                return f, limits
+        names = dict.fromkeys(self.contacts[i].name for group in stuck for i in group.members)
         raise DynamicsError(
             f"how {', '.join(names)} share the friction that holds them is not found: their limits depend on what they "
             "carry, and what they carry on how they share it",
@@ -217,33 +185,24 @@ class FrictionBalance:
             hint="a smaller mu, or friction without a load: constant",
         )
 
-    def _linearised(
-        self, groups: Sequence[SlipGroup], direction: Array, mu: Array, constant: Array, f: Array, sigma: Array
-    ) -> tuple[Array, Array]:
-        """Return the derivative of (1), shape (k + g, k + g), and its residual, shape (k + g,)."""
-        k, loads, factor, limit = len(f), self.response.loads, -direction, constant.copy()
-        wrench, response, matrix = loads.at(f), loads.slope(f), np.eye(k + len(sigma))
-        for group, share in zip(groups, sigma, strict=True):
-            factor[list(group.members)] = share * group.units if len(group.members) > 1 else 0.0
-        for i in np.flatnonzero(mu).tolist():
-            bearing = self.contacts[i].bearing
-            limit[i] += mu[i] * bearing.load(wrench[i])
-            matrix[i, :k] -= factor[i] * mu[i] * response[i] @ bearing.slope(wrench[i])
-        rest = np.concatenate([f - factor * limit, sigma])
-        for row, group in enumerate(groups, k):
-            members, single, share = list(group.members), len(group.members) == 1, sigma[row - k]
-            mobility = self.response.mobility[group.first] / self.response.mobility[group.first, group.first]
-            bound = 1.0 if single else float((group.ratios * group.units) @ limit[members])
-            matrix[members, row] = -1.0 if single else -group.units * limit[members]
-            if single:
-                rest[members] = f[members] - share
-            left = self.response.at(f)[group.first] / self.response.mobility[group.first, group.first]
-            wanted = share - left / max(bound, np.finfo(float).tiny)
-            if single or abs(wanted) < 1.0:
-                matrix[row], rest[row], matrix[row, :k] = 0.0, left, mobility
-            else:
-                rest[row] = share - np.sign(wanted)
-        return matrix, rest
+    def _eliminated(self, direction: Array, shares: Array, stuck: Sequence[SlipGroup]) -> tuple[Array, Array]:
+        """Return friction as ``fixed + response x`` of that x of slipping joints, stuck ones not accelerating."""
+        own, first = np.diag((direction != 0.0).astype(float)), [group.first for group in stuck]
+        if not stuck:
+            return np.zeros(len(direction)), own
+        rows = self.response.mobility[first]
+        back = shares @ np.linalg.inv(rows @ shares)
+        return -back @ self.response.acceleration[first], own - back @ rows @ own
+
+    def _shares(self, limits: Array, stuck: Sequence[SlipGroup]) -> Array:
+        """Return the friction of all joints for ``phi = 1`` of each stuck group, shape (k, g)."""
+        shares = np.zeros((len(self.contacts), len(stuck)))
+        for g, group in enumerate(stuck):
+            members = list(group.members)
+            own = [self.contacts[i].name == self.contacts[group.first].name for i in members]
+            shared = group.units * (limits[members] if limits[members].any() else own)
+            shares[members, g] = shared / (group.ratios @ shared)
+        return shares
 
 
 def decided(balance: FrictionBalance, moving: Array, broken: Array, yielding: Array | float = 0.0) -> Slip:
@@ -298,7 +257,6 @@ class _Decision:
     groups: Sequence[SlipGroup]
 
     def direction(self, signs: Sequence[int]) -> Array:
-        """Return the directions of all joints, shape (k,)."""
         return np.asarray(self.given + directions_of(self.groups, signs, len(self.given)))
 
     def wanted(self, signs: Sequence[int], *, slips: bool) -> tuple[FrictionSolution | None, list[int]]:
@@ -342,7 +300,6 @@ class _Decision:
         return consistent[0]
 
     def _consistent(self, signs: list[int], *, slips: bool = False) -> FrictionSolution | None:
-        """Return the friction where no sign contradicts itself."""
         solution, wanted = self.wanted(signs, slips=slips)
         return solution if wanted == signs else None
 

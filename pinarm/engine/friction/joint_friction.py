@@ -8,7 +8,7 @@ friction that holds a joint reaches its bound.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -105,8 +105,6 @@ class JointFriction(ForceElement):
         span: Interval of time without jumps [s].
         slip: Directions of the joints that slip, and groups that are stuck.
         size: What errors of steps are relative to; see ``Interval.size``.
-        known: Solutions in states that have been asked for, by these; ``None`` where they are not kept, as in an
-            integration: efforts of controllers jump between two states that are the same.
     """
 
     contacts: Sequence[FrictionContact]
@@ -118,7 +116,6 @@ class JointFriction(ForceElement):
     span: tuple[float, float]
     slip: Slip
     size: float = 1.0
-    known: dict[tuple[object, ...], FrictionSolution] | None = field(default=None, repr=False)
 
     @cached_property
     def direction(self) -> Array:
@@ -138,7 +135,6 @@ class JointFriction(ForceElement):
 
     @cached_property
     def equation(self) -> SlipEquation:
-        """The equation of motion on the interval."""
         dynamics = self.dynamics.on(*self.span)
         return SlipEquation(self.contacts, self.rows, dynamics, self.prescribed.on(*self.span))
 
@@ -151,7 +147,6 @@ class JointFriction(ForceElement):
         return np.asarray(np.matvec(self._rows_at(q), v))
 
     def _rows_at(self, q: Array) -> Array:
-        """Return J of the slips, shape (.., k, nv)."""
         if q.ndim == 1:
             return slip_rows_at(self.closure.model, self.contacts, q)
         rows = slip_rows(self.closure.model, self.contacts, q.reshape(-1, q.shape[-1]))
@@ -173,29 +168,14 @@ class JointFriction(ForceElement):
         return solution
 
     def solutions(self, t: Array, q: Array, v: Array) -> list[FrictionSolution]:
-        """Return the friction in states of one interval."""
-        if self.known is None:
-            return [self.solution(*row) for row in zip(t, q, v, strict=True)]
-        asked = [(self.span, *(x.tobytes() for x in row)) for row in zip(t, q, v, strict=True)]
-        for row, state in enumerate(asked):
-            if state not in self.known:
-                self.known[state] = self.solution(float(t[row]), q[row], v[row])
-        return [self.known[state] for state in asked]
+        return [self.solution(*row) for row in zip(t.tolist(), q, v, strict=True)]
 
     def extremes(self, t: Array, q: Array, v: Array, solutions: Sequence[FrictionSolution]) -> list[Extremes]:
-        """Return the frictions at which shares of joints at rest are least or greatest, in n states."""
-        extremes, before = list[Extremes](), b""
-        for instant, position, rate, solution in zip(t.tolist(), q, v, solutions, strict=True):
-            state = b"".join(x.tobytes() for x in (position, rate, *solution))
-            if state != before:
-                balance, directions = self.balance(instant, position, rate), self.directions(self.slips(position, rate))
-                own = extreme_frictions(balance, directions, self.slip.stuck, solution.f)
-            extremes.append(own)
-            before = state
-        return extremes
+        stuck, directions = self.slip.stuck, self.directions(self.slips(q, v))
+        rows = zip(t.tolist(), q, v, directions, solutions, strict=True)
+        return [extreme_frictions(self.balance(*state), way, stuck, known.f) for *state, way, known in rows]
 
     def friction(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the friction of joints that slip [N*m or N], shape (.., k)."""
         flat_q, flat_v = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
         if self.equation.loaded:
             instants = np.broadcast_to(t, q.shape[:-1]).ravel()
@@ -223,7 +203,6 @@ class JointFriction(ForceElement):
         return np.asarray(-(self.friction(t, q, v) * self.slips(q, v)).sum(axis=-1))
 
     def laws(self) -> list[MotionLaw]:
-        """Return the laws of the coordinates that follow some: reactions jump where they do."""
         return list(self.prescribed.laws)
 
     def on(self, start: float, end: float) -> JointFriction:
@@ -273,19 +252,6 @@ class JointFriction(ForceElement):
         except DynamicsError as error:
             error.message = f"at t = {self.span[0]:.9g} s: {error.message}"
             raise
-
-    def begun(self, before: Slip, q: Array) -> Array:
-        """Return the direction of the acceleration that grows with the load beyond friction at a switch, shape (nv,).
-
-        With T the motions that are left and d the directions of the slips J v that begin: ``T (T' M T)^-1 T' J' d``.
-        """
-        held, still = self.with_stuck(q), {i for group in self.slip.stuck for i in group.members}
-        broken = [i for group in before.stuck for i in group.members if i not in still]
-        closure = self.closure.with_guides(held.names, held.coordinates)
-        free, rows = split_rows(closure.rows(closure.state(q))).free, slip_rows_at(closure.model, self.contacts, q)
-        along = free.T @ (self.direction[broken] @ rows[broken])
-        mass = free.T @ mass_matrix(closure.model, q) @ free
-        return np.asarray(free @ np.linalg.lstsq(mass, along)[0])
 
     def resting_speed(self, velocities: Array, rest: Sequence[float] | None = None) -> Array:
         """Return the slips [rad/s or m/s] up to which joints are at rest at velocities, shape (.., nv), as (.., k)."""
@@ -362,7 +328,6 @@ class JointFriction(ForceElement):
         return split_rows(closure.rows(closure.state(q))).free
 
     def _standing_coordinate(self, group: SlipGroup, slip: Array, free: Array) -> Coordinate:
-        """Return a coordinate that stands still if and only if a group does."""
         contacts = [self.contacts[i] for i in group.members]
         for contact in contacts:
             if isinstance(contact.of, int) and not contact.part and contact.standing:
@@ -373,7 +338,7 @@ class JointFriction(ForceElement):
         if cosines[best] >= 1.0 - ALIKE:
             return coordinate_at(self.closure.model, best)
         for contact in contacts:
-            if contact.by_multiplier and contact.standing:
+            if contact.coupling and contact.standing:
                 return contact.standing
         raise DynamicsError(
             f"no joint of the tree stands still where {self.contacts[group.first].name} sticks",

@@ -89,7 +89,6 @@ class SlipEquation:
 
     @cached_property
     def loaded(self) -> bool:
-        """Whether any friction depends on the load of its joint."""
         return any(contact.law.loaded for contact in self.contacts)
 
     @cached_property
@@ -115,7 +114,6 @@ class SlipEquation:
         return self._last[0]
 
     def at(self, t: float, q: Array, v: Array) -> SlipResponse:
-        """Return the response of slips and loads to friction in a state, shapes (nq,) and (nv,)."""
         here, k = self._in_state(q, v), len(self.contacts)
         force, ddw = self.efforts + self.dynamics.loads(t, q, v) - here.nle, self.targets(t)[2]
         right = here.right.copy()
@@ -128,27 +126,22 @@ class SlipEquation:
         if not self.loaded:
             loads = CarriedLoads.linear(np.zeros((k, 6)), np.zeros((k, k, 6)))
             return SlipResponse(alpha, mobility, loads, here.driven)
-        sizes = self._sizes(here, terms, np.diag(mobility))
+        sizes = self._sizes(here, terms)
         f, lam = _each_alone(sizes), here.split.multipliers(here.mass @ a - force)
         loads = BearingReactions(self.contacts, self.closure, self.dynamics).loads(
             t, q, v, a + f @ here.accelerations.T, lam + f @ here.multipliers, sizes
         )
         return SlipResponse(alpha, mobility, loads, here.driven)
 
-    def _sizes(self, here: _InState, terms: Array, moved: Array) -> Array:
-        """Return frictions as large as the other efforts [N*m or N], powers of 2: differences lose no digits; (k,).
+    def _sizes(self, here: _InState, terms: Array) -> Array:
+        """Return frictions as large as the other efforts and the weight, powers of 2: differences lose no digits; (k,).
 
-        Efforts along a slip may cancel, or be rounding of weights across it. So its friction has at least the energy,
-        ``f^2 / M`` in equal times, that the effort of any joint and the weight have.
+        Larger ones would lose none either, as the loads are linear; efforts may be rounding of weights across them.
         """
-        along, masses = np.abs(here.slips), np.diag(here.mass)
-        sizes = along @ terms / np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
-        some, free = masses > 0.0, ~here.driven & (moved > 0.0)
-        model = self.closure.model
-        weight = float(sum(link.mass for link in model.inertias) * (model.gravity.linear @ model.gravity.linear))
-        energy = max(weight, float((terms[some] ** 2 / masses[some]).max(initial=0.0)))
-        sizes[free] = np.maximum(sizes[free], np.sqrt(energy / moved[free]))
-        return np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0))))
+        model, along = self.closure.model, np.abs(here.slips).max(axis=1)
+        weight = float(sum(link.mass for link in model.inertias) * np.linalg.norm(model.gravity.linear))
+        most = max(weight, float(terms.max(initial=0.0))) or 1.0
+        return np.exp2(np.round(np.log2(np.where(along > 0.0, most / np.where(along > 0.0, along, 1.0), 1.0))))
 
     def require_determined(self, q: Array) -> None:
         if self.loaded and self.closure.size:
@@ -166,19 +159,6 @@ class BearingReactions:
     contacts: Sequence[FrictionContact]
     closure: Closure
     dynamics: Dynamics
-
-    @property
-    def _by_multipliers(self) -> bool:
-        return all(contact.by_multiplier or not contact.law.loaded for contact in self.contacts)
-
-    def _carried(self, q: Array, lam: Array) -> Array:
-        """Return the multipliers at a configuration as wrenches, shape (n, k, 6)."""
-        named = {name: lam[:, rows] for name, rows in self.closure.slices.items()}
-        carried = np.zeros((len(lam), len(self.contacts), 6))
-        for i, contact in enumerate(self.contacts):
-            if contact.law.loaded:
-                carried[:, i] = contact.carried(q[None], named)
-        return carried
 
     def _wrenches(self, links: LinkPlacements, t: float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
         """Return wrenches in one state under n accelerations, multipliers and frictions, shape (n, k, 6)."""
@@ -203,10 +183,6 @@ class BearingReactions:
         Accelerations, shape (1 + k, nv), and multipliers, shape (1 + k, m), are those without friction, then
         those with a friction of the given size of each joint alone, shape (k,).
         """
-        if self._by_multipliers:
-            wrenches = self._carried(q, lam)
-            response = (wrenches[1:] - wrenches[0]) / sizes[:, None, None]
-            return CarriedLoads.linear(wrenches[0], response.swapaxes(0, 1))
         f, links = _each_alone(sizes), LinkPlacements.at(self.closure.model, q[None])
         distances, fold = self._kinks(links, lam, f)
         smooth = self._wrenches(links, t, q, v, a, lam, f) - np.vecmat(np.abs(distances)[:, None], fold)
@@ -229,7 +205,8 @@ class BearingReactions:
         none = {name: np.zeros((len(own), rows.stop - rows.start)) for name, rows in slices.items()}
         all_alike = links.some(np.zeros(len(own), dtype=np.intp))
         fold = np.array([contact.transmitted(all_alike, joints, none) for contact in self.contacts])
-        return np.array([x - kink.at for x, kink in own]).reshape(len(own), len(lam)).T, fold
+        acts = fold.any(axis=(0, 2))
+        return np.array([x - kink.at for x, kink in own]).reshape(len(own), len(lam)).T[:, acts], fold[:, acts]
 
     def _acting(self, links: LinkPlacements, t: float, q: Array, v: Array, lam: Array, f: Array) -> Array:
         """Return wrenches [f; m] of loads, constraints and friction on links at the world's origin, (n, njoints, 6)."""
@@ -274,10 +251,7 @@ class BearingReactions:
         m, nv, links = self.closure.size, self.closure.model.nv, LinkPlacements.at(self.closure.model, q[None])
         stresses = np.vstack([np.zeros((1, m)), rows.stresses.T])
         still, none = np.zeros((len(stresses), nv)), np.zeros((len(stresses), len(self.contacts)))
-        if self._by_multipliers:
-            wrenches = self._carried(q, stresses)
-        else:
-            wrenches = self._wrenches(links, 0.0, q, still[0], still, stresses, none)
+        wrenches = self._wrenches(links, 0.0, q, still[0], still, stresses, none)
         added = (wrenches[1:] - wrenches[0]).swapaxes(0, 1)
         return [
             contact

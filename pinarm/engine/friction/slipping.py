@@ -29,9 +29,6 @@ from pinarm.errors import DynamicsError
 if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import Bearing, FrictionContact
 
-SIDES = 1e-12
-"""Part of its terms by which a multiplier may be on the other side of a kink: there both sides have one wrench."""
-
 CONTRACTING = 1.0 - 1e-9
 """Spectral radius of C from which on (1) is not known to have one root."""
 
@@ -39,7 +36,7 @@ SIGNS = 10
 """Number of normal forces and kinks up to which all their signs are tried."""
 
 CONSISTENT, SAME = 1e-12, 1e-9
-"""Part of its terms by which a normal force may miss its sign, and part by which two roots of (1) are one."""
+"""Part of its terms by which a normal force or a kink may miss its sign, and by which two roots of (1) are one."""
 
 SOLVED, ITERATIONS = 4e-16, 200
 """Residual of (1), relative to its terms, at which Newton's method ends, and its steps at most."""
@@ -103,11 +100,10 @@ class CarriedLoads:
         return np.asarray(-self.distances(f)[rates != 0.0] / rates[rates != 0.0])
 
     def most(self, i: int, bearing: Bearing) -> Array:
-        """Return the most by which each friction of size 1 can change the load N of bearing i, shape (m,).
+        """Return a bound of the change of the load N of bearing i by each friction of size 1, shape (m,).
 
         Between any two f that differ by x in friction j the mean slope of ``|g_p|`` is ``s_p G_pj`` with s_p from -1 to
-        1, and w changes by ``x (W_ij + sum_p s_p G_pj K_ip)``. Its lengths are convex in s: largest where all s_p are 1
-        or -1.
+        1, and w changes by ``x (W_ij + sum_p s_p G_pj K_ip)``.
         """
         return bearing.most_with_either_sign(self.response[i], self.rate[..., None] * self.fold[i][:, None])
 
@@ -115,18 +111,6 @@ class CarriedLoads:
         """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (m,) and (m, n)."""
         wrench = self.wrench + np.vecmat(fixed, self.response)
         return CarriedLoads(wrench, ways.T @ self.response, self.distances(fixed), self.rate @ ways, self.fold)
-
-    def pieces(self) -> Iterator[tuple[Array, CarriedLoads]]:
-        """Yield all signs of g, shape (p,), with the loads that are linear where g has them."""
-        for signs in product([1.0, -1.0], repeat=len(self.distance)):
-            side = np.array(signs)
-            wrench = self.wrench + np.vecmat(side * self.distance, self.fold)
-            yield side, CarriedLoads.linear(wrench, self.response + (side[:, None] * self.rate).T @ self.fold)
-
-    def on_side(self, side: Array, f: Array) -> bool:
-        """Return whether g has given signs, shape (p,), under friction f, or vanishes."""
-        slack = SIDES * (np.abs(self.distance) + np.abs(self.rate) @ np.abs(f))
-        return bool((side * self.distances(f) >= -slack).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,16 +137,18 @@ class Slipping:
 
     @cached_property
     def _most(self) -> Array:
-        """C of the joints that rub, its rows times |s|, shape (r, r)."""
-        some, size = self._rubbing, self.mu * np.abs(self.direction)
-        rows = [size[i] * self.loads.most(i, self.contacts[i].bearing)[some] for i in some]
-        return np.array(rows).reshape(len(some), len(some))
+        """C, its rows times |s|, shape (k, k): 0 of joints whose friction does not depend on their load."""
+        most, some = np.zeros((len(self.mu), len(self.mu))), self._rubbing
+        for i in some:
+            bound = self.loads.most(i, self.contacts[i].bearing)
+            most[i, some] = self.mu[i] * abs(self.direction[i]) * bound[some]
+        return most
 
     def contraction(self) -> float:
-        """Return the spectral radius of C, its rows times |s|: below 1 there is exactly one root."""
+        """Return the spectral radius of C: below 1 there is exactly one root."""
         return float(np.abs(np.linalg.eigvals(self._most)).max(initial=0.0))
 
-    @property
+    @cached_property
     def contracts(self) -> bool:
         """Whether C tells that there is exactly one root."""
         bound = float(self._most.sum(axis=1).max(initial=0.0))  # of the spectral radius, and much cheaper
@@ -170,46 +156,34 @@ class Slipping:
 
     @cached_property
     def roots(self) -> list[Array] | None:
-        """All roots f, shape (k,), where normal forces are along lines; ``None`` where they are not known."""
-        kinks, roots = len(self.loads.distance), list[Array]()
-        if kinks > SIGNS:
-            return None
-        for side, loads in self.loads.pieces():
-            if (some := self._roots_under(loads, SIGNS - kinks)) is None:
-                return None
-            roots += [f for f in some if self.loads.on_side(side, f) and not _is_among(f, roots)]
-        return roots
+        """All roots f, shape (k,), where normal forces are along lines; ``None`` where they are not known.
 
-    def _roots_under(self, loads: CarriedLoads, most: int) -> list[Array] | None:
-        """Return the roots under loads without kinks; ``None`` where more than ``most`` signs would be tried."""
-        normals, levers = [np.zeros((0, 1 + len(self.mu)))], [np.zeros((len(self.mu), 0))]
+        With signs of the distances g and of the normal forces (1) is linear: ``f + s (levers sign (n + R f) + c) = 0``.
+        """
+        loads, constant, k = self.loads, self.constant.copy(), len(self.mu)
+        kinks, normals, levers = len(loads.distance), [np.zeros((0, 1 + k + len(loads.distance)))], [np.zeros((k, 0))]
         for i in self._rubbing:
             bearing = self.contacts[i].bearing
-            along = bearing.along_lines(np.vstack([loads.wrench[i], loads.response[i]]))
+            along = bearing.along_lines(np.vstack([loads.wrench[i], loads.response[i], loads.fold[i]]))
             if along is None:
                 return None
             normals.append(along)
-            levers.append(np.zeros((len(self.mu), len(bearing.levers))))
-            levers[-1][i] = self.mu[i] * bearing.levers
-        terms = np.vstack(normals)
-        return self._roots_among(np.hstack(levers), terms[:, 0], terms[:, 1:]) if len(terms) <= most else None
-
-    def _roots_among(self, levers: Array, loads: Array, response: Array) -> list[Array] | None:
-        """Return the roots of ``f + s (levers |loads + response f| + c) = 0``, shapes (k, p), (p,) and (p, k).
-
-        ``None`` where the equation is singular for a choice of signs: it may have infinitely many.
-        """
-        roots, constant = list[Array](), self.constant.copy()
-        for i in self._rubbing:
-            constant[i] += self.mu[i] * self.contacts[i].bearing.preload
-        for signs in product([1.0, -1.0], repeat=len(loads)):
-            signed = self.direction[:, None] * levers * np.array(signs)
-            matrix = np.eye(len(constant)) + signed @ response
-            if np.linalg.cond(matrix) > 1.0 / SAME:
+            levers.append(self.mu[i] * np.outer(np.arange(k) == i, bearing.levers))
+            constant[i] += self.mu[i] * bearing.preload
+        terms, roots = np.vstack(normals), list[Array]()
+        if kinks + len(terms) > SIGNS:
+            return None
+        for signs in map(np.array, product([1.0, -1.0], repeat=kinks + len(terms))):
+            folds = terms[:, 1 + k :] * signs[:kinks]
+            first = np.append(loads.distance, terms[:, 0] + folds @ loads.distance)
+            rate = np.vstack([loads.rate, terms[:, 1 : 1 + k] + folds @ loads.rate])
+            signed = self.direction[:, None] * np.hstack(levers) * signs[kinks:]
+            matrix = np.eye(k) + signed @ rate[kinks:]
+            if np.linalg.cond(matrix) > 1.0 / SAME:  # it may have infinitely many
                 return None
-            f = np.linalg.solve(matrix, -signed @ loads - self.direction * constant)
-            slack = CONSISTENT * (np.abs(loads) + np.abs(response) @ np.abs(f))
-            if (signs * (loads + response @ f) >= -slack).all() and not _is_among(f, roots):
+            f = np.linalg.solve(matrix, -signed @ first[kinks:] - self.direction * constant)
+            slack = CONSISTENT * (np.abs(first) + np.abs(rate) @ np.abs(f))
+            if (signs * (first + rate @ f) >= -slack).all() and not _is_among(f, roots):
                 roots.append(f)
         return roots
 
@@ -223,10 +197,12 @@ class Slipping:
         """Return whether (1) has a root, which changes little with the loads."""
         if self.contracts:
             return True
-        some = self._rubbing
-        coupled = [i for i in some if self.loads.most(i, self.contacts[i].bearing)[some].any()]
-        if len(coupled) == 1 and not self._dips(coupled[0]):
-            return False
+        coupled = np.flatnonzero(self._most.any(axis=1)).tolist()
+        if len(coupled) == 1:
+            ray = np.abs(self.direction) * (np.arange(len(self.mu)) == coupled[0])
+            others = -self.direction * self.constant * (ray == 0.0)
+            if self._least_reserves(ray, others)[coupled[0]] > 0.0:
+                return False
         names = " and ".join(dict.fromkeys(self.contacts[i].name for i in coupled))
         raise DynamicsError(
             f"the friction of {names} and the reactions that it depends on do not determine each other: "
@@ -235,18 +211,6 @@ class Slipping:
             hint="a smaller mu, a longer span of a guide; of a worm or screw that locks itself: a drive, or friction, "
             "at the joint of the worm or the screw, above all where loads act there",
         )
-
-    def _dips(self, i: int) -> bool:
-        """Return whether ``h(x) = mu N(w) + c - x`` falls to 0 for a friction x > 0 of joint i, others constant."""
-        others, way = -self.direction * self.constant, np.zeros(len(self.mu))
-        others[i], way[i] = 0.0, -self.direction[i]
-        if self.mu[i] * self.contacts[i].bearing.most(self.loads.far(way)[i]) < CONTRACTING:
-            return True
-
-        def h(x: float) -> float:
-            return float(self.resistance(others + x * way)[i] - x)
-
-        return _least_of(h, self.loads.crossings(others, way)) <= 0.0
 
     def resistance(self, f: Array) -> Array:
         """Return ``mu N(w(f)) + c`` [N*m or N], shape (k,)."""
@@ -289,13 +253,9 @@ class Slipping:
         """Return whether joints at rest, with their friction at rest, hold any effort that would make them slip.
 
         The effort T of a drive and the friction are in balance for ``T = T0 - J f``, with the slips J per unit of the
-        drive's coordinate. For frictions ``f_i = -s_i r_i x`` along a ray r the reserve
-
-            h_i(x) = mu_i N_i(w(- x s r)) + c_i - r_i x
-
-        is convex in x between kinks of the loads. Where it is nowhere negative, of all joints in the ray, friction
-        holds every effort from T0 on, as a worm does that is driven at its wheel. Joints whose friction is constant
-        have it throughout: with the others at 0 they hold any part of it before.
+        drive's coordinate. Where no reserve along a ray of frictions is negative, friction holds every effort from T0
+        on, as a worm does that is driven at its wheel. Joints whose friction is constant have it throughout: with the
+        others at 0 they hold any part of it before.
 
         Args:
             slips: J, shape (k,).
@@ -303,36 +263,38 @@ class Slipping:
         """
         if self.contracts:
             return False
-        return any(self._is_held(ray, slips, ROUNDED * effort) for ray in self._rays(slips))
-
-    def _rays(self, slips: Array) -> Iterator[Array]:
-        """Yield r, shape (k,): of each joint alone, and the one in which all raise their loads most, by C."""
-        size = np.abs(self.direction) * (self.mu > 0.0) * (slips != 0.0)
-        some = np.flatnonzero(size)
-        for name in dict.fromkeys(self.contacts[i].name for i in some.tolist()):
-            yield size * np.array([contact.name == name for contact in self.contacts])
-        if len(some) > 1:
-            most = [size[i] * self.mu[i] * self.loads.most(i, self.contacts[i].bearing)[some] for i in some.tolist()]
-            values, vectors = np.linalg.eig(np.array(most))
-            ray = np.zeros(len(size))
-            ray[some] = np.abs(vectors[:, np.abs(values).argmax()])
-            yield ray
-
-    def _is_held(self, ray: Array, slips: Array, slack: float) -> bool:
-        """Return whether no reserve along a ray is negative, beyond what an effort of the size of ``slack`` does."""
-        friction, size = -np.sign(self.direction) * ray, np.abs(self.direction)
         constant = -self.direction * self.constant * (self.mu == 0.0)
-        added, kinks = self.loads.far(friction), self.loads.crossings(constant, friction)
+        return any(
+            (self._least_reserves(ray, constant) * np.abs(slips) >= -ROUNDED * effort).all()
+            for ray in self._rays(np.abs(self.direction) * (slips != 0.0))
+        )
+
+    def _rays(self, size: Array) -> Iterator[Array]:
+        """Yield r, shape (k,): of each joint alone, and the one in which all raise their loads most, by C."""
+        names = {self.contacts[i].name for i in self._rubbing if size[i]}
+        for name in sorted(names):
+            yield size * (self.mu > 0.0) * np.array([contact.name == name for contact in self.contacts])
+        if len(names) > 1:
+            values, vectors = np.linalg.eig(np.where(np.outer(size, size) > 0.0, self._most, 0.0))
+            yield np.abs(vectors[:, np.abs(values).argmax()])
+
+    def _least_reserves(self, ray: Array, others: Array) -> Array:
+        """Return the least reserve of each joint along a ray r, shape (k,); 0 of joints out of it.
+
+        For frictions ``f_i = -sign(s_i) r_i x`` the reserve ``|s_i| (mu_i N_i(w(f)) + c_i) - r_i x`` is convex in x >=
+        0 between kinks of the loads; it has no least where N grows more slowly than x. Joints out of the ray have the
+        friction ``others``.
+        """
+        friction, size, least = -np.sign(self.direction) * ray, np.abs(self.direction), np.zeros(len(ray))
+        added, kinks = self.loads.far(friction), self.loads.crossings(others, friction)
         for i in np.flatnonzero(ray).tolist():
-            if size[i] * self.mu[i] * self.contacts[i].bearing.most(added[i]) * CONTRACTING <= ray[i]:
-                return False
 
             def reserve(x: float, i: int = i) -> float:
-                return float(size[i] * self.resistance(constant + x * friction)[i] - ray[i] * x)
+                return float(size[i] * self.resistance(others + x * friction)[i] - ray[i] * x)
 
-            if _least_of(reserve, kinks) * abs(slips[i]) < -slack:
-                return False
-        return True
+            grows = size[i] * self.mu[i] * self.contacts[i].bearing.most(added[i]) * CONTRACTING > ray[i]
+            least[i] = _least_of(reserve, kinks) if grows else -np.inf
+        return least
 
 
 def _is_among(f: Array, roots: Sequence[Array]) -> bool:

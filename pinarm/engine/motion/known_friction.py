@@ -79,7 +79,6 @@ class KnownFriction:
 
     @cached_property
     def resting(self) -> Flags:
-        """Mask of the slips whose joints are at rest, shape (n, k)."""
         return np.asarray(sizes(self.run.mechanism.frictions, self.directions) == 0.0)
 
     def under(self, friction: Array) -> Trajectory:
@@ -92,38 +91,36 @@ class KnownFriction:
 
     @cached_property
     def loads(self) -> list[CarriedLoads]:
-        """Loads of the bearings, row by row."""
-        contacts, n = self.run.mechanism.frictions, len(self.run)
-        k = len(contacts)
+        run, own, contacts = self.run, self.run.mechanism.closure, self.run.mechanism.frictions
+        n, k = len(run), len(contacts)
         if not any(contact.law.loaded for contact in contacts):
             return [CarriedLoads.linear(np.zeros((k, 6)), np.zeros((k, k, 6)))] * n
-        self._require_determined()
+        split = split_rows(run.closure.rows(run.closure.state(run.q[0]))[: own.size])  # the first row stands for all
+        BearingReactions(contacts, own, run.intervals()[0][1]).require_determined(split, run.q[0])
         frictions = np.vstack([np.zeros(k), np.eye(k)])
         lam = np.stack([np.asarray(self.under(np.tile(f, (n, 1))).lam) for f in frictions], axis=1)
-        a, loads = np.broadcast_to(self.run.a[:, None], (n, 1 + k, self.run.a.shape[1])), list[CarriedLoads]()
-        for part, dynamics in self.run.intervals():
-            transmission = BearingReactions(contacts, self.run.closure, dynamics)
+        a, loads = np.broadcast_to(run.a[:, None], (n, 1 + k, run.a.shape[1])), list[CarriedLoads]()
+        for part, dynamics in run.intervals():
+            transmission = BearingReactions(contacts, run.closure, dynamics)
             for i in range(part.start, part.stop):
-                state = float(self.run.grid.t[i]), self.run.q[i], self.run.v[i]
+                state = float(run.grid.t[i]), run.q[i], run.v[i]
                 loads.append(transmission.loads(*state, a[i], lam[i], np.ones(k)))
         return loads
 
-    def _require_determined(self) -> None:
-        """Raise where rigid bodies do not determine the load of a bearing; the first row stands for all."""
-        run = self.run
-        m, dynamics = run.mechanism.closure.size, run.intervals()[0][1]
-        split = split_rows(run.closure.rows(run.closure.state(run.q[0]))[:m])
-        BearingReactions(run.mechanism.frictions, run.mechanism.closure, dynamics).require_determined(split, run.q[0])
-
     def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
-        """Return the friction of slips in given directions in one row, shape (k,)."""
         equation = self._equation(row, direction, at_rest=at_rest)
-        if not equation.require_one_root():
-            raise self._jammed(row, direction)
-        return equation.friction()
+        if equation.require_one_root():
+            return equation.friction()
+        run = self.run
+        rubbing = (friction.name for friction, s in zip(run.mechanism.frictions, direction, strict=True) if s)
+        names = ", ".join(dict.fromkeys(rubbing))
+        raise DynamicsError(
+            f"at {run.parameter} = {run.grid.t[row]:.9g} {run.unit} no effort moves the mechanism against the friction "
+            f"of {names}: friction raises its own load without end, it jams",
+            expected="a smaller mu, a longer span of the guide, or a drive along another coordinate",
+        )
 
     def _equation(self, row: int, direction: Array, *, at_rest: bool) -> Slipping:
-        """Return the equation of the friction in one row."""
         contacts = self.run.mechanism.frictions
         laws = [
             contact.law.resting if at_rest and still else contact.law.slipping(speed)
@@ -131,16 +128,6 @@ class KnownFriction:
         ]
         mu, constant = np.array(laws).reshape(-1, 2).T * (direction != 0.0)
         return Slipping(contacts, direction, mu, constant, self.loads[row])
-
-    def _jammed(self, row: int, direction: Array) -> DynamicsError:
-        run = self.run
-        rubbing = (friction.name for friction, s in zip(run.mechanism.frictions, direction, strict=True) if s)
-        names = ", ".join(dict.fromkeys(rubbing))
-        return DynamicsError(
-            f"at {run.parameter} = {run.grid.t[row]:.9g} {run.unit} no effort moves the mechanism against the friction "
-            f"of {names}: friction raises its own load without end, it jams",
-            expected="a smaller mu, a longer span of the guide, or a drive along another coordinate",
-        )
 
     def moving(self) -> Trajectory:
         """Return the motion with its friction and efforts, without friction in joints at rest."""
@@ -205,7 +192,6 @@ class KnownFriction:
         return ways
 
     def _effort(self, way: Array, sign: float) -> Array:
-        """Return the effort that begins to move a drive's coordinate up or down, shape (n,)."""
         slips, contacts = np.matvec(self.rows, way), self.run.mechanism.frictions
         largest = np.abs(slips).max(axis=1, keepdims=True, initial=0.0)
         begun = sign * unit_vectors(contacts, np.where(np.abs(slips) > MOVES * largest, slips, 0.0))

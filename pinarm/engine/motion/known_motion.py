@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Indices
-from pinarm.engine.motion.standstill import STANDSTILL, Beside, lossy, row_paces, standstill_notes
+from pinarm.arrays import Array, Flags
+from pinarm.engine.motion.standstill import STANDSTILL, Beside, lossy, row_paces
 from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.engine.statics.actuation import Actuation
+    from pinarm.mechanics.rotors import Drive
 
 Slips = Callable[[Array], tuple[Array, Array]]
 """Instants in order, shape (n,) -> slips of k joints there, and what of them is rounding, both of shape (n, k)."""
@@ -41,7 +42,10 @@ def rest_notes(run: Trajectory, pace: Array | None) -> list[str]:
     mechanism = run.mechanism
     if run.no_efforts or not (mechanism.frictions or lossy(mechanism)):
         return []
-    notes = standstill_notes(run, pace)
+    notes = list[str]()
+    for name, drive in mechanism.drives.items() if run.directions is not None else ():
+        if drive.joint and drive.rigid and drive.efficiency < 1.0:
+            notes += _held_by_gear(run, name, drive, run.direction(mechanism.driven_joint(name).v) == 0.0)
     if not (mechanism.frictions and run.drives):
         return notes
     from pinarm.engine.motion.known_friction import notes_of
@@ -59,10 +63,7 @@ def slips_between(mechanism: Mechanism, q: Array, v: Array, pace: Array | None) 
 
 
 def rests_between(slips: Slips, t: Array) -> Array:
-    """Return where joints come to rest, begin to slip, turn back, or slip least, and both ends, shape (m,).
-
-    Of a joint that slips least the instant is known to the root of the rounding, and its slip to the rounding: whether
-    it rests there is told by the slip.
+    """Return where joints come to rest, begin to slip or turn back, and both ends, shape (m,).
 
     Args:
         slips: The slips.
@@ -71,46 +72,33 @@ def rests_between(slips: Slips, t: Array) -> Array:
     """
     exact, rounding = slips(t)
     known = np.where(np.abs(exact) > rounding, exact, 0.0)
-    ends = (known[:-1] != 0.0) & (known[1:] == 0.0) | (known[:-1] == 0.0) & (known[1:] != 0.0)
-    at = np.flatnonzero(ends.any(axis=1))
-    instants = [t[[0, -1]], t[at], t[at + 1], _reversals(slips, t, known), _touches(slips, t, known)]
-    return np.unique(np.concatenate(instants))
-
-
-def _reversals(slips: Slips, t: Array, known: Array) -> Array:
-    """Return where slips change their sign between two looks."""
+    at = np.flatnonzero(((known[:-1] == 0.0) != (known[1:] == 0.0)).any(axis=1))
     row, joint = np.nonzero(known[:-1] * known[1:] < 0.0)
     low, high, before = t[row], t[row + 1], known[row, joint]
     for _ in range(HALVINGS if len(row) else 0):
         middle = 0.5 * (low + high)
-        later = before * _at(slips, middle, joint) > 0.0
-        low, high = np.where(later, middle, low), np.where(later, high, middle)
-    return 0.5 * (low + high)
+        order, values = middle.argsort(), np.empty_like(middle)
+        values[order] = slips(middle[order])[0][np.arange(len(row)), joint[order]]
+        low, high = np.where(before * values > 0.0, [middle, high], [low, middle])
+    return np.unique(np.concatenate([t[[0, -1]], t[at], t[at + 1], 0.5 * (low + high)]))
 
 
-def _touches(slips: Slips, t: Array, known: Array) -> Array:
-    """Return where slips are least in size between looks, and so little that they may touch zero.
+def _held_by_gear(run: Trajectory, name: str, drive: Drive, rest: Flags) -> list[str]:
+    """Return a note on rows at which a gear with losses, and friction behind it, hold a load at rest, if any."""
+    low = high = run.drive_effort(drive.joint)
+    if drive.joint in run.drives and run.mechanism.frictions:
+        from pinarm.engine.friction.columns import BANDS, own_effort
 
-    Near such a place a slip is a power of the distance, 2 or more, so that there it is at most its second difference.
-    """
-    size, sign = np.abs(known), np.sign(known)
-    least = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] > 0.0)
-    alike = (sign[1:-1] == sign[:-2]) & (sign[1:-1] == sign[2:])
-    row, joint = np.nonzero(least & alike & (size[1:-1] <= np.abs(np.diff(known, 2, axis=0))))
-    low, middle, high, best = t[row], t[row + 1], t[row + 2], size[row + 1, joint]
-    for _ in range(HALVINGS if len(row) else 0):
-        left, right = 0.5 * (low + middle), 0.5 * (middle + high)
-        beside = np.abs([_at(slips, left, joint), _at(slips, right, joint)])
-        before, after = (beside[0] < best) & (beside[0] <= beside[1]), (beside[1] < best) & (beside[1] < beside[0])
-        low = np.where(before, low, np.where(after, middle, left))
-        high = np.where(before, middle, np.where(after, high, right))
-        middle = np.where(before, left, np.where(after, right, middle))
-        best = np.minimum(best, beside.min(axis=0))
-    return middle
-
-
-def _at(slips: Slips, t: Array, joint: Indices) -> Array:
-    """Return the slips of one joint each at instants in any order, shape (n,)."""
-    order, values = t.argsort(), np.empty_like(t)
-    values[order] = slips(t[order])[0][np.arange(len(t)), joint[order]]
-    return values
+        coordinates = {along: run.mechanism.coordinate(along) for along in run.drives}
+        own = own_effort(run.mechanism.joints, coordinates, drive.joint)
+        low, high = (run.columns[f"{own}.{part}"].values for part in BANDS)
+    size = np.maximum(np.abs(low), np.abs(high))
+    rows = np.flatnonzero(rest & (size > STANDSTILL * size.max(initial=0.0)))
+    if not len(rows):
+        return []
+    least, most = (side[rows[0]] for side in drive.holding(low, high))
+    friction = " and friction hold" if run.mechanism.frictions else " holds"
+    return [
+        f"drive.{name}.torque: at rest its gear{friction} the load with any torque of a band, in {len(rows)} of "
+        f"{len(run)} rows: from {least:.4g} to {most:.4g} N*m in the first of them"
+    ]

@@ -109,7 +109,6 @@ class Prescription(Record, frozen=True):
         )
 
     def _refuse_jumps(self, motion: JointMotion) -> None:
-        """Raise where efforts are asked for, and velocities jump though the laws do not."""
         if motion.jumps and self.drives is not None:
             raise InputError(
                 f"{motion.jumps[0]}: it would take infinite efforts",
@@ -143,7 +142,6 @@ class Prescription(Record, frozen=True):
         return self.rows_of(self.motion.follow(grid, near))
 
     def rows_of(self, states: JointTrajectory) -> Trajectory:
-        """Return the rows of a motion of the joints, without efforts."""
         mechanism, q, v, a = self.mechanism, states.q, states.v, states.a
         if self.rates is not None:
             v, a = self.motion.rates(0.0, q, *self.rates)
@@ -156,7 +154,6 @@ class Prescription(Record, frozen=True):
         )  # fmt: skip
 
     def _pace(self, rows: Trajectory) -> Array | None:
-        """Return the scale of rounding of v and a, shape (2, nv); ``None`` of separate states or without directions."""
         if not self.directed or self.rates is not None:
             return None
         followed = zip(self.motion.coordinates, self.motion.laws, strict=True)
@@ -168,7 +165,6 @@ class Prescription(Record, frozen=True):
         return [*range(self.mechanism.model.nv)] if self.mechanism.frictions else lossy(self.mechanism)
 
     def solved(self, rows: Trajectory, pace: Array | None) -> Trajectory:
-        """Return the rows of a motion with directions and efforts."""
         beside = self._beside(rows, pace)
         if lossy(self.mechanism):
             rows = replace(rows, directions=directions(rows.v, rows.a, *beside))
@@ -282,7 +278,6 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return known[len(self.cuts) :]
 
     def middle(self, start: float, end: float) -> tuple[Array, Array]:
-        """Return q and v in the middle of an interval between cuts."""
         grid = Grid(np.array([0.5 * (start + end)]), (start, end), (0, 1))
         states = self.prescription.moving(grid, self._near(grid))
         return states.q[0], states.v[0]
@@ -302,7 +297,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return states.q[back, joint.q], states.v[back, joint.v], states.a[back, joint.v]
 
     def _rests(self, start: float, end: float) -> Array:
-        """Return instants of rest, slip reversal and least slip on one interval, and both its ends, shape (m,)."""
+        """Return instants of rest and slip reversal on one interval, and both its ends, shape (m,)."""
         ends = np.array([start, end])
         grid = Grid(ends, (start, end), (0, 2))
         sizes = np.array([law_size(law, grid) for law in self.prescription.motion.laws]).reshape(-1, 2)
@@ -314,7 +309,6 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         return rests_between(lambda t: self._slips(t, grid.cuts), t)
 
     def _slips(self, t: Array, cuts: tuple[float, ...]) -> tuple[Array, Array]:
-        """Return the slips of the k joints with friction within one interval, and their rounding, both (n, k)."""
         grid = Grid(t, cuts, (0, len(t)))
         run = self.prescription.moving(grid, self._near(grid))
         return slips_between(self.prescription.mechanism, run.q, run.v, self.pace)

@@ -303,7 +303,7 @@ class SplinedMotion(SolvedMotion):
         return [self._rests(low, high) for low, high in pairwise(self.cuts)]
 
     def _rests(self, low: float, high: float) -> Array:
-        """Return instants of rest, slip reversal and least slip on one interval, and both its ends, shape (m,)."""
+        """Return instants of rest and slip reversal on one interval, and both its ends, shape (m,)."""
         inside = self.t[(self.t > low) & (self.t < high)]
         bounds = np.array([low, *inside, high])
         parts = np.arange(LOOKS) / LOOKS

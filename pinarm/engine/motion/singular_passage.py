@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -37,7 +36,8 @@ between which they are [rad]. Of 245 rows of random four-bars at change points, 
 known to 3e-12 then, and accelerations to 5e-12; 0.03 rad leaves 5e-11 of these by rounding."""
 
 PLACES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
-"""Places of these positions, in ``ASIDE``."""
+WEIGHTS = np.array([-1.0, 8.0, -28.0, 56.0, 56.0, -28.0, 8.0, -1.0]) / 70.0
+"""Places of these positions, in ``ASIDE``, and weights of Lagrange's polynomials through them in the middle."""
 
 PASSED = 2e-14
 """Largest loop gap of an interpolated position, relative to the reach of its row: rounding. Where lengths are 1e-13 off
@@ -171,12 +171,12 @@ class SingularPassage(Record, frozen=True):
 
     def _between(self, t: float, start: float, end: float) -> Trajectory | None:
         """Return the row at a value of the parameter, within an interval; ``None`` where it cannot be interpolated."""
-        stretch = next((known for known in self._stretches if known.covers(t, (start, end))), None)
-        if stretch is None:
-            if (stretch := self._stretch(t, start, end)) is None:
-                return None
-            self._stretches.append(stretch)
-        row, whole = stretch.row(t), _whole(self.known)
+        if (beside := self._beside(t, start, end)) is None:
+            return None
+        arrays = (beside.q, beside.v, beside.a, beside.tau, np.asarray(beside.lam))
+        q, v, a, tau, forces = ((WEIGHTS @ x)[None] for x in arrays)
+        lam, grid = Multipliers.known(forces, beside.mechanism.closure.size), Grid(np.array([t]), (start, end), (0, 1))
+        row, whole = replace(beside.some(np.arange(1)), grid=grid, q=q, v=v, a=a, tau=tau, lam=lam), _whole(self.known)
         gap = whole.gap(whole.state(row.q[0]))
         wanted = [float(row.grid.evaluate(law)[0][0]) for law in self.known.motion.laws]
         gap[len(gap) - len(wanted) :] -= wanted
@@ -198,12 +198,8 @@ class SingularPassage(Record, frozen=True):
                 return solved
         return driven
 
-    @cached_property
-    def _stretches(self) -> list[_Stretch]:
-        return []
-
-    def _stretch(self, t: float, start: float, end: float) -> _Stretch | None:
-        """Return the motion about a value of the parameter; ``None`` where a side of it is not regular."""
+    def _beside(self, t: float, start: float, end: float) -> Trajectory | None:
+        """Return the motion at ``PLACES`` about a value of the parameter; ``None`` where one of them is not regular."""
         way, first = np.sign(end - start), self._before(t, start, end)
         step = 0.0 if first is None else self._step(float(self.t[first]), start, end, first)
         times = t + way * step * PLACES
@@ -215,7 +211,7 @@ class SingularPassage(Record, frozen=True):
         with suppress(PinarmError):
             beside = self.known.moving(grid, self.q[first]).some(np.arange(1, 9))
             if (regularity(self.known, beside.q) > CLOSE * self.usual).all():
-                return _Stretch(t, float(way * step), self.known.solved(beside, self.pace))
+                return self.known.solved(beside, self.pace)
         return None
 
     def _step(self, t: float, start: float, end: float, row: int) -> float:
@@ -223,29 +219,6 @@ class SingularPassage(Record, frozen=True):
         states = self.known.motion.follow(Grid(np.array([t]), (start, end), (0, 1)), self.q[row])
         speed = float(np.abs(states.v / self.known.mechanism.closure.scale).max())
         return ASIDE / speed if speed else 0.0
-
-
-class _Stretch(Record, frozen=True):
-    """A motion about a value t of the parameter, at ``PLACES`` of a step, which is negative where t falls."""
-
-    t: float
-    step: float
-    beside: Trajectory
-
-    def covers(self, t: float, cuts: tuple[float, float]) -> bool:
-        """Tell whether a value of the parameter within an interval is between the two places in the middle."""
-        return self.beside.grid.cuts == cuts and abs(t - self.t) < abs(self.step)
-
-    def row(self, t: float) -> Trajectory:
-        """Return the row at a value of the parameter, by Lagrange's polynomials through the places."""
-        others = ~np.eye(len(PLACES), dtype=bool)
-        ways, apart = (t - self.t) / self.step - PLACES, PLACES[:, None] - PLACES
-        weights = np.prod(np.broadcast_to(ways, others.shape) / np.where(others, apart, 1.0), where=others, axis=1)
-        run = self.beside
-        q, v, a, tau, forces = ((weights @ x)[None] for x in (run.q, run.v, run.a, run.tau, np.asarray(run.lam)))
-        lam = Multipliers.known(forces, run.mechanism.closure.size)
-        grid = Grid(np.array([t]), run.grid.cuts, (0, 1))
-        return replace(run.some(np.arange(1)), grid=grid, q=q, v=v, a=a, tau=tau, lam=lam)
 
 
 def lost_digits(rows: Trajectory, regular: Array) -> list[str]:
@@ -296,7 +269,6 @@ def _driven(row: Trajectory, drives: Actuation) -> Trajectory | None:
 
 
 def _held(row: Trajectory) -> Trajectory:
-    """Return a row with the least multipliers that hold what its efforts do not."""
     along = np.asarray(row.lam)[:, row.mechanism.closure.size :]
     return replace(row, lam=Multipliers.least(row.closure, row.q, row.demand() - row.tau, along))
 

@@ -20,8 +20,6 @@ from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.motion.trajectory import Trajectory
-    from pinarm.mechanics.rotors import Drive
 
 
 class Beside(NamedTuple):
@@ -101,62 +99,11 @@ def leading(v: Array, a: Array, pace: Array, side: Array, inside: Array, size: C
     return np.where(size(now) > 0.0, now, np.where(size(beside) > 0.0, beside, later))
 
 
-def standstill_notes(run: Trajectory, pace: Array | None) -> list[str]:
-    """Return notes on gears with losses that hold a load at rest, and on what jumps where a joint turns back."""
-    notes, turning, mechanism = list[str](), dict[str, Flags](), run.mechanism
-    rates = np.zeros_like(run.v) if pace is None else np.broadcast_to(pace[..., 0, :], run.v.shape)
-    for name, drive in mechanism.drives.items() if run.directions is not None else ():
-        if drive.joint and drive.rigid and drive.efficiency < 1.0:
-            joint = mechanism.driven_joint(name).v
-            notes += _held_by_gear(run, name, drive, run.direction(joint) == 0.0)
-            slow = np.abs(run.v[:, joint]) <= STANDSTILL * rates[:, joint]
-            turning[f"drive.{name}.torque"] = slow & (run.direction(joint) != 0.0)
-    if contacts := mechanism.frictions:
-        from pinarm.mechanics.friction.contact import slip_rows
-
-        rows, names = slip_rows(mechanism.model, contacts, run.q), np.array([contact.name for contact in contacts])
-        at_rest = np.abs(np.matvec(rows, run.v)) <= STANDSTILL * np.matvec(np.abs(rows), rates)
-        for name in dict.fromkeys(names.tolist()):
-            own = names == name
-            turning[f"{name}.friction"] = at_rest[:, own].all(axis=1) & (run.friction[:, own] != 0.0).any(axis=1)
-    inside = np.zeros(len(run), dtype=bool)
-    for start, end, part in run.grid.intervals() if pace is not None else ():
-        inside[part] = (run.grid.t[part] != start) & (run.grid.t[part] != end)
-    return notes + [
-        f"{name} jumps where the joint turns back, in {(inside & turns).sum()} of {len(run)} rows: the table has the "
-        "side after it, with all that follows from it"
-        for name, turns in turning.items()
-        if (inside & turns).any()
-    ]
-
-
-def _held_by_gear(run: Trajectory, name: str, drive: Drive, rest: Flags) -> list[str]:
-    """Return a note on rows at which a gear with losses, and friction behind it, hold a load at rest, if any."""
-    low = high = run.drive_effort(drive.joint)
-    if drive.joint in run.drives and run.mechanism.frictions:
-        from pinarm.engine.friction.columns import BANDS, own_effort
-
-        coordinates = {along: run.mechanism.coordinate(along) for along in run.drives}
-        own = own_effort(run.mechanism.joints, coordinates, drive.joint)
-        low, high = (run.columns[f"{own}.{part}"].values for part in BANDS)
-    size = np.maximum(np.abs(low), np.abs(high))
-    rows = np.flatnonzero(rest & (size > STANDSTILL * size.max(initial=0.0)))
-    if not len(rows):
-        return []
-    least, most = (side[rows[0]] for side in drive.holding(low, high))
-    friction = " and friction hold" if run.mechanism.frictions else " holds"
-    return [
-        f"drive.{name}.torque: at rest its gear{friction} the load with any torque of a band, in {len(rows)} of "
-        f"{len(run)} rows: from {least:.4g} to {most:.4g} N*m in the first of them"
-    ]
-
-
 def _significant(x: Array, scale: Array) -> Array:
     return np.where(np.abs(x) > STANDSTILL * scale, x, 0.0)
 
 
 def _sliding(mechanism: Mechanism) -> Flags:
-    """Return a mask of the velocities of sliding joints, shape (nv,)."""
     sliding = np.zeros(mechanism.model.nv, dtype=bool)
     sliding[[joint.v for joint in mechanism.joints.values() if joint.unit == METRE]] = True
     return sliding

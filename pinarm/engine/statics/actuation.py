@@ -49,7 +49,6 @@ class DriveAtEveryJoint(Record, frozen=True):
 
     @property
     def driven(self) -> Flags:
-        """Every joint that mimics no other, shape (nv,)."""
         driven = np.ones(self.closure.model.nv, dtype=bool)
         driven[list(self.followers)] = False
         return driven
@@ -70,7 +69,6 @@ class DriveAtEveryJoint(Record, frozen=True):
         return tau, Multipliers.known(lam, self.closure.size)
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        """Return the coordinates of the joints that mimic no other."""
         leaders = (name for name, joint in mechanism.joints.items() if joint.v not in self.followers)
         return {name: mechanism.coordinates[name] for name in leaders}
 

@@ -109,7 +109,6 @@ class SharedEfforts(Record, frozen=True):
 
     @property
     def _finite(self) -> Array:
-        """The limits, 0 where there is none, shape (2, d)."""
         return np.where(np.isfinite(self.limits), self.limits, 0.0)
 
     def _limited(self, ways: Array, load: Array, unlimited: Array, rounding: Array) -> tuple[Array, bool]:
@@ -256,12 +255,10 @@ class SelectedDrives(Record, frozen=True):
         return {**self.joints, **self.tasks}
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
-        """Return the coordinates that drives act along; see ``Actuation``."""
         return self.named
 
     @property
     def driven(self) -> Flags:
-        """Joints that drives act on, alone or with others, shape (nv,)."""
         return driven_along(self.joints.values(), self.own.model.nv)
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
@@ -296,7 +293,6 @@ class SelectedDrives(Record, frozen=True):
         return np.asarray(terms + np.array([weight_terms(model, data, row) for row in q]))
 
     def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | DrivesError:
-        """Return why the drives' efforts cannot be had at a configuration, q and demand being one row."""
         ((_, free),) = self.own.free_motions(q)
         (ways,), (load,), (least,), (rounding,) = self._system(q, demand, free)
         model, moved = self.own.model, free[:, 0] / self.own.scale

@@ -68,7 +68,6 @@ class Bearing(Record, frozen=True):
 
     @classmethod
     def none(cls, preload: float = 0.0) -> Bearing:
-        """Return a bearing with no load but a preload."""
         return cls(np.zeros(0), np.zeros((0, 3, 6)), preload)
 
     @classmethod
@@ -116,7 +115,6 @@ class Bearing(Record, frozen=True):
 
     @classmethod
     def thread(cls, axis: Array, lever: float) -> Bearing:
-        """Return the flanks of a thread, which carry the axial force times a lever."""
         part = np.zeros((1, 3, 6))
         part[0, 0, :3] = axis
         return cls(np.array([lever]), part)
@@ -233,12 +231,10 @@ class FrictionLaw(ValueRecord, frozen=True):
 
     @property
     def resting(self) -> tuple[float, float]:
-        """``static_mu`` and ``static_constant``."""
         return self.static_mu, self.static_constant
 
     @property
     def loaded(self) -> bool:
-        """Whether it depends on the load."""
         return self.static_mu > 0.0
 
 
@@ -299,11 +295,6 @@ class FrictionContact(Record, frozen=True):
         return self.coupling is not None and self.coupling.kind == "belt"
 
     @property
-    def by_multiplier(self) -> bool:
-        """Whether its load is a multiplier in all configurations."""
-        return isinstance(self.slip, CoupledSlip)
-
-    @property
     def row_is_constant(self) -> bool:
         """Whether J is the same in all configurations."""
         return isinstance(self.slip, LinearCoordinate)
@@ -329,6 +320,8 @@ class FrictionContact(Record, frozen=True):
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the wrench that the bearing carries, in axes in which its parts are given, shape (n, 6).
 
+        That of a coupling or a gear has its load as first component.
+
         Args:
             joints: Wrenches of parents on children, at the joints' origins, world axes, shape (n, njoints, 6).
             lam: Multipliers of the constraints by name, each of shape (n, m).
@@ -339,14 +332,9 @@ class FrictionContact(Record, frozen=True):
             return _turned_back(links.turns[:, self.of], joints[:, self.of])
         if isinstance(self.of, LoopJoint):
             return _turned_back(links.frame(self.of.first)[0], self.of.wrench(links, lam[self.of.name]))
-        return self.carried(links.q, lam)
-
-    def carried(self, q: Array, lam: dict[str, Array]) -> Array:
-        """Return the load of a coupling or a gear as first component of a wrench, shape (n, 6)."""
-        assert isinstance(self.of, JointRelation | GearedRotor)
         multiplier = lam[self.of.name][:, :1]
         if isinstance(self.of, JointRelation):
-            multiplier = self.of.push(q, multiplier[:, 0])[:, None]
+            multiplier = self.of.push(links.q, multiplier[:, 0])[:, None]
         return np.concatenate([multiplier, np.zeros((len(multiplier), 5))], axis=1)
 
 

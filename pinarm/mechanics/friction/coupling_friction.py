@@ -308,7 +308,6 @@ class ToothMesh(Record, frozen=True):
 
 
 def _integral(begins: Array, ends: Array) -> float:
-    """Return the sum of the integrals of ``|x|``."""
     return float((ends * np.abs(ends) - begins * np.abs(begins)).sum() / 2.0)
 
 

@@ -105,7 +105,6 @@ class Friction(InputStruct, frozen=True):
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
 
     def check(self) -> None:
-        """Refuse friction that is less at rest than in slip, and a preload that pulls."""
         for key, rest, slip in (
             ("static_mu", self.static_mu, self.mu),
             ("static_constant", self.static_constant, self.constant),
@@ -155,7 +154,6 @@ class Friction(InputStruct, frozen=True):
         return FrictionContact(f"joint.{name}", _effort(measured), law, bearing, slip, index, self._shared, part)
 
     def _socket(self, name: str) -> Bearing:
-        """Return the bearing of a ball joint."""
         self._check_sizes("a ball joint")
         if not (self.mu or self.static_mu):
             return Bearing.none()
@@ -211,7 +209,6 @@ class Friction(InputStruct, frozen=True):
         return cam_friction(cam, float(self.radius or 0.0), self._law(METRE), shared=self._shared)
 
     def _check_sizes(self, part: str) -> None:
-        """Raise where a size is given that the part does not have."""
         unused = sorted({key for keys in SIZES.values() for key in keys if getattr(self, key)}.difference(SIZES[part]))
         if unused:
             with within(unused[0]):
@@ -312,7 +309,6 @@ def _coupled(weights: Array, name: str) -> tuple[int, int]:
 
 
 def _axis(model: pin.Model, joint: Joint) -> Array:
-    """Return the axis of a joint in the child's axes, shape (3,)."""
     data = new_data(model)
     pin.computeJointJacobians(model, data, pin.neutral(model))
     column = pin.getJointJacobian(model, data, joint.index, pin.LOCAL).reshape(6, -1)[:, joint.v]

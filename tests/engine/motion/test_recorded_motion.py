@@ -87,7 +87,6 @@ def test_where_a_joint_turns_back_the_motion_that_follows_tells_the_losses(lifti
     direction = np.where(np.abs(v) > 1e-9, np.sign(v), np.sign(a))
     direction[-1] = 1.0
     assert result["drive.s.torque"].values == pytest.approx(motor_torque(q, a, direction), abs=2e-3)
-    assert any("drive.s.torque jumps where the joint turns back, in 3 of" in note for note in result.notes())
 
 
 def test_a_row_before_a_jump_has_the_side_of_the_motion_that_has_ended(flywheel):

@@ -1,5 +1,6 @@
 """Which way a joint moves where its speed is zero: by the law's own derivatives, whatever rows are looked at."""
 
+import re
 from contextlib import nullcontext
 
 import numpy as np
@@ -9,7 +10,7 @@ from pinarm.engine.motion.outcome import on_interval
 from pinarm.mechanics.laws import Cycloidal, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
-from pinarm.problems.states import State
+from pinarm.problems.states import State, Statics
 from pinarm.problems.time_grid import TimeGrid
 
 ETA = 0.5
@@ -77,3 +78,15 @@ def test_a_slip_that_is_zero_but_for_rounding_has_no_friction(mechanism, chain):
     assert not run.columns["joint.b.friction"].values.any()
     lower, upper = (run.columns[f"joint.b.effort.{part}"].values for part in ("lower", "upper"))
     assert upper - lower == pytest.approx(2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(("gravity", "held"), [({"direction": "-z"}, 1), ("none", 0)])
+def test_a_gear_that_holds_a_load_has_a_band(mechanism, chain, gravity, held):
+    """From ``eta tau / N`` to ``tau / (eta N)``; without a load there is none."""
+    body, servo = {"name": "arm", "axis": "0 -1 0", "com": "0.5 0 0"}, {"joint": "arm", "ratio": 10, "efficiency": 0.7}
+    found = outcome(Statics(hold={"arm": 0.0}), mechanism(chain(body), gravity=gravity, drives={"servo": servo})).notes
+    assert len(found) == held
+    if held:
+        assert found[0].startswith("drive.servo.torque: at rest its gear holds the load with any torque of a band")
+        band = re.search("from ([0-9.]+) to ([0-9.]+) N[*]m in the first of them", found[0])
+        assert [float(x) for x in band.groups()] == pytest.approx([0.5 * 9.81 * 0.07, 0.5 * 9.81 / 7.0], rel=1e-3)

@@ -48,9 +48,6 @@ TOUCHING = 1e-11
 """Gap of a one-sided constraint that counts as contact, relative to the extent and the unit that suits it, or to 2 rad:
 closed by Newton's method, it is right to 1e-14."""
 
-WORKLESS = 1e-9
-"""Work of drives in impacts, relative to the energy that these take, that rounding leaves."""
-
 OPENED = " opens"
 """End of the name of an event at which a constraint opens."""
 
@@ -102,7 +99,6 @@ class Bound(ValueRecord, frozen=True):
 
     @property
     def slack(self) -> float:
-        """Gap that counts as contact [rad or m]."""
         return SLACK * (self.size + abs(self.limit))
 
 
@@ -129,7 +125,6 @@ class Separation(Record, frozen=True):
 
     @cached_property
     def slack(self) -> float:
-        """Gap that counts as contact [m or rad]."""
         return float(TOUCHING * (self.closure.measure[0] + self.closure.reach[0]))
 
     @property
@@ -233,15 +228,12 @@ class Contacts(Record, frozen=True):
 
     @cached_property
     def guided(self) -> Closure:
-        """The constraints, then the coordinates that follow laws."""
         return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     def near(self, q: Array) -> list[int]:
-        """Return the indices of the stops that a configuration touches."""
         return [k for k, bound in enumerate(self.bounds) if abs(bound.gap(q)) <= bound.slack]
 
     def rate(self, k: int, q: Array, v: Array) -> float:
-        """Return the velocity along the row of a stop."""
         return float(self.bounds[k].row(q) @ v)
 
     def freedom(self, k: int, q: Array) -> float:
@@ -314,23 +306,25 @@ def impact_remarks(contacts: Contacts, events: Iterable[EventRecord]) -> list[st
     """Return for each stop how often it was hit, when first, and the energy that its impacts took.
 
     Of stops that are hit at one instant it is what they take together. Impacts are impulses, without a duration: no
-    force of theirs is among the reactions. Drives that keep a coordinate on its law do work in them where it moves.
+    force of theirs is among the reactions.
     """
-    losses, titles = dict[tuple[str, ...], Array](), {stop.name: stop.title for stop in contacts.bounds}
+    impacts: dict[tuple[str, ...], list[EventRecord]] = {}
+    titles = {stop.name: stop.title for stop in contacts.bounds}
     hits = (event for event in events if event.before is not None)
     for _, at_once in groupby(hits, key=lambda hit: (hit.t, hit.v.tobytes())):
         first, *others = at_once
-        stops = tuple(titles[hit.name] for hit in (first, *others))
-        loss = np.array([1.0, first.t, *_energy_and_work(contacts, first)])
-        known = losses.get(stops)
-        losses[stops] = loss if known is None else known + loss * [1.0, 0.0, 1.0, 1.0]
-    return [_impact_remark(stops, int(count), t, energy, work) for stops, (count, t, energy, work) in losses.items()]
+        impacts.setdefault(tuple(titles[hit.name] for hit in (first, *others)), []).append(first)
+    return [
+        _impact_remark(stops, first, sum(_energy(contacts, hit) for hit in (first, *others)), 1 + len(others))
+        for stops, (first, *others) in impacts.items()
+    ]
 
 
-def _energy_and_work(contacts: Contacts, hit: EventRecord) -> tuple[float, float]:
-    """Return the energy that stops take in an impact, and the work of drives that keep laws, ``p . w'`` [J].
+def _energy(contacts: Contacts, hit: EventRecord) -> float:
+    """Return the energy that stops take in an impact [J]: that of the mechanism, and the work of drives that keep laws.
 
-    Their impulses p are among those of the rows, which change the momentum: ``G^T p + N^T L = M (v+ - v-)``.
+    Their impulses p, of the work ``p . w'``, are among those of the rows, which change the momentum: ``G^T p + N^T L =
+    M (v+ - v-)``.
     """
     q, rows = hit.q, contacts.guided
     assert hit.before is not None
@@ -341,18 +335,15 @@ def _energy_and_work(contacts: Contacts, hit: EventRecord) -> tuple[float, float
     )
     change = mass_matrix(rows.model, q) @ (hit.v - hit.before)
     law = contacts.prescribed.on(hit.t, hit.t)(hit.t)[1]
-    work = float(split.multipliers(change)[contacts.closure.size : len(own)] @ law)
-    return work - 0.5 * float((hit.before + hit.v) @ change), work
+    work = split.multipliers(change)[contacts.closure.size : len(own)] @ law
+    return float(work - 0.5 * (hit.before + hit.v) @ change)
 
 
-def _impact_remark(stops: Sequence[str], count: int, t: float, energy: float, work: float) -> str:
-    several, done = count > 1, abs(work) > WORKLESS * abs(energy)
-    drives = f"; the drives of coordinates that follow laws do {work:.3g} J of work in them" if done else ""
-    together = ", together" if len(stops) > 1 else ""
+def _impact_remark(stops: Sequence[str], first: EventRecord, energy: float, count: int) -> str:
     return (
-        f"{' and '.join(stops)}: {count} impact{'s' if several else ''}, the first at t = {t:.6g} s, "
-        f"take{'' if several else 's'} {max(energy, 0.0):.3g} J{together}{drives}; they are impulses, whose forces are "
-        "in no reaction"
+        f"{' and '.join(stops)}: {count} impact{'s' if count > 1 else ''}, the first at t = {first.t:.6g} s, "
+        f"take{'' if count > 1 else 's'} {max(energy, 0.0):.3g} J{', together' if len(stops) > 1 else ''}; they are "
+        "impulses, whose forces are in no reaction"
     )
 
 

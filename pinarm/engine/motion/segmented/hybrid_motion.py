@@ -13,31 +13,25 @@ from itertools import pairwise, takewhile
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.friction.slip import Slip
 from pinarm.engine.integration.driver import integrate as integrate_smooth
 from pinarm.engine.integration.events import ROUNDED, SAME_INSTANT
-from pinarm.engine.integration.integrator import Solution, Watch
+from pinarm.engine.integration.integrator import Solution, StepsOver, Turn, Watch
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.newton import assembled
-from pinarm.engine.motion.segmented.end_stops import OPENED, TIED, Bound, Held, pressed
+from pinarm.engine.motion.outcome import Decision
+from pinarm.engine.motion.segmented.end_stops import OPENED, Bound, Held, pressed
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem, Mode
 from pinarm.engine.motion.segmented.segments import FINEST, OFFSET, REST, SMALL, MotionSegment, SegmentedMotion
-from pinarm.engine.motion.segmented.watched_values import (
-    STOP,
-    Cause,
-    deciding,
-    decision,
-    of_mechanism,
-    steps_over,
-    watched,
-)
 from pinarm.engine.motion.systems import System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError, Interrupted, NumericsError
-from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.joints import format_configuration
+from pinarm.mechanics.couplings.coupling import JointRelation
+from pinarm.mechanics.forces.force_element import ForceElement, refusals
+from pinarm.mechanics.joints import RADIAN, format_configuration
 from pinarm.records import Record, replace
 
 CUT = 1e-14
@@ -52,6 +46,23 @@ there a motion turns within the tolerance of the size of its links."""
 
 SLIGHT = 1e-9
 """Acceleration of a joint that breaks loose, over that without friction, that may be rounding."""
+
+Cause = tuple[str, int]
+"""Cause of a segment end, with its number: ``hit`` and ``released`` stops, ``slip`` of a joint that comes to rest, or
+the complement of a group of stuck joints that breaks loose, ``control`` of a controller, ``edge`` of a load."""
+
+STOP: Cause = ("stop", -1)
+"""An event of the user that ends the run."""
+
+Margin = Callable[[Array, Array, Array], Array]
+"""``(t, q, v) -> margins`` of n states of a mechanism, shape (n,)."""
+
+APART = 10.0
+"""Errors of steps within which a stop that moves only with others is not met."""
+
+PART = 1e-6
+"""Change of a state, over the size that errors are relative to, by which a sensitivity is measured: larger than the
+rounding of loads, and so small that their curvature does not matter."""
 
 
 def integrate_to_size(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
@@ -115,7 +126,6 @@ class _Integration(Record, frozen=True):
     motion: SegmentedMotion
 
     def follow(self, q: Array, v: Array) -> SegmentedMotion:
-        """Return the motion from an initial state to its end; see ``integrate``."""
         hybrid, motion = self.hybrid, self.motion
         t, separations = hybrid.cuts[0], hybrid.separations
         self._enter(t, q, v)
@@ -160,7 +170,7 @@ class _Integration(Record, frozen=True):
         shares = stops if stops and stops.several and stops.stresses(q[None]).size else None
         hybrid.require_loads(mode.held, shares, t, q)
         system = hybrid.stretch(mode, t, q, v)
-        ends, acting = watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
+        ends, acting = _watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
         ends = [(key, self._from_there(key, watch, t, q, v) if isinstance(key, str) else watch) for key, watch in ends]
         if controls:
             ends += [(("control", index), watch) for index, watch in controls.watches(spans[0])]
@@ -169,7 +179,7 @@ class _Integration(Record, frozen=True):
             MotionSegment, system, dynamics=acting, holding=hybrid.holding(mode.held),
             rubbing=hybrid.rubs(mode.held), stops=stops, shares=shares,
         )  # fmt: skip
-        watches = [of_mechanism(deciding(hybrid, watch), system) for _, watch in ends]
+        watches = [_of_mechanism(_deciding(hybrid, watch), system) for _, watch in ends]
         try:
             solution = self._solution(hybrid, system, spans, watches, q, v)
         except (IntegrationError, Interrupted) as error:
@@ -183,7 +193,7 @@ class _Integration(Record, frozen=True):
         self.motion.add(segment(solution=solution))
         for index, turn in solution.nearest.items():
             key, watch = ends[index]
-            self.motion.consider(decision(watch, turn, "" if watch.stops else str(key)))
+            self.motion.consider(_decision(watch, turn, "" if watch.stops else str(key)))
         end = self._note_events(solution, system, [key for key, _ in ends])
         last = solution.states(np.array([solution.end]))
         if end is None and solution.end < hybrid.cuts[-1]:
@@ -224,7 +234,7 @@ class _Integration(Record, frozen=True):
         method = hybrid.method if system.manifold.nv else FixedStep(hybrid.time[1] - hybrid.time[0])
         return integrate_smooth(
             hybrid.intervals(system, spans), system.manifold, q, v, method, watches=watches,
-            max_steps=hybrid.max_steps - work.steps - work.rejected, steps_over=steps_over(hybrid, system),
+            max_steps=hybrid.max_steps - work.steps - work.rejected, steps_over=_steps_over(hybrid, system),
             begun_with=work.state_error,
         )  # fmt: skip
 
@@ -247,7 +257,6 @@ class _Integration(Record, frozen=True):
         return end
 
     def _locate(self, error: NumericsError, system: System) -> None:
-        """Say in an error where the integration ended, joint by joint."""
         if "q" in error.data:
             state = (np.asarray(error.data[name])[None] for name in ("t", "q", "v"))
             error.data["q"], error.data["v"] = (x[0] for x in system.whole(*state))
@@ -357,30 +366,9 @@ class _Integration(Record, frozen=True):
                 return hybrid.slip(held, t, q, v)
             return hybrid.friction(held, t).after(q, switch)
 
-        if entered := self._entered(mode.slip, after, touched, t, q, v):
-            held = mode.held
-            for k in sorted(entered):
-                held |= hybrid.tied(held, frozenset({k}), q) ^ {k}
-            return v, Mode(held, slips(held))
         system, state = hybrid.stretch(after, t, q, v), (np.array([t]), q[None], v[None])
         pulls = any(push[0] <= 0.0 for push in hybrid.pushes(mode.held, system, *state).values())
         return v, self._pressing(mode.held | touched, t, q, v, slips) if pulls else after
-
-    def _entered(self, before: Slip, mode: Mode, touched: Held, t: float, q: Array, v: Array) -> Held:
-        """Return the stops among those that are touched into which a joint that breaks loose would go."""
-        if not touched:
-            return touched
-        leaving = self._leaving(self.hybrid.stretch(mode, t, q, v), touched, np.array([t]), q[None], v[None])
-        begun = self.hybrid.friction(mode.held, t, mode.slip).begun(before, q)
-        slight = self._slight(mode.held, t, q, v)
-        for k in (k for k, away in leaving.items() if abs(away) <= slight):
-            bound = self.hybrid.bounds[k]
-            away = bound.side * float(bound.row(q) @ begun)
-            leaving[k] = away if abs(away) > TIED * float(np.abs(bound.row(q)) @ np.abs(begun)) else 0.0
-        return frozenset(k for k, away in leaving.items() if away < 0.0)
-
-    def _slight(self, held: Held, t: float, q: Array, v: Array) -> float:
-        return SLIGHT * float(np.abs(self.hybrid.acceleration_without_friction(held, t, q, v)).max(initial=0.0))
 
     def _at_rest(self, t: float, q: Array, v: Array, held: Held = frozenset()) -> Held:
         """Return the stops that are touched, or held, without moving against or away from them."""
@@ -402,7 +390,10 @@ class _Integration(Record, frozen=True):
             pushes = {k: float(push[0]) for k, push in hybrid.pushes(held, system, *state).items()}
             return pushes | self._leaving(system, touched - held, *state)
 
-        slight = partial(self._slight, frozenset(), t, q, v)
+        def slight() -> float:
+            without = hybrid.acceleration_without_friction(frozenset(), t, q, v)
+            return SLIGHT * float(np.abs(without).max(initial=0.0))
+
         held = pressed(touched, away, partial(hybrid.contacts.ties, q), slight) if touched else touched
         return modes[held] if held in modes else Mode(held, hybrid.slip(held, t, q, v))
 
@@ -411,3 +402,91 @@ class _Integration(Record, frozen=True):
             return {}
         a, bounds = self.hybrid.completed(system, t, q, v).a[0], self.hybrid.bounds
         return {k: bounds[k].side * bounds[k].acceleration(q[0], v[0], a) for k in sorted(stops)}
+
+
+def _watched(
+    hybrid: HybridSystem, mode: Mode, system: System, resting: Held, tied: Held = frozenset()
+) -> list[tuple[str | Cause, Watch]]:
+    """Return the events of the user, by name, and the ends of a segment, by their causes.
+
+    ``resting`` are stops that are touched at rest: a joint that leaves its stop from rest does so slower than rounding
+    at first, and is given some slack. ``tied`` ones of them move only with stops that hold, within the errors of steps.
+    """
+    watches: list[tuple[str | Cause, Watch]] = list(hybrid.watches.items())
+    for k, bound in enumerate(hybrid.bounds):
+        if k in mode.held:
+            push, unit = partial(hybrid.push, mode.held, system, k), "N" if bound.unit != RADIAN else "N*m"
+            holds = f"the {bound.title} holds"
+            watches.append((("released", k), Watch(push, -1, stops=True, loaded=True, what=holds, unit=unit)))
+            continue
+        slack = 2.0 * bound.slack if k in resting else 0.0
+        if k in tied and isinstance(bound, Bound):
+            slack = APART * hybrid.method.tolerance * (hybrid.size + abs(bound.limit))
+        begins = "" if k in resting else f"contact with the {bound.title} begins"
+        gap = partial(_sum, bound.gap, slack)
+        watches.append((("hit", k), Watch(gap, -1, stops=True, what=begins, unit=str(bound.unit))))
+    edges = [edge for force in hybrid.dynamics.forces.values() for edge in force.edges()]
+    edges += [edge for relation in hybrid.profiled for edge in relation.edges()]
+    watches += [
+        (("edge", k), Watch(edge.value, edge.direction, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)
+    ]
+    if hybrid.rubbing(mode.held):
+        watches += [(("slip", index), watch) for index, watch in system.watches()]  # type: ignore[attr-defined]
+    return watches
+
+
+def _sum(gap: Callable[[Array], Array], slack: float, t: Array, q: Array, v: Array) -> Array:
+    return gap(q) + slack
+
+
+def _steps_over(hybrid: HybridSystem, system: System) -> StepsOver | None:
+    forces = [force for force in hybrid.dynamics.forces.values() if force.in_pieces]
+    pieces: list[ForceElement | JointRelation] = [*forces, *hybrid.profiled]
+
+    def passed(t: Array, q: Array, v: Array) -> bool:
+        whole = system.whole(t, q, v)
+        return any(piece.passed(*whole) for piece in pieces)
+
+    return passed if pieces else None
+
+
+def _of_mechanism(watch: Watch, system: System) -> Watch:
+    functions = {name: getattr(watch, name) for name in ("value", "counts", "margin", "sensitivity")}
+    return replace(watch, **{name: partial(_whole, system, of) if of else None for name, of in functions.items()})
+
+
+def _whole(system: System, function: Callable[[Array, Array, Array], object], t: Array, q: Array, v: Array) -> object:
+    return function(t, *system.whole(t, q, v))
+
+
+def _deciding(hybrid: HybridSystem, watch: Watch) -> Watch:
+    """Return a watch of a mechanism's states, with the sensitivity of its margin where it decides something."""
+    if not watch.what:
+        return watch
+    return replace(watch, sensitivity=partial(_sensitivity, hybrid, watch.margin or watch.value))
+
+
+def _sensitivity(hybrid: HybridSystem, margin: Margin, t: Array, q: Array, v: Array) -> float:
+    """Return the change of a margin by errors of 1 in all coordinates and velocities of one state, added up.
+
+    The errors are relative to ``size + |y|``, as those of steps are. Shapes (1,), (1, nq) and (1, nv).
+    """
+    model, n = hybrid.closure.model, hybrid.closure.model.nv
+    moves = PART * np.diag(hybrid.size + (np.abs(q[0]) if model.nq == n else np.ones(n)))
+    positions = [q[0], *(pin.integrate(model, q[0], move) for move in moves), *np.repeat(q, n, axis=0)]
+    velocities = np.vstack([np.repeat(v, n + 1, axis=0), v + PART * np.diag(hybrid.size + np.abs(v[0]))])
+    margins = margin(np.repeat(t, 2 * n + 1), np.array(positions), velocities)
+    return float(np.abs(margins[1:] - margins[0]).sum()) / PART
+
+
+def _decision(watch: Watch, turn: Turn, event: str = "") -> Decision:
+    """Return the decision where a watched value turns.
+
+    ``event`` is the name of an event that is only recorded there; empty for a watch that changes the motion.
+    """
+    passed = -turn.sign * turn.margin
+    if watch.loaded:  # watched for its end
+        return Decision(watch.what, turn.t, -passed, turn.error, watch.unit, passed < 0.0)
+    touches = turn.is_open and watch.level is not None
+    happens = watch.direction in (0, -turn.sign) if touches else passed > 0.0
+    return Decision(watch.what, turn.t, passed, turn.error, watch.unit, happens, event)

@@ -25,7 +25,7 @@ from pinarm.engine.kinematics.singular import running
 from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held, Separation
 from pinarm.engine.motion.segmented.stop_shares import StopShares
 from pinarm.engine.motion.systems import Initial, System
-from pinarm.errors import DynamicsError, InputError
+from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
@@ -97,7 +97,6 @@ class HybridSystem(Record, frozen=True):
         return self if dynamics is self.dynamics else replace(self, dynamics=dynamics)
 
     def system(self, held: Held = frozenset()) -> TreeSystem | LoopSystem:
-        """Return the equations while joints rest on the given stops."""
         if held not in self._systems:
             self._systems[held] = self._built(held, self.with_stops(held), self.initial)
         return self._systems[held]
@@ -112,12 +111,10 @@ class HybridSystem(Record, frozen=True):
 
     @cached_property
     def separations(self) -> Held:
-        """The one-sided constraints among the bounds."""
         return frozenset(k for k, bound in enumerate(self.bounds) if isinstance(bound, Separation))
 
     @property
     def closed_system(self) -> TreeSystem | LoopSystem:
-        """The equations while all constraints hold."""
         return self.system(self.separations)
 
     def closure_of(self, held: Held) -> Closure:
@@ -172,7 +169,6 @@ class HybridSystem(Record, frozen=True):
         return FrictionalSystem(friction, inner, self._stops(mode.held), self.cuts)
 
     def span(self, t: float) -> tuple[float, float]:
-        """Return the interval without jumps from an instant on [s]."""
         later = [cut for cut in self.cuts[1:] if cut > t]
         return t, later[0] if later else self.cuts[-1]
 
@@ -286,7 +282,6 @@ class HybridSystem(Record, frozen=True):
         return q, v
 
     def require_masses(self, q: Array) -> None:
-        """Raise where masses do not determine the accelerations at configurations, shape (n, nq)."""
         known = q.shape[1] == len(self.initial.q)
         require_masses(self.contacts.guided, q if known else self.initial.q[None], self.time[0])
 
@@ -304,7 +299,6 @@ class HybridSystem(Record, frozen=True):
         return self.bounds[k].slack / (self.time[1] - self.time[0]) + REST * float(np.abs(v).max(initial=0.0))
 
     def slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
-        """Return the slip of joints with friction from a state on given stops on."""
         return self.friction(held, t).start(q, v) if self.rubbing(held) else Slip()
 
     def acceleration_without_friction(self, held: Held, t: float, q: Array, v: Array) -> Array:
@@ -313,7 +307,6 @@ class HybridSystem(Record, frozen=True):
         return np.asarray(system.complete(self.dynamics, grid, q[None], v[None]).a[0])
 
     def acting(self, system: System) -> Dynamics:
-        """Return the equation of motion of a system, with the friction of joints that slip."""
         slowed = getattr(system, "slowed", None)
         return slowed(self.dynamics) if slowed else self.dynamics
 
@@ -325,7 +318,6 @@ class HybridSystem(Record, frozen=True):
         return states
 
     def shares(self, held: Held) -> StopShares:
-        """Return the stops, constraints and laws that share loads while joints rest on the given stops."""
         if held not in self._shares:
             closure, separations = self.closure_of(held), [self.bounds[k] for k in sorted(held & self.separations)]
             stops = self._stops(held)
@@ -348,15 +340,8 @@ class HybridSystem(Record, frozen=True):
             return
         from pinarm.engine.friction.response import BearingReactions
 
-        rows = shares.rows
-        reactions = BearingReactions(contacts, rows, self.dynamics.on(*self.span(t)))
-        for contact in reactions.undetermined(split_rows(rows.rows(rows.state(q))), q):
-            if not contact.shared:
-                raise DynamicsError(
-                    f"at t = {t:.9g} s the friction of {contact.name} depends on a reaction that rigid bodies do not "
-                    "determine: several stops hold one motion, and how they share it loads this joint",
-                    expected="one stop for each motion, or friction without a load: constant",
-                )
+        reactions = BearingReactions(contacts, shares.rows, self.dynamics.on(*self.span(t)))
+        reactions.require_determined(shares.rows.split_at(q), q)
 
     def pushes(self, held: Held, system: System, t: Array, q: Array, v: Array) -> dict[int, Array]:
         """Return the pushes of what is held, at states of one interval [N*m or N], shape (n,) each."""

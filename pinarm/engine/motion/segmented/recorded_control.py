@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array
 from pinarm.engine.control.controls import (
     CONTROL,
     ControlledSystem,
@@ -45,9 +45,6 @@ AT_LIMIT = {"margin": "gives its peak torque", "current_margin": "is at its curr
 ROUNDING = 1e-9
 """Of such a distance, relative to the largest of the run: a current is integrated."""
 
-TOUCHING = 1e-9
-"""Part of the motion by which two stretches are apart that are reported as one."""
-
 
 def recorded(controls: Controls, motion: SegmentedMotion) -> SegmentedMotion:
     """Return an integrated motion under the efforts of controllers as they have been."""
@@ -79,7 +76,6 @@ def _under(segment: MotionSegment, dynamics: Dynamics, efforts: RecordedEfforts)
 
 
 def _integrals(motion: SegmentedMotion, t: Array) -> Array:
-    """Return the integrals of controllers at instants, shape (n,), as an array of shape (n, m)."""
     owners, parts = np.searchsorted(np.array(motion.seams), t), []
     for number, segment in enumerate(motion.segments):
         here = np.flatnonzero(owners == number)
@@ -146,10 +142,10 @@ def control_schema(controls: Controls, q: Array, v: Array) -> dict[str, Series]:
 
 
 class _Nodes(NamedTuple):
-    """Starts and lengths of n steps of a motion [s], and states at m nodes in each: (n m,), (n m, nq), (n m, nv)."""
+    """Starts and ends of n steps of a motion [s], and states at m nodes in each: (n m,), (n m, nq), (n m, nv)."""
 
     start: Array
-    h: Array
+    end: Array
     t: Array
     q: Array
     v: Array
@@ -162,59 +158,45 @@ class _Nodes(NamedTuple):
             t = (start[:, None] + 0.5 * (end - start)[:, None] * (NODES + 1.0)).ravel()
             index = np.repeat(np.arange(len(start)), len(NODES))
             states = segment.system.whole(t, *segment.solution.states_in(index, t))
-            parts.append((start, end - start, t, *states))
+            parts.append((start, end, t, *states))
         return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
     def mean(self, values: Array) -> float:
-        """Return the mean over time of a value at the nodes, shape (n m,)."""
-        return float((0.5 * values.reshape(len(self.h), -1) @ WEIGHTS) @ self.h / self.h.sum())
-
-    def stretches(self, inside: Flags) -> list[tuple[float, float]]:
-        """Return the stretches of time [s] of steps in which nodes, shape (n m,), have a property."""
-        slack, stretches = TOUCHING * float(self.h.sum()), list[tuple[float, float]]()
-        for k in np.flatnonzero(inside.reshape(len(self.h), -1).any(axis=1)).tolist():
-            start, end = float(self.start[k]), float(self.start[k] + self.h[k])
-            if stretches and start - stretches[-1][1] <= slack:
-                start = stretches.pop()[0]
-            stretches.append((start, end))
-        return stretches
+        h = self.end - self.start
+        return float((0.5 * values.reshape(len(h), -1) @ WEIGHTS) @ h / h.sum())
 
 
 def motor_remarks(motion: SegmentedMotion) -> list[str]:
-    """Return remarks on limits of motors in an integrated motion: how long at peak, and above the continuous torque."""
-    record = record_of(motion)
+    """Return remarks on limits of motors: how long at peak, and above the continuous torque."""
+    record, remarks = record_of(motion), list[str]()
     if not any(isinstance(controller, MotorController) for controller in record.continuous):
-        return []
+        return remarks
     nodes = _Nodes.of(motion)
-    every = zip(record.controllers, record.parts(nodes.t, nodes.q, nodes.v), strict=True)
-    return [
-        line
-        for controller, part in every
-        if isinstance(controller, MotorController)
-        for line in _motor_remarks(controller, part, nodes)
-    ]
+    for controller, part in zip(record.controllers, record.parts(nodes.t, nodes.q, nodes.v), strict=True):
+        for k, motor in enumerate(controller.actuators if isinstance(controller, MotorController) else ()):
+            own = {name: values[:, k] for name, values in part.items()}
+            remarks += _at_limits(controller.drives[k], own, nodes)
+            if isinstance(motor, TorqueSource):
+                remarks += _above_continuous(controller.drives[k], motor, own, nodes, controller.joints[k].v)
+    return remarks
 
 
-def _motor_remarks(controller: MotorController, part: dict[str, Array], nodes: _Nodes) -> Iterator[str]:
-    for k, (drive, motor) in enumerate(zip(controller.drives, controller.actuators, strict=True)):
-        for name, does in AT_LIMIT.items():
-            margin = part[name][:, k] if name in part else np.full(len(nodes.t), np.nan)
-            if stretches := nodes.stretches(margin <= ROUNDING * np.nanmax(margin, initial=1.0)):
-                yield _at_limit(f"{drive} {does}", stretches)
-        if isinstance(motor, TorqueSource) and motor.continuous is not None:
-            rms = nodes.mean(part["torque"][:, k] ** 2) ** 0.5
-            speed = nodes.mean(np.abs(motor.ratio * nodes.v[:, controller.joints[k].v]))
-            if rms > (allowed := float(np.interp(speed, *motor.continuous))):
-                yield (
-                    f"{drive} gives a torque of {rms:.3g} N*m rms at a mean speed of {speed:.3g} rad/s, more than "
-                    f"its continuous torque there, {allowed:.3g} N*m"
-                )
+def _at_limits(drive: str, own: dict[str, Array], nodes: _Nodes) -> Iterator[str]:
+    for name, does in AT_LIMIT.items():
+        margin = own.get(name, np.full(len(nodes.t), np.nan))
+        inside = (margin <= ROUNDING * np.nanmax(margin, initial=1.0)).reshape(len(nodes.start), -1).any(axis=1)
+        if inside.any():
+            start, end, total = nodes.start[inside][0], nodes.end[inside][-1], (nodes.end - nodes.start)[inside].sum()
+            often = f", {total:.6g} s in all" if total < (1.0 - ROUNDING) * (end - start) else ""
+            yield f"{drive} {does} from t = {start:.6g} s to {end:.6g} s{often}"
 
 
-def _at_limit(words: str, stretches: list[tuple[float, float]]) -> str:
-    """Return a sentence on the stretches of time at a limit; ``words`` name the drive and the limit."""
-    (start, end), total = stretches[0], sum(end - start for start, end in stretches)
-    if len(stretches) == 1:
-        return f"{words} from t = {start:.6g} s to {end:.6g} s"
-    first = f"the first from t = {start:.6g} s to {end:.6g} s"
-    return f"{words} for {total:.6g} s in {len(stretches)} stretches, {first}"
+def _above_continuous(drive: str, motor: TorqueSource, own: dict[str, Array], nodes: _Nodes, v: int) -> Iterator[str]:
+    if motor.continuous is None:
+        return
+    rms, speed = nodes.mean(own["torque"] ** 2) ** 0.5, nodes.mean(np.abs(motor.ratio * nodes.v[:, v]))
+    if rms > (allowed := float(np.interp(speed, *motor.continuous))):
+        yield (
+            f"{drive} gives a torque of {rms:.3g} N*m rms at a mean speed of {speed:.3g} rad/s, more than "
+            f"its continuous torque there, {allowed:.3g} N*m"
+        )

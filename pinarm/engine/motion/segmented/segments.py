@@ -96,12 +96,10 @@ class SegmentedMotion(Record, frozen=True):
 
     @property
     def end(self) -> float:
-        """Last instant reached [s]."""
         return self.segments[-1].solution.end
 
     @property
     def seams(self) -> list[float]:
-        """Instants at which one segment meets the next [s]."""
         return [segment.solution.end for segment in self.segments[:-1]]
 
     @property
@@ -164,7 +162,6 @@ class SegmentedMotion(Record, frozen=True):
         work.state_error += steps * step_error(solution, steps - 1) if steps else 0.0
 
     def consider(self, decision: Decision) -> None:
-        """Keep a decision if it is less certain than the one that is known."""
         known = self.decisions.get(decision.what)
         if known is None or decision.doubt > known.doubt:
             self.decisions[decision.what] = decision
@@ -181,7 +178,6 @@ class SegmentedMotion(Record, frozen=True):
         return CompletedStates.joined(motions)
 
     def positions(self, t: Array) -> Array:
-        """Return the configurations at instants, shape (n,), as they have been integrated, shape (n, nq)."""
         owners, positions = np.searchsorted(np.array(self.seams), t), np.empty((len(t), self.dynamics.model.nq))
         for number in sorted(set(owners.tolist())):
             segment, here = self.segments[number], owners == number
@@ -198,7 +194,6 @@ class SegmentedMotion(Record, frozen=True):
         return {**cost, "steps at the noise floor": float(work.floored)} if work.floored else cost
 
     def remarks(self) -> list[str]:
-        """Return remarks on how the motion was computed; mostly none."""
         remarks = (interval.remark for segment in self.segments for interval in segment.solution.intervals)
         return list(dict.fromkeys(filter(None, [*remarks, self._unseen])))
 

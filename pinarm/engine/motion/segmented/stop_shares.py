@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import combinations
-from math import comb
 
 import numpy as np
 
@@ -31,9 +30,6 @@ from pinarm.records import Record, replace
 
 SLIGHT = 1e-9
 """Part of the pushes by which one may be negative and still be 0, and of a matrix's largest value that is none."""
-
-MOST = 1024
-"""Corners that are looked for at most; where there may be more, the pushes have no end that is known."""
 
 Ends = tuple[Array, Flags]
 """Ends of the polyhedron (1) in n rows: x, shape (n, s), and in which rows there is such an end, shape (n,)."""
@@ -78,7 +74,6 @@ class StopShares(Record, frozen=True):
         return np.reshape(linear, (-1, self.closure.model.nv))
 
     def pushes(self, states: CompletedStates) -> Array:
-        """Return the pushes of stops and separations [N*m or N], shape (n, K)."""
         efforts = (states.tau @ np.linalg.pinv(self._weights))[:, len(self._weights) - len(self.stops) :]
         if self.separations:
             lam = np.asarray(states.lam)[:, self._places[len(self.stops) :]]
@@ -141,7 +136,6 @@ class StopShares(Record, frozen=True):
         return np.asarray(self._sides[:, None] * stresses[:, self._places])
 
     def _with(self, states: CompletedStates, stresses: Array, x: Array) -> CompletedStates:
-        """Return states with self-stresses added, of shape (n, m, s) by x of shape (n, s)."""
         added, own = np.matvec(stresses, x), self.closure.size
         lam, efforts = np.split(added, [own + self.others], axis=1)
         return replace(states, tau=states.tau + efforts @ self._weights, lam=states.lam.plus(lam, own), others=())
@@ -150,8 +144,6 @@ class StopShares(Record, frozen=True):
 def _corners(pushes: Array, ways: Array) -> Iterator[Ends]:
     """Yield the corners of (1), where as many pushes are 0 as there are self-stresses."""
     count, s = ways.shape[1:]
-    if comb(count, s) > MOST:
-        return
     slack = SLIGHT * np.abs(pushes).max(axis=1, keepdims=True)
     for some in map(list, combinations(range(count), s)):
         values = np.linalg.svd(ways[:, some], compute_uv=False)
@@ -162,11 +154,8 @@ def _corners(pushes: Array, ways: Array) -> Iterator[Ends]:
 
 
 def _endless(ways: Array) -> Iterator[Ends]:
-    """Yield the directions in which (1) has no end, or none that is known."""
-    (n, count, s), every = ways.shape, np.ones(len(ways), dtype=bool)
-    if comb(count, s) > MOST:
-        yield from ((np.broadcast_to(sign * axis, (n, s)), every) for axis in np.eye(s) for sign in (1.0, -1.0))
-        return
+    """Yield the directions in which (1) has no end."""
+    n, count, s = ways.shape
     for some in map(list, combinations(range(count), s - 1)):
         x = np.linalg.svd(ways[:, some])[2][:, -1] if some else np.ones((n, 1))
         along = np.matvec(ways, x)

@@ -170,7 +170,7 @@ class FrictionalSystem:
 
     def _solved(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> tuple[CompletedStates, list[SolvedRows]]:
         """Return the motion under the friction of what slips, and the friction of all joints."""
-        sliding = replace(self.friction.on(*self.cuts[:2]), known={})  # as all rows are asked for several times
+        sliding = self.friction.on(*self.cuts[:2])
         slowed = Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: sliding})
         inner, solved = self.inner.complete(slowed, grid, q, v), list[SolvedRows]()
         for rows, local in ((rows, local.forces[FRICTION]) for rows, local in parts(slowed, grid)):
