@@ -36,7 +36,7 @@ PAGE = (PACKAGE / "use/show/replay/page/page.html").read_text()
 TREES = [ast.parse(path.read_text()) for path in PACKAGE.rglob("*.py")]
 TABLES = (
     WORDS.values(), (kind.question for kind in KINDS.values()), KINDS, LABELS.values(), MEASURES, MEASURES.values(),
-    COSTS, ERRORS.values(), ARROWS.values(), FACTORS, LETTERS, (look for look, _ in LOOKS.values()),
+    COSTS, ERRORS.values(), ARROWS.values(), FACTORS, LETTERS, LOOKS.values(),
     (HEADING, TITLE, REMARK, IN_PLANE, LAW, PROJECTED, OPEN, SIGN_IN, FACTOR_IN, PARTLY),
     re.findall(r"\[\[([^0-9]*?)\]\]", PAGE),
 )  # fmt: skip

@@ -185,7 +185,7 @@ def _check(options: Namespace) -> int:
     if options.json:
         show(options, {"findings": [plain(finding) for finding in findings], "errors": list(map(str, failures))})
     elif findings or not failures:
-        print(verdicts(findings, coloured=sys.stdout.isatty()))
+        print(verdicts(findings))
     for failure in failures:
         say(f"error: {failure}")
     if failures:

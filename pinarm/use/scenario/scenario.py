@@ -154,6 +154,9 @@ class Scenario(Record, frozen=True):
         Args:
             values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``, or texts such as
                 ``["arguments.m_A=0.2 kg"]``; see ``input.yaml.document``.
+
+        Raises:
+            InputError: A path leads nowhere, or a value is wrong there.
         """
         return self.with_document(self.varied_document(values)) if values else self
 

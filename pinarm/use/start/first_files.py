@@ -11,7 +11,6 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import product
 
 import numpy as np
 
@@ -31,7 +30,7 @@ STEP = {"deg": 30.0, "mm": 100.0}
 TITLE = "Mechanism"
 """Title of a model without a name."""
 
-PARTS = (1.0, -1.0, 1 / 3, -1 / 3, 0.1, -0.1, 1 / 30, -1 / 30)
+PARTS = (1.0, -1.0, 0.1, -0.1)
 """Parts of ``STEP`` that are tried where loops or couplings limit the motion, forward and backward."""
 
 DRIVING = 0.3
@@ -102,8 +101,9 @@ def _solvable(mechanism: Mechanism) -> str:
     if not mechanism.closure.size:
         return _scenario(mechanism, q, names, 1.0, {})
     others = {name: float(q[joint.q]) for name, joint in mechanism.joints.items() if name not in names}
+    start = {name: value for name, value in others.items() if abs(value) > NEAR}
     reason: PinarmError = InputError("it has no degree of freedom")
-    for part, start in product(PARTS if names else (), ({}, {k: x for k, x in others.items() if abs(x) > NEAR})):
+    for part in PARTS if names else ():
         text = _scenario(mechanism, q, names, part, start)
         try:
             Scenario.of_data({**Document.parse(text).data, "mechanism": mechanism}).run()

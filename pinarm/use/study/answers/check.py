@@ -9,7 +9,6 @@ is within 2 %. Anything else that differs is a miss.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -32,6 +31,7 @@ from pinarm.use.result.measures import ZERO, natural_sizes
 from pinarm.use.result.numbers import RunNumber, measured, names_number, read_number
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
+from pinarm.use.show.terminal import aligned
 from pinarm.use.study.run import run, scenarios
 
 FORMULA = 1e-10
@@ -312,31 +312,24 @@ def _verdict(expectation: Expectation, independent: bool, printed: _Published) -
 
 
 HEADING = ("verdict", "scenario", "quantity", "at", "computed", "independent", "published", "difference")
-LOOKS = {"agrees": ("= agrees", "green"), "rounding": ("~ rounding", "cyan"), "reading": ("~ reading", "cyan"),
-         "misprint": ("! misprint", "bold yellow"), "model_error": ("! model error", "bold yellow"),
-         "MISS": ("X MISS", "bold red")}  # fmt: skip
-"""Verdicts: how they are written, and their colour."""
+LOOKS = {
+    "agrees": "= agrees",
+    "rounding": "~ rounding",
+    "reading": "~ reading",
+    "misprint": "! misprint",
+    "model_error": "! model error",
+    "MISS": "X MISS",
+}
+"""Verdicts, as they are written."""
 
-WIDE = 200
-"""Letters of a line where it is not a terminal's."""
+CELL = 36
+"""Largest number of letters of a cell."""
 
 
-def verdicts(findings: Sequence[Finding], *, coloured: bool = False) -> str:
+def verdicts(findings: Sequence[Finding]) -> str:
     """Return the table of findings, why some are a miss, and how many there are of each, as text."""
-    if not findings:
-        return remarks(findings)[0]
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    drawn = Table(*HEADING)
-    for row, finding in zip(rows(findings), findings, strict=True):
-        if row[1] and drawn.rows:
-            drawn.add_section()
-        drawn.add_row(Text(row[0], style=LOOKS[finding.verdict][1]), *map(Text, row[1:]))
-    text = io.StringIO()
-    Console(file=text, width=None if coloured else WIDE, force_terminal=coloured, highlight=False).print(drawn)
-    return text.getvalue() + "\n".join(remarks(findings))
+    table = aligned([HEADING, *rows(findings)]) if findings else []
+    return "\n".join([*table, *remarks(findings)])
 
 
 def rows(findings: Sequence[Finding]) -> list[list[str]]:
@@ -346,7 +339,7 @@ def rows(findings: Sequence[Finding]) -> list[list[str]]:
         entry, unit = finding.expectation, finding.shown_in or finding.unit
         independent = _shown(finding.independent, unit, entry) if entry.value is not None else entry.formula or ""
         cells = (
-            LOOKS[finding.verdict][0],
+            LOOKS[finding.verdict],
             finding.scenario if finding.scenario != previous else "",
             entry.quantity,
             _place(entry.at),
@@ -409,7 +402,7 @@ def _place(at: object) -> str:
 
 
 def _clip(text: str) -> str:
-    return text if len(text) <= 44 else f"{text[:41]}..."
+    return text if len(text) <= CELL else f"{text[: CELL - 3]}..."
 
 
 def _shown(value: float | None, measured: Unit | None, entry: Expectation) -> str:
