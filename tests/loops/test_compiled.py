@@ -100,7 +100,7 @@ def test_accelerations_of_loops_within_loops_are_those_of_the_singular_values(se
     general = LoopSystem.of(closure, dynamics, FREE, pin.neutral(mechanism.model))
     interval = general.interval(dynamics, 0.0, 1.0)
     assert interval.compiled, interval.remark
-    ways = compiled_loops._loops(Regularity.of(closure, ()))._ways
+    ways = compiled_loops._loops(Regularity.of(closure, ())).ways
     assert sum(entry < 0 for way in ways for entry in way.passed) > 3
     assert all(len(way.passed) < 8 for way in ways[:3])
     compare(interval.compiled, closure, closed_states(general))

@@ -43,9 +43,9 @@ CONVERGED, EXACT, FAR = 1e-3, 1e-9, 4.0
 """Size of the last coefficients of a series over the largest where it has converged, and where it shows crossings; and
 how many times its other terms the first one is where nothing that they miss can make it cross 0."""
 
-LEAST_PART, MOST_STATES, AT_ONCE = 2.0**-24, 500_000, 256
-"""Smallest part of a step for which a value that depends on loads has a series of its own; states in which it is looked
-at for them in one step; and parts that are halved in one call."""
+LEAST_PART, MOST_STATES = 2.0**-24, 500_000
+"""Smallest part of a step for which a value that depends on loads has a series of its own; and states in which it is
+looked at for them in one step."""
 
 BESIDE = 1e-3
 """Part of a step up to which roots outside of it are told from those within: one at an end may be on either side."""
@@ -84,7 +84,7 @@ class WithinStep(Record, frozen=True):
 
     @property
     def slack(self) -> float:
-        """Difference of instants that is rounding of their roots [s]."""
+        """Rounding of instants [s]."""
         return SAME_INSTANT * max(abs(self.step.t), abs(self.step.h))
 
     def evaluate(self, function: Callable[[Array, Array, Array], Any], t: Sequence[float] | Array) -> Any:
@@ -207,28 +207,24 @@ class StepPart(NamedTuple):
     resolved: bool
 
 
-def _parts(within: WithinStep, watch: Watch, values: Array) -> Iterator[StepPart]:
-    """Yield the parts of a step on which a value is interpolated, in order of time, given its values at the nodes.
+def _parts(within: WithinStep, watch: Watch, values: Array) -> list[StepPart]:
+    """Return the parts of a step on which a value is interpolated, in order of time, given its values at the nodes.
 
-    Parts whose series do not show the signs are halved, the first ones first: what follows a crossing is not looked at.
-    The farther there is none, the more are halved in one call.
+    Parts whose series do not show the signs are halved, all of one length in one call, but for those behind a negative
+    value, which ends the motion where it depends on loads.
     """
-    known = not watch.loaded or bool(resolved(values[None])[0])
-    waiting, left, at_once = [StepPart(0.0, 1.0, values, known)], MOST_STATES, 1
-    while waiting:
-        if waiting[-1].resolved or left <= 0:
-            yield waiting.pop()
-            at_once = min(2 * at_once, AT_ONCE)
-            continue
-        some = [waiting.pop() for _ in range(min(at_once, len(waiting)))]
-        bounds = [np.linspace(part.low, part.high, 3) for part in some if not part.resolved]
-        ends = np.array([half for low, middle, high in bounds for half in ((low, middle), (middle, high))])
-        halved = watch.value(*within.at_nodes(ends)).reshape(len(ends), -1)
-        seen = resolved(halved) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
-        halves = iter([*map(StepPart, *ends.T.tolist(), halved, seen.tolist())])
-        divided = [half for part in some for half in ([part] if part.resolved else [next(halves), next(halves)])]
-        waiting += divided[::-1]
-        left -= halved.size
+    parts, ends, known, left = list[StepPart](), np.array([[0.0, 1.0]]), values[None], MOST_STATES
+    while len(ends):
+        seen = resolved(known) | (not watch.loaded) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
+        kept = seen | (left <= 0)
+        parts += map(StepPart, *ends[kept].T.tolist(), known[kept], seen[kept].tolist())
+        over = ends[(known < 0.0).any(axis=1), 0].min(initial=1.0)
+        low, high = ends[~kept & (ends[:, 0] <= over)].T
+        middle = 0.5 * (low + high)
+        ends = np.stack([low, middle, middle, high], axis=1).reshape(-1, 2)
+        known = watch.value(*within.at_nodes(ends)).reshape(len(ends), -1) if len(ends) else known
+        left -= known.size
+    return sorted(parts, key=lambda part: part.low)
 
 
 def _until_stop(

@@ -69,7 +69,6 @@ class Flow(Record, frozen=True):
 
     @cached_property
     def _evaluation(self) -> tuple[Any, Array, Array, tuple[int, int]]:
-        """The function of the library, its buffers for a state and its slope, and their addresses."""
         state, slope = np.zeros((2, self.structure.n))
         return RATES(self.structure.rates), state, slope, (pointer(state), pointer(slope))
 
@@ -81,7 +80,6 @@ class Flow(Record, frozen=True):
 
 
 LEFT_OUT = "not built: no C compiler, one that failed, or PINARM_KERNEL=off"
-"""Why the library may be absent, in words."""
 
 
 @cache
@@ -112,18 +110,15 @@ def absence() -> str:
 
 
 def address(function: Any) -> int | None:
-    """Return the address of a function of the library."""
+    """Return the address of a function of the library; ``None`` for none."""
     return ctypes.cast(function, ctypes.c_void_p).value
 
 
 def pointer(array: NDArray[Any]) -> int:
-    """Return the address of the numbers of an array."""
-    try:  # a quarter of the time
-        return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
-    except (TypeError, ValueError):  # empty, or not to be written, or not in a row
-        if not array.flags.c_contiguous:
-            raise ValueError("the numbers of an array that the library reads must follow one another") from None
-        return int(array.ctypes.data)
+    """Return the address of the numbers of an array, which follow one another."""
+    if not array.flags.c_contiguous:
+        raise ValueError("the numbers of an array that the library reads must follow one another")
+    return int(array.ctypes.data)
 
 
 def contiguous(values: Array) -> Array:

@@ -31,10 +31,6 @@ LOWER, UNIVERSAL, ROD = range(3)
 """Kinds of loop joints: see ``loops.h``."""
 
 
-NOWHERE = np.zeros(3)
-"""No axis."""
-
-
 class Tied(Record, frozen=True):
     """A loop joint of a model.
 
@@ -52,7 +48,7 @@ class Tied(Record, frozen=True):
     places: tuple[pin.SE3, pin.SE3]
     along: Array
     about: Array
-    axis: Array = NOWHERE
+    axis: Array = np.zeros(3)
     size: float = 0.0
     weights: Array | None = None
 
@@ -92,7 +88,6 @@ class Way(Record, frozen=True):
 
     @property
     def support(self) -> list[int]:
-        """All these unknowns."""
         return self.unknowns + self.own
 
 
@@ -153,10 +148,28 @@ class LoadedLoops(Record, frozen=True):
 
 
 class CompiledLoops(Record, frozen=True):
-    """A tree with loops as the library knows it."""
+    """A tree with loops as the library knows it.
+
+    Attributes:
+        tied: The loop joints in the order of the links at which they end, from the tips.
+        places: Places of the rows among these, in the order of the constraints, shape (m,).
+    """
 
     tree: CompiledTree
-    tied: Sequence[Tied]
+    tied: list[Tied]
+    ways: list[Way]
+    places: Indices
+
+    @classmethod
+    def of(cls, tree: CompiledTree, tied: Sequence[Tied]) -> CompiledLoops:
+        """Return the tree with loops, given in the order of the constraints."""
+        model = tree.model
+        ends = [end_of(model, loop.ends(model)) for loop in tied]
+        order = sorted(range(len(ends)), key=lambda k: -ends[k])
+        sizes = [len(loop.along) for loop in tied]
+        rows, ordered = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1]), [tied[k] for k in order]
+        ways = ways_of(model, [(loop.ends(model), loop.moving(model), len(loop.along)) for loop in ordered])
+        return cls(tree, ordered, ways, np.argsort(np.concatenate([rows[k] for k in order])))
 
     def loaded(self, loaded: LoadedTree, units: Array, weights: Array) -> LoadedLoops | None:
         """Return the tree under its loads with its loops; ``None`` where a number is none.
@@ -166,21 +179,17 @@ class CompiledLoops(Record, frozen=True):
             units: Squares of the units of velocities, 0 of those that follow laws, shape (nv,).
             weights: 1 over the unit of the gap in every row, shape (m,).
         """
-        if (
-            max(self._rows, default=MOST_ROWS + 1) > MOST_ROWS
-            or not finite(self._records)
-            or not np.isfinite(self._weights).all()
-        ):
+        records, factors, model, rows = self._records, self._weights, self.tree.model, len(self.places)
+        if max(records["rows"]) > MOST_ROWS or not finite(records) or not np.isfinite(factors).all():
             return None
-        model, rows = self.tree.model, sum(self._rows)
         loaded = loaded.with_unknowns(model.nv + rows)
-        squares, inner = self._skyline, int(self._records["rows"][self._records["end"] >= 0].sum())
-        passed = np.array([entry for way in self._ways for entry in way.passed], np.intc)
-        unknowns = np.array([unknown for way in self._ways for unknown in way.support], np.intc)
-        known = self._records, passed, unknowns, self._weights, np.zeros(len(self.tied), LOOP_STATE)
+        squares, inner = _skyline(records), int(records["rows"][records["end"] >= 0].sum())
+        passed = np.array([entry for way in self.ways for entry in way.passed], np.intc)
+        unknowns = np.array([unknown for way in self.ways for unknown in way.support], np.intc)
+        known = records, passed, unknowns, factors, np.zeros(len(self.tied), LOOP_STATE)
         buffers = (
             contiguous(units),
-            contiguous(weights[np.argsort(self._places)]),
+            contiguous(weights[np.argsort(self.places)]),
             np.zeros((model.njoints, MOST_ROWS), FORCE),
             np.zeros((len(unknowns), MOST_ROWS)),
             np.zeros((model.nv + rows, MOST_ROWS)),
@@ -195,48 +204,13 @@ class CompiledLoops(Record, frozen=True):
             SkylineStructure(rows, *map(pointer, squares)),
             *map(pointer, buffers),
         )
-        return LoadedLoops(structure, (loaded, squares, known, buffers), self._places)
+        return LoadedLoops(structure, (loaded, squares, known, buffers), self.places)
 
     @property
-    def _skyline(self) -> tuple[NDArray[Any], ...]:
-        """The arrays of the matrix of all rows: first columns, places, entries and factors."""
-        records = self._records
-        first = np.repeat(records["first"][records["coupled"]], records["rows"]).astype(np.intp)
-        sizes = np.arange(len(first)) - first + 1
-        origin, stored = np.cumsum(sizes) - np.arange(len(first)) - 1, int(sizes.sum())
-        return first, origin.astype(np.intp), np.zeros(stored), np.zeros(stored)
-
-    @cached_property
-    def _order(self) -> list[int]:
-        """The loop joints in the order of the links at which they end, from the tips."""
-        ends = [end_of(self.tree.model, tied.ends(self.tree.model)) for tied in self.tied]
-        return sorted(range(len(ends)), key=lambda k: -ends[k])
-
-    @cached_property
-    def _ordered(self) -> list[Tied]:
-        return [self.tied[k] for k in self._order]
-
-    @cached_property
-    def _rows(self) -> list[int]:
-        return [len(tied.along) for tied in self._ordered]
-
-    @cached_property
-    def _places(self) -> Indices:
-        sizes = [len(tied.along) for tied in self.tied]
-        rows = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
-        return np.argsort(np.concatenate([rows[k] for k in self._order]))
-
-    @cached_property
-    def _ways(self) -> list[Way]:
-        """Ways of the loop joints, from the tips."""
-        model, pairs = self.tree.model, zip(self._ordered, self._rows, strict=True)
-        return ways_of(model, [(tied.ends(model), tied.moving(model), count) for tied, count in pairs])
-
-    @cached_property
     def _weights(self) -> Array:
         """Weights of couplings on the unknowns of all ways, 0 of loop joints, shape (unknowns, MOST_ROWS)."""
         nv, factors = self.tree.model.nv, list[Array]()
-        for tied, way in zip(self._ordered, self._ways, strict=True):
+        for tied, way in zip(self.tied, self.ways, strict=True):
             weights = np.zeros((len(way.support), MOST_ROWS))
             if tied.weights is not None:
                 places = [k for k, unknown in enumerate(way.unknowns) if unknown < nv]
@@ -247,23 +221,26 @@ class CompiledLoops(Record, frozen=True):
     @cached_property
     def _records(self) -> NDArray[np.void]:
         """The loop joints, of ``structures.LOOP``."""
-        records, ways, first = np.zeros(len(self.tied), LOOP), self._ways, dict[int, int]()
-        for name, counts in (
-            ("first", self._rows),
-            ("path", [len(way.passed) for way in ways]),
-            ("support", [len(way.support) for way in ways]),
-        ):
-            records[name] = np.cumsum([0, *counts])[:-1]
-        for k, (record, tied, way) in enumerate(zip(records, self._ordered, ways, strict=True)):
+        records, ways, first = np.zeros(len(self.tied), LOOP), self.ways, dict[int, int]()
+        for k, (record, tied, way) in enumerate(zip(records, self.tied, ways, strict=True)):
             record["axis"], record["size"], record["kind"] = tied.axis, tied.size, tied.kind
             record["rows"], record["end"] = len(tied.along), way.end
             record["links"], record["degrees"] = len(way.passed), len(way.support)
             record["along"][: len(tied.along)], record["about"][: len(tied.about)] = tied.along, tied.about
             for i, (joint, place) in enumerate(zip(tied.joints, tied.places, strict=True)):
-                record["link"][i], record["frame"]["rotation"][i], record["frame"]["translation"][i] = self.tree.placed(
-                    joint, place
-                )
+                frame = record["frame"]
+                record["link"][i], frame["rotation"][i], frame["translation"][i] = self.tree.placed(joint, place)
             record["coupled"] = min([k, *(first.setdefault(n, k) for n in way.support)])  # shares an unknown with it
+        for name, counts in (("first", "rows"), ("path", "links"), ("support", "degrees")):
+            records[name] = np.cumsum(records[counts]) - records[counts]
         records["tail"] = records["support"] + [way.before for way in ways]
         records["own"] = records["support"] + [len(way.unknowns) for way in ways]
         return records
+
+
+def _skyline(records: NDArray[np.void]) -> tuple[NDArray[Any], ...]:
+    """Return the arrays of the matrix of all rows: first columns, places, entries and factors."""
+    first = np.repeat(records["first"][records["coupled"]], records["rows"]).astype(np.intp)
+    sizes = np.arange(len(first)) - first + 1
+    origin, stored = np.cumsum(sizes) - np.arange(len(first)) - 1, int(sizes.sum())
+    return first, origin.astype(np.intp), np.zeros(stored), np.zeros(stored)

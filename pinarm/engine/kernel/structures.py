@@ -120,7 +120,7 @@ class LimitsStructure(ctypes.Structure):
     """When a position is regular, and how a singular one is passed."""
 
     _fields_ = [
-        *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
+        *((name, REAL) for name in ("usual", "near", "ahead", "blind", "vanished", "accuracy")),
         ("aside", REAL),
         ("across", REAL * 8),
         ("passed", REAL),

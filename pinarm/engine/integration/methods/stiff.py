@@ -8,6 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from pinarm.arrays import Array, Complex
 from pinarm.engine.integration.runge_kutta import first_step
@@ -72,44 +73,19 @@ def radau(s: int) -> RadauTableau:
     The error estimate is ``y^ - y_new`` of the method with the node 0, of weight ``1 / eigenvalues[0]``, and those of
     the stages, whose order is s: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8, eq. (8.18).
     """
-    c = _nodes(s)
-    basis, integrals = legendre(c, s)
+    c = 0.5 + 0.5 * legendre.legroots([*(s - 1) * [0.0], -1.0, 1.0])
+    c[-1] = 1.0
+    basis = legendre.legvander(2.0 * c - 1.0, s - 1)
+    integrals = 0.5 * legendre.legvander(2.0 * c - 1.0, s) @ legendre.legint(np.eye(s), lbnd=-1.0)
     a = integrals @ np.linalg.inv(basis)
     inverse = np.linalg.inv(a)
     values, vectors = np.linalg.eig(inverse)
     chosen = np.concatenate([np.flatnonzero(np.abs(values.imag) < 1e-9), np.flatnonzero(values.imag > 1e-9)])
     pairs = np.where(np.arange(len(chosen)), 2.0, 1.0)
-    at_start = legendre(np.zeros(1), s)[0][0]
-    weights = -np.linalg.solve(basis.T, at_start) / values[chosen[0]].real
+    weights = -np.linalg.solve(basis.T, legendre.legvander(-1.0, s - 1)[0]) / values[chosen[0]].real
     powers = np.asarray(np.linalg.inv(c[:, None] ** np.arange(1, s + 1)), float)
-    return RadauTableau(
-        c, a, inverse, values[chosen], np.linalg.inv(vectors)[chosen], vectors[:, chosen] * pairs, weights @ inverse,
-        powers, _terms(powers),
-    )  # fmt: skip
-
-
-def legendre(x: Array, s: int) -> tuple[Array, Array]:
-    """Return the Legendre polynomials on [0, 1] of degree 0 to s - 1 at x, and their integrals from 0, each (n, s).
-
-    ``(k + 1) P_(k+1) = (2k + 1) z P_k - k P_(k-1)`` with ``z = 2x - 1``;
-    ``int_0^x P_k = (P_(k+1) - P_(k-1)) / (2 (2k + 1))``.
-    """
-    p = [np.ones_like(x), 2.0 * x - 1.0]
-    for k in range(1, s):
-        p.append(((2 * k + 1) * (2.0 * x - 1.0) * p[k] - k * p[k - 1]) / (k + 1))
-    integrals = [x] + [(p[k + 1] - p[k - 1]) / (2 * (2 * k + 1)) for k in range(1, s)]
-    return np.stack(p[:s], axis=-1), np.stack(integrals, axis=-1)
-
-
-def _nodes(s: int) -> Array:
-    """Return the nodes by Golub's method: eigenvalues of the Jacobi matrix of the Legendre polynomials."""
-    k = np.arange(1, s)
-    beside = k / np.sqrt(4.0 * k**2 - 1.0)
-    matrix = np.diag(beside, 1) + np.diag(beside, -1)
-    matrix[-1, -1] = s / (2.0 * s - 1.0)  # P_s(1) / P_(s-1)(1) in terms of the normalised polynomials: 1 is a node
-    nodes = 0.5 * (1.0 + np.linalg.eigvalsh(matrix))
-    nodes[-1] = 1.0
-    return nodes
+    back, forth = vectors[:, chosen] * pairs, np.linalg.inv(vectors)[chosen]
+    return RadauTableau(c, a, inverse, values[chosen], forth, back, weights @ inverse, powers, _terms(powers))
 
 
 def _terms(coefficients: Array) -> Array:

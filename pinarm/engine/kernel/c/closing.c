@@ -133,8 +133,7 @@ static int look(closing *c) {
     const double smallest = rank < l->rank ? 0.0 :
         skyline_eigenvalue(&c->rows.squares, l->rank - 1, least, largest, l->accuracy);
     c->regular = sqrt(smallest / largest) / l->usual;
-    const double fall = before - c->regular;
-    c->near = c->regular < l->near || (c->regular < l->ahead * fall && (fall > l->coarse || c->regular < l->close));
+    c->near = c->regular < l->near || c->regular < l->ahead * (before - c->regular);
     return 1;
 }
 

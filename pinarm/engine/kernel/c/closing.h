@@ -8,7 +8,7 @@
  * s_r / s_1 / usual, s being the singular values of G in descending order and r the rank along the motion. */
 typedef struct {
     double usual;                     /* s_r / s_1 at positions of no special kind */
-    double near, ahead, coarse, close, blind; /* limits of the regularity, and of its fall over a step */
+    double near, ahead, blind;        /* limits of the regularity, and of its fall over a step */
     double vanished, accuracy;        /* squares that are 0, and how well they are known */
     double aside, across[8];          /* how far beside a singular position others are, and their weights */
     double passed;                    /* gap at the position so interpolated up to which it is passed */

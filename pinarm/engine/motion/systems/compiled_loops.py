@@ -103,7 +103,7 @@ class JudgedLoops(Record, frozen=True):
         compiled, coarse = library(), motion.coarse
         if compiled is None:
             return None
-        of_motion = (getattr(loop_motion, name) for name in ("NEAR", "AHEAD", "COARSE", "CLOSE", "BLIND"))
+        of_motion = (getattr(loop_motion, name) for name in ("NEAR", "AHEAD", "BLIND"))
         limits = LimitsStructure(
             self.measure.usual, *of_motion, RANK**2, ALIKE, loop_motion.ASIDE, tuple(loop_motion.ACROSS),
             loop_motion.PASSED * coarse, loop_motion.FLOOR, self.measure.rank,
@@ -274,7 +274,7 @@ def _loops(measure: Regularity) -> CompiledLoops | None:
     if not known or len(known) < len(tied) or not measure.exact:
         return None
     tree = CompiledTree.of(heavy(closure.model, measure.driven))
-    return CompiledLoops(tree, known) if tree else None
+    return CompiledLoops.of(tree, known) if tree else None
 
 
 def _tied(model: pin.Model, constraint: Constraint, kept: Indices, part: slice) -> Tied | None:

@@ -43,11 +43,10 @@ NEAR = 0.05
 """Regularity below which every stage is closed. Four-bars of equal rods end as close to the truth as with 0.2, in three
 quarters of the time, at 160 tolerances from 1e-3 to 1e-13, none on another branch."""
 
-AHEAD, COARSE, CLOSE = 1.5, 0.65, 0.1
+AHEAD = 1.5
 """Stages are also closed in a step that may pass a singular position in one go: where the regularity, falling 1.5 times
-as much as over the last step, is 0 or less, and either that fall was more than 0.65 or the regularity is less than 0.1.
-The error estimate of so long a step does not show the errors of its stages: at tolerance 1e-3 one motion in a hundred
-went on on another branch."""
+as much as over the last step, is 0 or less. The error estimate of so long a step does not show the errors of its
+stages."""
 
 BLIND, ASIDE, ACROSS = 2.5e-3, 8e-3, np.array([-1.0, 8.0, -28.0, 56.0, 56.0, -28.0, 8.0, -1.0]) / 70.0
 """Regularity s below which a position says little of the state, whose place is known to eps / s and whose velocity to
@@ -318,7 +317,7 @@ class LoopMotion:
         self.regular, self.q, self.looked = self.measure.at(values, self.rank), place.q, True
         self.singular, fall = self.regular < NEAR, before - self.regular
         self.open = self.open if self.singular else 0.0
-        self.near = self.singular or (self.regular < AHEAD * fall and (fall > COARSE or self.regular < CLOSE))
+        self.near = self.singular or self.regular < AHEAD * fall
 
     def _regularity(self, place: Place) -> float:
         """Return the regularity of a position, by the rank along the motion: the largest one at closed positions."""
