@@ -22,7 +22,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: threads of linear al
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from pinarm.engine.integration.compiled_steps import CompiledSteps
+from pinarm.engine.integration.methods.explicit import CompiledSteps
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.motion.systems import compiled_loops
 from pinarm.engine.motion.trajectory import Trajectory

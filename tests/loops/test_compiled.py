@@ -15,8 +15,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kernel import tree as kernel_tree
-from pinarm.engine.kernel.library import absence, library, pointer
-from pinarm.engine.kernel.structures import SkylineStructure
+from pinarm.engine.kernel.library import SkylineStructure, absence, library, pointer
 from pinarm.engine.kernel.tree import links_of
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems import compiled_loops

@@ -16,8 +16,8 @@ from pinarm.engine.integration.runge_kutta import PASSED, SHORTEST
 from pinarm.errors import IntegrationError, Interrupted
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.compiled_steps import CompiledSteps
     from pinarm.engine.integration.methods import Method, Stepper
+    from pinarm.engine.integration.methods.explicit import CompiledSteps
 
 NEAR = 0.1
 """Part of a first step within which a crossing is looked at again with a step that ends behind it: where a motion

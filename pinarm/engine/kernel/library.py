@@ -1,4 +1,4 @@
-"""The compiled library, which an installation may lack."""
+"""The compiled library, which an installation may lack, and its structures, as its headers declare them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kernel.structures import SIZES, FlowStructure
 from pinarm.records import Record
 
 if TYPE_CHECKING:
@@ -25,6 +24,187 @@ SWITCH = "PINARM_KERNEL"
 PATH = Path(__file__).parent / "c" / ("kernel.dylib" if sys.platform == "darwin" else "kernel.so")
 """The library, as the build writes it; beside the sources, where Python does not take it for one of its modules."""
 
+LEFT_OUT = "not built: no C compiler, one that failed, or PINARM_KERNEL=off"
+
+REAL, INT, SIZE, POINTER = ctypes.c_double, ctypes.c_int, ctypes.c_ssize_t, ctypes.c_void_p
+
+
+def _fields(kind: Any, names: str, *shape: Any) -> list[Any]:
+    return [(name, kind, *shape) for name in names.split()]
+
+
+SCREW = np.dtype([*_fields(np.intc, "axis"), *_fields(float, "slide turn")], align=True)
+"""A column of the motion subspace of a joint: it slides along, and turns about, an axis of the link's frame."""
+
+_FRAME = [("rotation", float, (3, 3)), ("translation", float, 3)]
+_BODY = [("mass", float), ("moment", float, 3), ("inertia", float, 6)]
+
+BODY = np.dtype(_BODY)
+"""A rigid body."""
+
+LINK = np.dtype([*_fields(np.intc, "parent kind q v"), *_FRAME, *_BODY], align=True)
+"""A link with its joint and its body."""
+
+DEGREE = np.dtype(
+    [("screw", SCREW), ("sprung", np.intc), *_fields(float, "armature effort stiffness damping rest")], align=True
+)
+"""A velocity of a joint, and what acts along it."""
+
+ROTATION_SPRING = np.dtype([*_fields(np.intc, "q v"), ("stiffness", float)], align=True)
+"""A spring of a ball joint."""
+
+POINT_SPRING = np.dtype(
+    [("link", np.intc, 2), ("place", float, (2, 3)), *_fields(float, "stiffness damping rest pull")], align=True
+)
+"""A spring between two points."""
+
+LAW_TERMS = 8
+"""Most coefficients of a law."""
+
+LAW_BOUNDS = "from until"
+"""The instants from and until which a law holds; infinite where nothing bounds it."""
+
+LAW_NUMBERS = "start size origin unit amplitude phase"
+
+LAW = np.dtype(
+    [
+        *_fields(np.intc, "v q"),
+        *_fields(float, f"{LAW_BOUNDS} steady {LAW_NUMBERS}"),
+        ("coefficients", float, LAW_TERMS),
+    ],
+    align=True,
+)
+"""A law over time, of an effort or a coordinate."""
+
+LINK_STATE = np.dtype([
+    ("in_parent", float, 12), *_FRAME, *_fields(float, "velocity acceleration change", 6), ("inertia", float, 21),
+    ("bias", float, 6),
+])  # fmt: skip
+"""Buffers of the recursion for a link; rotation and translation are those in the world."""
+
+DEGREE_STATE = np.dtype((float, 7))
+"""Buffers of the recursion for an unknown, a velocity or a multiplier."""
+
+MOST_ROWS = 6
+"""Most rows of a loop joint."""
+
+LOOP = np.dtype(
+    [
+        *_fields(np.intc, "kind rows"),
+        ("link", np.intc, 2),
+        *_fields(np.intc, "first end path links support degrees tail own coupled"),
+        ("frame", _FRAME, 2),
+        *_fields(float, "along about", (MOST_ROWS, 3)),
+        ("axis", float, 3),
+        ("size", float),
+    ],
+    align=True,
+)
+"""A joint that closes a loop."""
+
+LOOP_STATE, FORCE = np.dtype((float, 3 + 9 + 18 * MOST_ROWS + 12)), np.dtype((float, 6))
+"""Buffers for a loop joint, and for a force."""
+
+
+class TreeStructure(ctypes.Structure):
+    """A tree of links with its buffers."""
+
+    _fields_ = [
+        *_fields(INT, "links nq nv rotation_springs point_springs laws"),
+        *_fields(POINTER, "link degree rotation_spring point_spring law link_state degree_state tau"),
+    ]
+
+
+class SkylineStructure(ctypes.Structure):
+    """A symmetric matrix whose rows are stored from their first entry on."""
+
+    _fields_ = [("rows", SIZE), *_fields(POINTER, "first origin entry factor")]
+
+
+class ProximalStructure(ctypes.Structure):
+    """Settings of the proximal iteration for multipliers."""
+
+    _fields_ = [*_fields(REAL, "term accuracy"), ("repeats", INT)]
+
+
+class LimitsStructure(ctypes.Structure):
+    """When a position is regular, and how a singular one is passed."""
+
+    _fields_ = [
+        *_fields(REAL, "usual near ahead blind vanished accuracy aside"),
+        ("across", REAL * 8),
+        *_fields(REAL, "passed floor"),
+        ("rank", INT),
+    ]
+
+
+class ConstraintsStructure(ctypes.Structure):
+    """A tree with loops, and its buffers."""
+
+    _fields_ = [
+        ("tree", POINTER),
+        *_fields(INT, "loops inner"),
+        *_fields(POINTER, "loop path unknown weight_of loop_state"),
+        ("squares", SkylineStructure),
+        *_fields(POINTER, "unit weight carried reduced spread response right multiplier part"),
+    ]
+
+
+class ClosingStructure(ctypes.Structure):
+    """A motion along loops."""
+
+    _fields_ = [
+        ("rows", ConstraintsStructure),
+        *_fields(ProximalStructure, "exact tolerant"),
+        *_fields(REAL, "projection closed stalled torn"),
+        ("corrections", INT),
+        ("limits", LimitsStructure),
+        *_fields(POINTER, "scale sum part aside state saved"),
+        ("near", INT),
+        *_fields(REAL, "regular open t step floor"),
+    ]
+
+
+class PairStructure(ctypes.Structure):
+    """The coefficients of an embedded Runge-Kutta pair."""
+
+    _fields_ = [
+        *_fields(SIZE, "stages estimates dense_stages dense_terms order"),
+        *_fields(POINTER, "a b c error dense_a dense_c dense_d"),
+    ]
+
+
+class FlowStructure(ctypes.Structure):
+    """A differential equation to integrate."""
+
+    _fields_ = [("n", SIZE), *_fields(POINTER, "rates settle floor system")]
+
+
+class ControlStructure(ctypes.Structure):
+    """The numbers of the step control."""
+
+    _fields_ = _fields(REAL, "tolerance size safety gain slowest fastest lost huge tiny shortest noise")
+
+
+class CourseStructure(ctypes.Structure):
+    """A motion on an interval: where it is, and where its steps are written."""
+
+    _fields_ = [
+        *_fields(REAL, "t start end h ceiling"),
+        *_fields(SIZE, "tries room written rejected handed"),
+        *_fields(POINTER, "y scratch starts lengths ends rejections floored states slopes"),
+    ]
+
+
+ARRAYS = (
+    SCREW, BODY, LINK, DEGREE, ROTATION_SPRING, POINT_SPRING, LAW, LINK_STATE, DEGREE_STATE, LOOP, LOOP_STATE, FORCE,
+)  # fmt: skip
+STRUCTURES = (
+    TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
+    ControlStructure, CourseStructure,
+)  # fmt: skip
+SIZES = (*(kind.itemsize for kind in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
+"""Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""
 
 PLACES = ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p
 RATES, SETTLE = ctypes.PYFUNCTYPE(None, *PLACES), ctypes.PYFUNCTYPE(ctypes.c_int, *PLACES)
@@ -79,9 +259,6 @@ class Flow(Record, frozen=True):
         """Note that steps have been taken to, and settled at, these instants [s]."""
 
 
-LEFT_OUT = "not built: no C compiler, one that failed, or PINARM_KERNEL=off"
-
-
 @cache
 def library() -> ctypes.PyDLL | None:
     """Return the library; ``None`` where there is none, it does not fit, or ``PINARM_KERNEL=off`` switches it off.
@@ -124,3 +301,10 @@ def pointer(array: NDArray[Any]) -> int:
 def contiguous(values: Array) -> Array:
     """Return numbers as the library reads them: one after another, of 64 bits."""
     return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def finite(records: NDArray[Any]) -> bool:
+    """Return whether all numbers of records are finite, those of records in them too; bounds of laws need not be."""
+    if records.dtype.names is None:
+        return bool(np.isfinite(records).all())
+    return all(finite(records[name]) for name in records.dtype.names if name not in LAW_BOUNDS.split())

@@ -11,15 +11,16 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.kernel.library import contiguous, pointer
-from pinarm.engine.kernel.structures import (
+from pinarm.engine.kernel.library import (
     FORCE,
     LOOP,
     LOOP_STATE,
     MOST_ROWS,
     ConstraintsStructure,
     SkylineStructure,
+    contiguous,
     finite,
+    pointer,
 )
 from pinarm.engine.kernel.tree import CompiledTree, LoadedTree
 from pinarm.records import Record
@@ -220,7 +221,7 @@ class CompiledLoops(Record, frozen=True):
 
     @cached_property
     def _records(self) -> NDArray[np.void]:
-        """The loop joints, of ``structures.LOOP``."""
+        """The loop joints, of ``library.LOOP``."""
         records, ways, first = np.zeros(len(self.tied), LOOP), self.ways, dict[int, int]()
         for k, (record, tied, way) in enumerate(zip(records, self.tied, ways, strict=True)):
             record["axis"], record["size"], record["kind"] = tied.axis, tied.size, tied.kind

@@ -14,20 +14,24 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.kernel.library import Flow, address, library, pointer
-from pinarm.engine.kernel.structures import (
+from pinarm.engine.kernel.library import (
     DEGREE,
     DEGREE_STATE,
     LAW,
+    LAW_NUMBERS,
     LAW_TERMS,
     LINK,
     LINK_STATE,
     POINT_SPRING,
     ROTATION_SPRING,
     SCREW,
+    Flow,
     FlowStructure,
     TreeStructure,
+    address,
     finite,
+    library,
+    pointer,
 )
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.laws.interpolated import ClampedSpline
@@ -63,7 +67,7 @@ COLUMNS: dict[int, tuple[tuple[int, float, float], ...]] = {
     PLANAR: ((X, 1, 0), (Y, 1, 0), (Z, 0, 1)),
     TRANSLATION: ((X, 1, 0), (Y, 1, 0), (Z, 1, 0)),
 }
-"""Kind of a joint with several velocities -> the axis, the slide and the turn of each: see ``structures.SCREW``."""
+"""Kind of a joint with several velocities -> the axis, the slide and the turn of each: see ``library.SCREW``."""
 
 
 def _frame(model: pin.Model, joint: pin.JointModel) -> tuple[int, tuple[tuple[int, float, float], ...], Array] | None:
@@ -108,7 +112,7 @@ class Followed(NamedTuple):
 
 
 def laws_of(followed: Sequence[Followed], steady: Array) -> NDArray[np.void] | None:
-    """Return laws for the library, shape (k,), of ``structures.LAW``: of a spline one for each of its cubics.
+    """Return laws for the library, shape (k,), of ``library.LAW``: of a spline one for each of its cubics.
 
     ``steady`` is the sum of the steady loads [N*m or N], shape (nv,). It is ``None`` where a law is of no known kind on
     the interval, or where two have one velocity.
@@ -131,7 +135,7 @@ def _laws(function: Callable[[Array], Values] | None) -> NDArray[np.void] | None
         laws["origin"], laws["size"], laws["unit"] = function.knots[:-1], 1.0, 1.0
         laws["coefficients"][:, :4] = function.coefficients.T
         return laws
-    numbers, coefficients = ["start", "size", "origin", "unit", "amplitude", "phase"], tuple[float, ...]()
+    numbers, coefficients = LAW_NUMBERS.split(), tuple[float, ...]()
     if isinstance(function, Wave) and function.rate > 0.0:
         wave = function.start, function.size, function.begin, 1.0 / function.rate, 1.0, function.phase
         laws[numbers], coefficients = wave, (0.0, function.slope)
@@ -217,8 +221,8 @@ class CompiledTree(Record, frozen=True):
     """A tree as the library knows it.
 
     Attributes:
-        links: Its links, shape (njoints - 1,), of ``structures.LINK``.
-        screws: The screw of each velocity, shape (nv,), of ``structures.SCREW``.
+        links: Its links, shape (njoints - 1,), of ``library.LINK``.
+        screws: The screw of each velocity, shape (nv,), of ``library.SCREW``.
         axes: Axes of the frames of the world and of the links in Pinocchio's, as columns, shape (njoints, 3, 3).
     """
 

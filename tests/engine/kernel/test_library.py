@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from pinarm.engine.kernel import library as kernel
-from pinarm.engine.kernel.structures import SIZES
+from pinarm.engine.kernel.library import SIZES
 
 
 def in_child(code, **environment):

@@ -1,7 +1,7 @@
 #include "closing.h"
 #include "runge_kutta.h"
 
-/* How many structures there are, and their sizes in bytes, in the order of SIZES in structures.py. */
+/* How many structures there are, and their sizes in bytes, in the order of SIZES in library.py. */
 extern const int kernel_sizes[];
 
 const int kernel_sizes[] = {

@@ -21,9 +21,18 @@ from pinarm.engine.dynamics.coordinate_partition import heavy, scalar_places
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.integration.integrator import Interval
-from pinarm.engine.kernel.library import SETTLE, Flow, address, library, pointer
+from pinarm.engine.kernel.library import (
+    SETTLE,
+    ClosingStructure,
+    Flow,
+    FlowStructure,
+    LimitsStructure,
+    ProximalStructure,
+    address,
+    library,
+    pointer,
+)
 from pinarm.engine.kernel.loops import LOWER, ROD, UNIVERSAL, CompiledLoops, LoadedLoops, Tied
-from pinarm.engine.kernel.structures import ClosingStructure, FlowStructure, LimitsStructure, ProximalStructure
 from pinarm.engine.kernel.tree import AGREEMENT, DEGREES, DISAGREES, CompiledTree, Followed, HeldFlow, LoadedTree
 from pinarm.engine.motion.systems import loop_motion
 from pinarm.engine.motion.systems.loop_motion import LEAST, MET, LoopMotion, Regularity, places
