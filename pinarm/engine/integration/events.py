@@ -97,12 +97,11 @@ class WithinStep(Record, frozen=True):
 
     def at_nodes(self, parts: Array) -> tuple[Array, Array, Array]:
         """Return instants and states at the nodes of parts of the step, given their ends from 0 to 1, shape (p, 2)."""
-        t, q, v = states_at_nodes(self.solution, np.full(len(parts), self.index), parts, self.end)
-        return t.ravel(), q.reshape(t.size, -1), v.reshape(t.size, -1)
+        return states_at_nodes(self.solution, np.full(len(parts), self.index), parts, self.end)
 
 
 def states_at_nodes(solution: Solution, index: Indices, parts: Array, end: Array) -> tuple[Array, Array, Array]:
-    """Return instants, (m, k), and states, (m, k, ..), at the nodes of parts of steps, given their ends, (m, 2).
+    """Return instants and states at the k nodes of each of m parts of steps, given their ends, shape (m, 2).
 
     At starts of steps states are known, at ends they are projected onto the constraints: ``end`` at the end of the last
     step, shape (nq + nv,).
@@ -116,7 +115,7 @@ def states_at_nodes(solution: Solution, index: Indices, parts: Array, end: Array
     closed = np.where((following < len(steps))[:, None], steps.y[np.minimum(following, len(steps) - 1)], end)
     for place, some, states in ((0, begun, steps.y[index[begun]]), (-1, ended, closed)):
         q[some, place], v[some, place] = states[:, :nq], states[:, nq:]
-    return t, q, v
+    return t.ravel(), q.reshape(t.size, -1), v.reshape(t.size, -1)
 
 
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
@@ -127,11 +126,10 @@ def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int,
     indices = np.arange(first, len(solution.steps))
     if len(indices) < 2:  # what would be computed here is computed again to locate them
         return indices
-    instants, q, v = states_at_nodes(solution, indices, np.tile([0.0, 1.0], (len(indices), 1)), y)
-    flat = instants.ravel(), q.reshape(instants.size, -1), v.reshape(instants.size, -1)
+    states = states_at_nodes(solution, indices, np.tile([0.0, 1.0], (len(indices), 1)), y)
     kept = np.ones(len(indices), dtype=bool)
     for number, watch in enumerate(watches):
-        values = watch.value(*flat).reshape(instants.shape)
+        values = watch.value(*states).reshape(len(indices), -1)
         kept &= _is_one_sided(series_of(values)) & (resolved(values) if watch.loaded else True)
         kept &= ~may_turn(solution, watch, number, values, indices)
     return np.asarray(indices[~kept])
@@ -161,15 +159,11 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
                     continue
                 crossings.append((instant, number))
                 latest = min(latest, instant) if watch.stops else latest
-    located, stop = _until_stop(sorted(crossings), watches, within.slack)
+    located, stop = _until_stop(crossings, watches, within.slack)
     if stop is not None or step.until >= solution.intervals[-1].end:
         end, last = step.until if stop is None else stop, {number: instant for instant, number in located}
-        crossings += [
-            (end, number)
-            for number, watch in enumerate(watches)
-            if _reaches(within, watch, last.get(number, step.t), end)
-        ]
-        located, stop = _until_stop(sorted(crossings), watches, within.slack)
+        reached = (k for k, watch in enumerate(watches) if _reaches(within, watch, last.get(k, step.t), end))
+        located, stop = _until_stop([*crossings, *((end, k) for k in reached)], watches, within.slack)
     _note_nearest(solution, turns, math.inf if stop is None else stop, located[-1][1] if located else -1)
     for instant, number in located:
         (q,), (v,) = solution.states_in(np.array([index]), np.array([instant]))
@@ -235,9 +229,10 @@ def _until_stop(
     Of those that stop within ``slack`` [s] it is that of the first watched value. Other crossings at that instant
     count, even if rounding puts them after it.
     """
+    crossings = sorted(crossings)
     stops = [(instant, number) for instant, number in crossings if watches[number].stops]
     if not stops:
-        return list(crossings), None
+        return crossings, None
     first = stops[0][0]
     instant, stopping = min((stop for stop in stops if stop[0] <= first + slack), key=lambda stop: stop[1])
     before = [(min(t, instant), number) for t, number in crossings if not watches[number].stops and t <= first + slack]
