@@ -17,8 +17,9 @@ from pinarm.use.facade import Result
 from pinarm.use.output import write_file
 from pinarm.use.report.chapter import Chapter, appendix, chapter_on, figure, keyless, provenance
 from pinarm.use.report.given import problem_rows
-from pinarm.use.show.document import (
+from pinarm.use.show.notebook import (
     ReportTable,
+    frame,
     number,
     part,
     rounded,
@@ -28,7 +29,6 @@ from pinarm.use.show.document import (
     unit_text,
     with_unit,
 )
-from pinarm.use.show.notebook import frame
 from pinarm.use.study.restore import restore
 from pinarm.use.study.sweep.plots import pictures
 from pinarm.use.study.sweep.table import Sweep, ranges, remarks, stored_sweep

@@ -15,8 +15,8 @@ from pinarm.records import Record
 from pinarm.use.assessments.loads.load_sets import Action, free_bodies
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.bodies import placed
-from pinarm.use.show.document import rounded
 from pinarm.use.show.labels import plain, shown, symbol, unit_text
+from pinarm.use.show.notebook import rounded
 from pinarm.use.show.picture import COLOURS, INK, Note, Picture, drawing, label
 from pinarm.use.show.scene import Framing, scene
 from pinarm.use.show.sketch import GROUND, PATH, POINTS, round_up, write_beside

@@ -19,8 +19,8 @@ from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 from pinarm.mechanics.planar_drawing import FAR
 from pinarm.mechanics.rotors import GearedRotor
 from pinarm.use.result.presentation import DEGREE, Presentation
-from pinarm.use.show.document import ReportTable, number, unit_text, with_unit
 from pinarm.use.show.labels import PLAIN
+from pinarm.use.show.notebook import ReportTable, number, unit_text, with_unit
 
 FRAME = "frame"
 """Name of the ground."""

@@ -80,9 +80,6 @@ NOTHING = 1e-13
 """Size below which a curve is drawn as 0: rounding of terms of a few hundred. Known rounding is already 0; see
 ``Series.without_rounding``."""
 
-DRAWABLE = 1e300
-"""Numbers of this size and above are left out of pictures, as infinite ones are: limits of axes would overflow."""
-
 LETTERS = 6.0
 """Letters of a name, per inch of the picture, that leave room for two columns of a legend."""
 
@@ -225,9 +222,9 @@ def write_above(axis: Axes, marks: Iterable[tuple[float, str]]) -> None:
 
 
 def drawable(values: ArrayLike) -> Array:
-    """Return values with gaps, NaN, where they are infinite or as large as ``DRAWABLE``."""
+    """Return values with gaps, NaN, where they are infinite."""
     values = np.asarray(values, float)
-    return np.where(np.abs(values) < DRAWABLE, values, np.nan)
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def limits(values: Array, margin: float = 0.0) -> tuple[float, float]:

@@ -39,9 +39,3 @@ def test_laws_gravity_and_symbols_are_told(scenario: Callable[..., Any]) -> None
     assert ["Gravity", "", "(0, 0, -10) m/s²"] in table
     assert ["Asked for", "M", "joint.pivot.effort"] in table
     assert ["", "alpha", "joint.pivot.position"] in table
-
-
-@pytest.mark.parametrize("kind", ["statics", "forward", "state", "equilibria"])
-def test_every_kind_names_its_coordinate(scenario: Callable[..., Any], kind: str) -> None:
-    rows = question(scenario(kind).run()).rows
-    assert any("pivot" in f"{name} {value}" for label, name, value in rows if label != "Asked for")

@@ -9,21 +9,10 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.use.show.bodies import connections, nodes_of
+from pinarm.use.show.bodies import nodes_of
 from pinarm.use.show.stick_figure import stick_figure
 
 FILE = Path(pinarm.__file__).parents[1] / "models" / "bottle_capper" / "mechanism.yaml"
-
-
-def test_the_cam_is_as_far_from_its_axis_as_the_base_circle_and_the_stroke() -> None:
-    """Roller of 15 mm whose centre is 60 mm from the axis in the lower dwell, 100 mm in the upper one."""
-    mechanism = pinarm.Mechanism.load(FILE)
-    nodes = nodes_of(mechanism.model, np.zeros((1, 2)))
-    cam, roller = stick_figure(mechanism, nodes, connections(mechanism, {})).discs
-    ways = np.linalg.norm(cam.outline - cam.middle, axis=1)
-    assert [ways.min(), ways.max()] == pytest.approx([0.045, 0.085], abs=1e-9)
-    assert np.linalg.norm(roller.outline - roller.middle, axis=1) == pytest.approx(np.full(73, 0.015))
-    assert (cam.outline - cam.middle) @ cam.axis == pytest.approx(np.zeros(len(cam.outline)), abs=1e-12)
 
 
 def test_a_disc_without_a_shape_is_the_same_wheel_in_drawing_and_replay(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 import pinarm
 from pinarm.input.units import unit
 from pinarm.use.result.section import SectionTable
-from pinarm.use.show.document import rounded
+from pinarm.use.show.notebook import rounded
 from pinarm.use.show.terminal import counted, ranges, remarks, report, without_rounding
 from pinarm.use.study.restore import restore
 

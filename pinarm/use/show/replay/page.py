@@ -190,6 +190,8 @@ def _content(
     mechanism, drawn = run.mechanism, visuals(run.mechanism)
     paths = [traced(mechanism.model, name) for name in traces]
     further = [point for path in paths for point, _ in path]
+    masses = [[{**point.plain(), "mass": mass} for point, mass in path] for path in paths]
+    words = [said("centre of mass") if name == "com" else said("path of {name}", name=name) for name in traces]
     shown = scene(mechanism, run.dynamics.forces, run.q, drawn, further)
     acting, joined = arrows_of(run, shown.nodes, kinds), shown.figure.joined
     largest: dict[tuple[str, bool], float] = {}
@@ -204,11 +206,11 @@ def _content(
         "rows": packing.add(run.grid.t),
         **_bodies(shown, packing),
         "names": [{"runs": runs(name.text), "kind": name.kind, **name.at.plain()} for name in names],
-        "traces": [_trace(path) for path in paths],
+        "traces": [points[0] if len(points) == 1 else {"masses": points} for points in masses],
         "slots": [{"node": slot.node, "points": slot.points.tolist()} for slot in shown.slots],
         "pairs": [pair.plain(shown.places) for pair in joined],
         "arrows": [_arrow(arrow, largest[arrow.of, arrow.moment], packing) for arrow in acting],
-        "legend": [*_paths(traces), *_families(acting, largest), *marks],
+        "legend": [{"trace": k, "text": text} for k, text in enumerate(words)] + [*_families(acting, largest), *marks],
     }
     return content, drawn.notes
 
@@ -250,20 +252,10 @@ def _mesh(mesh: Mesh, packing: Packing) -> Plain:
     return {**place, "vertices": packing.add(steps), "triangles": packing.add(triangles)}
 
 
-def _trace(path: Sequence[tuple[Any, float]]) -> Plain:
-    points = [{**point.plain(), "mass": mass} for point, mass in path]
-    return points[0] if len(points) == 1 else {"masses": points}
-
-
 def _arrow(arrow: Arrow, largest: float, packing: Packing) -> Plain:
     """Return an arrow; ``largest`` is the magnitude of the longest one of its kind."""
     vectors = packing.add(arrow.vectors.astype(np.float32))
     return {"of": arrow.of, "moment": arrow.moment, "largest": largest, "vectors": vectors, **arrow.at.plain()}
-
-
-def _paths(traces: Sequence[str]) -> Iterator[Plain]:
-    for k, name in enumerate(traces):
-        yield {"trace": k, "text": said("centre of mass") if name == "com" else said("path of {name}", name=name)}
 
 
 def _families(acting: Sequence[Arrow], largest: dict[tuple[str, bool], float]) -> Iterator[Plain]:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.show.replay.page import _inline, replay_page
+from pinarm.use.show.replay.page import replay_page
 from pinarm.use.study.restore import restore
 
 
@@ -52,8 +52,3 @@ def test_nothing_leads_out_of_the_page(solved: Callable[..., Any]) -> None:
 def test_what_is_unknown_is_refused(solved: Callable[..., Any], options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         replay_page(solved("gen411_arm_static"), **options)
-
-
-def test_sizes_that_are_not_finite_are_refused_in_words():
-    with pytest.raises(InputError, match="not finite"):
-        _inline({"radius": float("inf")})
