@@ -136,7 +136,6 @@ class VariantMotion(Record, frozen=True):
         return rates.v, rates.a
 
     def _spread(self, x: Array) -> Array:
-        """Return an array of shape (n, k or 1, w) for all variants."""
         return np.ascontiguousarray(np.broadcast_to(x, (len(x), len(self.own.model), x.shape[-1])))
 
     def _solved(self, laws: Array, near: Array) -> tuple[Array, Rates, Flags]:

@@ -110,7 +110,6 @@ class PrescribedVariants:
 
     @cached_property
     def _laws(self) -> Array:
-        """The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d)."""
         values = [[table.grid.evaluate(law) for law in table.prescription.motion.laws] for table in self._different]
         return np.array(values).transpose(2, 3, 0, 1)
 
@@ -124,7 +123,6 @@ class PrescribedVariants:
         return states._replace(v=v, a=a)
 
     def _solved(self, solved: VariantStates) -> tuple[Trajectory, Flags]:
-        """Return states as rows with efforts."""
         closure, prescription = self._closure, self.motion.prescription
         if lossy(prescription.mechanism):
             raise VariantsDiffer("the directions of joints, on which the losses of gears depend")

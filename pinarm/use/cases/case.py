@@ -87,12 +87,7 @@ class Taken(ABC):
 
     @abstractmethod
     def numbers(self, result: Result) -> list[tuple[float, float]]:
-        """Return the numbers [SI], each with the error of its quadrature.
-
-        Raises:
-            InputError: The result does not have them.
-            DynamicsError: One is not finite.
-        """
+        """Return the numbers [SI], each with the error of its quadrature."""
 
     def of_rows(self, quantities: Quantities) -> list[Array]:
         """Return the numbers of variants, each of shape (k,) or (1,), from the quantities of their rows."""
@@ -132,11 +127,7 @@ class Wanted(Taken):
 
     @classmethod
     def read(cls, text: str, sections: Mapping[str, object] = NO_SECTIONS) -> Wanted:
-        """Read ``QUANTITY``, or ``QUANTITY @ PLACE`` and the like; see ``read_number``.
-
-        Raises:
-            InputError: It cannot be read.
-        """
+        """Read ``QUANTITY``, or ``QUANTITY @ PLACE`` and the like; see ``read_number``."""
         if not text.strip():
             raise InputError("an empty text asks for nothing", expected=EXAMPLES).at(Location("--result"))
         if not names_number(text, sections):
@@ -207,11 +198,7 @@ class FunctionValue(Taken):
 
     @classmethod
     def read(cls, function: Callable[[Any], Any]) -> FunctionValue:
-        """Return the number of a function, which workers get as a copy.
-
-        Raises:
-            InputError: The function has no name, or cannot be pickled.
-        """
+        """Return the number of a function, which workers get as a copy."""
         from inspect import getmodule
 
         import cloudpickle
@@ -254,19 +241,17 @@ class FunctionValue(Taken):
         """
         try:
             said = self._function(result)
+            number = np.asarray(said, float).reshape(())
         except PinarmError:
             raise
-        except Exception as error:  # whatever the function of the user raises
-            raise InputError(f"the function '{self.name}' raised {type(error).__name__}: {error}") from error
-        if np.size(said) != 1 or np.asarray(said).dtype.kind not in "bfiu":
+        except Exception as error:  # whatever the function of the user raises, or returns
             raise InputError(
-                f"the function '{self.name}' returned {str(said)[:60]!r}",
+                f"the function '{self.name}' raised {type(error).__name__}: {str(error)[:200]}",
                 expected="one number in SI, or a Series of one value",
-            )
-        if not np.isfinite(np.asarray(said)).all():
+            ) from error
+        if not np.isfinite(number):
             raise DynamicsError(f"{self.name} is not finite")
-        measured = said.unit if isinstance(said, Series) else None
-        return Series(self.name, measured, np.asarray(said, float).reshape(()))
+        return Series(self.name, said.unit if isinstance(said, Series) else None, number)
 
 
 @dataclass(frozen=True)
@@ -327,11 +312,7 @@ class Task:
         return self.source.scenario()
 
     def case(self, values: Case) -> Scenario:
-        """Return the scenario of a case, with its mechanism loaded: that of the case before if it is the same.
-
-        Raises:
-            PinarmError: It has a mistake.
-        """
+        """Return the scenario of a case, with its mechanism loaded: that of the case before if it is the same."""
         last, known = self._last[0] if self._last else (self.scenario, frozenset[Path]())
         document = self.scenario.varied_document(values)
         document = replace(document, data={key: part for key, part in document.data.items() if key != "expect"})
@@ -396,7 +377,6 @@ def _broken_off(task: Task, begun: Result | None) -> tuple[float, ...]:
 
 
 def _worth(result: Result, numbers: Iterable[tuple[float, float]]) -> tuple[float, ...]:
-    """Return the accuracy measures of a case, in the order of ``WORTH``."""
     quadrature = [error / abs(number) for number, error in numbers if error and number]
     decisions = result.outcome.decisions
     known = {

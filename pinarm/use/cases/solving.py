@@ -44,7 +44,6 @@ class CaseSolver:
     task: Task
 
     def __call__(self, case: Case) -> Row:
-        """Solve one case by itself."""
         return solve_case(self.task, case)
 
     def together(self, cases: Sequence[Case]) -> Iterator[tuple[list[int], list[Row]]]:

@@ -107,11 +107,7 @@ class CaseLookup(Lookup, frozen=True):
         return [height(self.solved[interval, t.tobytes()]) for interval, t in spots]
 
     def announce(self, places: Spots) -> None:
-        """Ask for states at places.
-
-        Raises:
-            StatesMissing: Some have not been solved.
-        """
+        """Ask for states at places."""
         asked = [(interval, t.tobytes()) for interval, t in places]
         if missing := [place for place in asked if place not in self.solved]:
             raise StatesMissing(missing)
@@ -293,12 +289,7 @@ class Stack:
         return bool((np.isnan(here) == np.isnan(there)).all() and apart <= AGREED * size)
 
     def _solved(self, cases: Sequence[Case]) -> list[Row | None]:
-        """Return the rows of cases, whose model is expanded at once.
-
-        Raises:
-            VariantsDiffer: The cases differ in more than numbers of the model.
-            PinarmError: A file may not be read any more, or something cannot be computed in one of them.
-        """
+        """Return the rows of cases, whose model is expanded at once."""
         mechanism, possible = self._mechanism(cases)
         require_joint_forces(self.motion.prescription.dynamics.forces)
         size, rows = self._block(len(self.base.trajectory)), dict[int, Row]()
@@ -371,11 +362,7 @@ class Stack:
         return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite & sound
 
     def _figures(self, run: Trajectory, quantities: Quantities, finite: Flags) -> dict[str, Array]:
-        """Return the measures of accuracy of variants, each of shape (k,) or (1,), and note which are finite.
-
-        Raises:
-            VariantsDiffer: They are not those of the base.
-        """
+        """Return the measures of accuracy of variants, each of shape (k,) or (1,), and note which are finite."""
         figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
         for figure in figures.values():
             finite &= np.isfinite(figure)
@@ -386,11 +373,7 @@ class Stack:
 
 
 def _number(value: Value, unit: Unit | None) -> float:
-    """Return the number of an argument [SI].
-
-    Raises:
-        VariantsDiffer: It is a word, or has another unit.
-    """
+    """Return the number of an argument [SI]."""
     try:
         number, measured = read_quantity(str(value))
     except UnitError:

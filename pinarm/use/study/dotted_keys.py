@@ -52,11 +52,7 @@ def dotted_keys(file: str | Path, prefix: str = "") -> list[str]:
 
 
 def _parts(file: Path) -> list[KeyPart]:
-    """Return the file, its problem, and what it may change of its mechanism file.
-
-    Raises:
-        InputError: See ``dotted_keys``.
-    """
+    """Return the file, its problem, and what it may change of its mechanism file."""
     data = Document.read(file).data
     if not isinstance(data, dict):
         return []
@@ -79,29 +75,27 @@ def _parts(file: Path) -> list[KeyPart]:
 
 def _further(part: KeyPart, prefix: str) -> Iterator[str]:
     """Yield the paths in a part that begin with a prefix and are one step longer."""
-    if part.at and not prefix.startswith(f"{joined([*part.at])}."):
-        return
-    struct = part.struct and with_types(part.struct, part.struct.deferred)
-    at: tuple[str | int, ...] = ()
-    here = _children(part.data)
-    while True:
-        known = keys_at(struct, part.data, at) if struct else []
-        paths = {joined([*part.at, *map(str, at), str(name)]): name for name in (*here, *known)}
-        name = next((name for path, name in paths.items() if prefix.startswith(f"{path}.")), None)
-        if name is None:
-            break
-        if not part.at and name in PARTS:
-            return
-        at, here = (*at, name), _children(here.get(name))
-    for path, name in paths.items():
-        if path.startswith(prefix):
-            inner = here.get(name)
-            below = bool(_children(inner)) or (
-                inner is None and bool(struct and keys_at(struct, part.data, (*at, name)))
-            )
-            yield f"{path}." if below or (not part.at and name in PARTS) else f"{path}="
+    if not part.at or prefix.startswith(f"{joined([*part.at])}."):
+        yield from _below(part, part.struct and with_types(part.struct, part.struct.deferred), part.data, (), prefix)
+
+
+def _below(
+    part: KeyPart, struct: type[InputStruct] | None, data: Any, at: tuple[str | int, ...], prefix: str
+) -> Iterator[str]:
+    """Yield such paths below a place in a part, which holds some data."""
+    for name in dict.fromkeys((*_children(data), *_known(part, struct, at))):
+        path, inner, place = joined([*part.at, *map(str, at), str(name)]), _children(data).get(name), (*at, name)
+        elsewhere = not part.at and name in PARTS
+        if prefix.startswith(f"{path}.") and not elsewhere:
+            yield from _below(part, struct, inner, place, prefix)
+        elif path.startswith(prefix):
+            below = elsewhere or _children(inner) or (inner is None and _known(part, struct, place))
+            yield f"{path}{'.' if below else '='}"
+
+
+def _known(part: KeyPart, struct: type[InputStruct] | None, at: tuple[str | int, ...]) -> list[str]:
+    return keys_at(struct, part.data, at) if struct else []
 
 
 def _children(data: Any) -> dict[Any, Any]:
-    """Return the entries of a map or a list, by key or index; none of other data."""
     return dict(data if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else {})

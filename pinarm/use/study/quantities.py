@@ -68,10 +68,6 @@ def quantities(path: Subject, values: Values | None = None, *, like: str = "") -
 
 
 def check_symbols(mechanism: Mechanism) -> None:
-    """Raise where a symbol of a mechanism file stands for what no free motion of the mechanism has.
-
-    Raises:
-        InputError: Says which, and where it stands.
-    """
+    """Raise where a symbol of a mechanism file stands for what no free motion of the mechanism has."""
     motion = Forward(time=TimeGrid(end=1.0, samples=2))
     Quantities(motion.schema_row(mechanism)).check_symbols(mechanism.symbols, mechanism.locate)

@@ -68,7 +68,6 @@ ANGLES = ("roll", "pitch", "yaw")
 def _rows(
     mechanism: Mechanism, t: ArrayLike, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None, tau: ArrayLike | None
 ) -> RecordedRows:
-    """Return the rows, their shapes and numbers checked."""
     require_unit(t, "t", SECOND)
     instants, nq, nv = real(t, "t"), mechanism.model.nq, mechanism.model.nv
     if instants.ndim != 1:

@@ -29,8 +29,8 @@ from pinarm.errors import InputError, NumericsError
 from pinarm.input.roots import given_access
 from pinarm.use.workers.worker import Answers, LostJob, Versions, file_digest, versions, work
 
-CHUNK_TIME, TIME_PER_WORKER = 0.5, 0.005
-"""Time of a chunk [s]: at least, and for each worker there is, so that answers come 200 times a second at most."""
+CHUNK_TIME = 0.5
+"""Time that a chunk takes a worker [s]."""
 
 GROWTH = 8
 """Largest size of a chunk relative to that of one that has been answered."""
@@ -89,12 +89,7 @@ class Dispatch(Generic[JobT, AnswerT]):
         self.over, self.files = queue.SimpleQueue[Any](), dict[str, str]()
 
     def answers(self, jobs: Iterable[JobT]) -> Iterator[tuple[list[NumberedJob[JobT]], Collection[AnswerT | LostJob]]]:
-        """Yield numbered jobs and their answers, as many as come together, in the order in which answers come.
-
-        Raises:
-            InputError: A worker has other versions, or other files.
-            NumericsError: Workers die one after the other, or there are none any more.
-        """
+        """Yield numbered jobs and their answers, as many as come together, in the order in which answers come."""
         self.jobs = enumerate(jobs)
         self._hand_out()
         while self.given:
@@ -102,7 +97,6 @@ class Dispatch(Generic[JobT, AnswerT]):
             self._hand_out()
 
     def close(self) -> None:
-        """End the workers."""
         self.workers.close()
 
     def _hand_out(self) -> None:
@@ -133,19 +127,14 @@ class Dispatch(Generic[JobT, AnswerT]):
             yield from self._lost(chunk, death)
             return
         self._check(answers)
-        self.deaths, budget = 0, max(CHUNK_TIME, TIME_PER_WORKER * self.workers.room())
-        fitting = int(budget * len(chunk.jobs) / max(answers.seconds, 1e-9))
-        self.size = max(1, min(fitting, GROWTH * len(chunk.jobs)))
+        fitting = int(CHUNK_TIME * len(chunk.jobs) / max(answers.seconds, 1e-9))
+        self.size, self.deaths = max(1, min(fitting, GROWTH * len(chunk.jobs))), 0
         self._hand_out()  # so that no worker waits until the answers are written down
         for places, some in answers.parts:
             yield [chunk.jobs[place] for place in places], some
 
     def _check(self, answers: Answers | Versions) -> None:
-        """Raise where a worker has other versions, or sees other files.
-
-        Raises:
-            InputError: It has.
-        """
+        """Raise where a worker has other versions, or sees other files."""
         if not isinstance(answers, Answers):
             here = versions()
             names = [name for name in {**here, **answers} if here.get(name) != answers.get(name)]
@@ -174,11 +163,7 @@ def cores() -> int:
 
 
 def chosen_workers(number: int | None, executor: Executor | None) -> Workers:
-    """Return the workers of an executor, or where there is none processes of this machine, which start when needed.
-
-    Raises:
-        InputError: The executor is none.
-    """
+    """Return the workers of an executor, or where there is none processes of this machine, which start when needed."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         expected, hint = "one of concurrent.futures, or none", "workers: for the number of processes"
         raise InputError(f"{executor!r} is no executor", expected=expected, hint=hint)
@@ -211,11 +196,7 @@ class LocalProcesses:
         return future
 
     def result(self, future: Any) -> Any:
-        """Return the result of a call that is over.
-
-        Raises:
-            WorkerDeath: Its process died.
-        """
+        """Return the result of a call that is over."""
         try:
             answer = future.result()
         except BrokenExecutor as error:
@@ -227,13 +208,11 @@ class LocalProcesses:
         return answer
 
     def close(self) -> None:
-        """Kill the processes."""
         for executor in (*self._idle, *self._busy.values()):
             executor.shutdown(kill_workers=True)
 
 
 def _started() -> Any:
-    """Return an executor of one process to be."""
     from loky import ProcessPoolExecutor
 
     path = os.pathsep.join(folder or os.getcwd() for folder in sys.path)
@@ -314,12 +293,7 @@ class ExecutorWorkers:
         return future
 
     def result(self, future: Any) -> Any:
-        """Return the result of a call that is over.
-
-        Raises:
-            WorkerDeath: Its worker died, or cannot run the function.
-            NumericsError: The executor is broken, or its scheduler is gone.
-        """
+        """Return the result of a call that is over."""
         self._pending.discard(future)
         try:
             return future.result()
@@ -329,7 +303,6 @@ class ExecutorWorkers:
             raise WorkerDeath(_said(error)) from None
 
     def close(self) -> None:
-        """Cancel what has not been begun."""
         for future in self._pending:
             future.cancel()
 
@@ -356,9 +329,6 @@ def cluster(address: str) -> Iterator[Executor]:
     Args:
         address: That of its scheduler, such as ``tcp://10.0.0.1:8786``; of ``tls://...`` the certificates are those of
             Dask's own configuration, ``distributed.comm.tls``.
-
-    Raises:
-        InputError: Dask is not installed, or no scheduler answers.
     """
     try:
         distributed: Any = import_module("distributed")

@@ -33,11 +33,7 @@ Answering = Callable[[Iterable[JobT]], Iterator[tuple[list[tuple[int, JobT]], Co
 
 
 def check_number(workers: int | None) -> None:
-    """Raise where a number of workers is none.
-
-    Raises:
-        InputError: It is below 1, or above ``MOST``.
-    """
+    """Raise where a number of workers is none."""
     if workers is not None and not 1 <= workers <= MOST:
         said = f"{workers} workers solve nothing" if workers < 1 else f"{workers} workers are too many"
         raise InputError(said, expected="at least 1" if workers < 1 else f"at most {MOST}")
@@ -62,10 +58,6 @@ class Runners(ValueRecord, frozen=True):
         """Yield a function from jobs to numbered answers, for any number of calls; workers end with the block.
 
         The function is importable by its name, as is all that it holds; see ``answered_parts``.
-
-        Raises:
-            InputError: A worker has other versions, or other files.
-            NumericsError: Workers die one after the other, or there are none any more.
         """
         if self.number is None and self.executor is None:
             yield partial(_answers_here, function)

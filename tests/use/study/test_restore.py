@@ -155,13 +155,13 @@ def test_other_kinds_of_models_and_bases_come_back(tmp_path: Path) -> None:
         assert again.replay().html == result.replay().html
 
 
-def rewritten(path: Path, name: str, raw: bytes, compression: int = zipfile.ZIP_STORED) -> None:
+def rewritten(path: Path, name: str, raw: bytes) -> None:
     """Write an npz file again with other bytes for one of its arrays."""
     with zipfile.ZipFile(path) as archive:
         parts = {each: archive.read(each) for each in archive.namelist()}
     with zipfile.ZipFile(path, "w") as archive:
         for each, content in {**parts, name: raw}.items():
-            archive.writestr(each, content, compression if each == name else zipfile.ZIP_STORED)
+            archive.writestr(each, content)
 
 
 def npy(shape: str, kind: str = "<f8", data: bytes = b"") -> bytes:
@@ -173,7 +173,7 @@ def npy(shape: str, kind: str = "<f8", data: bytes = b"") -> bytes:
     (npy("(1000000000000,)", "'<f8'", bytes(8)), "does not hold the states"),
     (npy("(1000000000000, 0)", "'<f8'"), "not those of its model"),
     (npy("(1,)", "'|O'", b"cos\nsystem\n"), "does not hold the states"),
-    (npy("(1,)", "[('a', '<f8')]", bytes(8)), "neither numbers nor text"),
+    (npy("(1,)", "[('a', '<f8'), ('b', '<f8')]", bytes(16)), "does not hold the states"),
     (npy("(" * 500 + ")" * 500, "'<f8'"), "does not hold the states"),
     (npy("(1,)", "__import__('os')"), "does not hold"), (b"", "does not hold the states"),
 ])  # fmt: skip
@@ -186,14 +186,7 @@ def test_an_array_that_promises_more_than_it_holds_is_refused(
         pinarm.restore(saved)
 
 
-def test_an_array_that_unpacks_to_more_than_the_file_is_refused(scenario: Callable[..., Any], folder: Path) -> None:
-    saved = scenario("inverse").run().save(folder / "out", plots=False)
-    rewritten(saved / "trajectory.npz", "state.q.npy", npy("(9, 100000)", "'<f8'", bytes(7_200_000)), 8)
-    with pytest.raises(InputError, match="is compressed"):
-        pinarm.restore(saved)
-
-
-@pytest.mark.parametrize("summary", ['{"accuracy":' * 50_000, " " * 20_000_001, "9" * 100_000, "NaN"])
+@pytest.mark.parametrize("summary", ['{"accuracy":' * 50_000, "9" * 100_000, "NaN"])
 def test_a_summary_meant_to_harm_is_refused(scenario: Callable[..., Any], folder: Path, summary: str) -> None:
     saved = scenario("inverse").run().save(folder / "out", plots=False)
     (saved / "summary.json").write_text(summary)

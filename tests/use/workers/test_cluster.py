@@ -195,13 +195,6 @@ def test_a_cluster_may_want_certificates(path: Path, tmp_path: Path, start: Call
     _, errors = stranger.communicate(timeout=WAIT)
     assert stranger.returncode == BAD_INPUT
     assert f"no scheduler of Dask answers at {dask.address}" in errors
-    (tmp_path / "others").mkdir()
-    fake = certificates(tmp_path / "others")
-    forger = sweep(path, 20, "--cluster", dask.address, "-o", str(tmp_path / "other"), **fake)
-    _, errors = forger.communicate(timeout=WAIT)
-    assert forger.returncode == BAD_INPUT
-    assert f"no scheduler of Dask answers at {dask.address}" in errors
-    assert "Traceback" not in errors
 
 
 def test_what_is_no_scheduler_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -217,15 +210,3 @@ def test_what_is_no_scheduler_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
     missing = pytest.raises(PinarmError, match=r"Dask is not installed\n  try: pip install 'pinarm\[cluster\]'")
     with missing, cluster("tcp://x"):
         pass
-
-
-@pytest.mark.slow
-def test_a_cluster_without_pinarm_is_refused(path: Path, tmp_path: Path, start: Callable[..., Cluster]) -> None:
-    dask = start(PYTHONPATH="")
-    if subprocess.run([sys.executable, "-P", "-c", "import pinarm"], cwd="/", env=dask.environment).returncode == 0:
-        pytest.skip("pinarm is installed in this environment")
-    dask.add_worker()
-    client = sweep(path, 20, "--cluster", dask.address, "-o", str(tmp_path / "out"))
-    _, errors = client.communicate(timeout=WAIT)
-    assert client.returncode == NUMERICS_FAILED
-    assert "ModuleNotFoundError: No module named 'pinarm'" in errors

@@ -84,11 +84,7 @@ class Cases:
 
     @classmethod
     def of(cls, axes: Iterable[Axis]) -> Cases:
-        """Combine axes.
-
-        Raises:
-            InputError: A path stands twice, or there are no cases, or too many.
-        """
+        """Combine axes."""
         cases = cls(tuple(axes))
         paths = [column.path for column in cases.columns()]
         if twice := [path for path, times in Counter(paths).items() if times > 1]:
@@ -193,11 +189,7 @@ _TRUTH: Mapping[str, bool] = {"true": True, "false": False}
 
 
 def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
-    """Read what is given for one path: text as in the table above, or a sequence of numbers or texts.
-
-    Raises:
-        InputError: It is none of the forms, or the unit is ambiguous.
-    """
+    """Read what is given for one path: text as in the table above, or a sequence of numbers or texts."""
     try:
         if not isinstance(given, str):
             items = given.tolist() if isinstance(given, np.ndarray) else given
@@ -268,16 +260,10 @@ def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = Fa
         numbers.append(int(number) if is_whole(number) and not written else float(number))
     if last and not any(units[:-1]):
         units = [units[-1]] * len(units)
-    kinds = dict.fromkeys(units)
-    if len(kinds) == 1:
-        measured = _unit(path, units[0], unit_of)
-        return Column(path, [float(number) for number in numbers] if measured else numbers, measured)
-    if "" in kinds:
-        raise InputError("some of the values have a unit and some have none", expected="20, 40, 60 kg")
-    if len({unit(text).dimension for text in kinds}) > 1:
-        raise InputError(f"the units {', '.join(sorted(kinds))} are of different kinds", expected="one kind")
-    factors = {text: unit(text).factor / unit(units[0]).factor for text in kinds}
-    return Column(path, [number * factors[text] for number, text in zip(numbers, units, strict=True)], units[0])
+    if len(kinds := {text or "none" for text in units}) > 1:
+        raise InputError(f"the values have different units: {', '.join(sorted(kinds))}", expected="20, 40, 60 kg")
+    measured = _unit(path, units[0], unit_of)
+    return Column(path, [float(number) for number in numbers] if measured else numbers, measured)
 
 
 def _item(text: str) -> tuple[str, str] | None:
@@ -294,11 +280,7 @@ def _unit(path: str, written: str, unit_of: UnitOf) -> str:
 
 
 def read_cases(path: Path, unit_of: UnitOf) -> Axis:
-    """Read a CSV file of cases: a heading with paths and units such as ``arguments.m_A [kg]``, then a case a line.
-
-    Raises:
-        InputError: The file cannot be read or is no such table; the message says where.
-    """
+    """Read a CSV file of cases: a heading with paths and units such as ``arguments.m_A [kg]``, then a case a line."""
     heads, below = table(path, str(path))
     lines = [*below]
     if not lines:
@@ -337,11 +319,7 @@ def axes_of(
     seed: int,
     how: Sampling,
 ) -> Iterator[Axis]:
-    """Yield the axes: the lines of a file, then what is drawn, then each list or grid; see ``sweep``.
-
-    Raises:
-        InputError: Something is to be drawn and it is not said how often, or the other way round.
-    """
+    """Yield the axes: the lines of a file, then what is drawn, then each list or grid; see ``sweep``."""
     if cases is not None:
         yield read_cases(Path(cases), unit_of)
     read = [read_axis(path, given, unit_of) for path, given in over.items()]

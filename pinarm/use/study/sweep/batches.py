@@ -74,11 +74,7 @@ class InstantValues(Taken):
 
 
 def _measures(asked: Mapping[str, Measure | Sequence[Measure]]) -> list[tuple[str, Measure]]:
-    """Return the pairs of a quantity and a measure of a map.
-
-    Raises:
-        InputError: There is no such measure.
-    """
+    """Return the pairs of a quantity and a measure of a map."""
     require_map(asked, "quantities and measures", "{'A_y': ['max', 95]}")
     pairs = list[tuple[str, Measure]]()
     for name, measures in asked.items():

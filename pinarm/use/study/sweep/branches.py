@@ -64,11 +64,7 @@ class ModeValues(Taken):
 
     @classmethod
     def of(cls, quantities: Quantities, asked: Sequence[str]) -> ModeValues:
-        """Return the mode values of each case from which measures of modes are computed.
-
-        Raises:
-            InputError: There is no such mode or measure.
-        """
+        """Return the mode values of each case from which measures of modes are computed."""
         modes = sum(name.startswith("mode.") and name.endswith(".frequency") for name in quantities.names())
         names = [f"mode.{k}.{name}" for k in range(1, modes + 1) for name in MEASURES]
         chosen = [name for text in asked for name in (names if text == ALL else [text])]
@@ -167,7 +163,6 @@ def _assurance(x: Complex, y: Complex) -> Array:
 
 
 def _matched(expected: Complex, values: Complex, mac: Array) -> Indices:
-    """Return the mode of each branch: the matches of the least cost."""
     from scipy.optimize import linear_sum_assignment
 
     size = np.abs(expected)[:, None] + np.abs(values) + np.finfo(float).tiny

@@ -118,7 +118,6 @@ def _root_locus(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 
 def _look(k: int) -> dict[str, Any]:
-    """Return colour and dashes of a branch."""
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": STYLES[k // len(COLOURS) % len(STYLES)]}
 
 
@@ -139,7 +138,6 @@ def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 
 def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
-    """Draw the values over two numbers, a cell for each case; those that failed stay grey."""
     along, other, values = _grid(sweep, series)
     assert other is not None
     scale, measured = shown(series, sweep.presentation)
@@ -157,7 +155,6 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
 
 
 def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
-    """Draw how often which value came out."""
     scale, measured = shown(series, sweep.presentation)
     values = drawable(series.values / scale)
     values = values[np.isfinite(values)]

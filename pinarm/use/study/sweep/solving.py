@@ -87,9 +87,6 @@ class Journal:
         path: The file, which need not exist.
         task: The digest of the sweep's task.
         width: Length of the row of a case.
-
-    Raises:
-        InputError: It cannot be written, is no journal, or another sweep is writing it.
     """
 
     def __init__(self, path: Path, task: str, width: int) -> None:
@@ -138,11 +135,7 @@ class Journal:
         return digest([self.task, dict(values)])
 
     def add(self, cases: Iterable[tuple[str, Row]]) -> None:
-        """Write down cases that are finished, by their digests.
-
-        Raises:
-            InputError: There is no room for them.
-        """
+        """Write down cases that are finished, by their digests."""
         lines = list[bytes]()
         for key, row in cases:
             if row.files not in self.sets:
@@ -217,11 +210,7 @@ class Solving:
         self.numbers: Array = np.full((len(self.cases), len(self.named)), np.nan)
 
     def run(self, runners: Runners, folder: Path | None = None) -> None:
-        """Solve all cases; keep the journal in a folder, if there is one.
-
-        Raises:
-            InputError: The folder cannot be written, or a file changes on the way.
-        """
+        """Solve all cases; keep the journal in a folder, if there is one."""
         if folder is None:
             self._solve(runners, None)
             return
@@ -245,7 +234,6 @@ class Solving:
                 self._take({left[number]: values for number, values in jobs}, answers, journal)
 
     def _take(self, cases: dict[int, Case], answers: Collection[Row | LostJob], journal: Journal | None) -> None:
-        """Take the answers of cases, and write them to the journal."""
         rows = [row_of(answer) for answer in answers]
         for files in {row.files for row in rows}:
             self.check(files)
@@ -255,11 +243,7 @@ class Solving:
             self.take(case, row)
 
     def check(self, files: Iterable[str]) -> None:
-        """Raise where a file has changed since a case first referred to it.
-
-        Raises:
-            InputError: One has.
-        """
+        """Raise where a file has changed since a case first referred to it."""
         for file in files:
             try:
                 stamp = stamp_of(os.stat(file))

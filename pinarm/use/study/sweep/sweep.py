@@ -181,9 +181,6 @@ def first_case(scenario: Scenario, cases: Cases) -> Scenario:
     """Return the first case, or where that is refused one of several others; a sweep that has none is refused itself.
 
     The variants of the scenario are none of the sweep's.
-
-    Raises:
-        PinarmError: What the first case suffers from.
     """
     errors, last = [], len(cases) - 1
     for case in dict.fromkeys(np.linspace(0, last, TRIED).astype(int).tolist()):

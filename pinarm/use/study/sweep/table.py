@@ -233,21 +233,13 @@ class Sweep:
 
 
 def require_parquet() -> None:
-    """Raise where Parquet cannot be written.
-
-    Raises:
-        InputError: pyarrow is not installed.
-    """
+    """Raise where Parquet cannot be written."""
     if find_spec("pyarrow") is None:
         raise InputError("Parquet is written by pyarrow, which is not installed", hint="pip install 'pinarm[parquet]'")
 
 
 def stored_sweep(folder: Path) -> Sweep:
-    """Return the sweep that a folder holds; nothing is solved again.
-
-    Raises:
-        InputError: It is none, or its files do not belong together.
-    """
+    """Return the sweep that a folder holds; nothing is solved again."""
     definition = Document.read(folder / "sweep.yaml").data
     try:
         base, units = definition["base"], definition.get("units", {})
@@ -276,7 +268,6 @@ def stored_sweep(folder: Path) -> Sweep:
 
 
 def _stored_columns(file: Path, cases: Cases) -> tuple[list[Series], dict[int, str]]:
-    """Return the results of cases, and why some failed."""
     with np.load(file, allow_pickle=False) as stored:
         varied = {column.path for column in cases.columns()}
         results = [(name, text) for name, text in stored["units"].tolist() if name not in varied]
@@ -300,7 +291,6 @@ def csv_lines(columns: Sequence[Series], errors: Mapping[int, str]) -> Iterator[
 
 
 def _texts(values: NDArray[Any]) -> list[str]:
-    """Return the cells of a column."""
     return [cell(x) if isinstance(x, str) else repr(x).replace("nan", "") for x in values.tolist()]
 
 
@@ -386,5 +376,4 @@ def remarks(sweep: Sweep) -> list[str]:
 
 
 def _counted(count: int, cases: Sequence[int]) -> str:
-    """Return the number of cases, and the first three of them, in words."""
     return f"{count}: {', '.join(map(str, cases[:3]))}{', ...' if count > 3 else ''}"
