@@ -241,17 +241,19 @@ class FunctionValue(Taken):
         """
         try:
             said = self._function(result)
-            number = np.asarray(said, float).reshape(())
         except PinarmError:
             raise
-        except Exception as error:  # whatever the function of the user raises, or returns
+        except Exception as error:  # whatever the function of the user raises
+            raise InputError(f"the function '{self.name}' raised {type(error).__name__}: {error}") from error
+        number = np.asarray(said)
+        if number.size != 1 or number.dtype.kind not in "bfiu":
             raise InputError(
-                f"the function '{self.name}' raised {type(error).__name__}: {str(error)[:200]}",
+                f"the function '{self.name}' returned {str(said)[:60]!r}",
                 expected="one number in SI, or a Series of one value",
-            ) from error
-        if not np.isfinite(number):
+            )
+        if not np.isfinite(number).all():
             raise DynamicsError(f"{self.name} is not finite")
-        return Series(self.name, said.unit if isinstance(said, Series) else None, number)
+        return Series(self.name, said.unit if isinstance(said, Series) else None, number.astype(float).reshape(()))
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from pinarm.engine.motion.variants import PrescribedVariants, follows_alike
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, PinarmError, UnitError
-from pinarm.input.units import Unit, read_quantity
+from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity
 from pinarm.input.yaml.document import varied
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
@@ -378,6 +378,6 @@ def _number(value: Value, unit: Unit | None) -> float:
         number, measured = read_quantity(str(value))
     except UnitError:
         raise VariantsDiffer("words") from None
-    if unit is not None and (measured is None or measured.dimension != unit.dimension):
+    if unit is not None and (measured or DIMENSIONLESS).dimension != unit.dimension:
         raise VariantsDiffer("numbers with other units")
     return number

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -86,10 +85,7 @@ class Cases:
     def of(cls, axes: Iterable[Axis]) -> Cases:
         """Combine axes."""
         cases = cls(tuple(axes))
-        paths = [column.path for column in cases.columns()]
-        if twice := [path for path, times in Counter(paths).items() if times > 1]:
-            raise InputError(f"'{min(twice)}' is varied twice", expected="each path once")
-        if not paths:
+        if not cases.axes:
             raise InputError(
                 "nothing is varied",
                 expected="paths of numbers with their values, or a file of cases",

@@ -154,10 +154,8 @@ class Sweep:
     def _open_cases(self) -> list[str]:
         """Return a note of the cases whose results hang on decisions that are not certain, if any."""
         cases = [k for x in self.columns if x.name == OPEN for k in np.flatnonzero(x.values > 0.0).tolist()]
-        said = "results hang on decisions that are not certain, such as whether an event takes place"
-        return (
-            [f"{said}: column '{OPEN}', and the notes of single runs ({_counted(len(cases), cases)})"] if cases else []
-        )
+        said = f"results hang on decisions that are not certain, such as whether an event takes place: column '{OPEN}'"
+        return [f"{said}, and notes of single runs ({_counted(len(cases), cases)})"] if cases else []
 
     def plot(self, name: str | None = None) -> Picture:
         """Return a plot of a column over what was varied: curves, a map, or how often which value came out.

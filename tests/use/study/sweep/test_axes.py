@@ -70,11 +70,7 @@ def test_cases_are_all_combinations_and_the_last_axis_varies_fastest() -> None:
     assert [cases.values(k)["c"] for k in range(6)] == table["c"]
 
 
-def test_a_path_is_varied_once_and_cases_are_bounded() -> None:
-    axis = read_axis("x", "1, 2", bare)
-    assert isinstance(axis, Axis)
-    with pytest.raises(PinarmError, match="'x' is varied twice"):
-        Cases.of([axis, axis])
+def test_cases_are_bounded() -> None:
     with pytest.raises(PinarmError, match="nothing is varied"):
         Cases.of([])
     with pytest.raises(PinarmError, match=r"100000000 cases\n  expected: 1 to 10000000"):

@@ -61,7 +61,7 @@ def test_functions_are_columns_with_units_that_a_sweep_goes_on_with(tmp_path: Pa
 @pytest.mark.parametrize(("function", "said"), [
     (lambda result: 1.0, "has no name for its column"),
     (open, "raised TypeError"),
-    (str, "raised ValueError: could not convert string to float"),
+    (str, "returned .<Result"),
 ])  # fmt: skip
 def test_a_function_that_cannot_be_a_column_says_why(function: Any, said: str) -> None:
     with pytest.raises(pinarm.PinarmError, match=said):

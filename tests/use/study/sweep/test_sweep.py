@@ -181,7 +181,7 @@ def test_failures_are_told_by_reason(held: pinarm.Scenario) -> None:
     assert re.fullmatch(r"4,2\.0,20\.0+\d*,.*,", lines[5])
 
 
-def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(held: pinarm.Scenario) -> None:
+def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(held: pinarm.Scenario, tmp_path: Path) -> None:
     for over, message in (
         ({"argument.m": "1, 2 kg"}, "argument.m=1.0 kg: unknown key 'argument'"),
         ({"changes.forces.spring.stiff": "1, 2 N*m"}, "unknown key 'stiff'"),
@@ -191,6 +191,9 @@ def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(held: pinarm.Sc
     ):
         with pytest.raises(PinarmError, match=message):
             pinarm.sweep(held, over)
+    (tmp_path / "cases.csv").write_text("arguments.m [kg],arguments.m [kg]\n1,2\n")
+    with pytest.raises(PinarmError, match="varied twice"):
+        pinarm.sweep(held, cases=tmp_path / "cases.csv")
 
 
 @pytest.mark.slow
