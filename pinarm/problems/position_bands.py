@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,8 +38,7 @@ FIRST = 0.25
 FULL_TURN = "friction holds every position of a full turn"
 
 
-@dataclass(frozen=True, eq=False)
-class PositionBand:
+class PositionBand(NamedTuple):
     """The positions that friction holds about a given one.
 
     Attributes:
@@ -48,10 +48,6 @@ class PositionBand:
 
     ends: Array
     reason: str = ""
-
-    @classmethod
-    def unknown(cls, size: int, reason: str) -> PositionBand:
-        return cls(np.full((2, size), np.nan), reason)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,36 +85,31 @@ class FrictionHold:
             if reserve <= 0.0:
                 return PositionBand(np.array([q, q]))
             stiffness = abs(float(modes.stiffnesses[0]))
-            predicted = reserve * np.abs(basis).max() / stiffness if stiffness > 0.0 else np.inf
-            down = self._end(q, -basis, FIRST * predicted)
-            ends = [
-                down,
-                down if isinstance(down, str) and down == FULL_TURN else self._end(q, basis, FIRST * predicted),
-            ]
+            step = FIRST * reserve * np.abs(basis).max() / stiffness if stiffness > 0.0 else np.inf
+            down, why = self._end(q, -basis, step)
+            up, other = (down, why) if why == FULL_TURN else self._end(q, basis, step)
         except (AssemblyError, DynamicsError) as error:
-            return PositionBand.unknown(len(q), error.message)
-        missing = [end for end in ends if isinstance(end, str)]
-        return PositionBand(
-            np.array([np.full(len(q), np.nan) if isinstance(end, str) else end for end in ends]), "; ".join(missing[:1])
-        )
+            return PositionBand(np.full((2, len(q)), np.nan), error.message)
+        return PositionBand(np.array([down, up]), why or other)
 
     def _mover(self, basis: Array) -> str:
         return list(self.balance.mechanism.joints)[int(np.abs(basis[:, 0]).argmax())]
 
-    def _end(self, q: Array, basis: Array, step: float) -> Array | str:
-        turned, turns = 0.0, self.balance.turns
+    def _end(self, q: Array, basis: Array, step: float) -> tuple[Array, str]:
+        """Return where the band ends in the direction of a free motion, or NaN and why it does not."""
+        turned, turns, nowhere = 0.0, self.balance.turns, np.full(len(q), np.nan)
         step = step if np.isfinite(step) else TURN * (1.0 + float(np.abs(q).max()))
         for _ in range(STEPS):
             joint, step = self._mover(basis), min(step, TURN / max(float((turns * np.abs(basis[:, 0])).max()), 1e-300))
             for before, end in pairwise((step * PARTS).tolist()):
                 after = self.balance.nearest(q + end * basis[:, 0])
                 if self.reserve(after, joint) < 0.0:
-                    return self._crossing(q, basis[:, 0], (before, end), joint)
+                    return self._crossing(q, basis[:, 0], (before, end), joint), ""
             turned += float((turns * np.abs(after - q)).max())
             if turned >= 2.0 * np.pi:
-                return FULL_TURN
+                return nowhere, FULL_TURN
             q, basis, step = after, self.balance.basis(after, basis), GROWTH * step
-        return "friction holds every position as far as it was followed"
+        return nowhere, "friction holds every position as far as it was followed"
 
     def _crossing(self, q: Array, way: Array, part: tuple[float, float], joint: str) -> Array:
         """Return the position between two, on a way from a third one, at which friction ceases to hold."""

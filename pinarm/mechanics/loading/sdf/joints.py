@@ -75,18 +75,6 @@ class SdfJoint:
     mimics: tuple[Mimic, ...] = ()
     notes: tuple[str, ...] = ()
 
-    @property
-    def first(self) -> str:
-        """Name of the simple joint that its ``<axis>`` is of."""
-        ends = [end for end, _, tag in KINDS[self.kind] if tag == "axis"]
-        return self.name + ends[0] if ends else self.name
-
-    @property
-    def active(self) -> bool:
-        return bool(self.mimics) or any(
-            step.bounds != Bounds() or step.damping or step.friction or step.stiffness for step in self.steps
-        )
-
     def hung(self, parent: str, child: str, placed: Mapping[str, pin.SE3]) -> list[TreeJoint]:
         """Return its simple joints between two links of a tree, of which ``parent`` is nearer to the root.
 
@@ -267,23 +255,6 @@ class SpanningTree:
     couplings: dict[str, CouplingDefinition] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
-    def hang(self, joint: SdfJoint, placed: Mapping[str, pin.SE3]) -> str:
-        outwards = joint.parent in self.links
-        parent, child = (joint.parent, joint.child) if outwards else (joint.child, joint.parent)
-        self.joints += joint.hung(parent, child, placed)
-        self.links[child] = None
-        self.hung.append(joint)
-        if joint.lead:
-            from pinarm.mechanics.couplings.kinds import Screw
-
-            self.couplings[joint.name] = Screw(joints=(joint.name, f"{joint.name}.slide"), lead=joint.lead)
-        return child
-
-    def free(self, link: str, place: pin.SE3, *, fixed: bool) -> None:
-        floating = any(joint.kind == "floating" for joint in self.joints)
-        name = f"{link}_free" if floating else FREE
-        self.joints.append(TreeJoint(name, "fixed" if fixed else "floating", WORLD, link, place))
-
 
 def spanning_tree(
     joints: Sequence[SdfJoint], places: Mapping[str, pin.SE3], stand: pin.SE3, *, fixed: bool
@@ -299,14 +270,23 @@ def spanning_tree(
         if root in tree.links:
             continue
         if root != WORLD:
-            tree.free(root, stand * places[root], fixed=fixed)
+            name = f"{root}_free" if any(joint.kind == "floating" for joint in tree.joints) else FREE
+            kind: Kind = "fixed" if fixed else "floating"
+            tree.joints.append(TreeJoint(name, kind, WORLD, root, stand * places[root]))
         tree.links[root] = None
         heapify(ready := [*at.get(root, ())])
         while ready:
             joint = joints[heappop(ready)[1]]
-            if not {joint.parent, joint.child} <= tree.links.keys():
-                for item in at[tree.hang(joint, placed)]:
-                    heappush(ready, item)
+            if {joint.parent, joint.child} <= tree.links.keys():
+                continue
+            ends = joint.parent, joint.child
+            parent, child = ends if joint.parent in tree.links else ends[::-1]
+            tree.joints += joint.hung(parent, child, placed)
+            tree.links[child] = None
+            tree.hung.append(joint)
+            for item in at[child]:
+                heappush(ready, item)
+    tree.couplings |= _threads(tree.hung)
     hung = {joint.name for joint in tree.hung}
     for joint in joints:
         if joint.name not in hung:
@@ -317,10 +297,26 @@ def spanning_tree(
     return tree
 
 
+def _threads(joints: Sequence[SdfJoint]) -> dict[str, CouplingDefinition]:
+    if not any(joint.lead for joint in joints):
+        return {}
+    from pinarm.mechanics.couplings.kinds import Screw
+
+    return {
+        joint.name: Screw(joints=(joint.name, f"{joint.name}.slide"), lead=joint.lead) for joint in joints if joint.lead
+    }
+
+
+def is_active(joint: SdfJoint) -> bool:
+    """Return whether a joint has more than a motion: limits, damping, friction, a spring, or a joint to follow."""
+    steps = joint.steps
+    return bool(joint.mimics) or any(x.bounds != Bounds() or x.damping or x.friction or x.stiffness for x in steps)
+
+
 def _notes(tree: SpanningTree, joints: Sequence[SdfJoint]) -> Iterator[str]:
     if names := [*tree.loops]:
         yield f"closing loops of the tree of joints: {listed('joint', names)}"
-    if active := [joint.name for joint in joints if joint.name in tree.loops and joint.active]:
+    if active := [joint.name for joint in joints if joint.name in tree.loops and is_active(joint)]:
         yield f"limits, damping, friction and springs of {listed('joint', active)}, closing loops, are not modelled"
     for joint in joints:
         yield from joint.notes

@@ -34,8 +34,8 @@ def sdf_tree(root: Element, name: str = "") -> Tree:
     version, model = _version(root), _model(root, name, notes)
     unread = check_names(root, SDF)
     for pose in root.iter("pose") if version < (1, 7) else ():  # its attribute before version 1.7
-        if "frame" in pose.attrib:
-            pose.attrib.setdefault("relative_to", pose.attrib.pop("frame"))
+        if "frame" in pose.attrib and "relative_to" not in pose.attrib:
+            pose.set("relative_to", pose.attrib.pop("frame"))
     frames = Frames.of(model)
     defects: list[str] = []
     bodies = {str(link.get("name")): _inertia(link, defects, notes) for link in model.findall("link")}
@@ -55,7 +55,7 @@ def sdf_tree(root: Element, name: str = "") -> Tree:
             f"the model is static, and {listed('joint', moving)} moves", expected="fixed joints alone, or no <static>"
         )
     tree = spanning_tree(joints, places, stand, fixed=static)
-    leaders = {joint.name: joint.first for joint in tree.hung}
+    leaders = {joint.name: joint.steps[0].name for joint in tree.hung if joint.kind != "screw"}
     mimics = [replace(mimic, of=leaders.get(mimic.of, mimic.of)) for joint in tree.hung for mimic in joint.mimics]
     kept, orphans = checked_mimics(mimics, {joint.name: joint.kind for joint in tree.joints})
     if unread:

@@ -26,7 +26,7 @@ from pinarm.errors import ModelError, choices, listed
 from pinarm.input.xml_text import check_names, meant_by
 from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, tied_frames
 from pinarm.mechanics.loading.sdf.frames import MODEL, SDF, Frames, pose_of, text_of
-from pinarm.mechanics.loading.sdf.joints import joint_in
+from pinarm.mechanics.loading.sdf.joints import is_active, joint_in
 from pinarm.mechanics.loading.values import axis_of, number, placement_of, text_in
 from pinarm.records import replace
 
@@ -141,7 +141,7 @@ class _Closed:
         made, self.loops[name] = joint.closing(placed)
         self.frames += made
         self.remarks += joint.notes
-        self.idle += [name] if joint.active else []
+        self.idle += [name] if is_active(joint) else []
 
     def notes(self) -> Iterator[str]:
         if self.loops:
