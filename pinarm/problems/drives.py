@@ -23,7 +23,7 @@ from pinarm.input.yaml.schema import (
 )
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import effort_unit
-from pinarm.problems.weights import Weight, check_names, comparable, reciprocal, weights_of
+from pinarm.problems.weights import Weight, check_names, weights_of
 from pinarm.records import replace
 
 if TYPE_CHECKING:
@@ -84,17 +84,7 @@ class EffortSharing(InputStruct, frozen=True):
     def weighted(self, drives: Mapping[str, Coordinate]) -> Array:
         """Return w of the drives, shape (d,)."""
         units = {name: effort_unit(coordinate) for name, coordinate in drives.items()}
-        if not self.weights:
-            if not comparable(units):
-                weights = ", ".join(f"{name}: 0.01 {reciprocal(measured)}" for name, measured in units.items())
-                raise InputError(
-                    "torques and forces have no common sum of squares: shares would depend on the unit of length",
-                    expected="weights with units, such as the reciprocals of the rated efforts",
-                    hint=f"share: {{weights: {{{weights}}}}}",
-                )
-            return np.ones(len(drives))
-        with within("weights"):
-            return weights_of(self.weights, units, DRIVE)
+        return weights_of(self.weights, units, DRIVE, "share", "torques and forces")
 
     def ranges(self, mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> Array:
         """Return the least and the largest efforts of the drives, infinite where there is no limit, shape (2, d)."""

@@ -17,12 +17,11 @@ from pinarm.input.yaml.schema import InputStruct, Level, check_unit
 from pinarm.mechanics.joints import joint_of
 from pinarm.mechanics.laws import Motion, Over
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
-from pinarm.problems.weights import Weight, comparable, reciprocal, weights_of
+from pinarm.problems.weights import Weight, weights_of
 
 if TYPE_CHECKING:
     from pinarm.arrays import Array
     from pinarm.engine.kinematics.free_pull import Posture
-    from pinarm.input.units import Unit
     from pinarm.mechanics.forces.force_element import ForceElement
     from pinarm.mechanics.joints import Joint
 
@@ -148,7 +147,9 @@ class NearestPosture(InputStruct, frozen=True):
                 with within(name):
                     check_unit(value, units[name])
                 target[mechanism.joints[name].v] = value
-        weights[[mechanism.joints[name].v for name in units]] = self._weights(units)
+        weights[[mechanism.joints[name].v for name in units]] = weights_of(
+            self.weights, units, "joint of nearest_to", "resolve", "angles and lengths"
+        )
         lower, upper = self._limits(mechanism, followed)
         for name, value in self.nearest_to.items():
             low, high = (float(bound[mechanism.joints[name].v]) for bound in (lower, upper))
@@ -163,20 +164,6 @@ class NearestPosture(InputStruct, frozen=True):
             places[joint.v] = joint.q
         names = tuple(coordinate_name(model, v) for v in range(model.nv))
         return Posture(target, weights, lower, upper, places, names)
-
-    def _weights(self, units: Mapping[str, Unit]) -> Array:
-        """Return the weights of the joints of the posture, shape (n,)."""
-        if self.weights:
-            with within("weights"):
-                return weights_of(self.weights, units, "joint of nearest_to")
-        if not comparable(units):
-            weights = ", ".join(f"{name}: 1 {reciprocal(measured)}" for name, measured in units.items())
-            raise InputError(
-                "angles and lengths have no common sum of squares: what is nearest depends on the unit",
-                expected="weights with units, such as the reciprocals of the ranges of the joints",
-                hint=f"resolve: {{weights: {{{weights}}}}}",
-            )
-        return np.ones(len(units))
 
     def _limits(self, mechanism: Mechanism, followed: Mapping[str, MotionLaw]) -> tuple[Array, Array]:
         """Return the lower and upper limits, infinite where there are none, each of shape (nv,)."""

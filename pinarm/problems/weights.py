@@ -28,26 +28,36 @@ class Weight(Measured):
         return self.unit is None or self.unit.dimension == DIMENSIONLESS.dimension
 
 
-def comparable(units: Mapping[str, Unit]) -> bool:
-    """Return whether quantities have one dimension, so that they can be added without weights."""
-    return len({unit.dimension for unit in units.values()}) <= 1
-
-
-def weights_of(weights: Mapping[str, Weight], units: Mapping[str, Unit], kind: str) -> Array:
-    """Return the weights of quantities in the order of their units, shape (n,).
+def weights_of(weights: Mapping[str, Weight], units: Mapping[str, Unit], kind: str, key: str, apart: str) -> Array:
+    """Return the weights of quantities in the order of their units, shape (n,); 1 where none are given.
 
     Args:
         weights: Name -> weight.
         units: Name -> unit of what is weighed.
         kind: What the names are, for messages, such as ``drive of this run``.
+        key: Key of the problem that holds the weights.
+        apart: Why quantities of several dimensions need weights, in words.
     """
-    check_names(weights, units, kind)
-    if missing := [name for name in units if name not in weights]:
-        raise InputError(f"no weight is given for {', '.join(missing)}", expected=f"one for every {kind.split()[0]}")
-    if not comparable(units) or not all(weight.plain for weight in weights.values()):
-        for name, measured in units.items():
-            with within(name):
-                _check_reciprocal(weights[name], measured)
+    several = len({measured.dimension for measured in units.values()}) > 1
+    if not weights and several:
+        hint = ", ".join(f"{name}: 1 {reciprocal(measured)}" for name, measured in units.items())
+        raise InputError(
+            f"{apart} have no common sum of squares: it would depend on the unit of length",
+            expected="weights with units, such as the reciprocals of rated efforts, or of the ranges of joints",
+            hint=f"{key}: {{weights: {{{hint}}}}}",
+        )
+    if not weights:
+        return np.ones(len(units))
+    with within("weights"):
+        check_names(weights, units, kind)
+        if missing := [name for name in units if name not in weights]:
+            raise InputError(
+                f"no weight is given for {', '.join(missing)}", expected=f"one for every {kind.split()[0]}"
+            )
+        if several or not all(weight.plain for weight in weights.values()):
+            for name, measured in units.items():
+                with within(name):
+                    _check_reciprocal(weights[name], measured)
     return np.array([float(weights[name]) for name in units])
 
 

@@ -238,7 +238,7 @@ def test_torques_beside_forces_need_weights():
     problem = {"kind": "statics", "hold": {"theta": "1 rad"}, "drives": ["theta", "x"], "share": "least_squares"}
     with pytest.raises(InputError, match="torques and forces have no common sum of squares") as caught:
         pinarm.run({**given, "problem": problem})
-    assert "theta: 0.01 1/N/m, x: 0.01 1/N" in str(caught.value)
+    assert "theta: 1 1/N/m, x: 1 1/N" in str(caught.value)
 
 
 def test_too_few_drives_name_the_coordinate_that_lacks_one():
