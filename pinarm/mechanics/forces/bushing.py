@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from functools import cached_property, partial
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import msgspec
 import numpy as np
@@ -26,6 +26,7 @@ from pinarm.input.yaml.schema import (
 )
 from pinarm.mechanics.coordinates import PairCoordinate, rotation
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
 from pinarm.mechanics.geometry.vectors import Axes, joined, moved, rotation_vector
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
@@ -44,6 +45,10 @@ SEMIDEFINITE = 1e-9
 """Negative eigenvalue that rounding of typed digits explains, of a matrix scaled to a diagonal of ones."""
 
 
+Number = TypeVar("Number", float, Array)
+Vector = tuple[Number, Number, Number]
+"""Components: numbers of one state, which Python multiplies faster than arrays of three, or arrays, shape (n,)."""
+
 REACH = math.radians(170.0)
 """Largest rotation of one frame in the other [rad]: at half a turn the shortest way back changes sides."""
 
@@ -51,8 +56,8 @@ TINY = 1e-300
 """Angle that stands for 0 where one is divided by it [rad]."""
 
 
-class Deflection(Record, frozen=True):
-    """Where frame 2 is in frame 1, in n states, seen from the axes halfway between them; all vectors of shape (3, n).
+class Deflection(Record, Generic[Number], frozen=True):
+    """Where frame 2 is in frame 1, seen from the axes halfway between them.
 
     With the rotation ``R = exp([phi])`` of frame 2 in frame 1 and the place p of its origin, the halfway axes are those
     of frame 1 turned by ``H = exp([phi / 2])``, and ``d = H^T p``; phi has the same components in all three. Which
@@ -69,68 +74,90 @@ class Deflection(Record, frozen=True):
         axis: u; any where theta is 0.
         sine: sin(theta / 2).
         cosine: cos(theta / 2).
-        scale: c.
     """
 
-    d: Array
-    phi: Array
-    axis: Array
-    sine: Array
-    cosine: Array
-    scale: Array
+    d: Vector[Number]
+    phi: Vector[Number]
+    axis: Vector[Number]
+    sine: Number
+    cosine: Number
+    scale: Number
 
     @classmethod
-    def of(cls, p: Array, axes: Axes) -> Deflection:
+    def one(cls, placement: pin.SE3) -> Deflection[float]:
+        """Return the deflection of a placement of frame 2 in frame 1; NaN beyond ``REACH``."""
+        x, y, z = pin.log3(placement.rotation).tolist()
+        theta = math.sqrt(x * x + y * y + z * z)
+        half = 0.5 * (theta or TINY) if theta <= REACH else math.nan
+        p: Vector[float] = tuple(placement.translation.tolist())
+        return Deflection._of(p, (x, y, z), half, math.sin(half), math.cos(half))
+
+    @classmethod
+    def many(cls, p: Array, axes: Axes) -> Deflection[Array]:
         """Return the deflections of n placements; NaN beyond ``REACH``.
 
         Args:
             p: Origin of frame 2 [m], axes of frame 1, shape (3, n) or (3, 1).
             axes: Axes of frame 2 in those of frame 1, each of shape (3, n) or (3, 1).
         """
-        places, phi = np.broadcast_arrays(p, rotation_vector(axes))
-        theta = np.sqrt((phi * phi).sum(axis=0))
+        places, turned = np.broadcast_arrays(p, rotation_vector(axes))
+        theta = np.sqrt((turned * turned).sum(axis=0))
         half = np.where(theta > REACH, math.nan, 0.5 * np.where(theta == 0.0, TINY, theta))
-        axis, sine, cosine = 0.5 / half * phi, np.sin(half), np.cos(half)
-        return cls(_turned(places, axis, -sine, cosine), phi, axis, sine, cosine, half / sine)
+        return Deflection._of(tuple(places), tuple(turned), half, np.sin(half), np.cos(half))
 
-    @property
-    def both(self) -> Array:
-        """Return d and phi, shape (6, n)."""
-        return np.concatenate([self.d, self.phi])
+    @staticmethod
+    def _of(p: Vector[Number], phi: Vector[Number], half: Number, sine: Number, cosine: Number) -> Deflection[Number]:
+        per = 0.5 / half
+        axis = per * phi[0], per * phi[1], per * phi[2]
+        return Deflection(_turned(p, axis, -sine, cosine), phi, axis, sine, cosine, half / sine)
 
-    def rate(self, dp: Array, w: Array) -> Array:
-        """Return d' [m/s] and phi' [rad/s], shape (6, n), from p' and w in the axes of frame 1."""
-        dp, w = (_turned(x, self.axis, -self.sine, self.cosine) for x in (dp, w))
-        halfway = 0.5 * (w - self._lag * _cross(self.axis, w))
-        return np.concatenate([dp + _cross(self.d, halfway), self._mapped(w)])
+    def backwards(self, a: Vector[Number]) -> Vector[Number]:
+        """Return the components in halfway axes of a vector in the axes of frame 1."""
+        return _turned(a, self.axis, -self.sine, self.cosine)
 
-    def wrench(self, f: Array, m: Array) -> tuple[Array, Array]:
+    def rate(self, dp: Vector[Number], w: Vector[Number]) -> tuple[Vector[Number], Vector[Number]]:
+        """Return d' [m/s] and phi' [rad/s] from p' and w in the axes of frame 1."""
+        dp, w = self.backwards(dp), self.backwards(w)
+        halfway = _sum(0.5, w, -0.5 * self._lag, _cross(self.axis, w))
+        return _sum(1.0, dp, 1.0, _cross(self.d, halfway)), self._mapped(w)
+
+    def wrench(self, f: Vector[Number], m: Vector[Number]) -> tuple[Vector[Number], Vector[Number]]:
         """Return the force on frame 2 and the moment at its origin, in the axes of frame 1: the transpose of ``rate``.
 
         Their power is ``f . d' + m . phi'``. In halfway axes the force is f, and with ``g = d x f`` the moment is
         ``c m + (1 - c) u (u . m) - (g - tan(theta / 4) g x u) / 2``.
         """
         g = _cross(self.d, f)
-        moment = self._mapped(m) - 0.5 * (g - self._lag * _cross(g, self.axis))
+        lever = _sum(0.5, g, -0.5 * self._lag, _cross(g, self.axis))
+        moment = _sum(1.0, self._mapped(m), -1.0, lever)
         return _turned(f, self.axis, self.sine, self.cosine), _turned(moment, self.axis, self.sine, self.cosine)
 
     @property
-    def _lag(self) -> Array:
+    def _lag(self) -> Number:
         """tan(theta / 4)."""
         return self.sine / (1.0 + self.cosine)
 
-    def _mapped(self, w: Array) -> Array:
+    def _mapped(self, w: Vector[Number]) -> Vector[Number]:
         """Return ``c w + (1 - c) u (u . w)``: a symmetric map."""
-        return np.asarray(self.scale * w + (1.0 - self.scale) * (self.axis * w).sum(axis=0) * self.axis)
+        return _sum(self.scale, w, (1.0 - self.scale) * _dot(self.axis, w), self.axis)
 
 
-def _cross(a: Array, b: Array) -> Array:
-    return np.cross(a, b, axis=0)
+def _dot(a: Vector[Number], b: Vector[Number]) -> Number:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _turned(a: Array, axis: Array, sine: Array, cosine: Array) -> Array:
-    """Return vectors turned about an axis (Rodrigues)."""
-    return np.asarray(cosine * a + sine * _cross(axis, a) + (1.0 - cosine) * (axis * a).sum(axis=0) * axis)
+def _cross(a: Vector[Number], b: Vector[Number]) -> Vector[Number]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _sum(a: Number | float, x: Vector[Number], b: Number | float, y: Vector[Number]) -> Vector[Number]:
+    return a * x[0] + b * y[0], a * x[1] + b * y[1], a * x[2] + b * y[2]
+
+
+def _turned(a: Vector[Number], axis: Vector[Number], sine: Number, cosine: Number) -> Vector[Number]:
+    """Return a vector turned about an axis (Rodrigues)."""
+    across = _sum(cosine, a, sine, _cross(axis, a))
+    return _sum(1.0, across, (1.0 - cosine) * _dot(axis, a), axis)
 
 
 class LinearBushing(AbstractRecord, ForceElement, frozen=True):
@@ -147,48 +174,57 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         damping: D, symmetric [N*s/m, N*s/rad, N*m*s/rad], shape (6, 6).
     """
 
-    unshown = ("model",)
+    unshown = ("model", "data")
 
     model: pin.Model
     frames: tuple[int, int]
     stiffness: Array
     damping: Array
+    data: pin.Data
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
-        motion, apart = self._apart(q)
-        force, moment = self._pull(motion, apart, v)
+        """Add the load to ``tau``: that of the wrench on frame 2 on its twist in frame 1."""
+        if q.ndim == 1 and np.isrealobj(q):
+            placement, jacobian = self._relative(q)
+            wrench = self._wrench(placement, jacobian, v).reshape(2, 3)
+            tau += wrench.dot(placement.rotation).ravel().dot(jacobian)
+            return
+        motion, apart = self._apart(_rows(q))
+        force, moment = self._pull(motion, apart, _rows(v))
         efforts = motion.efforts(force[:, None], moment[:, None])[:, 0].T
         tau[..., self.frame_pair.velocities[:, 0]] += efforts.reshape(*q.shape[:-1], -1)
 
-    def _apart(self, q: Array) -> tuple[RelativeMotion, Deflection]:
-        motion = self.frame_pair.at_configurations(_rows(q))
-        return motion, Deflection.of(*motion.flat)
+    def _apart(self, q: Array) -> tuple[RelativeMotion, Deflection[Array]]:
+        motion = self.frame_pair.at_configurations(q)
+        return motion, Deflection.many(*motion.flat)
 
-    def _rates(self, motion: RelativeMotion, apart: Deflection, v: Array) -> Array:
+    def _rates(self, motion: RelativeMotion, apart: Deflection[Array], v: Array) -> Array:
         """Return d' and phi' [m/s, rad/s], shape (6, n)."""
-        dp, w, _, _ = (part[:, 0] for part in motion.rates(_rows(v).T))
-        return apart.rate(dp, w)
+        dp, w, _, _ = (part[:, 0] for part in motion.rates(v.T))
+        return np.concatenate(apart.rate(tuple(dp), tuple(w)))
 
-    def _pull(self, motion: RelativeMotion, apart: Deflection, v: Array) -> tuple[Array, Array]:
+    def _pull(self, motion: RelativeMotion, apart: Deflection[Array], v: Array) -> tuple[Array, Array]:
         """Return force and moment on frame 2 at its origin [N, N*m], axes of frame 1, shape (3, n) each."""
-        pull = self.stiffness @ apart.both
-        if not self.conservative:
+        pull = self.stiffness @ np.array([*apart.d, *apart.phi])
+        if self._damped:
             pull = pull + self.damping @ self._rates(motion, apart, v)
-        return apart.wrench(-pull[:3], -pull[3:])
+        force, moment = apart.wrench(tuple(-pull[:3]), tuple(-pull[3:]))
+        return np.array(force), np.array(moment)
 
     def potential_energy(self, q: Array) -> Array:
-        x = self._apart(q)[1].both
+        _, apart = self._apart(_rows(q))
+        x = np.array([*apart.d, *apart.phi])
         return np.asarray(0.5 * (x * (self.stiffness @ x)).sum(axis=0)).reshape(q.shape[:-1])
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        if self.conservative:
+        if not self._damped:
             return np.zeros(q.shape[:-1])
-        x = self._rates(*self._apart(q), v)
+        x = self._rates(*self._apart(_rows(q)), _rows(v))
         return np.asarray((x * (self.damping @ x)).sum(axis=0)).reshape(q.shape[:-1])
 
-    @cached_property
+    @property
     def conservative(self) -> bool:
-        return not self.damping.any()
+        return not self._damped
 
     @property
     def points(self) -> tuple[int, ...]:
@@ -203,12 +239,13 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         """Return displacement, rotation, force and moment in n states, world axes, shape (n, 3) each."""
         motion, apart = self._apart(links.q)
         force, moment = self._pull(motion, apart, v)
-        inner = {"displacement": motion.p[:, 0], "rotation": apart.phi, "force": force, "moment": moment}
+        inner = {"displacement": motion.p[:, 0], "rotation": np.array(apart.phi), "force": force, "moment": moment}
         turn = links.frame(self.frames[0])[0]
         return {name: np.matvec(turn, np.broadcast_to(part, (3, len(v))).T) for name, part in inner.items()}
 
     def refusal(self, q: Array) -> str:
-        theta = float(np.linalg.norm(rotation_vector(self.frame_pair.at_configurations(q[None]).flat[1])))
+        """Return why it has no load: the frames are turned too far; empty where it has one."""
+        theta = float(np.linalg.norm(pin.log3(self._relative(q)[0].rotation)))
         if theta < REACH - NEAR:
             return ""
         turned, most = (f"{math.degrees(angle):.4g} deg" for angle in (theta, REACH))
@@ -220,7 +257,7 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         Then a row at which there is no load stands between those on either side of half a turn.
         """
         if self.model.nq > self.model.nv:
-            turns = np.moveaxis(self.frame_pair.at_configurations(q).turn[:, :, 0], 2, 0)
+            turns = [self._relative(state)[0].rotation for state in q]
             way = np.array([np.linalg.norm(pin.log3(a.T @ b)) for a, b in pairwise(turns)])
         else:
             between = self.frame_pair.velocities[:, 0]
@@ -256,6 +293,36 @@ class LinearBushing(AbstractRecord, ForceElement, frozen=True):
         from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
 
         return FramePairs.between(self.model, *self.frames)
+
+    @cached_property
+    def _damped(self) -> bool:
+        return bool(self.damping.any())
+
+    def _relative(self, q: Array) -> tuple[pin.SE3, Array]:
+        """Return the placement of frame 2 in frame 1, and the Jacobian of its twist there, in axes of frame 2."""
+        model, data = self.model, self.data
+        pin.computeJointJacobians(model, data, q)
+        first, second = (pin.updateFramePlacement(model, data, frame) for frame in self.frames)
+        own, other = (pin.getFrameJacobian(model, data, frame, pin.LOCAL).reshape(6, -1) for frame in self.frames)
+        placement = first.actInv(second)
+        return placement, other - placement.toActionMatrixInverse().dot(own)
+
+    def _wrench(self, placement: pin.SE3, jacobian: Array, v: Array) -> Array:
+        """Return [f; m] on frame 2 at its origin [N, N*m], axes of frame 1, shape (6,)."""
+        apart = Deflection.one(placement)
+        pull = self.stiffness.dot([*apart.d, *apart.phi])
+        if self._damped:
+            pull += self.damping.dot(_rate(apart, placement, jacobian, v))
+        fx, fy, fz, mx, my, mz = (-pull).tolist()
+        force, moment = apart.wrench((fx, fy, fz), (mx, my, mz))
+        return np.array([*force, *moment])
+
+
+def _rate(apart: Deflection[float], placement: pin.SE3, jacobian: Array, v: Array) -> Array:
+    """Return d' and phi' [m/s, rad/s], shape (6,); the Jacobian is that of the twist in the axes of frame 2."""
+    dp, w = jacobian.dot(v).reshape(2, 3).dot(placement.rotation.T).tolist()
+    rates = apart.rate(tuple(dp), tuple(w))
+    return np.array([*rates[0], *rates[1]])
 
 
 def _rows(values: Array) -> Array:
@@ -324,7 +391,7 @@ class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
                     expected="links with a joint between them",
                 )
         stiffness, damping = _matrix(self.stiffness, DIMENSIONLESS), _matrix(self.damping, unit("s"))
-        return LinearBushing(model, (first, second), stiffness, damping)
+        return LinearBushing(model, (first, second), stiffness, damping, new_data(model))
 
 
 def _matrix(rates: SpringRates | DampingRates, time: Unit) -> Array:

