@@ -108,20 +108,11 @@ def test_a_load_over_time_has_no_place_where_there_is_no_time(scenario: Callable
         scenario("statics", "", ("outputs:", f"  loads: {load}\noutputs:")).run()
 
 
-@pytest.mark.parametrize(
-    ("more", "start", "says"),
-    [
-        ("accuracy: {method: rk4, step: 1 s}\n", "30 deg", "step too large: at t = "),
-        ("", "1e8 rad", "joint pivot turns to 1e+08 rad: within a turn it is known to 1e-08 rad, no better"),
-    ],
-)
-def test_what_there_is_to_doubt_is_told_and_kept(
-    scenario: Callable[..., Any], tmp_path: Path, more: str, start: str, says: str
-) -> None:
+def test_what_there_is_to_doubt_is_told_and_kept(scenario: Callable[..., Any], tmp_path: Path) -> None:
     assert scenario("forward").run().notes() == []
-    result = scenario("forward", more, ("30 deg", start)).run()
+    result = scenario("forward", "accuracy: {method: rk4, step: 1 s}\n").run()
     notes = result.notes()
-    assert notes[0].startswith(says)
+    assert notes[0].startswith("step too large: at t = ")
     assert all(f"note: {note}" in report(result) for note in notes)
     assert restore(result.save(tmp_path / "out", plots=False)).notes() == notes
 
