@@ -215,7 +215,8 @@ class Controls:
 
     @property
     def advice(self) -> str:
-        return " or ".join(map(_advice, self.controllers))
+        drives = ", ".join(drive for controller in self.controllers for drive in controller.drives)
+        return f"smaller gains of the controllers of {drives}" + ", or shorter periods" * bool(self.memory.sampled)
 
     @property
     def continuous(self) -> bool:
@@ -313,16 +314,6 @@ def _watch(load: PresentEfforts, number: int, switch: Switch[Given]) -> Watch:
                      unit=measured)  # fmt: skip
     sign = -switch.direction
     return Watch(lambda t, q, v: sign * switch.value(load.given(number, t, q, v)), -1, stops=True, loaded=True)
-
-
-def _advice(controller: Controller) -> str:
-    gains = {name: getattr(controller, name, None) for name in ("kp", "ki", "kd", "gains")}
-    shown = ", ".join(
-        f"{name} {' '.join(f'{x:.4g}' for x in np.ravel(value))}" for name, value in gains.items() if value is not None
-    )
-    sampling = controller.sampling
-    period = f", or a period shorter than {sampling.period:g} s" if sampling else ""
-    return f"smaller gains of the controller of {', '.join(controller.drives)}{shown and f' ({shown} in SI)'}{period}"
 
 
 @dataclass(frozen=True, eq=False)

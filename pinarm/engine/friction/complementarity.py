@@ -294,14 +294,14 @@ class _Decision:
         choices = [[sign] if kept else [0, 1, -1] for kept, sign in zip(frozen, signs, strict=True)]
         if frozen.count(0) > MANY:
             raise self._refusal("no", "found among those that were tried")
-        consistent = [choice for choice in map(list, product(*choices)) if self._consistent(choice, slips=slips)]
+        consistent = self._consistent(choices, slips=slips)
         if len(consistent) != 1:
             raise self._refusal("no" if not consistent else str(len(consistent)), "possible")
-        return consistent[0]
+        return consistent[0][0]
 
-    def _consistent(self, signs: list[int], *, slips: bool = False) -> FrictionSolution | None:
-        solution, wanted = self.wanted(signs, slips=slips)
-        return solution if wanted == signs else None
+    def _consistent(self, choices: Sequence[list[int]], *, slips: bool) -> list[tuple[list[int], FrictionSolution]]:
+        every = ((list(signs), *self.wanted(signs, slips=slips)) for signs in product(*choices))
+        return [(signs, solution) for signs, solution, wanted in every if solution is not None and wanted == signs]
 
     def require_one(self, signs: Sequence[int]) -> None:
         """Raise where other signs give another motion, bounds depending on reactions, or too many would be tried."""
@@ -315,9 +315,8 @@ class _Decision:
         own, _ = self.wanted(signs, slips=False)
         assert own is not None
         scale = max(np.abs(self.balance.response.acceleration).max(initial=0.0), np.abs(own.alpha).max())
-        for other in product([0, 1, -1], repeat=len(self.groups)):
-            solution = self._consistent(list(other))
-            if solution is not None and np.abs(solution.alpha - own.alpha).max() > 1e-6 * scale:
+        for _, other in self._consistent([[0, 1, -1]] * len(self.groups), slips=False):
+            if np.abs(other.alpha - own.alpha).max() > 1e-6 * scale:
                 raise self._refusal("several", "possible")
 
     def _refusal(self, count: str, possible: str) -> DynamicsError:

@@ -105,7 +105,8 @@ class CarriedLoads:
         Between any two f that differ by x in friction j the mean slope of ``|g_p|`` is ``s_p G_pj`` with s_p from -1 to
         1, and w changes by ``x (W_ij + sum_p s_p G_pj K_ip)``.
         """
-        return bearing.most_with_either_sign(self.response[i], self.rate[..., None] * self.fold[i][:, None])
+        folds = self.rate[..., None] * self.fold[i][:, None]
+        return np.asarray(bearing.most(self.response[i]) + bearing.most(folds).sum(axis=0))
 
     def reduced(self, fixed: Array, ways: Array) -> CarriedLoads:
         """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (m,) and (m, n)."""
@@ -200,7 +201,7 @@ class Slipping:
         coupled = np.flatnonzero(self._most.any(axis=1)).tolist()
         if len(coupled) == 1:
             ray = np.abs(self.direction) * (np.arange(len(self.mu)) == coupled[0])
-            others = -self.direction * self.constant * (ray == 0.0)
+            others = -self.direction * self.resistance(np.zeros(len(ray))) * (ray == 0.0)
             if self._least_reserves(ray, others)[coupled[0]] > 0.0:
                 return False
         names = " and ".join(dict.fromkeys(self.contacts[i].name for i in coupled))

@@ -139,21 +139,6 @@ class Bearing(Record, frozen=True):
         """Return the most by which adding wrenches, shape (.., 6), can change N, shape (..)."""
         return np.asarray(self._normal(wrench) @ self.levers)
 
-    def most_with_either_sign(self, wrench: Array, others: Array) -> Array:
-        """Return a bound of the most by which adding ``wrench + sum_p s_p others_p`` can change N, s_p being 1 or -1.
-
-        Of vectors, ``|u + sum_p s_p k_p|^2 = |u|^2 + 2 sum_p s_p u . k_p + |sum_p s_p k_p|^2 <= |u|^2 + 2 sum_p
-        |u . k_p| + (sum_p |k_p|)^2``, which is at most ``(|u| + sum_p |k_p|)^2``; of one k it is reached.
-
-        Args:
-            wrench: Shape (.., 6).
-            others: Shape (p, .., 6).
-        """
-        normals = np.matvec(self.parts, wrench[..., None, :])
-        added = np.matvec(self.parts, others[..., None, :])
-        across, size = np.abs((normals * added).sum(axis=-1)).sum(axis=0), self._normal(others).sum(axis=0)
-        return np.asarray(np.sqrt((normals**2).sum(axis=-1) + 2.0 * across + size**2) @ self.levers)
-
     def along_lines(self, wrenches: Array) -> Array | None:
         """Return normal forces with signs where those of k wrenches, shape (k, 6), are along one line in each part.
 

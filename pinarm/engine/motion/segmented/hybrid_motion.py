@@ -166,7 +166,7 @@ class _Integration(Record, frozen=True):
         self.motion.dynamics.note(t, hybrid.dynamics)
         touched, spans = self._at_rest(t, q, v), self._spans(mode, t)
         tied = hybrid.tied(mode.held, touched, q)
-        stops = hybrid.rested(mode.held | tied)
+        stops = None if mode.held | tied <= hybrid.separations else hybrid.shares(mode.held | tied)
         shares = stops if stops and stops.several and stops.stresses(q[None]).size else None
         hybrid.require_loads(mode.held, shares, t, q)
         system = hybrid.stretch(mode, t, q, v)

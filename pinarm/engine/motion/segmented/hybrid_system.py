@@ -329,10 +329,6 @@ class HybridSystem(Record, frozen=True):
         others = sorted(touched - held - self.separations) if held else []
         return frozenset(k for k in others if self.contacts.ties(q, held, k))
 
-    def rested(self, held: Held) -> StopShares | None:
-        """Return the stops that joints rest on; ``None`` without any."""
-        return None if held <= self.separations else self.shares(held)
-
     def require_loads(self, held: Held, shares: StopShares | None, t: float, q: Array) -> None:
         """Raise where the friction of a joint depends on how several stops share a load."""
         contacts = self.rubbing(held)
