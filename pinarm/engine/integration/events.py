@@ -204,16 +204,14 @@ class StepPart(NamedTuple):
 def _parts(within: WithinStep, watch: Watch, values: Array) -> list[StepPart]:
     """Return the parts of a step on which a value is interpolated, in order of time, given its values at the nodes.
 
-    Parts whose series do not show the signs are halved, all of one length in one call, but for those behind a negative
-    value, which ends the motion where it depends on loads.
+    Parts whose series do not show the signs are halved, all of one length in one call.
     """
     parts, ends, known, left = list[StepPart](), np.array([[0.0, 1.0]]), values[None], MOST_STATES
     while len(ends):
         seen = resolved(known) | (not watch.loaded) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
         kept = seen | (left <= 0)
         parts += map(StepPart, *ends[kept].T.tolist(), known[kept], seen[kept].tolist())
-        over = ends[(known < 0.0).any(axis=1), 0].min(initial=1.0)
-        low, high = ends[~kept & (ends[:, 0] <= over)].T
+        low, high = ends[~kept].T
         middle = 0.5 * (low + high)
         ends = np.stack([low, middle, middle, high], axis=1).reshape(-1, 2)
         known = watch.value(*within.at_nodes(ends)).reshape(len(ends), -1) if len(ends) else known

@@ -60,31 +60,26 @@ KINDS = {
 SYMMETRIC = np.array([4, 5, 7, 5, 6, 8, 7, 8, 9])
 """Places of a symmetric matrix's entries in Pinocchio's parameters of a body, where xx, xy, yy, xz, yz, zz are last."""
 
-X, Y, Z = range(3)
-COLUMNS: dict[int, tuple[tuple[int, float, float], ...]] = {
-    BALL: ((X, 0, 1), (Y, 0, 1), (Z, 0, 1)),
-    FLOATING: ((X, 1, 0), (Y, 1, 0), (Z, 1, 0), (X, 0, 1), (Y, 0, 1), (Z, 0, 1)),
-    PLANAR: ((X, 1, 0), (Y, 1, 0), (Z, 0, 1)),
-    TRANSLATION: ((X, 1, 0), (Y, 1, 0), (Z, 1, 0)),
-}
-"""Kind of a joint with several velocities -> the axis, the slide and the turn of each: see ``library.SCREW``."""
+Screw = tuple[int, float, float]
+"""Axis, slide and turn of a velocity: see ``library.SCREW``."""
 
 
-def _frame(model: pin.Model, joint: pin.JointModel) -> tuple[int, tuple[tuple[int, float, float], ...], Array] | None:
+def _frame(model: pin.Model, joint: pin.JointModel) -> tuple[int, list[Screw], Array] | None:
     """Return the kind of a joint, the screws of its velocities, and the axes of its link's frame in Pinocchio's."""
     kind = KINDS.get(joint.shortname().removeprefix("JointModel"))
     if kind is None:
         return None
-    if kind in COLUMNS:
-        return kind, COLUMNS[kind], np.eye(3)
     data = joint.createData()
     joint.calc(data, pin.neutral(model))
-    linear, angular = np.reshape(data.S, (2, 3))
+    linear, angular = np.reshape(data.S, (2, 3, joint.nv)).swapaxes(1, 2)
+    if joint.nv > 1:  # each along, or about, an axis of the link
+        places = np.abs(linear + angular).argmax(axis=1).tolist()
+        return kind, [(k, float(x[k]), float(y[k])) for k, x, y in zip(places, linear, angular, strict=True)], np.eye(3)
     turns = bool(angular.any())
-    axis = angular if turns else linear
+    axis = (angular if turns else linear)[0]
     axis = axis / np.linalg.norm(axis)
-    slide = float(linear @ axis) if turns else 1.0
-    return kind, ((Z, slide, float(turns)),), _with_z_along(axis)
+    slide = float(linear[0] @ axis) if turns else 1.0
+    return kind, [(2, slide, float(turns))], _with_z_along(axis)
 
 
 def _with_z_along(axis: Array) -> Array:

@@ -10,7 +10,7 @@ from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
 from pinarm.engine.integration.methods.stiff import radau_of
 from pinarm.errors import IntegrationError, Interrupted
 
-from .methods.known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned
+from .methods.known_motions import ATTITUDE, MOMENTS, PLANE, attraction, body, orbit
 
 
 @pytest.fixture
@@ -56,10 +56,6 @@ class TestTolerance:
     def test_error_shrinks_with_it_in_the_plane(self):
         t = np.linspace(0.0, 20.0, 501)
         self.check(self.errors(attraction, PLANE, *orbit(0.0), t, np.hstack(orbit(t))))
-
-    def test_error_shrinks_with_it_on_rotations(self, top):
-        t = np.linspace(0.0, 4.0, 301)
-        self.check(self.errors(top.acceleration(), top.manifold, ATTITUDE, SPIN, t, turned()(t).T))
 
 
 def test_free_rotation_follows_the_elliptic_functions(top):

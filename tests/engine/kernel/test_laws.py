@@ -21,14 +21,10 @@ from .known_trees import tree
 
 LAWS = {
     "steps": "{law: steps, points: [[0 s, 2 U], [0.3 s, -1 U]]}",
-    "constant_acceleration": "{law: constant_acceleration, from: 1 U, speed: -2 U/s, acceleration: 3 U/s^2}",
     "harmonic": "{law: harmonic, amplitude: 2 U, pulsation: 7 rad/s, mean: 0.5 U, phase: 40 deg, begin: 0.1 s}",
-    "polynomial_3": "{law: polynomial, from: 0.2 U, to: 2 U, duration: 0.4 s, degree: 3, begin: 0.05 s}",
     "polynomial_7": "{law: polynomial, from: 1 U, to: -2 U, duration: 0.7 s, degree: 7, begin: 0.05 s}",
     "cycloidal": "{law: cycloidal, from: 1 U, to: -2 U, duration: 0.6 s, begin: 0.1 s}",
-    "s_curve": "{law: s_curve, from: 0 U, to: 1 U, jerk: 200 U/s^3, acceleration: 20 U/s^2, begin: 0.1 s}",
     "spline": "{law: spline, points: [[0.1 s, 0 U], [0.25 s, 1 U], [0.6 s, 0.5 U]], speeds: [0 U/s, 2 U/s]}",
-    "trapezoidal": "{law: trapezoid, from: 0 U, to: 1 U, acceleration: 20 U/s^2, begin: 0.1 s}",
 }
 """Laws with a unit U."""
 
