@@ -7,8 +7,7 @@ limit; its margin is not known, and so the least of all is not either. Of ``X @ 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -72,100 +71,45 @@ class Limits(InputStruct, frozen=True):
     def evaluate(self, result: Result) -> Section:
         """Return every number beside its bound: see ``Assessment``."""
         self.check_names(result.quantities, result.scenario)
-        compared = [_compared(condition, result) for condition in self.conditions]
-        beyond = sum(number.verdict == BEYOND for number in compared)
-        relative = [number.relative for number in compared]
-        nearest = compared[int(np.argmin(relative))]  # NaN where any is
-        numbers = {
-            number.name: Series(
-                f"margin of {number.condition.number.label}", number.value.unit, np.array([number.margin])
-            )
-            for number in compared
-        }
-        numbers["least_margin"] = Series("least margin", DIMENSIONLESS, np.array([nearest.relative]))
-        numbers["beyond"] = Series("limits not kept", DIMENSIONLESS, np.array([float(beyond)]))
-        remarks = [
-            f"beyond its limit: {number.condition} is {number.text}" for number in compared if number.verdict == BEYOND
-        ]
-        remarks += [
-            f"neither kept nor beyond: {number.condition} is {number.text}, with {error_words(number.known)}"
-            for number in compared
-            if number.verdict == OPEN
-        ]
+        rows, remarks = list[Sequence[Cell]](), list[str]()
+        numbers, errors, margins = dict[str, Series](), dict[str, float](), list[tuple[float, float]]()
+        for condition in self.conditions:
+            (value, left), bound = measured(condition.compared, result), global_error(result, condition.number)
+            x, known, label = float(value.values[0]), left if bound is None else bound, condition.number.label
+            margin, size, text = condition.margin(x), abs(float(condition.bound)), condition.measured(x)
+            relative = margin / size if size else float(np.sign(margin) * np.inf) if margin else 0.0
+            margins.append((relative, known / size if size else 0.0))
+            verdict = OPEN if abs(margin) < known else KEPT if margin >= 0.0 else BEYOND
+            if verdict == BEYOND:
+                remarks.append(f"beyond its limit: {condition} is {text}")
+            elif verdict == OPEN:
+                remarks.append(f"neither kept nor beyond: {condition} is {text}, with {error_words(known)}")
+            name = f"{slug(condition.number)}.margin"
+            numbers[name], errors[name] = Series(f"margin of {label}", value.unit, np.array([margin])), known
+            limit = f"{condition.relation} {condition.bound_text}"
+            rows.append((label, text, limit, 100.0 * relative, _error_cell(condition, bound), verdict))
+        nearest = int(np.argmin([relative for relative, _ in margins]))  # NaN where any is
+        least, errors["least_margin"] = margins[nearest]
+        beyond = float(sum(row[-1] == BEYOND for row in rows))
+        numbers["least_margin"] = Series("least margin", DIMENSIONLESS, np.array([least]))
+        numbers["beyond"] = Series("limits not kept", DIMENSIONLESS, np.array([beyond]))
         columns = ("", "value", "limit", "margin [%]", "error", "")
-        table = SectionTable(
-            "limits", "Numbers and their limits", columns, (None,) * len(columns), [number.row() for number in compared]
-        )
-        size = abs(float(nearest.condition.bound))
-        errors = {number.name: number.known for number in compared}
-        errors["least_margin"] = nearest.known / size if size else 0.0
+        table = SectionTable("limits", "Numbers and their limits", columns, (None,) * len(columns), rows)
+        remarks.sort(key=lambda remark: remark.startswith("neither"))
         return Section("limits", "Limits", [table], numbers, remarks, errors=errors)
 
 
-@dataclass(frozen=True)
-class _Compared:
-    """A number beside its bound.
-
-    Attributes:
-        condition: What it must keep to.
-        value: The number, with its unit.
-        bound: Bound of its error [SI]; ``None`` where it is not estimated.
-        known: What is known of its error [SI]: the bound, or where there is none what its quadrature leaves.
-    """
-
-    condition: Condition
-    value: Series
-    bound: float | None
-    known: float
-
-    @property
-    def name(self) -> str:
-        return f"{slug(self.condition.number)}.margin"
-
-    @property
-    def margin(self) -> float:
-        return self.condition.margin(float(self.value.values[0]))
-
-    @property
-    def relative(self) -> float:
-        """The margin as a part of the bound; of a bound of 0, with the sign of the margin and no size."""
-        bound = abs(float(self.condition.bound))
-        return self.margin / bound if bound else float(np.sign(self.margin) * np.inf) if self.margin else 0.0
-
-    @property
-    def verdict(self) -> str:
-        if abs(self.margin) < self.known:
-            return OPEN
-        return KEPT if self.margin >= 0.0 else BEYOND
-
-    @property
-    def text(self) -> str:
-        value, unit = self._as_bound(float(self.value.values[0])), self.condition.bound.unit
-        return f"{value:.6g} {unit}" if unit else f"{value:.6g}"
-
-    def _as_bound(self, value: float) -> float:
-        """Return a value in SI in the unit of its bound."""
-        unit = self.condition.bound.unit
-        return value / unit.factor if unit else value
-
-    def row(self) -> tuple[Cell, ...]:
-        bound = f"{self.condition.relation} {self.condition.bound_text}"
-        error: Cell = (
-            "not estimated"
-            if self.bound is None
-            else (f"{self._as_bound(self.bound):.1e}" if np.isfinite(self.bound) else "no bound")
-        )
-        return self.condition.number.label, self.text, bound, 100.0 * self.relative, error, self.verdict
+def _error_cell(condition: Condition, bound: float | None) -> str:
+    """Return the bound of the error of a number in the unit of its limit; ``None`` where it is not estimated."""
+    unit = condition.bound.unit
+    if bound is None:
+        return "not estimated"
+    return f"{bound / unit.factor if unit else bound:.1e}" if np.isfinite(bound) else "no bound"
 
 
 def error_words(error: float) -> str:
     """Return the error of a number in SI in words."""
     return f"an error of {error:.1e} in SI" if np.isfinite(error) else "an error that has no bound"
-
-
-def _compared(condition: Condition, result: Result) -> _Compared:
-    (value, left), bound = measured(condition.compared, result), global_error(result, condition.number)
-    return _Compared(condition, value, bound, left if bound is None else bound)
 
 
 def _unit(condition: Condition, quantities: Quantities) -> Unit | None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
-import numpy as np
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, PinarmError, choices, within
+from pinarm.errors import InputError, choices, within
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
-from pinarm.use.result.row_lookup import instant, located
+from pinarm.use.result.row_lookup import located
 
 if TYPE_CHECKING:
     from pinarm.engine.series import Series
@@ -158,22 +156,3 @@ class Expectation(InputStruct, frozen=True):
         if self.at != "all":
             raise InputError(f"'{self.quantity}' is one number: it has no place on the run", hint="leave 'at' out")
         return read_number(self.quantity).described(quantities, sections)
-
-
-def unreached(quantities: Quantities, key: Sequence[Expectation]) -> list[str]:
-    """Return a note on each place of an answer key that lies beyond all rows of a run.
-
-    Entries that have another mistake are passed over: ``validate`` and ``check`` say what it is.
-    """
-    places: dict[str, list[str]] = {}
-    for number, entry in enumerate(key, 1):
-        for along, text in instant(entry.at).items():
-            with suppress(PinarmError):
-                rows = quantities[along]
-                value, slack = in_si(text, rows.unit), 1e-12 * float(np.ptp(rows.values))
-                if not rows.values.min() - slack <= value <= rows.values.max() + slack:
-                    places.setdefault(f"{along} = {text}", []).append(str(number))
-    return [
-        f"{place} is not reached in this run; entry {', '.join(numbers)} of expect asks for it"
-        for place, numbers in places.items()
-    ]

@@ -26,7 +26,6 @@ from pinarm.input.yaml.schema import plain, quantity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.problems.simplify.simplification import Removal
-from pinarm.use.result.expectation import unreached
 from pinarm.use.result.failures import too_large
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED, unexplained_notes
 from pinarm.use.result.presentation import FOR_PEOPLE
@@ -425,8 +424,8 @@ class Result(Run, frozen=True):
     def notes(self) -> list[str]:
         """Return notes on simplifications of the files, on outputs that are one choice of many, and on doubts.
 
-        They include places of the answer key that the run does not reach, and angles of very many turns; the last are
-        residuals beyond rounding, where no global error was estimated.
+        They include angles of very many turns; the last are residuals beyond rounding, where no global error was
+        estimated.
         """
         run = self.trajectory
         doubts = [f"{series.name}: {series.doubt}" for series in self.columns() if series.doubt]
@@ -435,9 +434,8 @@ class Result(Run, frozen=True):
             f"{rule}: what follows from its friction, such as efforts and motions, rests on this choice"
             for rule in rules
         ]
-        missed = unreached(self.quantities, self.content.expect)
         undecided = [note for note in open_notes(self.outcome.decisions) if note not in self.no_bound]
-        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes, *missed]
+        said = [*run.mechanism.notes, *doubts, *undecided, *self.outcome.notes]
         said += beyond_points(run)
         said += [] if self.errors else unexplained_notes(self.figures)  # a bound of the error covers them
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
