@@ -22,7 +22,7 @@ from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
 from pinarm.use.assessments.sensitivity.sampling import DistributionName, distribution, sobol
-from pinarm.use.assessments.sensitivity.tables import Band, band_table, drawn_remarks, effect_table, ranking_graph
+from pinarm.use.assessments.sensitivity.tables import Band, band_table, effect_table, ranking_graph
 from pinarm.use.assessments.sensitivity.variation import Input, Tolerance, Varied, inputs_of, varied_runs
 from pinarm.use.result.number_accuracy import global_error, noise, rounding
 from pinarm.use.result.numbers import AnyNumber, measured, read_number, slug
@@ -119,12 +119,9 @@ class Sensitivity(InputStruct, frozen=True):
                 Band(number, series, global_error(result, number), own, [row[k] for row in slopes], *corners[k])
                 for k, (number, (series, _), own) in enumerate(zip(asked, taken, errors.tolist(), strict=True))
             ]
-            declared = result.scenario.problem.declaration()
-            prescribed = [] if declared is None else declared.prescribed
-            held = [text for band in bands for text in drawn_remarks(band, inputs, prescribed)]
-            return self._section(variation, bands, held)
+            return self._section(variation, bands)
 
-    def _section(self, variation: Varied, bands: Sequence[Band], held: Sequence[str]) -> Section:
+    def _section(self, variation: Varied, bands: Sequence[Band]) -> Section:
         inputs, asked = variation.inputs, ((self.monte_carlo, distribution), (self.sobol, sobol))
         drawn = [part(variation, bands, count, self.seed, self.distribution) for count, part in asked if count]
         numbers, errors = dict[str, Series](), dict[str, float]()
@@ -136,7 +133,7 @@ class Sensitivity(InputStruct, frozen=True):
             "bands are what the tolerances make of a number; its numerical error is another thing, and in none of them"
         ]
         remarks += [text for band in bands for text in band.remarks(inputs)]
-        remarks += [*held, *(text for part in drawn for text in part.remarks)]
+        remarks += [text for part in drawn for text in part.remarks]
         if any(band.error is None for band in bands):
             remarks.append("numerical errors are not estimated; run --verify bounds them")
         graphs = [ranking_graph(band, inputs) for band in bands if band.ranking(inputs)]

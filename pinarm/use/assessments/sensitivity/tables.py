@@ -11,7 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.use.assessments.sensitivity.derivative import Derivative
-from pinarm.use.assessments.sensitivity.variation import DRAWN, Input
+from pinarm.use.assessments.sensitivity.variation import Input
 from pinarm.use.result.numbers import AnyNumber, slug
 from pinarm.use.result.section import Cell, Curve, Graph, SectionTable
 
@@ -128,28 +128,6 @@ class Band:
         if off > NOT_LINEAR * worst + self.doubt(inputs) and off > 1e-9 * abs(self.value):
             said.append(f"{label} is not linear within the tolerances: see its values at the corners")
         return said
-
-
-def drawn_remarks(band: Band, inputs: Sequence[Input], prescribed: Sequence[str]) -> list[str]:
-    """Return a remark on the held coordinates where moving a point of the drawing does not change a number.
-
-    Args:
-        band: The number and its derivatives.
-        inputs: The inputs.
-        prescribed: Coordinates that the problem prescribes.
-    """
-    still = [
-        of.name
-        for of, slope in zip(inputs, band.slopes, strict=True)
-        if DRAWN in of.path and abs(slope.value) <= slope.error
-    ]
-    if not still:
-        return []
-    held = f"the prescribed coordinates ({', '.join(prescribed)})" if prescribed else "the initial coordinates"
-    return [
-        f"{band.number.label} does not change to first order with {', '.join(still)}, while {held} keep their values: "
-        "these count from the drawing with the moved point, and the lengths of its links follow the point"
-    ]
 
 
 def band_table(bands: Sequence[Band], inputs: Sequence[Input]) -> SectionTable:

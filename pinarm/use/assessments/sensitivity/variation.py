@@ -105,10 +105,6 @@ class Tolerance(Measured):
         return type(self).of, (float(self), self.unit, self.relative, self.about)
 
 
-DRAWN = "planar.points."
-"""Part of the paths to points of a drawing."""
-
-
 @dataclass(frozen=True)
 class Input:
     """A number of a scenario that has a tolerance.
