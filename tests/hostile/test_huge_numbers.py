@@ -57,7 +57,7 @@ def test_laws_that_are_too_fast_are_named() -> None:
     values = {"problem.motion.alpha": fast, "problem.time.end": "1e100 s"}
     with pytest.raises(DynamicsError, match="is not finite at") as caught:
         pinarm.run(SCENARIOS / "magic_arms_kinematics.yaml", values)
-    assert caught.value.hint.startswith("smaller numbers in the laws of motion: coordinates or velocities are beyond")
+    assert caught.value.hint.endswith("numbers beyond 1e150 there")
     kept = caught.value.partial
     with np.errstate(all="ignore"):  # as where rows are saved
         assert all(kept.headline(column) for column in kept.columns())

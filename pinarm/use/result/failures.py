@@ -7,12 +7,11 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspace import SingularMasses
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.joints import format_configuration
 
 
 @contextmanager
@@ -43,32 +42,22 @@ CHECKABLE = 1e150
 """Size of numbers whose squares, and so energies and powers, are still finite."""
 
 
-def too_large(run: Trajectory, row: int) -> str:
-    """Return advice on coordinates or velocities whose products overflow; empty where there are none.
-
-    Args:
-        run: The rows.
-        row: Number of the row whose coordinates and velocities are looked at.
-    """
-    rates = 0.0 if run.unknown else run.v[row]
-    if not (np.abs(run.q[row]) < CHECKABLE).all() or not (np.abs(rates) < CHECKABLE).all():
-        return f"smaller numbers in the laws of motion: coordinates or velocities are beyond {CHECKABLE:g} there"
-    return ""
-
-
 def is_too_large(outcome: Outcome) -> bool:
     """Tell whether squares of coordinates, velocities, accelerations or efforts of a run overflow."""
-    run = outcome.rows
-    return any(bool((np.abs(x) >= CHECKABLE).any()) for x in (run.q, run.v, run.a, run.tau))
+    return bool((np.abs(_state(outcome)) >= CHECKABLE).any())
 
 
 def overflow(outcome: Outcome) -> DynamicsError:
     """Return the error of a run whose numbers are too large to be checked: says from where on."""
     run = outcome.rows
-    state = np.hstack([run.q, run.v, run.a, run.tau])
-    row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
-    at = format_configuration(run.mechanism.model, run.q[row])
-    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {at}"
-    reasons = refusals(run.dynamics.forces, run.q[row])
-    said = f"the numbers of this run are too large to be checked, from {where}{reasons}"
-    return DynamicsError(said, hint=too_large(run, row), partial=outcome)
+    row = int((~(np.abs(_state(outcome)) < CHECKABLE)).any(axis=1).argmax())
+    at = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit}"
+    said = (
+        f"the numbers of this run are too large to be checked, from {at} on{refusals(run.dynamics.forces, run.q[row])}"
+    )
+    return DynamicsError(said, hint=f"numbers of a size below {CHECKABLE:g}", partial=outcome)
+
+
+def _state(outcome: Outcome) -> Array:
+    run = outcome.rows
+    return np.hstack([run.q, run.v, run.a, run.tau])

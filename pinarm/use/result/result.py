@@ -26,7 +26,6 @@ from pinarm.input.yaml.schema import plain, quantity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.problems.simplify.simplification import Removal
-from pinarm.use.result.failures import too_large
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED, unexplained_notes
 from pinarm.use.result.presentation import FOR_PEOPLE
 from pinarm.use.result.row_lookup import PLATEAU
@@ -321,12 +320,12 @@ class Result(Run, frozen=True):
             if time.endswith(".time") and time in name and np.isnan(series.values).any()
         ]
         said = [note for note in self.outcome.notes if note.startswith(f"row {row + 1}: ")]
-        hint = "; ".join(never[:1] or said) or too_large(run, row) or self._modes_instead_of(name)
+        hint = "; ".join(never[:1] or said) or self._modes_instead_of(name)
         at = format_configuration(run.mechanism.model, run.q[row])
         raise DynamicsError(
             f"{name} is not finite at {run.parameter} = {run.grid.t[row]:.9g} {run.unit}, where {at}{more}"
             f"{refusals(run.dynamics.forces, run.q[row])}",
-            hint=hint or "a body without mass that is free to move, or a formula that divides by zero there",
+            hint=hint or "a massless body that is free to move, a division by zero, or numbers beyond 1e150 there",
             partial=self,
             t=float(run.grid.t[row]),
             q=run.q[row],
