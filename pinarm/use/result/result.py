@@ -423,8 +423,7 @@ class Result(Run, frozen=True):
     def notes(self) -> list[str]:
         """Return notes on simplifications of the files, on outputs that are one choice of many, and on doubts.
 
-        They include angles of very many turns; the last are residuals beyond rounding, where no global error was
-        estimated.
+        The last are residuals beyond rounding, where no global error was estimated.
         """
         run = self.trajectory
         doubts = [f"{series.name}: {series.doubt}" for series in self.columns() if series.doubt]
