@@ -15,22 +15,49 @@ from pinarm.problems import problem_class
 from pinarm.use.scenario.file_kind import is_mechanism
 from pinarm.use.scenario.scenario_file import ScenarioFile
 
-PARTS = ("problem", "changes", "arguments")
-"""Keys of a scenario whose content is that of another kind of file, or of one of several kinds."""
 
-
-class KeyPart(NamedTuple):
-    """A part of a file.
+class KeyTree(NamedTuple):
+    """What a file and the files that it names hold, and what they may hold.
 
     Attributes:
-        at: Path of the part.
-        struct: What it may hold; ``None`` where that is what it holds.
-        data: What it holds.
+        data: That of the file, with what it may change of its mechanism file.
+        structs: Key of a part -> what it may hold, ``None`` where that is what it holds; empty for the file itself.
     """
 
-    at: tuple[str, ...]
-    struct: type[InputStruct] | None
-    data: Mapping[str, Any]
+    data: dict[str, Any]
+    structs: Mapping[str, type[InputStruct] | None]
+
+    @classmethod
+    def read(cls, file: Path) -> KeyTree:
+        """Read a file; raise as ``dotted_keys`` does."""
+        data = Document.read(file).data
+        if not isinstance(data, dict) or is_mechanism(data):
+            return cls(_children(data), {"": MechanismDescription})
+        problem, wanted, mechanism = _children(data.get("problem")), data.get("mechanism"), dict[str, Any]()
+        if isinstance(wanted, str) and Path(wanted).suffix:
+            mechanism = _children(mechanism_document(file.parent / wanted).data)
+        kind = problem_class(problem["kind"]) if "kind" in problem else None
+        parts = {"problem": problem, "changes": mechanism, "arguments": _children(mechanism.get("arguments"))}
+        structs = {"": ScenarioFile, "problem": kind, "changes": MechanismDescription, "arguments": None}
+        return cls({**data, **parts}, structs)
+
+    def known(self, at: tuple[str, ...]) -> list[str]:
+        """Return the keys that may stand at a path."""
+        part = at[0] if at and at[0] in self.structs else ""
+        struct, data, rest = self.structs[part], self.data[part] if part else self.data, at[1:] if part else at
+        return keys_at(with_types(struct, struct.deferred), data, rest) if struct else []
+
+    def further(self, prefix: str, data: Any, at: tuple[Any, ...] = ()) -> Iterator[str]:
+        """Yield the paths below a place, which holds some data, that begin with a prefix and are one step longer."""
+        for name in dict.fromkeys((*_children(data), *self.known(at))):
+            place, inner = (*at, name), _children(data).get(name)
+            path = joined([*map(str, place)])
+            if prefix.startswith(f"{path}."):
+                yield from self.further(prefix, inner, place)
+            elif path.startswith(prefix):
+                part = not at and name in self.structs
+                below = part or _children(inner) or (inner is None and self.known(place))
+                yield f"{path}{'.' if below else '='}"
 
 
 def dotted_keys(file: str | Path, prefix: str = "") -> list[str]:
@@ -43,58 +70,12 @@ def dotted_keys(file: str | Path, prefix: str = "") -> list[str]:
     Raises:
         InputError: The file cannot be read, or names a kind of problem that there is not.
     """
-    parts = _parts(Path(file))
+    tree = KeyTree.read(Path(file))
     while True:
-        paths = [path for part in parts for path in _further(part, prefix)]
+        paths = [*tree.further(prefix, tree.data)]
         if len(paths) != 1 or not paths[0].endswith(".") or paths[0] == prefix:
             return paths
         prefix = paths[0]  # the shell would put a blank behind it
-
-
-def _parts(file: Path) -> list[KeyPart]:
-    """Return the file, its problem, and what it may change of its mechanism file."""
-    data = Document.read(file).data
-    if not isinstance(data, dict):
-        return []
-    if is_mechanism(data):
-        return [KeyPart((), MechanismDescription, data)]
-    known, wanted = data.get("problem"), data.get("mechanism")
-    problem = known if isinstance(known, dict) else {}
-    mechanism: Mapping[str, Any] = {}
-    if isinstance(wanted, str) and Path(wanted).suffix:
-        given = mechanism_document(file.parent / wanted).data
-        mechanism = given if isinstance(given, dict) else {}
-    kind = problem_class(problem["kind"]) if "kind" in problem else None
-    return [
-        KeyPart((), ScenarioFile, data),
-        KeyPart(PARTS[:1], kind, problem),
-        KeyPart(PARTS[1:2], MechanismDescription, mechanism),
-        KeyPart(PARTS[2:], None, mechanism.get("arguments") or {}),
-    ]
-
-
-def _further(part: KeyPart, prefix: str) -> Iterator[str]:
-    """Yield the paths in a part that begin with a prefix and are one step longer."""
-    if not part.at or prefix.startswith(f"{joined([*part.at])}."):
-        yield from _below(part, part.struct and with_types(part.struct, part.struct.deferred), part.data, (), prefix)
-
-
-def _below(
-    part: KeyPart, struct: type[InputStruct] | None, data: Any, at: tuple[str | int, ...], prefix: str
-) -> Iterator[str]:
-    """Yield such paths below a place in a part, which holds some data."""
-    for name in dict.fromkeys((*_children(data), *_known(part, struct, at))):
-        path, inner, place = joined([*part.at, *map(str, at), str(name)]), _children(data).get(name), (*at, name)
-        elsewhere = not part.at and name in PARTS
-        if prefix.startswith(f"{path}.") and not elsewhere:
-            yield from _below(part, struct, inner, place, prefix)
-        elif path.startswith(prefix):
-            below = elsewhere or _children(inner) or (inner is None and _known(part, struct, place))
-            yield f"{path}{'.' if below else '='}"
-
-
-def _known(part: KeyPart, struct: type[InputStruct] | None, at: tuple[str | int, ...]) -> list[str]:
-    return keys_at(struct, part.data, at) if struct else []
 
 
 def _children(data: Any) -> dict[Any, Any]:
