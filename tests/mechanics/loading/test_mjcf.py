@@ -201,6 +201,34 @@ def test_rotors_and_dampers_of_actuators_are_at_their_joints(joint, before, actu
     assert load(robot, 1.0) == pytest.approx(np.full(robot.model.nv, passive), abs=1e-14)
 
 
+@pytest.mark.parametrize(("compiler", "moments"), [
+    ('balanceinertia="true"', [1.4, 1.4, 1.4]), ('boundinertia="2"', [2.0, 2.0, 3.0]),
+])  # fmt: skip
+def test_moments_that_no_body_can_have_are_mended_as_mujoco_does(compiler, moments):
+    """As body_inertia of MuJoCo 4.0.0: raised first, then, where asked for, replaced by their mean."""
+    spiky = body(HINGE + '<inertial pos="0 0 0" mass="1" diaginertia="1 0.2 3"/>')
+    robot = build_model(model(spiky, before=f"<compiler {compiler}/>"))
+    assert np.linalg.eigvalsh(robot.model.inertias[1].inertia) == pytest.approx(moments)
+    assert not any("not read" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize(
+    ("place", "inside", "lever"),
+    [
+        ('pos="1 0 0"', "", [1.0, 0.0, 0.0]),
+        ('pos="1 2 3" euler="0 0 90"', "", [1.0, 2.0, 3.0]),
+        ('pos="1 0 0"', '<geom size="0.1" mass="0" pos="0 0 5"/>', [1.0, 0.0, 0.0]),
+        ('pos="1 0 0"', '<inertial pos="0 0 5" mass="0" diaginertia="0 0 0"/>', [0.0, 0.0, 5.0]),
+    ],
+)
+def test_a_least_mass_stands_where_mujoco_has_it(place, inside, lever):
+    """That of a body without mass is at its ``pos``, in its own axes: body_ipos of MuJoCo 4.0.0."""
+    bounds = '<compiler boundmass="0.5" boundinertia="0.01"/>'
+    light = build_model(model(body(HINGE + UNIT + body('<joint name="k"/>' + inside, "light", place)), before=bounds))
+    assert light.model.inertias[2].mass == 0.5
+    assert light.model.inertias[2].lever.tolist() == lever
+
+
 PLACES = {"quat": "0.9 0.2 0.3 0.1", "axisangle": "1 2 0 30", "euler": "10 20 50", "xyaxes": "1 1 0 -1 1 0.5",
           "zaxis": "1 0 1", "fromto": "0 0 0 1 0.5 0"}  # fmt: skip
 
@@ -255,8 +283,6 @@ def test_what_no_body_or_joint_can_have_is_refused(inside, message):
     [
         ('<compiler angel="radian"/>', "<compiler> has no attribute 'angel'"),
         ('<optoin gravity="0 0 0"/>', "<mujoco> contains no <optoin>"),
-        ('<compiler boundmass="0.1"/>',
-         "<compiler>: boundmass changes masses as MuJoCo compiles them, which is not read"),
         ('<extension><plugin plugin="p"/></extension>', "the model has a section <extension>, which is not read"),
     ],
 )  # fmt: skip

@@ -162,7 +162,8 @@ class _Reader:
     def _inertia(self, body: Element, childclass: str, where: str, *, moves: bool) -> pin.Inertia:
         """Return the inertia of a body about its frame; zero for a body that never moves.
 
-        As in MuJoCo an ``<inertial>`` stays where ``inertiafromgeom`` is true, but no geom of the body has a mass.
+        As in MuJoCo an ``<inertial>`` stays where ``inertiafromgeom`` is true, but no geom of the body has a mass, and
+        what ``boundmass`` gives a body without mass stands at the body's ``pos``, though in the axes of the body.
         """
         settings = self.settings
         if not moves and not settings.total_mass:
@@ -179,9 +180,26 @@ class _Reader:
             if len(inertials) > 1:
                 raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
             total = inertials[0].frame.act(_inertial(inertials[0].attributes, settings, where))
-        if wrong := inertia_defect(total.inertia):
-            self.defects.append(f"{where}: {wrong}")
-        return total
+        elif not total.mass and settings.least_mass:
+            total = inertia(0.0, numbers_in(body.attrib, "pos", where, 3, (0.0, 0.0, 0.0)), np.zeros((3, 3)))
+        if not moves and settings.fuses and total.mass:
+            raise ModelError(
+                f"{where}: its mass counts in settotalmass, or with fusestatic does not", expected="one of them"
+            )
+        return self._bounded(total, where)
+
+    def _bounded(self, body: pin.Inertia, where: str) -> pin.Inertia:
+        """Return an inertia raised to the mass and moments of ``boundmass`` and ``boundinertia``, and balanced."""
+        settings, moments = self.settings, body.inertia
+        if settings.least_inertia:
+            values, axes = np.linalg.eigh(moments)
+            moments = axes @ np.diag(np.maximum(values, settings.least_inertia)) @ axes.T
+        if wrong := inertia_defect(moments):
+            if settings.balances and np.linalg.eigvalsh(moments)[0] >= 0.0:
+                moments = np.trace(moments) / 3.0 * np.eye(3)
+            else:
+                self.defects.append(f"{where}: {wrong}")
+        return inertia(max(body.mass, settings.least_mass), body.lever, moments)
 
 
 class MeshMass(ModelError):

@@ -95,8 +95,8 @@ ORIENTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 SWITCHES = ("gravity", "passive", "spring", "damper", "frictionloss", "constraint", "equality")
 """Flags that are read."""
 
-YES = ("true", "false")
-"""Words of a switch that is on by default."""
+NO, YES = ("false", "true"), ("true", "false")
+"""Words of a switch, the default first."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,10 @@ class Settings:
         limits_by_range: Whether a range is a limit without ``limited="true"`` (``autolimits``).
         source: Source of inertias (``inertiafromgeom``): ``false``: inertials, ``true``: geoms, ``auto``: inertials
             where given, else geoms.
+        least_mass: Lower bound of the mass of every body [kg].
+        least_inertia: Lower bound of the principal moments of every body [kg*m^2].
+        balances: Whether moments that no body can have are replaced by their mean (``balanceinertia``).
+        fuses: Whether bodies that do not move become part of the world (``fusestatic``), which has no mass.
         total_mass: Total to which all masses are scaled [kg]; 0 for no scaling.
         gravity: Gravity field [m/s^2], world axes, shape (3,).
         off: The disabled ones of ``SWITCHES``.
@@ -119,6 +123,10 @@ class Settings:
     limits_by_range: bool
     source: str
     groups: tuple[float, float]
+    least_mass: float
+    least_inertia: float
+    balances: bool
+    fuses: bool
     total_mass: float
     gravity: Array
     off: frozenset[str]
@@ -138,16 +146,15 @@ class Settings:
             return word(compiler.get(key), words, f"<compiler>: {key}")
 
         first, last = numbers_in(compiler, "inertiagrouprange", "<compiler>", 2, (0.0, 5.0))
-        total = max(0.0, number_in(compiler, "settotalmass", "<compiler>", 0.0))
-        changing = [key for key in ("boundmass", "boundinertia") if number_in(compiler, key, "<compiler>", 0.0)]
-        changing += [key for key in ("balanceinertia", *["fusestatic"] * (total > 0.0)) if compiler.get(key) == "true"]
-        if changing:
-            said = f"<compiler>: {changing[0]} changes masses as MuJoCo compiles them, which is not read"
-            raise ModelError(said, hint="the model as MuJoCo writes it, by mj_saveLastXML")
+        least_mass, least_inertia, total = (
+            number_in(compiler, key, "<compiler>", 0.0) for key in ("boundmass", "boundinertia", "settotalmass")
+        )
         return cls(
             angle=math.pi / 180.0 if chosen("angle", ("degree", "radian")) == "degree" else 1.0, sequence=sequence,
             limits_by_range=chosen("autolimits", YES) == "true", source=chosen("inertiafromgeom", ("auto", *YES)),
-            groups=(first, last), total_mass=total,
+            groups=(first, last), least_mass=least_mass, least_inertia=least_inertia,
+            balances=chosen("balanceinertia", NO) == "true", total_mass=max(0.0, total),
+            fuses=chosen("fusestatic", NO) == "true",
             gravity=numbers_in(option, "gravity", "<option>", 3, (0.0, 0.0, -9.81)),
             off=frozenset(name for name in SWITCHES if flags.get(name) == "disable"), classes=_classes(model),
         )  # fmt: skip

@@ -30,7 +30,8 @@ SDF = format_names({
     "pose": "relative_to frame degrees rotation_format",
     "inertial": "auto > mass pose inertia density- auto_inertia_params-",
     "inertia": "> ixx ixy ixz iyy iyz izz",
-    "joint": "name type > pose parent child axis axis2=axis thread_pitch screw_thread_pitch",
+    "joint": "name type > pose parent child axis axis2=axis gearbox_ratio gearbox_reference_body thread_pitch "
+             "screw_thread_pitch",
     "axis": "> xyz use_parent_model_frame limit dynamics mimic",
     "xyz": "expressed_in",
     "limit": "> lower upper effort velocity stiffness- dissipation-",

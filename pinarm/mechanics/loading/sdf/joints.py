@@ -1,21 +1,23 @@
 """The ``<joint>`` elements of SDF: what each is in a tree, and the loop joint that it is where it closes a loop.
 
 A universal joint is two revolute joints in a row, ``NAME.axis`` and ``NAME.axis2``. A screw is a slide ``NAME.slide``
-and a revolute joint ``NAME``, tied by a coupling of its lead.
+and a revolute joint ``NAME``, tied by a coupling of its lead. A gearbox moves no link, and couples two joints on one
+body: with theta_1 the angle from the reference body to the parent about ``<axis>``, and theta_2 that from the reference
+body to the child about ``<axis2>``, ``theta_2 = -gearbox_ratio theta_1``.
 
 The tree takes joints in the order of the file, from the world outwards. A joint between links that both hang in the
 tree already closes a loop; one that leads from a link to its own parent is turned round, and keeps its coordinate. A
 model that no joint ties to the world floats.
 
-Source: SDFormat 1.12, specification of joint.
+Source: SDFormat 1.12, specification of joint, gearbox_reference_body and gearbox_ratio.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -29,9 +31,11 @@ from pinarm.mechanics.loading.values import direction, numbers
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.kinds import CouplingDefinition
+    from pinarm.mechanics.couplings.kinds import CouplingDefinition, Gear
     from pinarm.mechanics.loops.kinds import Loop
 
+GEARBOX = "gearbox"
+"""Type of the joints that move no link, and couple others."""
 
 LIMITLESS = 1e15
 """Limit from which on there is none: the format's own default is 1e16."""
@@ -42,6 +46,8 @@ INFINITE = ("inf", "+inf", "-inf")
 SQUARE = 1e-6
 """Cosine of the angle between two axes up to which they are at right angles: digits that a file prints."""
 
+ALONG = 1e-6
+"""Sine of the angle between an axis of a gearbox and that of a joint up to which they are one: printed digits."""
 
 SECOND = ".axis2"
 """End of the name of the second joint of a universal one."""
@@ -123,7 +129,7 @@ class SdfJoint:
 
 
 def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoint:
-    """Return the joint of an element.
+    """Return the joint of an element that is no gearbox.
 
     Args:
         joint: The ``<joint>``.
@@ -132,7 +138,7 @@ def joint_in(joint: Element, frames: Frames, version: tuple[int, int]) -> SdfJoi
     name, kind_name = str(joint.get("name")), joint.get("type", "")
     where = f"joint '{name}'"
     if kind_name not in KINDS:
-        expected, hint = choices(kind_name, KINDS)
+        expected, hint = choices(kind_name, [*KINDS, GEARBOX])
         raise ModelError(f"{where}: a joint of type '{kind_name}' is not read", expected=expected, hint=hint)
     place = frames.placement(name, where)
     parent, child = (_end_of(joint, end, frames, where) for end in ("parent", "child"))
@@ -234,6 +240,49 @@ def _mimic(axis: Element | None, name: str, where: str) -> Mimic | None:
     )
     second = SECOND if element.get("axis") == "axis2" else ""
     return Mimic(name, element.get("joint", "") + second, multiplier, offset - multiplier * reference)
+
+
+class Hinge(NamedTuple):
+    """A revolute joint of the tree, whose ``child`` turns against its ``parent``; its axis in the axes of the model."""
+
+    name: str
+    parent: str
+    child: str
+    axis: Array
+
+
+def gear_of(joint: Element, frames: Frames, version: tuple[int, int], hinges: Iterable[Hinge]) -> Gear:
+    """Return the gear that a gearbox is; see ``joint_in``."""
+    from pinarm.mechanics.couplings.kinds import Gear
+
+    where = f"joint '{joint.get('name')}'"
+    place = frames.placement(str(joint.get("name")), where)
+    base = _end_of(joint, "gearbox_reference_body", frames, where)
+    ratio = number_in(joint, "gearbox_ratio", 1.0, where)
+    if ratio == 0.0:
+        raise ModelError(f"{where}: its gearbox_ratio is 0", expected="a number other than 0")
+    first = joint.find("axis")
+    second = joint.find("axis2") if joint.find("axis2") is not None else first
+    known = [*hinges]
+    (driver, sense), (follower, other) = (
+        _hinge(known, base, _end_of(joint, end, frames, where),
+               place.rotation @ _axis_in(axis, place, frames, version, where), where)
+        for end, axis in (("parent", first), ("child", second))
+    )  # fmt: skip
+    return Gear(joints=(driver, follower), ratio=-sense * other * ratio)
+
+
+def _hinge(hinges: Iterable[Hinge], base: str, link: str, axis: Array, where: str) -> tuple[str, float]:
+    """Return the joint between a body and a link about an axis, and the sign of its coordinate about it."""
+    for hinge in hinges:
+        ends = hinge.parent, hinge.child
+        if {*ends} == {base, link} and np.linalg.norm(np.cross(hinge.axis, axis)) < ALONG:
+            return hinge.name, float(np.sign(hinge.axis @ axis)) * (1.0 if ends == (base, link) else -1.0)
+    raise ModelError(
+        f"{where}: no revolute joint of the tree turns '{link}' against '{base}' about the gearbox's axis",
+        expected="one between its gearbox_reference_body and each of its links",
+        hint="without it, a coupling of the mechanism file: couplings: {kind: gear}",
+    )
 
 
 FREE = "root"

@@ -5,7 +5,7 @@
 ``<coupling>`` of URDF+         ``sum of q to the successor = ratio * sum of q to the predecessor``, each from the link
                                 where their ways part
 ``<loop_joint>`` of Isaac Sim   a joint between a frame in ``<link1>`` and one in ``<link2>``
-``<joint>`` in a ``<gazebo>``   a joint of SDF: it closes a loop where all joints of the tree are at 0
+``<joint>`` in a ``<gazebo>``   a joint of SDF: it closes a loop where all joints of the tree are at 0; or a gearbox
 ==============================  ========================================================================================
 
 Sources: M. Chignoli, J.-J. Slotine, P. Wensing, S. Kim, *URDF+: An Enhanced URDF for Robots with Kinematic Loops*,
@@ -26,7 +26,7 @@ from pinarm.errors import ModelError, choices, listed
 from pinarm.input.xml_text import check_names, meant_by
 from pinarm.mechanics.loading.model_tree import Tree, TreeJoint, tied_frames
 from pinarm.mechanics.loading.sdf.frames import MODEL, SDF, Frames, pose_of, text_of
-from pinarm.mechanics.loading.sdf.joints import is_active, joint_in
+from pinarm.mechanics.loading.sdf.joints import GEARBOX, Hinge, gear_of, is_active, joint_in
 from pinarm.mechanics.loading.values import axis_of, number, placement_of, text_in
 from pinarm.records import replace
 
@@ -126,7 +126,7 @@ class _Closed:
         self.couplings[name] = WeightedSum(weights={**weights[1], **weights[0]})
 
     def add_joint_of_sdf(self, element: Element) -> None:
-        """Add a joint of SDF, which closes a loop; one between links of Gazebo alone is passed over."""
+        """Add a joint of SDF, which closes a loop, or a gearbox; one between links of Gazebo alone is passed over."""
         check_names(element, SDF)
         where, name, placed = _where(element), self._named(element), self._placed
         if strange := [link for end in ("parent", "child") if (link := text_of(element, end)) not in placed]:
@@ -137,6 +137,14 @@ class _Closed:
         pose = pose_of(element, text_of(element, "child"), where)
         placing = {MODEL: (MODEL, pin.SE3.Identity()), **{link: (MODEL, place) for link, place in placed.items()}}
         frames = Frames({**placing, name: pose}, {link: link for link in placed})
+        if element.get("type") == GEARBOX:
+            hinges = [
+                Hinge(joint.name, joint.parent, joint.child, placed[joint.parent].rotation @ joint.placement.rotation
+                      @ joint.axis)
+                for joint in self.tree.joints if joint.kind == "revolute"
+            ]  # fmt: skip
+            self.couplings[name] = gear_of(element, frames, VERSION, hinges)
+            return
         joint = joint_in(element, frames, VERSION)
         made, self.loops[name] = joint.closing(placed)
         self.frames += made

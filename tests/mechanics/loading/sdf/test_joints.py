@@ -1,4 +1,4 @@
-"""Universal joints and screws of SDF: against rotations, closed forms, and loops of a mechanism file."""
+"""Universal joints, screws, gearboxes of SDF: against rotations, closed forms, and loops of a mechanism file."""
 
 import math
 
@@ -121,13 +121,45 @@ def test_joints_that_close_loops_hold_what_those_of_a_mechanism_file_do(tmp_path
     assert np.abs(own.gap(closed.closure.state(pin.neutral(closed.model)))).max() < 1e-15  # closed as drawn
 
 
+BOX = (
+    "<gearbox_ratio>{ratio}</gearbox_ratio><gearbox_reference_body>{body}</gearbox_reference_body>"
+    "<axis2><xyz>{second}</xyz></axis2>"
+)
+
+
+@pytest.mark.parametrize(("ratio", "second", "turned", "expected"), [
+    (4.0, "0 0 -1", False, 4.0), (-4.0, "0 0 1", False, 4.0), (4.0, "0 0 1", True, 4.0),
+])  # fmt: skip
+def test_a_gearbox_turns_two_wheels(tmp_path, ratio, second, turned, expected):
+    """theta_2 = -ratio theta_1; the effort at the first wheel for theta_1'' = a is (I + I ratio^2) a.
+
+    ``turned``: the second joint leads from its wheel to the base, so that its coordinate is -theta_2.
+    """
+    ends = ("two", "base") if turned else ("base", "two")
+    xml = sdf(
+        link("base"), link("one"), link("two", "0.5 0 0 0 0 0"), joint("W", "world", "base", "fixed"),
+        joint("A", "base", "one"), joint("B", *ends, pose="-0.5 0 0 0 0 0" if turned else ""),
+        joint("box", "one", "two", "gearbox", inside=BOX.format(ratio=ratio, body="base", second=second)),
+    )  # fmt: skip
+    if turned:  # about the middle of the wheel
+        xml = xml.replace("-0.5 0 0 0 0 0</pose>", "0.5 0 0 0 0 0</pose>")
+    law = {"law": "constant_acceleration", "acceleration": "3 rad/s^2"}
+    problem = {"kind": "inverse", "time": {"end": "1 s", "samples": 3}, "motion": {"A": law}, "drives": ["A"]}
+    run = pinarm.run({"pinarm": 1, "mechanism": loaded(tmp_path, xml), "problem": problem,
+                      "outputs": ["A", "B", "joint.A.effort"]})  # fmt: skip
+    assert run["B"].values == pytest.approx(expected * run["A"].values, abs=1e-13)
+    assert run["A"].values[-1] == pytest.approx(1.5)
+    assert run["joint.A.effort"].values == pytest.approx(np.full(3, 3 * 0.04 * (1 + ratio**2)), abs=1e-12)
+
+
 WHEELS = link("base"), link("one"), link("two"), joint("A", "base", "one"), joint("B", "base", "two", axis="0 1 0")
 SKEW = "<axis2><xyz>1 1 0</xyz></axis2>"
 
 
 @pytest.mark.parametrize(("parts", "message"), [
     ((link("a"), joint("s", "world", "a", "screw")), "joint 's': a screw without a pitch"),
-    ((*WHEELS, joint("K", "one", "two", "gearbox")), "a joint of type 'gearbox' is not read"),
+    ((*WHEELS, joint("K", "one", "two", "gearbox", inside=BOX.format(ratio=2, body="base", second="0 0 1"))),
+     "joint 'K': no revolute joint of the tree turns 'two' against 'base'"),
     ((*WHEELS, joint("u", "one", "two", "universal", "1 0 0", SKEW)), "its axes are not at right angles"),
 ])  # fmt: skip
 def test_mistakes_are_told(parts, message):
