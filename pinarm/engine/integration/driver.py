@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.methods import Method, Stepper
     from pinarm.engine.integration.methods.explicit import CompiledSteps
 
+PROBED, HOPELESS = 1000, 1e4
+"""Steps from which on the driver gives up where the remaining time, over that of all steps allowed, is above this, as
+with huge velocities."""
+
 NEAR = 0.1
 """Part of a first step within which a crossing is looked at again with a step that ends behind it: where a motion
 begins at a stop, or at rest, errors of a dense output that leaves in another direction may be all that crosses."""
@@ -180,7 +184,10 @@ class _Driver(Struct, eq=False, dict=True, weakref=True):
         """Raise where the steps have become too short or too many."""
         if not self.h >= SHORTEST * math.ulp(max(abs(t), span.end - span.start)):  # NaN included
             raise _stuck(self.solution, t, self.h, self.stepper)
-        if self.taken >= self.max_steps:
+        steps, left = self.solution.steps, self.solution.intervals[-1].end - t
+        longest = max(self.h, (t - float(steps.t[0])) / len(steps)) if steps else self.h
+        hopeless = self.taken >= PROBED and left > HOPELESS * self.max_steps * longest
+        if hopeless or self.taken >= self.max_steps:
             raise _too_many(self.solution, t, self.h, self.taken)
 
 
