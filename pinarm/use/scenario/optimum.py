@@ -191,7 +191,7 @@ class Optimum:
         active: Numbers of the conditions that hold it there.
         refused: Numbers of the unknowns beside whose best values runs were refused.
         runs: Number of runs in all.
-        size: Largest size of the objective in all runs.
+        size: Median size of the objective at the starts.
         change: Difference of the largest and the least objective in all runs.
     """
 
@@ -242,9 +242,8 @@ def _optimum(landscape: Landscape, best: Descent, descents: Sequence[Descent]) -
     active = [k for k, equal in enumerate(landscape.equations) if equal or margins[k] <= ACTIVE]
     steps = [np.abs(point - x) for point, trial in landscape.trials.values() if trial.refusal]
     refused = sorted({int(step.argmax()) for step in steps if step.max() <= BESIDE})
-    values = np.array(landscape.counted)
-    size, change = float(np.abs(values).max()), float(np.ptp(values))
-    return Optimum(best, descents, active, refused, len(landscape.trials), size, change)
+    change = float(np.ptp(landscape.counted))
+    return Optimum(best, descents, active, refused, len(landscape.trials), landscape.size, change)
 
 
 def spread(k: int, count: int, seed: int) -> list[Array]:

@@ -41,7 +41,7 @@ AT_A_PLACE = ("", "start", "end")
 """Figures that are the value of a quantity at one place."""
 
 AGREED = 1e-3, 1e-7
-"""Difference of objectives below which starts have led to the same value, relative to it, and to the largest one."""
+"""Difference of objectives below which starts have led to the same value, relative to it, and to that of the starts."""
 
 NEAREST = 3
 """Paths that a message names."""
