@@ -146,7 +146,7 @@ class Mechanism(Record, frozen=True):
     def closure(self) -> Closure:
         if not isinstance(self.model, ModelVariants):
             return Closure.of(self.model, self.constraints)
-        from pinarm.engine.constraints.variant_closure import VariantClosure  # of sweeps only
+        from pinarm.engine.constraints.closure import VariantClosure  # of sweeps only
 
         return VariantClosure(self.model, self.constraints)
 

@@ -11,8 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, cast
 
-from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.figures import plain
+from pinarm.engine.checks.balance import plain, power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.engine.mechanism import Mechanism as MechanismParts

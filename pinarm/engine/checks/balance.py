@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache, cached_property
+from collections.abc import Callable, Mapping
+from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.checks.figures import SAMPLE, relative, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -20,6 +19,9 @@ from pinarm.records import Record
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
     from pinarm.engine.motion.segmented.segments import SegmentedMotion
+
+SAMPLE = 64
+"""Number of rows that are checked where not all are."""
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""
@@ -43,6 +45,28 @@ STEPS, GAUSS_NODES = 8, 4
 """Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
 table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
 step: degree 7, the order of the dense output."""
+
+
+def relative(residuals: Array, terms: Array) -> Array:
+    """Return the largest residual of all rows relative to the largest term, shape (n, ..) to (..); 0 without terms."""
+    worst, largest = residuals.max(axis=0, initial=0.0), terms.max(axis=0, initial=0.0)
+    return np.asarray(np.divide(worst, largest, out=np.zeros(np.shape(largest)), where=largest != 0.0))
+
+
+def plain(figures: Mapping[str, Array | float]) -> dict[str, float]:
+    """Return the figures of a single mechanism, shape (), as Python's numbers."""
+    return {name: float(figure) for name, figure in figures.items()}
+
+
+@lru_cache(maxsize=256)
+def sampled(rows: int, most: int = SAMPLE) -> Indices:
+    """Return the indices of the rows that are checked, ascending, shape (n,): all if there are no more than ``most``.
+
+    Every check of a run takes the same, so that what one computes of them serves the others; to be read only.
+    """
+    places = np.arange(rows) if rows <= most else np.linspace(0, rows - 1, most).astype(np.intp)
+    places.flags.writeable = False
+    return places
 
 
 def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, Array]:

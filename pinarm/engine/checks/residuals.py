@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.checks.figures import SAMPLE, relative, sampled
+from pinarm.engine.checks.balance import SAMPLE, relative, sampled
 from pinarm.engine.constraints.nullspace import RANK, UNCLOSED
 from pinarm.engine.dynamics.mass_matrix import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory

@@ -226,7 +226,8 @@ class EvaluatedRows(Record, frozen=True):
         for start in range(0, max(1, len(self.q)), length):
             part = slice(start, start + length)
             turns, arms = tree.placed(self.q[part])
-            moved = {key: own.at(turns, arms) for key, own in frames.items()}
+            places = tree.summed(arms)
+            moved = {key: own.at(turns, places) for key, own in frames.items()}
             motions.append((part, [moved[id(pairs.frames)] for pairs in self.rows.pairs]))
         return motions
 

@@ -46,13 +46,6 @@ TIED = 1e-14
 ACTS = 1e-7
 """Part of a self-stress of length 1 that acts on a component: tilts by rounding of the file stay below."""
 
-CONSISTENT = 1e-9
-"""Power of forces along free motions, relative to that of their terms, that is rounding: multipliers can hold them."""
-
-LEAST = 1e-8
-"""Least weight of a joint, relative to the largest, when rounding is shared among joints by the size of their forces:
-joints then take no more than 1e-16 of the rounding of others, and weighted free motions stay independent."""
-
 
 class RowGroup(Record, frozen=True):
     """Rows of G that share joints, decomposed: ``D G = U S V^T``, cut at the rank r; D scales rows to the length 1.
@@ -99,25 +92,13 @@ class RowGroup(Record, frozen=True):
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, refined once, shape (.., m).
 
-        A decomposition errs by rounding of the largest forces at all joints: the multipliers of a light linkage that a
-        heavy one moves would be lost. The residual at a joint is known to the rounding of the forces at this joint.
-        Its part that no multipliers hold is rounding as well; it is shared among joints by the squares S of their
-        terms ``|force| + |G|^T |lam|``: ``left - S T (T^T S T)^-1 T^T left``.
+        A decomposition errs by rounding of the largest forces at all joints; the residual at a joint is known to the
+        rounding of the forces at this joint.
 
-        Source: Higham, Accuracy and Stability of Numerical Algorithms, second edition (2002), section 12.1; Björck,
-        Numerical Methods for Least Squares Problems (1996), section 4.4.
+        Source: Higham, Accuracy and Stability of Numerical Algorithms, second edition (2002), section 12.1.
         """
         lam = self._unrefined(force)
-        left = force - np.vecmat(lam, self.matrix)
-        if self.free.shape[-1]:
-            size = np.abs(force) + np.vecmat(np.abs(lam), np.abs(self.matrix))
-            largest = size.max(axis=-1, keepdims=True)
-            size = np.maximum(size / np.where(largest > 0.0, largest, 1.0), LEAST)
-            power, most = np.vecmat(left, self.free), largest * np.vecmat(size, np.abs(self.free))
-            rounding = (np.abs(power) <= CONSISTENT * most).all(axis=-1, keepdims=True)
-            q, r = np.linalg.qr(size[..., None] * self.free)
-            left = left - np.where(rounding, size * np.matvec(q, _solved(r.swapaxes(-1, -2), power)), 0.0)
-        return lam + self._unrefined(left)
+        return lam + self._unrefined(force - np.vecmat(lam, self.matrix))
 
     def _unrefined(self, force: Array) -> Array:
         along = np.matvec(self.right, force)

@@ -60,9 +60,6 @@ ITERATIONS, POLISHED = 60, 4
 """Most steps in which a gap may fail to halve: slower steps count as not converging. And most steps from a closed
 position until its gap is rounding."""
 
-LEAST_GAIN = 1e-12
-"""Change of a gap in a step, relative to it, at which it is the smallest: the position is known to the root of that."""
-
 SMALLEST = 1e-9
 """Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
 
@@ -123,6 +120,7 @@ class NewtonSolver:
         for tie in self.following:
             self.untied[closure.slices[tie.name]] = 0.0
         self.sliding = 1.0 - np.array(threads, dtype=np.float64)
+        self._last: tuple[Array, Array] | None = None
 
     def gap(self, state: Kinematics, w: Array) -> Array:
         """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,)."""
@@ -135,9 +133,14 @@ class NewtonSolver:
 
         Of a part it has the columns of the part.
         """
-        rows = self.whole.rows(state)
-        counts = np.sqrt((rows * rows).sum(axis=1)) > VANISHED * self.whole.reach
-        return np.asarray((rows * self.scale * (counts / self.measure)[:, None])[:, self.moving])
+        if self._last is None or not np.array_equal(self._last[0], state.q):  # rates ask for those of a solution again
+            rows = self.whole.rows(state)
+            counts = np.sqrt((rows * rows).sum(axis=1)) > VANISHED * self.whole.reach
+            self._last = (
+                state.q.copy(),
+                np.asarray((rows * self.scale * (counts / self.measure)[:, None])[:, self.moving]),
+            )
+        return self._last[1]
 
     def moved(self, q: Array, step: Array) -> Array:
         """Return the configuration a step away, which is in the mechanism's units."""
@@ -194,8 +197,6 @@ class NewtonSolver:
                 state, gap, damping = trial, trial_gap, damping / 10
             else:
                 damping = max(1e-3, damping * 10)
-            if abs(before - left) <= LEAST_GAIN * before:
-                break
         return state.q, gap
 
     def _size(self, gap: Array) -> float:

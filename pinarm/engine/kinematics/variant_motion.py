@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.closure import VariantClosure
 from pinarm.engine.constraints.nullspace import RANK, VANISHED
-from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.kinematics.continuation import NEAR, BatchClosing, Rates
 from pinarm.engine.kinematics.newton import ITERATIONS, NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates

@@ -177,11 +177,6 @@ class Modes(Record, frozen=True):
         return self.measures["frequency"]
 
     @property
-    def damped_frequencies(self) -> Array:
-        """Frequencies of the damped oscillations ``Im lambda / (2 pi)`` [Hz], shape (k,)."""
-        return self.measures["damped_frequency"]
-
-    @property
     def damping_ratios(self) -> Array:
         """``-Re lambda / |lambda|``, shape (k,); 0 where rounding explains it."""
         return self.measures["damping"]

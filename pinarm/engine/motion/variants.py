@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.constraints.closure import VariantClosure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.variant_closure import VariantClosure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates

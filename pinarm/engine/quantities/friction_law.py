@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.figures import sampled
+from pinarm.engine.checks.balance import sampled
 from pinarm.engine.constraints.nullspace import split_rows
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.columns import BANDS

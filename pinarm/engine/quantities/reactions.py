@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.checks.figures import relative, sampled
+from pinarm.engine.checks.balance import relative, sampled
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import GuidedCoordinate, joint_ties, one_sided
 from pinarm.engine.constraints.self_stresses import SelfStresses

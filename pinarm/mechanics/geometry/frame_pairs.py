@@ -1,8 +1,7 @@
 """Relative motion of two frames of a tree: placement, twist for unit velocities, and acceleration at constant ones.
 
 Only the joints on the path between the frames take part: from frame 1 towards the root, to the last common joint, and
-from there to frame 2. Their arms are added from origin to origin, and what both branches have in common is taken off
-before short arms are added: the distance of the mechanism from the origin of the world costs no digits.
+from there to frame 2.
 
 Arrays have components first and states last, as in ``link_tree``; several pairs whose paths have like joints stand side
 by side.
@@ -51,57 +50,26 @@ class Ends(Record, frozen=True):
         joints: Their joints, shape (L,).
         turn: Rotation of each in its joint's axes, shape (.., L, 3, 3).
         place: Origin of each in these axes [m], shape (.., L, 3).
-        way: Joints of the path's branch, from the last common joint to the frame, shape (b, L).
     """
 
     joints: Indices
     turn: Array
     place: Array
-    way: Indices
 
     @classmethod
-    def of(cls, model: Model, frames: Sequence[int], ways: Sequence[Sequence[int]]) -> Ends:
+    def of(cls, model: Model, frames: Sequence[int]) -> Ends:
         own = [model.frames[frame] for frame in frames]
         return cls(
             np.array([frame.parentJoint for frame in own], dtype=np.intp),
             np.stack(np.broadcast_arrays(*(frame.placement.rotation for frame in own)), axis=-3),
             np.stack(np.broadcast_arrays(*(frame.placement.translation for frame in own)), axis=-2),
-            np.array(ways, dtype=np.intp).reshape(len(frames), -1).T,
         )
 
-    def placed(self, turns: Array, arms: Array) -> PlacedEnds:
-        """Return where the frames are.
-
-        Args:
-            turns: Rotations of all links, shape (3, 3, njoints, ..).
-            arms: From the parent of every link to it, world axes [m], shape (3, njoints, ..).
-        """
+    def placed(self, turns: Array, places: Array) -> tuple[Array, Array]:
+        """Return rotations, shape (3, 3, L, ..), and origins [m], shape (3, L, ..), in world axes; see ``at``."""
         rank, own = turns.ndim - 3, turns.take(self.joints, axis=2)
-        end, rotation = (turned(own, states_last(self.place, rank, 2)), product(own, states_last(self.turn, rank, 3)))
-        if not len(self.way):
-            return PlacedEnds(rotation, np.zeros_like(end), end, end[:, None][:, :0])
-        along = arms.take(self.way.ravel(), axis=1).reshape(3, *self.way.shape, *arms.shape[2:])
-        beyond = np.empty((*along.shape[:2], *np.broadcast_shapes(end.shape[1:], along.shape[2:])), end.dtype)
-        beyond[:, -1] = end
-        for k in range(len(self.way) - 1, 0, -1):
-            beyond[:, k - 1] = beyond[:, k] + along[:, k]
-        return PlacedEnds(rotation, along[:, 0], beyond[:, 0], beyond)
-
-
-class PlacedEnds(NamedTuple):
-    """Frames at one end of L pairs, in world axes.
-
-    Attributes:
-        rotation: Their rotations, shape (3, 3, L, ..).
-        common: From the last common joint of the pair to the first joint of the branch [m], shape (3, L, ..).
-        reach: From there to the frame [m], shape (3, L, ..).
-        beyond: From every joint of the branch to the frame [m], shape (3, b, L, ..).
-    """
-
-    rotation: Array
-    common: Array
-    reach: Array
-    beyond: Array
+        along = turned(own, states_last(self.place, rank, 2))
+        return product(own, states_last(self.turn, rank, 3)), places.take(self.joints, axis=1) + along
 
 
 class FramePairs(Record, frozen=True):
@@ -124,8 +92,7 @@ class FramePairs(Record, frozen=True):
     def of(cls, model: Model, pairs: Sequence[tuple[int, int]]) -> FramePairs:
         """Return pairs of frames, given by their indices, whose ``likeness`` is the same."""
         paths = [Path.between(model, *pair) for pair in pairs]
-        ups, downs = [path.up[::-1] for path in paths], [path.down for path in paths]
-        first, second = (Ends.of(model, [pair[end] for pair in pairs], ways) for end, ways in ((0, ups), (1, downs)))
+        first, second = (Ends.of(model, [pair[end] for pair in pairs]) for end in (0, 1))
         joints = [model.joints[joint] for joint in (*paths[0].up, *paths[0].down)]
         counts = np.array([joint.nv for joint in joints], dtype=np.intp)
         velocities = [
@@ -149,27 +116,17 @@ class FramePairs(Record, frozen=True):
 
     def at_configurations(self, q: Array) -> RelativeMotion:
         """Return placements and Jacobians of frames 2 in frames 1 at configurations, shape (.., nq)."""
-        return self.at(*self.tree.placed(q))
+        turns, arms = self.tree.placed(q)
+        return self.at(turns, self.tree.summed(arms))
 
-    def at(self, turns: Array, arms: Array) -> RelativeMotion:
+    def at(self, turns: Array, places: Array) -> RelativeMotion:
         """Return placements and Jacobians of frames 2 in frames 1.
 
         Args:
             turns: Rotations of all links, shape (3, 3, njoints, ..).
-            arms: From the parent of every link to it, world axes [m], shape (3, njoints, ..).
+            places: Their origins in the world [m], shape (3, njoints, ..).
         """
-        first, second = self.first.placed(turns, arms), self.second.placed(turns, arms)
-        way = (second.reach - first.reach) + (second.common - first.common)
-        branches = [first.beyond[:, ::-1] + way[:, None], second.beyond]
-        reaches = np.concatenate([np.broadcast_to(x, (*x.shape[:2], *way.shape[1:])) for x in branches], axis=1)
-        counts = np.diff(np.append(self.starts, len(self.velocities)))
-        columns = self._columns(turns, np.repeat(reaches, counts, axis=1))
-        back = first.rotation.swapaxes(0, 1)
-        linear, angular = (turned(back[:, :, None], part) for part in columns)
-        return RelativeMotion(self, turned(back, way), product(back, second.rotation), linear, angular)
-
-    def _columns(self, turns: Array, arms: Array) -> tuple[Array, Array]:
-        """Return Jacobian columns of frame 2 relative to frame 1: linear at its origin, and angular, world axes."""
+        (rotation, start), (other, end) = self.first.placed(turns, places), self.second.placed(turns, places)
         rank, moved = turns.ndim - 3, self.tree.moved[self.velocities]
         own = turns.take(moved.ravel(), axis=2)
         screws = self.senses[:, None] * self.tree.subspace[:, self.velocities]
@@ -177,7 +134,10 @@ class FramePairs(Record, frozen=True):
             turned(own, states_last(part.reshape(3, -1).T, rank, 2)).reshape(3, *moved.shape, *own.shape[3:])
             for part in (screws[:3], screws[3:])
         )
-        return linear + cross(angular, arms), angular
+        arms = end[:, None] - places.take(moved.ravel(), axis=1).reshape(3, *moved.shape, *places.shape[2:])
+        back = rotation.swapaxes(0, 1)
+        linear, angular = (turned(back[:, :, None], part) for part in (linear + cross(angular, arms), angular))
+        return RelativeMotion(self, turned(back, end - start), product(back, other), linear, angular)
 
 
 def likeness(model: Model, first: int, second: int) -> tuple[tuple[int, ...], tuple[int, ...]]:

@@ -171,19 +171,12 @@ class TiedFrames(Record, frozen=True):
         return np.array(self.pair.gap(*self._placed(state)))
 
     def rows(self, state: Kinematics) -> Array:
-        return self._rows(state, *self._placed(state))
-
-    def measured(self, state: Kinematics) -> tuple[Array, Array]:
-        """Return the gaps and G."""
-        p, axes = self._placed(state)
-        return np.array(self.pair.gap(p, axes)), self._rows(state, p, axes)
-
-    def _rows(self, state: Kinematics, p: Array, axes: Array) -> Array:
         """Return G, shape (m, nv).
 
         What moves both links alike is exactly 0: the difference of their Jacobians leaves rounding there, which would
         fill the rows of a deep tree.
         """
+        p, axes = self._placed(state)
         model, moves = state.model, LinkTree.of(state.model).supports
         first, second = (
             pin.getFrameJacobian(model, state.data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)

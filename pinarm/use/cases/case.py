@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.figures import plain
+from pinarm.engine.checks.balance import plain
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import (

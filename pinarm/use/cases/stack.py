@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.figures import sampled
+from pinarm.engine.checks.balance import power_balance, sampled
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.mechanism import alike_variants, mechanism_variants, require_joint_forces, some_variants

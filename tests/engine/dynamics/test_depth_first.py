@@ -1,7 +1,5 @@
 """Joints are numbered depth-first, whatever the order of a file or of a ``pin.Model``: ``crba`` is wrong otherwise."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -61,31 +59,17 @@ def sdf(*, reverse: bool) -> str:
     return f'<sdf version="1.9"><model name="m">{links}{joints}</model></sdf>'
 
 
-def generations(prefix: str = "j") -> pin.Model:
+def generations() -> pin.Model:
     """Return the branches numbered generation by generation, as a program may add them."""
     model, places = pin.Model(), {"world": 0}
     kinds = (pin.JointModelRY, pin.JointModelPZ, pin.JointModelSpherical, pin.JointModelRX, pin.JointModelPX)
     for (name, parent), kind in zip(BRANCHES, (*kinds, *kinds), strict=False):
         place = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.3, 0.1, 0.5]))
-        places[name] = model.addJoint(places[parent], kind(), place, f"{prefix}{name}")
+        places[name] = model.addJoint(places[parent], kind(), place, f"j{name}")
         model.addJointFrame(places[name])
         model.appendBodyToJoint(places[name], pin.Inertia(2.0, np.array([0.1, 0.2, -0.3]), np.diag([1.0, 1.2, 1.5])),
                                 pin.SE3.Identity())  # fmt: skip
     return model
-
-
-def appended() -> pin.Model:
-    """Return two models in one, the second on a link in the middle of the first."""
-    first, second = generations(), generations("second_")
-    first.addFrame(pin.Frame("here", first.getJointId("ja"), 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    whole = pin.appendModel(first, second, first.getFrameId("here"), pin.SE3.Identity())
-    return whole[0] if isinstance(whole, tuple) else whole
-
-
-def reduced() -> pin.Model:
-    """Return the branches with a joint locked, on which others lie."""
-    model = generations()
-    return pin.buildReducedModel(model, [model.getJointId("jb2")], pin.neutral(model))
 
 
 def by_columns(model: pin.Model, q: Array) -> Array:
@@ -115,10 +99,9 @@ def test_turn_counters_are_added_at_the_end() -> None:
     require_true_masses(with_counters(build_model(urdf()).model, ["8a", "7b2"]))
 
 
-@pytest.mark.parametrize("made", [generations, appended, reduced])
-def test_a_model_of_the_user_is_numbered_anew(made: Callable[[], pin.Model]) -> None:
+def test_a_model_of_the_user_is_numbered_anew() -> None:
     """Accelerations are those of ``aba`` on the user's own numbering, which does not need depth-first joints."""
-    model = made()
+    model = generations()
     mechanism = Mechanism.of(model)
     require_true_masses(mechanism.model)
     q = pin.integrate(model, pin.neutral(model), np.cos(np.arange(1.0, model.nv + 1.0)))
