@@ -20,9 +20,10 @@ PATIENCE, NOISE, SPREAD = 4, 1e-4, 0.5
 """Rounds within which the error of an integral has to be halved, where it is below this part of the integral of the
 size of a function, and no piece has more than this part of it: what is not halved is rounding of the function."""
 
-NARROW, DIVERGES = 1e-9, 1e-2
-"""Part of an interval from which on pieces are so narrow that there is a pole in the last ones; and part of the
-integral of the size that these have at least where it has no end: 1/40 at a simple pole, 1/2000 at x^(-3/4)."""
+NARROW, WIDER, STAYS = 1e-9, (256.0, 4096.0), 0.6
+"""Part of an interval from which on pieces are so narrow that there is a pole in the last ones; how much wider the
+pieces are that these are compared with; and their integrals over those of wider ones where an integral has no end: 1 at
+a simple pole, 1/4 at x^(-5/6), 1/64 at x^(-1/2)."""
 
 ENOUGH, ROUNDING, MOST, SHARE = 1e-10, 1e-13, 1024, 1e-12
 """Error of a polynomial for a percentile, relative to the range of the function; relative to the largest value; how
@@ -73,9 +74,11 @@ def _left_over(curve: Curve, pieces: Pieces, sizes: Array, poor: Flags) -> Array
     It is infinite where their part of an integral does not fall.
     """
     share = pieces.width / np.array([curve.span[number].length for number in pieces.interval.tolist()])
-    narrow = share <= min(2.0 * float(share.min()), NARROW)
+    least = float(share.min())
+    narrow, wider = share <= min(2.0 * least, NARROW), (share > WIDER[0] * least) & (share < WIDER[1] * least)
     left = np.where(poor, sizes[narrow].sum(axis=0), 0.0)
-    return np.where(left > DIVERGES * sizes.sum(axis=0), np.inf, left)
+    stays = sizes[narrow].max(axis=0, initial=0.0) > STAYS * sizes[wider].max(axis=0, initial=0.0)
+    return np.where(stays & (left > 0.0), np.inf, left)
 
 
 def _stalled(before: list[Array], errors: Array, allowed: Flags, small: Array) -> bool:

@@ -78,10 +78,12 @@ class Expectation(InputStruct, frozen=True):
             from pinarm.use.result.numbers import RunNumber, read_number
 
             with within("quantity"):
-                if isinstance(read_number(self.quantity), RunNumber):
+                if isinstance(read := read_number(self.quantity), RunNumber):
+                    pairs = [] if isinstance(read.at, str) else [f"{key}: {text}" for key, text in read.at.items()]
+                    place = f"{{{', '.join(pairs)}}}" if pairs else read.at
                     raise InputError(
                         f"'{self.quantity}' has its place behind it: here that is a key of its own",
-                        expected=f"quantity: {self.quantity.partition('@')[0].strip()}, at: max, or {{t: 1.5 s}}",
+                        expected=f"quantity: {read.quantity}, at: {place}",
                     )
         self._check_place()
         if self.value is not None and self.formula is not None:

@@ -78,7 +78,8 @@ def test_integrals_of_cusps_and_roots_are_within_their_errors(
 @pytest.mark.parametrize(
     ("quantity", "name"),
     [
-        ("tan(alpha)", "integral"), ("1/sqrt(abs(cos(alpha)))", "rms"), ("1/sin(alpha)", "rms"),
+        ("tan(alpha)", "integral"), ("1/sqrt(abs(cos(alpha)))", "rms"), ("5 + 1e-6/cos(alpha)", "mean"),
+        ("1/sin(alpha)", "rms"),
     ],
 )  # fmt: skip
 def test_an_integral_without_end_is_refused(scenario: Callable[..., Any], quantity: str, name: str) -> None:
