@@ -165,14 +165,8 @@ def _curves(axis: Axes, curves: Sequence[Curve], how: Presentation) -> None:
     axis.set_ylabel(label(axis_label(_named(curves[0].up.name), measured, how)))
     for curve, (style, colour) in zip(curves, cycle(product(STYLES, COLOURS)), strict=False):
         x, y = curve.across.values / scale, curve.up.without_rounding().values / factor
-        draw(
-            axis,
-            x,
-            y,
-            name_label(told(curve.label), how, WHOLE),
-            color=colour,
-            **(POINTS if curve.points else {"linestyle": style}),
-        )
+        look = POINTS if curve.points else {"linestyle": style}
+        draw(axis, x, y, name_label(told(curve.label), how, WHOLE), color=colour, **look)
 
 
 SOME_DECADES = 2000.0
@@ -270,15 +264,7 @@ def _marks(axis: Axes, printed: list[Printed], scale: float, own: float) -> None
         name = said("printed formula") if formula else said("published")
         name += f", {said(ERRORS[value.verdict])}" if wrong else ""
         look = {"linestyle": "--"} if value.joined else {"linestyle": "", "marker": "x" if wrong else "o"}
-        draw(
-            axis,
-            np.atleast_1d(value.x / scale),
-            np.atleast_1d(value.y / own),
-            "" if name in labelled else name,
-            color=WRONG if wrong else "#000000",
-            linewidth=1.0,
-            markersize=6.0,
-            markerfacecolor="none",
-            **look,
-        )
+        look |= {"color": WRONG if wrong else "#000000", "markerfacecolor": "none"}
+        x, y = np.atleast_1d(value.x / scale), np.atleast_1d(value.y / own)
+        draw(axis, x, y, "" if name in labelled else name, linewidth=1.0, markersize=6.0, **look)
         labelled.add(name)
