@@ -12,7 +12,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import Duration, InputStruct
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.methods import Method
+    from pinarm.engine.integration.integrator import Method
 
 TOLERANCE = 1e-9
 """Tolerance of an adaptive method where none is given."""

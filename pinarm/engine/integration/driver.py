@@ -16,7 +16,8 @@ from pinarm.engine.integration.runge_kutta import PASSED, SHORTEST
 from pinarm.errors import IntegrationError, Interrupted
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.methods import Method, Stepper
+    from pinarm.engine.integration.integrator import Method
+    from pinarm.engine.integration.methods import Stepper
     from pinarm.engine.integration.methods.explicit import CompiledSteps
 
 PROBED, HOPELESS = 1000, 1e4

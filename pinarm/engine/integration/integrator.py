@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from msgspec import Struct, field
@@ -17,7 +17,8 @@ from pinarm.arrays import Array, Flags, Indices, distinct
 from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.methods import Method
+    from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
+    from pinarm.engine.integration.methods.stiff import Radau
     from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
@@ -25,6 +26,20 @@ Acceleration = Callable[[float, Array, Array], Array]
 
 Projection = Callable[[float, Array, Array], tuple[Array, Array]]
 """``(t, q, v) -> q, v``: projection of a state onto the constraints."""
+
+Method: TypeAlias = "Adaptive | FixedStep | Radau"
+"""An integration method with its settings.
+
+Attributes:
+    name: Name for messages.
+    order: Order of the step.
+    tolerance: Local error per step, relative to ``size + |y|``, see ``Interval.size``; 0 where steps have one
+        length.
+    subdivisions: Parts of a step for the location of events; the dense output has a degree of at most twice their
+        number.
+    tangent: Whether the dense output leaves the start of a step with the slopes of the state there.
+    remedy: What to try where the method fails, for error messages.
+"""
 
 StepsOver = Callable[[Array, Array, Array], bool]
 """``(t, q, v) -> bool``: whether a step may have stepped over a piece of a load, so that its error estimate missed it.

@@ -1,6 +1,6 @@
 """The methods of integration that scenarios may choose, by name.
 
-A new method is a module beside these with a class and its stepper, which join the unions here, and an entry in
+A new method is a module beside these with a class and its stepper, which join ``Method`` and ``Stepper``, and an entry in
 ``METHODS``. The names in files, their JSON Schema, the tests of order and of events, the search for a tolerance and the
 trade-off follow the table. A module is imported when a method of it is made: a run loads the one method that it uses.
 """
@@ -13,24 +13,11 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.methods.explicit import Adaptive, AdaptiveStepper, FixedStep, FixedStepper
-    from pinarm.engine.integration.methods.stiff import Radau, RadauStepper
+    from pinarm.engine.integration.integrator import Method
+    from pinarm.engine.integration.methods.explicit import AdaptiveStepper, FixedStepper
+    from pinarm.engine.integration.methods.stiff import RadauStepper
 
     MethodName = str
-
-Method: TypeAlias = "Adaptive | FixedStep | Radau"
-"""An integration method with its settings.
-
-Attributes:
-    name: Name for messages.
-    order: Order of the step.
-    tolerance: Local error per step, relative to ``size + |y|``, see ``Interval.size``; 0 where steps have one
-        length.
-    subdivisions: Parts of a step for the location of events; the dense output has a degree of at most twice their
-        number.
-    tangent: Whether the dense output leaves the start of a step with the slopes of the state there.
-    remedy: What to try where the method fails, for error messages.
-"""
 
 Stepper: TypeAlias = "AdaptiveStepper | FixedStepper | RadauStepper"
 """A method during the integration of one motion: the present state, and its buffers."""

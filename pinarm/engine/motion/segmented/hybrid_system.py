@@ -34,7 +34,7 @@ from pinarm.records import Record, ValueRecord, replace
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
     from pinarm.engine.friction.joint_friction import JointFriction
-    from pinarm.engine.integration.methods import Method
+    from pinarm.engine.integration.integrator import Method
     from pinarm.engine.motion.systems import CompletedStates
     from pinarm.engine.motion.systems.loop_system import LoopSystem
     from pinarm.engine.motion.systems.tree_system import TreeSystem
