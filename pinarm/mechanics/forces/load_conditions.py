@@ -76,8 +76,9 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
     def _of_state(self, state: Kinematics) -> tuple[Array, Array]:
         if not isinstance(self.coordinate, PairCoordinate):
             return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
-        w, rows = self.coordinate.way.measured(state)
-        return w + self.coordinate.missing_turns(w, state.q), rows
+        way = self.coordinate.way
+        w = way.gap(state)
+        return w + self.coordinate.missing_turns(w, state.q), way.rows(state)
 
     @cached_property
     def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:

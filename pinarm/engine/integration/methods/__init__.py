@@ -1,8 +1,8 @@
 """The methods of integration that scenarios may choose, by name.
 
-A new method is a module beside these with a class and its stepper, which join ``Method`` and ``Stepper``, and an entry in
-``METHODS``. The names in files, their JSON Schema, the tests of order and of events, the search for a tolerance and the
-trade-off follow the table. A module is imported when a method of it is made: a run loads the one method that it uses.
+A new method is a module beside these with a class and its stepper, which join ``Method`` and ``Stepper``, and an entry
+in ``METHODS``. The names in files, their JSON Schema, the tests of order and of events, the search for a tolerance and
+the trade-off follow the table. A module is imported when a method of it is made: a run loads the one that it uses.
 """
 
 from __future__ import annotations
