@@ -71,5 +71,5 @@ def test_fixed_steps_that_are_too_short_are_named_as_such() -> None:
 
 def test_huge_velocities_are_given_up_early() -> None:
     values = {"problem.initial.velocity": {"O": "1e9 rad/s"}, "accuracy.max_steps": 4000}
-    with pytest.raises(PinarmError, match="has taken 200 steps"):
+    with pytest.raises(PinarmError, match=r"has taken 1\d\d\d steps"):
         pinarm.run(SCENARIOS / "gen411_arm_swing.yaml", values)

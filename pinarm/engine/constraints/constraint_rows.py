@@ -261,7 +261,7 @@ class EvaluatedRows(Record, frozen=True):
             if isinstance(relation, LinearCoordinate):
                 columns[row] += relation.weights.reshape(-1, *(1,) * len(self.states))
             else:
-                columns[row] += relation.rows_at(flat).T.reshape(-1, *self.q.shape[:-1])
+                columns[row] += relation.rows_at(flat).T.reshape(columns.shape[1:])
         return columns
 
     @cached_property

@@ -151,7 +151,10 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
     try:
         target.mkdir(parents=True, exist_ok=True)
         write_new_file(target / ".pinarm-root", b"")
-        for file in _files(source):
+        files = [*_files(source)]
+        for home in sorted({file.parent for file in files}):
+            _require_inside(target, home)
+        for file in files:
             write_new_file(target / file, (source / file).read_bytes())
     except OSError as error:
         raise InputError(
@@ -160,6 +163,16 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
             hint="another folder: -o DIR",
         ) from None
     return target
+
+
+def _require_inside(target: Path, folder: Path) -> None:
+    """Raise where a folder below the target is reached by a symbolic link: files would be written elsewhere."""
+    if (target / folder).resolve() != target.resolve() / folder:
+        raise InputError(
+            f"{target / folder} leads to {(target / folder).resolve()}, by a symbolic link",
+            expected="folders of their own in the folder of the examples",
+            hint="another folder: -o DIR",
+        )
 
 
 def example_files() -> Path:
