@@ -33,7 +33,7 @@ MOST = 1024
 """Corners that are tried at most: those of 8 joints that hold one motion."""
 
 Corner = tuple[SlipGroup | None, Mapping[int, float]]
-"""What is left of a group beside joints that are at their limits, in given directions."""
+"""The rest of a group beside joints at their limits, and the directions of these."""
 
 
 class Extremes(NamedTuple):

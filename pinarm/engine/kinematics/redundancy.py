@@ -126,7 +126,7 @@ class LimitedPath(NewtonSolver):
         return np.asarray(signs * lam[len(lam) - len(self.held) :])
 
     def margins(self, q: Array) -> Array:
-        """Return what must not be negative, shape (2 nv + h,).
+        """Return the margins that must not be negative, shape (2 nv + h,).
 
         Margins of joints that are not at limits, lower limits first, then ``pressing``.
         """

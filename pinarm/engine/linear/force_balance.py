@@ -256,7 +256,7 @@ class ForceBalance(Record, frozen=True):
         raise self._unbalanced(q, forces, start)
 
     def _polished(self, q: Array, forces: Forces) -> tuple[Array, Forces]:
-        """Return what whole steps make of a solution as long as they make what is left smaller."""
+        """Return a solution after whole steps, as long as these make its residual smaller."""
         for _ in range(POLISHED):
             if (nearer := self._nearer(q, forces, self.slopes(q, forces), 1.0)) is None:
                 break

@@ -158,7 +158,7 @@ def weights_of(run: Trajectory) -> Iterator[Source]:
 
 
 def inertias_of(run: Trajectory, words: str = "") -> Iterator[Source]:
-    """Yield what the motion demands of the bodies; ``words`` are added to their names."""
+    """Yield the inertia terms of the bodies; ``words`` are added to their names."""
     for body, name, demands in _demands(run):
         yield Source(name + words, "inertia", _spread(run, {body: demands[:2].sum(axis=0)}))
 

@@ -214,7 +214,7 @@ class Derivation(Record, frozen=True):
 
     @cached_property
     def _arbitrary(self) -> list[Source]:
-        """What acts in an arbitrary motion, but for unknowns, to find the equations that contain it."""
+        """Known actions in an arbitrary motion, by which equations that contain them are found."""
         model, q = self.mechanism.model, self.search.actions.links.q[:1]
         frictions = (friction.quantity for friction in self.mechanism.frictions)
         moving = np.remainder(GOLDEN * np.arange(1.0, 1.0 + model.nv), 1.0)[None]

@@ -69,7 +69,7 @@ def _poor(curve: Curve, pieces: Pieces, errors: Array, most: int) -> Indices:
 
 
 def _left_over(curve: Curve, pieces: Pieces, sizes: Array, poor: Flags) -> Array:
-    """Return what the narrowest pieces leave of integrals whose errors are not allowed, shape (k,).
+    """Return the part of the narrowest pieces in integrals whose errors are not allowed, shape (k,).
 
     It is infinite where their part of an integral does not fall.
     """

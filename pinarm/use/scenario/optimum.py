@@ -35,7 +35,7 @@ SAME = 1e-12
 """Differences of the objective, relative to it, that are rounding."""
 
 FURTHER = "once more, from the best of the ends"
-"""How the search without slopes is named among the starts."""
+"""Name of the search without slopes among the starts."""
 
 POLISH_RADII, POLISH_RUNS = (1e-3, 1e-8), 60
 """First and last radius of the search without slopes, scaled, and most runs for each unknown."""

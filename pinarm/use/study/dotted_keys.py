@@ -17,7 +17,7 @@ from pinarm.use.scenario.scenario_file import ScenarioFile
 
 
 class KeyTree(NamedTuple):
-    """What a file and the files that it names hold, and what they may hold.
+    """Keys of a file and of the files that it names: those that are there, and those that may be.
 
     Attributes:
         data: That of the file, with what it may change of its mechanism file.

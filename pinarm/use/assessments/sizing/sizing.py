@@ -47,7 +47,7 @@ UNITS_OF = (None, None, None, None, TORQUE, None, TORQUE, None, SPEED, None, Non
 
 
 MARGINS = {"peak torque": "torque", "rms torque": "rms", "speed": "speed"}
-"""What a motor may lack -> name of its margin."""
+"""Requirement of a motor -> name of its margin."""
 
 RATIOS = 25
 """Ratios that are tried in a range of which nothing else is said."""
