@@ -77,7 +77,7 @@ def _columns(name: str) -> dict[str, list[float]]:
     if not factors:
         raise InputError(f"the file {path.name} has no column of points", expected="headings such as x [mm], y [mm]")
     state = path.stat()
-    columns = read_columns(str(path), frozenset(AXES), (state.st_mtime_ns, state.st_size), MOST + 1)
+    columns = read_columns(str(path), frozenset(AXES), (state.st_mtime_ns, state.st_size))
     points = {headings[head][0]: [factor * x for x in columns[head]] for head, factor in factors.items()}
     if max(map(len, points.values())) > MOST:
         raise InputError(f"the file {path.name} has too many points", expected=f"1 to {MOST}")
