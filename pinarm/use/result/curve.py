@@ -186,8 +186,10 @@ class Pieces(Record, frozen=True):
         turns = [self.at(np.full(len(t), k), t)[:, 0] for k in range(len(self)) if len(t := self.zeros(k, slope=True))]
         values = np.concatenate([self.f[:, :, 0].ravel(), *turns])
         low, high, wanted = float(values.min()), float(values.max()), share * float(self.width.sum())
-        if low == high or wanted <= 0.0 or self.below(high) <= wanted:
-            return low if wanted <= 0.0 else high
+        if low == high or self.below(low) >= wanted:  # at rest rounding of the polynomials is below all their values
+            return low
+        if self.below(high) <= wanted:
+            return high
         return float(brentq(lambda value: self.below(value) - wanted, low, high, xtol=1e-15 * (high - low), rtol=FLAT))
 
 

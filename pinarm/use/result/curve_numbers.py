@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
@@ -163,6 +164,22 @@ def highest(curve: Curve, sign: float, top: Peak, slack: float) -> Peak:
     """
     if not curve.spans:
         return top
+    known = np.concatenate([sign * span.f[:, 0] for span in curve.spans])
+    least = min(top.height, known[np.isfinite(known)].min(initial=top.height))
+    with suppress(Endless):
+        found = _highest(curve, sign, top, slack)
+        if found.error <= max(found.height - least, slack):
+            return found
+
+    def cut(f: Array) -> Array:  # a function that passes through infinity on the other side only has a largest value
+        return np.asarray(sign * np.maximum(sign * f, least))
+
+    spans = [replace(span, f=cut(span.f)) for span in curve.spans]
+    return _highest(Curve(lambda spots: [*map(cut, curve.values(spots))], spans), sign, top, slack)
+
+
+def _highest(curve: Curve, sign: float, top: Peak, slack: float) -> Peak:
+    """Return the largest value of the first function times a sign, or raise ``Endless``: see ``highest``."""
     pieces, rounds, left = curve.first(fine=False), 0, 0.0
     for span in (span for span in curve.spans if len(span.t)):
         k = int((sign * span.f[:, 0]).argmax())

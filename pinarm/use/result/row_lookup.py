@@ -227,7 +227,7 @@ class Lookup(Record, frozen=True):
     def curve_of(self, name: str) -> Curve:
         """Return a quantity as a curve, which is kept."""
         if name not in self._curves:
-            self._curves[name] = self.curve(lambda rows: rows[name].values, [name])
+            self._curves[name] = self.curve(lambda rows: np.asarray(rows[name].values, float), [name])
         return self._curves[name]
 
     def curve(self, function: Function, of: Sequence[str] = ()) -> Curve:
@@ -534,7 +534,7 @@ def _switch(rows: Quantities, name: str, k: int) -> Array:
 
 
 def _height(values: Array, signs: Sequence[float]) -> Array:
-    return np.asarray(np.max([sign * values for sign in signs], axis=0))
+    return np.asarray(np.max([sign * values.astype(float) for sign in signs], axis=0))
 
 
 def _plain(name: str) -> bool:

@@ -114,6 +114,8 @@ CLOSED_FORMS: list[tuple[str, Callable[[Array], Array], float, float]] = [
     ("jump within", lambda t: np.where(t < 0.377, 1.0 + t, 5.0 + t), 0.9, 5.9),
     ("root", np.sqrt, 0.5, 0.5**0.5),
     ("least", lambda t: np.cos(3 * t), 0.0, float(np.cos(3.0))),
+    ("least within", lambda t: (t - 0.5) ** 2, 0.0, 0.0),
+    ("rest at last", lambda t: np.maximum(0.3 - t, 0.0) ** 2, 0.0, 0.0),
     ("largest", lambda t: np.cos(3 * t - 1), 1.0, 1.0),
 ]
 

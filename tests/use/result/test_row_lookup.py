@@ -130,6 +130,20 @@ def test_a_quantity_that_passes_through_infinity_has_no_extreme(
     assert lookup.at("min", "1/cos(alpha)**2")["t"].values == pytest.approx([0.0], abs=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("name", "which", "value"),
+    [
+        ("log(abs(cos(alpha)))", "max", 0.0), ("1/cos(alpha)**2", "min", 1.0), ("log(alpha)", "max", math.log(3.0)),
+        ("alpha > 1 rad", "max", 1.0), ("alpha > 1 rad", "min", 0.0), ("alpha > 1 rad", "mean", 2 / 3),
+    ],
+)  # fmt: skip
+def test_extremes_on_the_side_without_infinity_are_known_and_those_of_comparisons(
+    scenario: Callable[..., Any], name: str, which: str, value: float
+) -> None:
+    run = scenario("inverse").varied({**STEADY, "problem.time": {"end": "3 s", "samples": 7}}).run()
+    assert run.number(f"({name}) @ {which}") == (pytest.approx(value, abs=1e-11), pytest.approx(0.0, abs=1e-9))
+
+
 @pytest.mark.parametrize("samples", [3, 300])
 def test_a_spike_between_rows_is_found_at_any_number_of_them(scenario: Callable[..., Any], samples: int) -> None:
     """It is as wide as two rows of 1500, and at 300 between two of them."""
