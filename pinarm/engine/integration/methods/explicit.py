@@ -49,9 +49,10 @@ from pinarm.engine.kernel.library import (
 from pinarm.errors import MethodError
 from pinarm.records import ValueRecord, replace
 
-DEFECT, CLEARLY = 30.0, 0.3
-"""Defect of the dense output in the middle of a step, over the tolerance, from which on a cubic may take its place: it
-is about 0.1, seldom above 3, and 1e4 beyond the limit of stability. And the part of it that the cubic's may be."""
+DEFECT, CLEARLY, PARTS = 30.0, 0.3, 8
+"""Defect of the dense output in the middle of a step, over the tolerance, from which on shorter steps may tell it: it
+is about 0.1, seldom above 3, and 1e4 beyond the limit of stability. The part of it that theirs may be, and their number
+in a step."""
 
 STIFF = 0.3
 """Share of steps at the stability limit from which a motion is reported as stiff for an explicit method."""
@@ -111,19 +112,21 @@ class Adaptive(ValueRecord, frozen=True):
         return AdaptiveStepper(self, manifold, count)
 
     def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> Array:
-        """Return the terms of the dense output, or of a cubic where that follows the motion better.
+        """Return the terms of the dense output, or of polynomials through eight shorter steps where these are better.
 
         Once the fast part of a motion has died away a step may go far beyond the limit of stability before its end
-        shows it: within, the stages blow up the rest of that part, and spoil the dense output. The cubic through both
-        ends and their slopes needs no stage. The defect ``h (f(u) - u')`` of u in the middle of the step chooses.
+        shows it: within, the stages blow up the rest of that part, and spoil the dense output. Those of eighths of the
+        step do not. The defect ``h (f(u) - u')`` of u in the middle of the step chooses.
         """
         terms, rates = self._terms(interval, manifold, steps)
         scale = self.tolerance * (interval.size + np.abs(steps.y).max(axis=1))
         defects = _defects(terms, rates, steps)
         if len(poor := (defects > DEFECT * scale).nonzero()[0]):
-            cubics, some = terms[poor, :3], steps.some(poor)
-            better = _defects(cubics, partial(interval.slopes, manifold, some.t), some) < CLEARLY * defects[poor]
-            terms[poor[better], 3:] = 0.0
+            some = steps.some(poor)
+            slopes_of = partial(interval.slopes, manifold, some.t)
+            others = _through_parts(self.tableau, slopes_of, some, terms[poor])
+            better = _defects(others, slopes_of, some) < CLEARLY * defects[poor]
+            terms[poor[better]] = others[better]
         return terms
 
     def _terms(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Rates]:
@@ -160,6 +163,21 @@ class Adaptive(ValueRecord, frozen=True):
             "accuracy.method: stiff takes longer steps"
         )
         return [Doubt(LIMITED, share, text)]
+
+
+def _through_parts(tableau: Tableau, rates: Rates, steps: StepTable, terms: Array) -> Array:
+    """Return terms of polynomials with the ends and their slopes of others, nearest to the ends of shorter steps."""
+    h, y, ends = steps.h / PARTS, steps.y, list[Array]()
+    slopes = np.empty((len(h), tableau.stages + 1, y.shape[1]))
+    slopes[:, 0] = steps.slopes[:, 0]
+    for part in range(PARTS - 1):
+        y = stages(tableau.rows, rates, steps.t + part * h, h, y, slopes)
+        slopes[:, 0] = slopes[:, -1]
+        ends.append(y - steps.y)
+    x = np.arange(1.0, PARTS) / PARTS
+    waves = np.cumprod([x if k % 2 == 0 else 1.0 - x for k in range(terms.shape[1])], axis=0).T
+    rest = np.stack(ends, axis=1) - waves[:, :3] @ terms[:, :3]
+    return np.concatenate([terms[:, :3], np.linalg.pinv(waves[:, 3:]) @ rest], axis=1)
 
 
 def _defects(terms: Array, rates: Rates, steps: StepTable) -> Array:
