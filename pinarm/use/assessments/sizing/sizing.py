@@ -351,7 +351,7 @@ def _best_ratios(duty: Duty, ranked: Sequence[Candidate]) -> SectionTable:
     motors = list({candidate.motor.name: candidate.motor for candidate in ranked}.values())
     best = [(motor, duty.best_ratio(motor.rotor_inertia)) for motor in motors]
     rows = [
-        (motor.name, ratio, *(duty.rms_torque(motor.rotor_inertia, ratio) if ratio < np.inf else (0.0, 0.0)))
+        (motor.name, ratio, *(duty.rms_torque(motor.rotor_inertia, ratio) if 0.0 < ratio < np.inf else (0.0, 0.0)))
         for motor, ratio in best
     ]
     return SectionTable("best_ratios", "Ratio of the least rms torque", ("motor", "ratio", "rms torque", "error"),
