@@ -38,6 +38,10 @@ SIGNS = 10
 CONSISTENT, SAME = 1e-12, 1e-9
 """Part of its terms by which a normal force or a kink may miss its sign, and by which two roots of (1) are one."""
 
+CANCELLED = 1e-13
+"""Part of its terms below which a load under known friction is 0: friction may have one root at no load, and none or
+two beside it."""
+
 SOLVED, ITERATIONS = 4e-16, 200
 """Residual of (1), relative to its terms, at which Newton's method ends, and its steps at most."""
 
@@ -110,8 +114,13 @@ class CarriedLoads:
 
     def reduced(self, fixed: Array, ways: Array) -> CarriedLoads:
         """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (m,) and (m, n)."""
-        wrench = self.wrench + np.vecmat(fixed, self.response)
-        return CarriedLoads(wrench, ways.T @ self.response, self.distances(fixed), self.rate @ ways, self.fold)
+        wrench, distance = self.wrench + np.vecmat(fixed, self.response), self.distances(fixed)
+        terms = (np.abs(self.wrench) + np.vecmat(np.abs(fixed), np.abs(self.response))).reshape(-1, 2, 3)
+        size = np.repeat(terms.max(axis=-1), 3, axis=-1)
+        wrench = np.where(np.abs(wrench) <= CANCELLED * size, 0.0, wrench)
+        beside = np.abs(self.distance) + np.abs(self.rate) @ np.abs(fixed)
+        distance = np.where(np.abs(distance) <= CANCELLED * beside, 0.0, distance)
+        return CarriedLoads(wrench, ways.T @ self.response, distance, self.rate @ ways, self.fold)
 
 
 @dataclass(frozen=True, eq=False)
