@@ -68,7 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complete(os.environ.get("COMP_LINE", ""))
     open_streams()
     try:
-        return _ended(words)
+        code = _ended(words)
+        return TERMINATED if terminated and code == INTERRUPTED else code
     except KeyboardInterrupt:
         pass
     except MemoryError as error:
