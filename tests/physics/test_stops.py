@@ -194,6 +194,21 @@ def test_a_stop_at_a_dead_point_is_passed_or_refused():
                 assert error.partial is not None
 
 
+def test_a_four_bar_that_bounces_to_rest_at_a_stop_is_held_there_in_compiled_code():
+    """Held, it has no acceleration at all; what rounding leaves of it is no disagreement with Pinocchio."""
+    scenario = pinarm.load("scenarios/crank_rocker_free.yaml", values={
+        "problem.end_stops": {"theta4": {"upper": "110 deg", "restitution": 0.5}}, "problem.time.end": "1 s",
+        "accuracy": {"tolerance": 1e-9}, "expect": [],
+    })  # fmt: skip
+    result = scenario.run()
+    assert not [note for note in result.notes() if "kernel" in str(note)]
+    at_rest = result["theta2"].values[-1]
+    assert result["theta4"].values[-1] == pytest.approx(np.radians(110.0), rel=1e-12)
+    a, b, c, d = 0.10, 0.35, 0.25, 0.40
+    closing = np.exp(1j * np.radians(110.0)) * c + d - a * np.exp(1j * at_rest)
+    assert abs(closing) == pytest.approx(b, rel=1e-12)
+
+
 def test_a_stop_of_a_nut_is_met_though_its_spindle_turns_fast(write):
     """Lead 4 mm: 1571 rad/m, which is no dead point. With damping on the nut ``v = v0 exp(-t / T)``."""
     bodies = f"""

@@ -373,7 +373,7 @@ def disagreement(flow: LoopFlow, dynamics: Dynamics, states: Sequence[State], t:
         sizes = largest * _size(moved) + largest * _size(a) + _size(drift)
         worst.append(_size(matrix @ a + drift) / max(sizes, np.finfo(float).tiny))
         if driven and flow.judged.alone:
-            worst.append(_size(a[driven] - flow.motion.targets(t)[2]) / _size(a))
+            worst.append(_size(a[driven] - flow.motion.targets(t)[2]) / (_size(a) + _size(moved)))
     return float(np.max(worst))  # NaN included
 
 
