@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from math import isfinite
 from operator import truediv
 from typing import TYPE_CHECKING
 
@@ -52,8 +53,18 @@ class LeadingAxes:
         if len({x.shape[:-1] for x in arrays.values()}) > 1:
             shapes = ", ".join(f"{name}: {x.shape}" for name, x in arrays.items())
             raise InputError(f"the arrays have the shapes {shapes}", expected="the same axes before the last one")
-        shape = next(iter(arrays.values())).shape[:-1]
-        return cls(shape), [x.reshape(-1 if x.size else 0, given[name][1]) for name, x in arrays.items()]
+        leading = cls(next(iter(arrays.values())).shape[:-1])
+        rows = {name: x.reshape(-1 if x.size else 0, given[name][1]) for name, x in arrays.items()}
+        for name, x in rows.items():
+            if not isfinite(np.vdot(x, x)):  # the fastest look at all of them; squares may overflow
+                leading.require_finite(name, x)
+        return leading, [*rows.values()]
+
+    def require_finite(self, name: str, rows: Array) -> None:
+        """Raise where a number of an array of rows is infinite or NaN."""
+        for row, column in np.argwhere(~np.isfinite(rows)).tolist():
+            said = f"{name}[{column}] of {self.place(row)} is {rows[row, column]}"
+            raise InputError(said, expected="finite numbers", hint="leave out states that are not known")
 
     def unfold(self, rows: Array) -> Array:
         """Return an array of rows, shape (n, ...), with the leading axes in place of the first."""

@@ -57,6 +57,20 @@ def test_efforts_accelerations_and_quantities_keep_the_leading_axes(case):
         assert found[name].values == pytest.approx(rows[name].values.reshape(3, 4), rel=1e-12, abs=1e-12)
 
 
+def test_a_state_that_is_no_number_is_told_by_its_place(case):
+    mechanism, q, v, a, drives = case
+    unknown = q.reshape(3, 4, -1).copy()
+    unknown[1, 2, -1] = np.nan
+    v, a = (x.reshape(3, 4, -1) for x in (v, a))
+    place = rf"q\[{unknown.shape[-1] - 1}\] of state \(1, 2\) is nan"
+    for call in (lambda: mechanism.forward(unknown, v), lambda: mechanism.inverse(unknown, v, a, drives=drives)):
+        with pytest.raises(InputError, match=place):
+            call()
+    v = v * 1e200  # squares overflow, numbers do not
+    with pytest.raises(InputError, match=r"a\[0\] of state \(0, 0\) is -?inf"):
+        mechanism.inverse(q.reshape(unknown.shape), v, np.full_like(v, np.inf), drives=drives)
+
+
 def test_the_state_that_tears_a_loop_is_told_by_its_place():
     mechanism, *states, drives = four_bar()
     q, v, a = (x.reshape(3, 4, -1) for x in states)
