@@ -96,8 +96,8 @@ def grid_of(
     """
     joints = motion.prescribed.joint_laws
     start, end = float(t[0]), float(t[-1])
-    leaping = [force for force in forces if force.leaps]
-    jumps = [x for force in leaping for x in force.passages(joints, start, end)]
+    leaping = [law for force in forces if (law := force.law) is not None and law.leaps]
+    jumps = [x for law in leaping for x in law.passages(joints, start, end)]
     jumps += [x for law in laws if leaping for x in law.breakpoints() if start < x < end]  # where a joint comes to rest
     kinks = [x for relation in mechanism.relations for x in relation.passages(joints, start, end) if start < x < end]
     near = [x + side * BESIDE * (end - start) for x in kinks for side in (-1.0, 1.0)]

@@ -11,7 +11,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, nowhere
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Deferred
-from pinarm.mechanics.forces.force_element import ForceElement, LawElement, check_new
+from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.laws import Constant
 from pinarm.records import replace
 
@@ -30,7 +30,7 @@ def bind_constant_loads(
     forces = bind_loads(mechanism, loads, place)
     require_constant(forces, place)
     for name, force in forces.items():
-        if not moving and isinstance(force, LawElement) and force.condition and force.condition.gates:
+        if not moving and (law := force.law) is not None and law.gates:
             with place("loads", name):
                 raise InputError(
                     f"the force '{name}' acts in one direction of motion, and at rest there is none",

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.use.accuracy.error_estimate import estimate_errors
 from pinarm.use.facade import load
 from pinarm.use.mechanism import Mechanism

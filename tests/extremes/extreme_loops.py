@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
-from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.records import replace
 

@@ -8,7 +8,7 @@ from newton_euler import Mesh, newton_euler
 
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.forces.joint_forces import JointEffort
+from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics

@@ -8,7 +8,7 @@ from motions import driven, free, poses, wrench
 
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.forces.joint_forces import JointEffort
+from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.forces.points import PointSpring
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.records import replace

@@ -8,7 +8,7 @@ from catalogue import RODS, disc, screw_jack
 from motions import anywhere, driven, freely
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.mechanics.forces.joint_forces import JointEffort
+from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant, Cycloidal
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics

@@ -10,7 +10,7 @@ from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.quantities.names import Quantities
-from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.mechanics.laws import ConstantSpeed
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward

@@ -12,7 +12,7 @@ import pinarm
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.linear.force_balance import Driven, ForceBalance
 from pinarm.errors import AssemblyError, DynamicsError, InputError
-from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointEffort, JointSpring
 from pinarm.mechanics.forces.points import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy

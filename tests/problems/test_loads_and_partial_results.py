@@ -7,7 +7,7 @@ import pytest
 
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.errors import InputError, IntegrationError, Interrupted
-from pinarm.mechanics.forces.joint_forces import AppliedEffort, JointEffort
+from pinarm.mechanics.forces.along_coordinate import EffortAlong, JointEffort
 from pinarm.mechanics.forces.points import Wrench
 from pinarm.mechanics.laws import (
     Constant,
@@ -147,14 +147,14 @@ def stop_at(monkeypatch):
     """Let the user press Ctrl-C once the integration asks for a torque later than an instant."""
 
     def arrange(instant):
-        original = AppliedEffort.add_load
+        original = EffortAlong.add_load
 
         def add_load(element, t, q, v, tau):
             if np.size(t) == 1 and np.max(t) > instant:
                 raise KeyboardInterrupt
             original(element, t, q, v, tau)
 
-        monkeypatch.setattr(AppliedEffort, "add_load", add_load)
+        monkeypatch.setattr(EffortAlong, "add_load", add_load)
 
     return arrange
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pinarm.errors import AssemblyError
-from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
 from pinarm.problems.states import Statics

@@ -8,7 +8,7 @@ import pytest
 from pinarm.engine.integration.methods import METHODS
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import reading_from
-from pinarm.mechanics.forces.joint_forces import JointEffort, TorqueSpeed
+from pinarm.mechanics.forces.along_coordinate import JointEffort, TorqueSpeed
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Table
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward

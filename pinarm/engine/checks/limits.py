@@ -70,12 +70,10 @@ def excesses(run: Trajectory, highest: Highest | None = None) -> list[Excess]:
 
 def beyond_points(run: Trajectory) -> list[str]:
     """Return a note for each load that is used beyond the points of its law: there it goes on with its last slope."""
-    from pinarm.mechanics.forces.force_element import LawElement
-
     return [
         f"the law of the force '{name}' leaves its points: {said}, beyond them with its last slope"
         for name, force in run.dynamics.forces.items()
-        if isinstance(force, LawElement) and (said := force.beyond(run.grid.t, run.q))
+        if (law := force.law) is not None and (said := law.beyond(run.grid.t, run.q))
     ]
 
 

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics import mass_matrix
-from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad, LawElement
+from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.kinematics import WIDE, cached_by_model, new_data, require_depth_first
 from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants
@@ -25,6 +25,7 @@ from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration, Manifold
+    from pinarm.mechanics.forces.load_laws import LoadLaw
 
 
 def rnea(model: Model, q: Array, v: Array, a: Array) -> Array:
@@ -158,23 +159,27 @@ class Dynamics(Record, frozen=True):
         return self._on(start, end) if any(force.jumps for force in self.forces.values()) else self
 
     @cached_property
-    def _leaping(self) -> dict[str, LawElement]:
-        return {name: force for name, force in self.forces.items() if isinstance(force, LawElement) and force.leaps}
+    def _leaping(self) -> dict[str, LoadLaw]:
+        """Laws of the loads that may jump with the state."""
+        return {name: law for name, force in self.forces.items() if (law := force.law) is not None and law.leaps}
+
+    def _following(self, laws: Mapping[str, LoadLaw]) -> Dynamics:
+        return replace(self, forces={k: replace(x, law=laws[k]) if k in laws else x for k, x in self.forces.items()})
 
     def entered(self, q: Array, v: Array) -> Dynamics:
-        """Return the dynamics from a state to the next jump of a load; see ``ForceElement.entered``."""
-        leaping = {name: force.entered(q, v) for name, force in self._leaping.items()}
-        return replace(self, forces={**self.forces, **leaping}) if leaping else self
+        """Return the dynamics from a state to the next jump of a load; see ``LoadLaw.entered``."""
+        laws = {name: law.entered(q, v) for name, law in self._leaping.items()}
+        return self._following(laws) if laws else self
 
     def recording(self) -> Dynamics:
         """Return the dynamics of a motion that begins, whose loads are noted as they jump."""
-        fresh = {name: force.recording() for name, force in self._leaping.items()}
-        return replace(self, forces={**self.forces, **fresh}) if fresh else self
+        laws = {name: replace(law, history=[]) for name, law in self._leaping.items()}
+        return self._following(laws) if laws else self
 
     def note(self, t: float, entered: Dynamics) -> None:
         """Note what loads that jump are from an instant on [s]."""
-        for name, force in self._leaping.items():
-            force.note(t, entered._leaping[name])
+        for name, law in self._leaping.items():
+            law.history.append((t, entered._leaping[name]))
 
     def at_rows(
         self, grid: Grid, q: Array, v: Array, middle: Callable[[float, float], tuple[Array, Array]] | None = None
@@ -197,8 +202,7 @@ class Dynamics(Record, frozen=True):
     @property
     def leaps_with_joints(self) -> bool:
         """Whether loads may jump with the state of the mechanism, and do so with single joints only."""
-        conditions = [force.condition for force in self._leaping.values() if force.condition]
-        return bool(conditions) and all(condition.of_joints for condition in conditions)
+        return bool(self._leaping) and all(law.of_joints for law in self._leaping.values())
 
     @cached_property
     def _on(self) -> Callable[[float, float], Dynamics]:

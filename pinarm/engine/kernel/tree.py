@@ -33,6 +33,7 @@ from pinarm.engine.kernel.library import (
     library,
     pointer,
 )
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.laws.interpolated import ClampedSpline
 from pinarm.mechanics.laws.motion_law import PowerSeries, Values, Wave
@@ -259,11 +260,16 @@ class CompiledTree(Record, frozen=True):
             changing: The other force elements.
             guided: Coordinates that follow laws, whose joints have armatures that outweigh the tree.
         """
-        from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, SpringDamper
+        from pinarm.mechanics.forces.along_coordinate import EffortAlong
+        from pinarm.mechanics.forces.joint_forces import BallSpring, SpringDamper
         from pinarm.mechanics.forces.points import TwoPointSpring
 
-        applied = [force for force in changing if isinstance(force, AppliedEffort) and force.condition is None]
-        efforts = [Followed(effort.v, EFFORT, effort.function) for effort in applied]
+        efforts = [
+            Followed(force.coordinate.joint, EFFORT, force.law.function)
+            for force in changing
+            if isinstance(force, EffortAlong) and force.law.over_time_alone
+            if isinstance(force.coordinate, LinearCoordinate) and force.coordinate.joint is not None
+        ]
         springs = [force for force in changing if isinstance(force, SpringDamper)]
         balls = [(force.q, force.v, force.stiffness) for force in changing if isinstance(force, BallSpring)]
         lines = [self._between_points(force) for force in changing if isinstance(force, TwoPointSpring)]

@@ -13,7 +13,7 @@ from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.forces.along_coordinate import EffortAlong
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.forces.joint_forces import AppliedEffort
+from pinarm.mechanics.forces.load_laws import LoadLaw
 from pinarm.mechanics.forces.points import AppliedWrench
 from pinarm.mechanics.joints import effort_unit
 from pinarm.mechanics.laws import Constant
@@ -100,24 +100,23 @@ def with_inputs(mechanism: Mechanism, forces: Mapping[str, ForceElement], names:
     elements = dict(forces)
     for name in names:
         key = name.partition(".")[2] if name.startswith("force.") else ""
-        if key in forces and not all(isinstance(law, Constant) for law in forces[key].laws()):
-            elements[key] = replace(forces[key], law=Constant(value=0.0))
+        law = forces[key].law if key in forces else None
+        if law is not None and not isinstance(law.over_time, Constant):
+            elements[key] = replace(forces[key], law=replace(law, over_time=Constant(value=0.0)))
         key = name.removeprefix("coordinate.").removeprefix("joint.").removesuffix(".effort")
         along = mechanism.coordinates.get(name) or mechanism.coordinates.get(key)
         if along is not None and not isinstance(along, LinearCoordinate) and not name.endswith(".position"):
-            elements[added_name(key)] = EffortAlong(mechanism.model, along, Constant(value=0.0))
+            elements[added_name(key)] = EffortAlong(mechanism.model, along, LoadLaw(Constant(value=0.0)))
     return elements
 
 
 def _amplitude_unit(mechanism: Mechanism, force: ForceElement, name: str) -> Unit:
     """Return the unit of the amplitude of a force element; see ``_factor``."""
-    if isinstance(force, AppliedWrench) and force.condition is None:
+    if isinstance(force, AppliedWrench) and force.law.over_time_alone:
         pushes, turns = force.wrench[:3].any(), force.wrench[3:].any()
         return DIMENSIONLESS if pushes and turns else unit("N*m" if turns else "N")
-    if isinstance(force, EffortAlong) and force.condition is None:
+    if isinstance(force, EffortAlong) and force.law.over_time_alone:
         return effort_unit(force.coordinate)
-    if isinstance(force, AppliedEffort) and force.condition is None:
-        return effort_unit(next(joint for joint in mechanism.joints.values() if joint.v == force.v))
     raise InputError(
         f"the force '{name}' has no amplitude: it follows no law over time",
         expected="a wrench, joint_effort or coordinate_effort",
@@ -149,8 +148,9 @@ class SteppedLaw(Record, frozen=True):
 
 def stepped_force(force: ForceElement) -> ForceElement:
     """Return a force element with an imaginary step of its amplitude, on any interval."""
-    assert isinstance(force, AppliedWrench | EffortAlong | AppliedEffort)
-    return replace(force, law=SteppedLaw(force.law, 1j * STEP * _factor(force)))
+    assert isinstance(force, AppliedWrench | EffortAlong)
+    stepped = SteppedLaw(force.law.over_time, 1j * STEP * _factor(force))
+    return replace(force, law=replace(force.law, over_time=stepped))
 
 
 def force_load(state: Trajectory, name: str) -> Array:

@@ -260,7 +260,7 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         if known.parameter == "t":
             laws += [law for force in forces for law in force.laws()]
         ends, joints = sorted((self.cuts[0], self.cuts[-1])), self._joint_laws()
-        passed = [t for force in forces for t in force.marked(joints, *ends)]
+        passed = [t for force in forces if force.law for t in force.law.passages(joints, *ends, knots=True)]
         passed += [t for relation in known.mechanism.relations for t in relation.marked(joints, *ends)]
         return distinct(np.array([*(knot for law in laws for knot in law.knots()), *passed]))
 
@@ -271,7 +271,8 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
             InputError: There are too many.
         """
         laws, (start, *_, end), known = self._joint_laws(), self.cuts, list(self.cuts)
-        jumps = [t for force in self.prescription.dynamics.forces.values() for t in force.passages(laws, start, end)]
+        loads = [law for force in self.prescription.dynamics.forces.values() if (law := force.law) is not None]
+        jumps = [t for law in loads for t in law.passages(laws, start, end)]
         for jump in sorted(jumps):
             if np.abs(np.subtract(known, jump)).min() > APART * (end - start):
                 known.append(jump)

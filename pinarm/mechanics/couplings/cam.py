@@ -335,11 +335,12 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
         law = laws.get(self.cam_joint.v)
-        return [] if law is None else [t for t in self.profile.passages(law, start, end) if self._jumps(law, t)]
+        passed = self.profile.passed(self.profile.starts, law, start, end) if law else []
+        return [t for t in passed if law and self._jumps(law, t)]
 
     def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
         law = laws.get(self.cam_joint.v)
-        return [] if law is None else self.profile.marked(law, start, end)
+        return [] if law is None else self.profile.passed(self.profile.marks, law, start, end)
 
     def _jumps(self, law: MotionLaw, t: float) -> bool:
         return self._jumps_at(law.on(t, t)(np.array([t]))[0])

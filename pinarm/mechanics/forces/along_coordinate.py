@@ -1,29 +1,33 @@
-"""Springs, dampers, stops, elastic cables and efforts along coordinates, of joints, loop joints, points, distances."""
+"""Springs, dampers, stops, efforts and motor curves along coordinates: of joints, loop joints, points, distances."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
-import msgspec
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags
-from pinarm.errors import within
-from pinarm.input.units import unit
-from pinarm.input.yaml.schema import AnyQuantity, Damping, InputStruct, NotNegative, Span, Stiffness, check_unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PathLength, coordinate_of
-from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement, LawElement, Pieces
-from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys, MeasuredCoordinate
+from pinarm.arrays import Array, Flags, continued
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, NotNegative, Positive, check_each, check_unit
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, coordinate_of, coordinates_of, sum_of
+from pinarm.mechanics.forces.force_element import Edge, ElementQuantity, ForceElement, Pieces
+from pinarm.mechanics.forces.joint_forces import CREEP, DryFriction, SpringDamper
+from pinarm.mechanics.forces.load_laws import LoadKeys, LoadLaw, MeasuredCoordinate
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.joints import METRE, Joint, effort_unit
+from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws import Law
-from pinarm.mechanics.laws.motion_law import MotionLaw, Values
+from pinarm.mechanics.laws.motion_law import PowerSeries
 
 if TYPE_CHECKING:
     from pinarm.mechanics.rotors import Elasticity
+
+Coordinates: TypeAlias = Mapping[str, Coordinate]
+NONE: Coordinates = {}
 
 TOUCHING = 1e-13
 """Gap, relative to ``1 + |w|`` in SI, at which what pushes or pulls one way counts as closed: where it closes it is at
@@ -37,20 +41,24 @@ class AlongCoordinate(MeasuredCoordinate, ForceElement, frozen=True):
         """Return the effort [N*m or N] for values w and their rates, each of shape (n,)."""
         raise NotImplementedError
 
+    def acting(self, t: Array | float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the effort [N*m or N] in states, shape (...), and J, shape (..., nv)."""
+        w, rate, rows = self.moving(q, v)
+        return self.effort(t, w, rate), rows
+
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T effort`` to ``tau``."""
-        w, rate, rows = self.moving(q, v)
-        tau += np.asarray(self.effort(t, w, rate))[..., None] * rows
+        effort, rows = self.acting(t, q, v)
+        tau += np.asarray(effort)[..., None] * rows
+
+    def efforts(self, t: Array | float, q: Array, v: Array) -> Array:
+        return np.broadcast_to(self.acting(t, q, v)[0], q.shape[:-1])
 
     def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
         return self.coordinate.wrenches(links, self.efforts(t, links.q, v))
 
     def measures(self) -> Mapping[str, ElementQuantity]:
         return {"effort": ElementQuantity(effort_unit(self.coordinate), self.efforts)}
-
-    def efforts(self, t: Array, q: Array, v: Array) -> Array:
-        w, rate, _ = self.moving(q, v)
-        return np.broadcast_to(self.effort(t, w, rate), w.shape)
 
 
 class SpringAlong(AlongCoordinate, frozen=True):
@@ -78,8 +86,6 @@ class SpringAlong(AlongCoordinate, frozen=True):
         return np.asarray(0.5 * self.stiffness * stretched**2 + self.force * stretched)
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        if not self.damping:
-            return np.zeros(q.shape[:-1])
         return np.asarray(self.damping * self.moving(q, v)[1] ** 2)
 
     @property
@@ -156,71 +162,117 @@ class StopSpring(AlongCoordinate, frozen=True):
         return Pieces(np.array([-self.half, self.half]))
 
 
-class TautSpring(StopSpring, frozen=True):
-    """An elastic cable: it pulls along a path that is longer than its free length, and is slack on a shorter one."""
-
-    @property
-    def path(self) -> PathLength:
-        assert isinstance(self.coordinate, PathLength)
-        return self.coordinate
-
-    @property
-    def points(self) -> tuple[int, ...]:
-        return self.path.frames
-
-    def measures(self) -> Mapping[str, ElementQuantity]:
-        return {
-            "length": ElementQuantity(METRE, lambda t, q, v: self.values(q)),
-            "tension": ElementQuantity(unit("N"), lambda t, q, v: -self.efforts(t, q, v)),
-        }
-
-    @property
-    def description(self) -> str:
-        return f"cable through {self.path.words(self.model)}"
-
-
-class EffortAlong(AlongCoordinate, LawElement, frozen=True):
-    """A torque or force that follows a law; all of its power is supplied.
+class MotorCurve(AlongCoordinate, frozen=True):
+    """A motor at full power: its effort is a function of its velocity, linear between points, constant beyond them.
 
     Attributes:
-        law: The effort [N*m or N] over time, or a factor over time of that of the condition.
+        speeds: Velocities of the points, ascending [rad/s or m/s], shape (k,).
+        torques: Efforts there [N*m or N], shape (k,).
     """
 
-    law: MotionLaw
-    function: Callable[[Array], Values] | None = None
-    condition: LoadCondition | None = None
+    speeds: Array
+    torques: Array
+    in_pieces: ClassVar[bool] = True
 
-    def efforts(self, t: Array, q: Array, v: Array) -> Array:
-        return np.broadcast_to(self.law_at(t, q, v), q.shape[:-1])
+    def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
+        return continued(self._curve, rate)
 
-    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
-        tau += np.asarray(self.law_at(t, q, v))[..., None] * self.moving(q, v)[2]
+    def _curve(self, rate: Array) -> tuple[Array, Array]:
+        place = np.searchsorted(self.speeds, rate)
+        slopes = np.concatenate([[0.0], np.diff(self.torques) / np.diff(self.speeds), [0.0]])
+        return np.interp(rate, self.speeds, self.torques), slopes[place]
+
+    def passed(self, q: Array, v: Array) -> bool:
+        return self._pieces.passed(self.moving(q, v)[1])
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return Pieces(self.speeds)
 
 
-class CoordinateSpring(InputStruct, frozen=True, tag_field="kind", tag="coordinate_spring"):
-    """Spring and damper along a coordinate, such as ``L.angle`` or ``L.position`` of a loop joint L.
+class EffortAlong(AlongCoordinate, frozen=True):
+    """A torque or force that follows a law; all of its power is supplied, also where it could be a spring.
 
     Attributes:
-        coordinate: The coordinate.
-        stiffness: Effort per way or angle.
-        damping: Effort per speed.
-        rest: Value at which the spring is free.
+        law: The effort [N*m or N].
     """
 
-    coordinate: str
+    law: LoadLaw
+
+    def acting(self, t: Array | float, q: Array, v: Array) -> tuple[Array, Array]:
+        return self.law(t, q, v), self.evaluated(q)[1]
+
+    @property
+    def steady(self) -> bool:
+        function = self.law.function if self.law.over_time_alone else None
+        constant = isinstance(function, PowerSeries) and len(function.coefficients) == 1
+        return constant and isinstance(self.coordinate, LinearCoordinate)
+
+
+class SpringKeys(InputStruct, frozen=True, kw_only=True):
+    """The keys of a spring and damper along a coordinate.
+
+    Attributes:
+        stiffness: Effort per coordinate, such as ``20 N*m/rad``.
+        damping: Effort per velocity, such as ``0.1 N*m*s/rad``.
+        rest: Coordinate at which the spring is free, such as ``30 deg``.
+    """
+
     stiffness: NotNegative = 0.0
     damping: NotNegative = 0.0
     rest: AnyQuantity = 0.0
 
-    def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> ForceElement:
-        with within("coordinate"):
-            along = coordinate_of(model, coordinates, self.coordinate)
+    def spring(self, model: pin.Model, along: Coordinate) -> ForceElement:
+        """Return the spring along a coordinate; at a joint one that the compiled kernel knows."""
         stiff = effort_unit(along) / along.unit
-        units = {"stiffness": stiff, "damping": stiff * unit("s"), "rest": along.unit}
-        for key, measured in units.items():
-            with within(key):
-                check_unit(getattr(self, key), measured)
-        return SpringAlong(model, along, float(self.stiffness), float(self.damping), float(self.rest))
+        _check(self, stiffness=stiff, rest=along.unit, damping=stiff * unit("s"))
+        numbers = float(self.stiffness), float(self.damping), float(self.rest)
+        if not isinstance(along, LinearCoordinate) or along.joint is None:
+            return SpringAlong(model, along, *numbers)
+        joint = np.array([along.joint])
+        return SpringDamper(along.places[joint], joint, *(np.array([number]) for number in numbers))
+
+
+class JointSpring(SpringKeys, frozen=True, tag_field="kind", tag="joint_spring"):
+    """Spring and damper between a joint's two links.
+
+    Attributes:
+        joint: The joint, such as ``knee``.
+    """
+
+    joint: str
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
+        return self.spring(model, _at_joint(model, joints, self.joint))
+
+
+class CoordinateSpring(SpringKeys, frozen=True, tag_field="kind", tag="coordinate_spring"):
+    """Spring and damper along a coordinate, such as ``L.angle`` or ``L.position`` of a loop joint L.
+
+    Attributes:
+        coordinate: The coordinate.
+    """
+
+    coordinate: str
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
+        return self.spring(model, _along(model, coordinates, self.coordinate))
+
+
+class JointEffort(LoadKeys, frozen=True, tag_field="kind", tag="joint_effort"):
+    """Torque or force at a joint, over time or over a coordinate, such as a turning-moment diagram.
+
+    Attributes:
+        joint: Joint that it acts on.
+        effort: The law.
+    """
+
+    joint: str
+    effort: Law
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
+        along, known = _at_joint(model, joints, self.joint), coordinates or coordinates_of(model, joints, {})
+        return EffortAlong(model, along, self.load_law("effort", effort_unit(along), model, known))
 
 
 class CoordinateEffort(LoadKeys, frozen=True, tag_field="kind", tag="coordinate_effort"):
@@ -234,36 +286,69 @@ class CoordinateEffort(LoadKeys, frozen=True, tag_field="kind", tag="coordinate_
     coordinate: str
     effort: Law
 
-    def bind(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> ForceElement:
-        with within("coordinate"):
-            along = coordinate_of(model, coordinates, self.coordinate)
-        law, condition = self.acting("effort", effort_unit(along), model, coordinates)
-        return EffortAlong(model, along, law=law, condition=condition)
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
+        along = _along(model, coordinates, self.coordinate)
+        return EffortAlong(model, along, self.load_law("effort", effort_unit(along), model, coordinates))
 
 
-class ElasticCable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
-    """An elastic cable from one link over others to the last one; it pulls, and is slack where it is too long.
+class RegularisedFriction(InputStruct, frozen=True, tag_field="kind", tag="regularised_friction"):
+    """Dry friction between a joint's two links, regularised: ``-friction tanh(v / creep)``; see ``DryFriction``.
 
-    While the path through the links, of length l, is longer than the free length l0, the tension is
-    ``S = max(stiffness (l - l0) + damping l', 0)``. On the way it runs without friction over small pulleys or through
-    eyes, as the loop joint ``cable``, which does not stretch.
+    It never sticks. For friction that does, see ``friction`` in the mechanism file.
 
     Attributes:
-        through: The links, from one end to the other, such as ``[weight, pulley, door]``.
-        stiffness: Of the whole cable: modulus times cross-section over its length.
-        damping: Such as ``50 N*s/m``.
-        free_length: Length without tension.
+        joint: Joint that it acts in.
+        friction: Largest load [N*m or N].
+        creep: Velocity below which it gives way [rad/s or m/s].
     """
 
-    through: Annotated[list[str], msgspec.Meta(min_length=2)]
-    stiffness: Stiffness
-    free_length: Span
-    damping: Damping = 0.0
+    joint: str
+    friction: NotNegative
+    creep: Positive = CREEP
 
-    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        path = PathLength.through(model, self.through)
-        numbers = float(self.stiffness), float(self.damping), float(self.free_length)
-        return TautSpring(model, path, *numbers, (1.0,))
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
+        along = _at_joint(model, joints, self.joint)
+        _check(self, friction=effort_unit(along), creep=along.unit / unit("s"))
+        return DryFriction(along.moved, np.array([float(self.friction)]), np.array([float(self.creep)]))
+
+
+class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"):
+    """A motor's curve at its joint.
+
+    Attributes:
+        joint: The joint that it drives.
+        curve: Pairs of velocity and effort, ascending, such as ``[[0 rpm, 8 N*m], [3000 rpm, 0 N*m]]``.
+    """
+
+    joint: str
+    curve: list[tuple[AnyQuantity, AnyQuantity]]
+
+    def check(self) -> None:
+        if len(self.curve) < 2 or any(b <= a for (a, _), (b, _) in pairwise(self.curve)):
+            raise InputError("the velocities of the curve do not ascend", expected="two points or more, ascending")
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
+        along = _at_joint(model, joints, self.joint)
+        for row, point in enumerate(self.curve):
+            with within("curve", row):
+                check_each(point, along.unit / unit("s"), effort_unit(along))
+        return MotorCurve(model, along, *np.array(self.curve, float).T)
+
+
+def _at_joint(model: pin.Model, joints: Mapping[str, Joint], name: str) -> LinearCoordinate:
+    with within("joint"):
+        return sum_of(model, joints, [name])
+
+
+def _along(model: pin.Model, coordinates: Coordinates, name: str) -> Coordinate:
+    with within("coordinate"):
+        return coordinate_of(model, coordinates, name)
+
+
+def _check(keys: InputStruct, **expected: Unit) -> None:
+    for name, measured in expected.items():
+        with within(name):
+            check_unit(getattr(keys, name), measured)
 
 
 def elastic_gear(
@@ -275,10 +360,8 @@ def elastic_gear(
         backlash: [rad or m].
     """
     stiff = effort_unit(deflection) / deflection.unit
-    given = ("stiffness", elasticity.stiffness, stiff), ("damping", elasticity.damping, stiff * unit("s"))
-    for key, value, expected in given:
-        with within("elasticity", key):
-            check_unit(value, expected)
+    with within("elasticity"):
+        _check(elasticity, stiffness=stiff, damping=stiff * unit("s"))
     with within("backlash"):
         check_unit(backlash, deflection.unit)
     stiffness, damping = float(elasticity.stiffness), float(elasticity.damping)

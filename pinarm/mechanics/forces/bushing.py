@@ -25,6 +25,7 @@ from pinarm.input.yaml.schema import (
     check_unit,
 )
 from pinarm.mechanics.coordinates import PairCoordinate, rotation
+from pinarm.mechanics.forces.along_coordinate import NONE, Coordinates
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
@@ -382,7 +383,7 @@ class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
     stiffness: SpringRates = msgspec.field(default_factory=SpringRates)
     damping: DampingRates = msgspec.field(default_factory=DampingRates)
 
-    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
         first, second = frames_of(model, self.between)
         if model.frames[first].parentJoint == model.frames[second].parentJoint:
             with within("between"):

@@ -13,12 +13,12 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices, distinct
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.mechanics.laws.motion_law import MotionLaw, Values
+from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.coordinates import PairCoordinate
-    from pinarm.mechanics.forces.load_conditions import LoadCondition
+    from pinarm.mechanics.forces.load_laws import LoadLaw
     from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 
@@ -129,7 +129,7 @@ class ForceElement(ABC):
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the power that leaves the mechanism [W], shape (...)."""
-        return -power(self, t, q, v)
+        return np.zeros(v.shape[:-1]) if self.conservative else -power(self, t, q, v)
 
     @property
     def conservative(self) -> bool:
@@ -146,9 +146,14 @@ class ForceElement(ABC):
         """The load where it is the same in all states between changes in time that no law tells; ``None`` elsewhere."""
         return None
 
+    @property
+    def law(self) -> LoadLaw | None:
+        """The law that the load follows, over time or over a coordinate; ``None`` where it follows none."""
+        return None
+
     def laws(self) -> list[MotionLaw]:
         """Return the laws over time that the load follows; it may jump where they do."""
-        return []
+        return [self.law.over_time] if self.law else []
 
     @property
     def jumps(self) -> bool:
@@ -157,12 +162,12 @@ class ForceElement(ABC):
 
     def on(self, start: float, end: float) -> ForceElement:
         """Return the element as it is on an interval of time in which no law jumps."""
-        return self
+        return replace(self, law=self.law.on(start, end)) if self.law else self
 
     @property
     def in_pieces(self) -> bool:
         """Whether the load is made of pieces along a coordinate or a velocity."""
-        return False
+        return self.law is not None and self.law.profile is not None
 
     def passed(self, q: Array, v: Array) -> bool:
         """Return whether a step may have gone past a piece of the load without having seen it; see ``Pieces``.
@@ -171,39 +176,11 @@ class ForceElement(ABC):
             q: Configurations along the step, its ends included, shape (n, nq).
             v: Velocities, shape (n, nv).
         """
-        return False
-
-    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when the load passes points of its pieces where joints follow laws, by their index in v [s]."""
-        return []
-
-    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when the load jumps with the positions of joints that follow laws, by their index in v [s]."""
-        return []
+        return self.law is not None and self.law.passed(q)
 
     def edges(self) -> Sequence[Edge]:
         """Return where the load stops being smooth, if these instants are to be located: steps end there."""
-        return ()
-
-    @property
-    def leaps(self) -> bool:
-        """Whether the load may jump at edges: motions then take it as it is from one edge to the next; see ``entered``.
-
-        Such an element notes in a motion what it is from an instant on.
-        """
-        return False
-
-    def entered(self, q: Array, v: Array) -> ForceElement:
-        """Return the element as it is from a state, shapes (nq,) and (nv,), to the next edge, and smooth beyond it."""
-        return self
-
-    def within(self, kept_q: Indices, kept_v: Indices) -> ForceElement | None:
-        """Return the element as it acts on a part of the mechanism, whose other joints are at rest.
-
-        Returns:
-            ``None`` where it takes more than indices to tell.
-        """
-        return None
+        return self.law.edges() if self.law else ()
 
     def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
         """Return the external wrenches on links in n states: joint index -> [f; m] at the world's origin, (n, 6).
@@ -241,71 +218,6 @@ class ForceElement(ABC):
     def description(self) -> str:
         """Kind and place of the element, in words; may be empty."""
         return ""
-
-
-class LawElement(ForceElement):
-    """An element whose load follows a law of time, times what a condition says of the state.
-
-    Attributes:
-        condition: What of the load depends on the state; ``None`` where nothing does.
-    """
-
-    law: MotionLaw
-    function: Callable[[Array], Values] | None
-    condition: LoadCondition | None
-
-    def laws(self) -> list[MotionLaw]:
-        return [self.law]
-
-    def on(self, start: float, end: float) -> ForceElement:
-        condition = self.condition and self.condition.on(start, end)
-        return replace(self, function=self.law.on(start, end), condition=condition)
-
-    def law_at(self, t: Array | float, q: Array, v: Array) -> Array:
-        if self.function is None:
-            raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
-        value = np.asarray(self.function(np.asarray(t, float))[0])
-        return value if self.condition is None else value * self.condition.factor(q, v)
-
-    @property
-    def in_pieces(self) -> bool:
-        return bool(self.condition and self.condition.profile)
-
-    def passed(self, q: Array, v: Array) -> bool:
-        return bool(self.condition and self.condition.passed(q))
-
-    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        return self.condition.marked(laws, start, end) if self.condition else []
-
-    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        return self.condition.passages(laws, start, end) if self.condition else []
-
-    def edges(self) -> Sequence[Edge]:
-        return self.condition.edges() if self.condition else ()
-
-    @property
-    def leaps(self) -> bool:
-        return bool(self.condition and self.condition.leaps)
-
-    def entered(self, q: Array, v: Array) -> LawElement:
-        return replace(self, condition=self.condition.entered(q, v)) if self.condition and self.leaps else self
-
-    def beyond(self, t: Array, q: Array) -> str:
-        """Return a note on instants or configurations beyond the points of a law; empty where there are none."""
-        if self.condition and (said := self.condition.beyond(q)):
-            return said
-        first, last = self.law.ends
-        if self.law.may_jump or not len(t) or (t.min() >= first and t.max() <= last):
-            return ""
-        return f"its points go from {first:.6g} to {last:.6g} s, and it is used from {t.min():.6g} to {t.max():.6g} s"
-
-    def recording(self) -> LawElement:
-        return replace(self, condition=self.condition and replace(self.condition, history=[]))
-
-    def note(self, t: float, entered: LawElement) -> None:
-        """Note what the element is from an instant on [s]."""
-        if self.condition and entered.condition:
-            self.condition.history.append((t, entered.condition))
 
 
 def refusals(forces: Mapping[str, ForceElement], q: Array) -> str:

@@ -30,7 +30,7 @@ class FunctionEffort(AlongCoordinate, frozen=True):
     plant: Plant
     readers: dict[str, Reader]
 
-    def efforts(self, t: Array | float, q: Array, v: Array) -> Array:
+    def acting(self, t: Array | float, q: Array, v: Array) -> tuple[Array, Array]:
         if np.iscomplexobj(q) or np.iscomplexobj(v):
             raise InputError(
                 f"{self.words} has no exact derivatives, which this question needs",
@@ -39,13 +39,10 @@ class FunctionEffort(AlongCoordinate, frozen=True):
         states = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
         instants = np.broadcast_to(np.asarray(t, float), len(states[0])).tolist()
         efforts = [self._at(*state) for state in zip(instants, *states, strict=True)]
-        return np.array(efforts).reshape(q.shape[:-1])
+        return np.array(efforts).reshape(q.shape[:-1]), self.evaluated(q)[1]
 
     def _at(self, t: float, q: Array, v: Array) -> float:
         return float(returned(self.function, self.words, MeasuredState(t, q, v, self.plant, self.readers), 1)[0])
-
-    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
-        tau += self.efforts(t, q, v)[..., None] * self.moving(q, v)[2]
 
     @property
     def description(self) -> str:

@@ -8,11 +8,17 @@ import pinocchio as pin
 
 from pinarm.errors import InputError, within
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring, ElasticCable
+from pinarm.mechanics.forces.along_coordinate import (
+    CoordinateEffort,
+    CoordinateSpring,
+    JointEffort,
+    JointSpring,
+    RegularisedFriction,
+    TorqueSpeed,
+)
 from pinarm.mechanics.forces.bushing import Bushing
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
-from pinarm.mechanics.forces.points import PointSpring, Wrench
+from pinarm.mechanics.forces.points import ElasticCable, PointSpring, Wrench
 from pinarm.mechanics.joints import Joint
 
 Force = (
@@ -34,13 +40,9 @@ def bound(
     force: Force, model: pin.Model, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate]
 ) -> ForceElement:
     """Return the element of one model that a file gives."""
-    if isinstance(force, CoordinateSpring | CoordinateEffort):
-        return force.bind(model, coordinates)
     if isinstance(force, JointSpring | JointEffort) and force.joint not in joints:
         _refuse_coordinate(force, coordinates)
-    if isinstance(force, JointEffort | Wrench):
-        return force.bind(model, joints, coordinates)
-    return force.bind(model, joints)
+    return force.bind(model, joints, coordinates)
 
 
 def _refuse_coordinate(force: JointSpring | JointEffort, coordinates: Mapping[str, Coordinate]) -> None:

@@ -1,10 +1,10 @@
-"""Forces at points of links: wrenches, and springs and dampers between two points."""
+"""Forces at points of links: wrenches, springs and dampers between two points, and elastic cables."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import numpy as np
@@ -13,24 +13,23 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.units import DIMENSIONLESS, unit
-from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
-from pinarm.mechanics.coordinates import Coordinate, PairCoordinate, coordinates_of, distance
-from pinarm.mechanics.forces.along_coordinate import SpringAlong
-from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement, LawElement
-from pinarm.mechanics.forces.load_conditions import LoadCondition, LoadKeys
+from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Span, Stiffness
+from pinarm.mechanics.coordinates import PathLength, coordinates_of, distance
+from pinarm.mechanics.forces.along_coordinate import NONE, AlongCoordinate, Coordinates, SpringAlong, StopSpring
+from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
+from pinarm.mechanics.forces.load_laws import LoadKeys, LoadLaw
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed, joined
 from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
-from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 from pinarm.records import AbstractRecord
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.frame_pairs import FramePairs
 
 
-class AppliedWrench(AbstractRecord, LawElement, frozen=True):
+class AppliedWrench(AbstractRecord, ForceElement, frozen=True):
     """A force and moment at a link's origin, constant in the axes of a frame, times a law.
 
     All of its power is supplied; the potential of a constant force is not counted as energy of the mechanism.
@@ -47,9 +46,7 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
     frame: int
     axes: int
     wrench: Array
-    law: MotionLaw
-    function: Callable[[Array], Values] | None = None
-    condition: LoadCondition | None = None
+    law: LoadLaw
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T w`` to ``tau``; of one state by Pinocchio, in a twentieth of the time."""
@@ -57,13 +54,13 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
             state = Kinematics.at(self.model, q)
             turn, parts = state.data.oMf[self.axes].rotation, self.wrench.reshape(2, 3)
             jacobian = pin.getFrameJacobian(self.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
-            tau += self.law_at(t, q, v) * ((parts @ turn.T).ravel() @ jacobian.reshape(6, -1))
+            tau += self.law(t, q, v) * ((parts @ turn.T).ravel() @ jacobian.reshape(6, -1))
             return
         flat = q.reshape(-1, q.shape[-1])
         point, axes = (frames.at_configurations(flat) for frames in self._frame_pairs)
         force, moment = (np.tensordot(part, axes.turn, (0, 1)) for part in (self.wrench[:3], self.wrench[3:]))
         efforts = point.efforts(force, moment)[:, 0].T.reshape(*q.shape[:-1], -1)
-        tau[..., point.pairs.velocities[:, 0]] += self.law_at(t, q, v)[..., None] * efforts
+        tau[..., point.pairs.velocities[:, 0]] += self.law(t, q, v)[..., None] * efforts
 
     @cached_property
     def _frame_pairs(self) -> tuple[FramePairs, FramePairs]:
@@ -79,11 +76,30 @@ class AppliedWrench(AbstractRecord, LawElement, frozen=True):
     def wrenches(self, links: LinkPlacements, t: Array, v: Array) -> dict[int, Array]:
         turns, points = links.frame(self.axes)[0], links.frame(self.frame)[1]
         force, moment = (np.matvec(turns, part) for part in (self.wrench[:3], self.wrench[3:]))
-        whole = self.law_at(t, links.q, v)[..., None] * joined(force, moment + crossed(points, force))
+        whole = self.law(t, links.q, v)[..., None] * joined(force, moment + crossed(points, force))
         return {self.model.frames[self.frame].parentJoint: whole}
 
 
-class TwoPointSpring(SpringAlong, frozen=True):
+class PathElement(AlongCoordinate, frozen=True):
+    """What pulls along a path through the origins of links."""
+
+    @property
+    def path(self) -> PathLength:
+        assert isinstance(self.coordinate, PathLength)
+        return self.coordinate
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        return self.path.frames
+
+    def measures(self) -> Mapping[str, ElementQuantity]:
+        return {
+            "length": ElementQuantity(METRE, lambda t, q, v: self.values(q)),
+            "tension": ElementQuantity(unit("N"), lambda t, q, v: -self.efforts(t, q, v)),
+        }
+
+
+class TwoPointSpring(PathElement, SpringAlong, frozen=True):
     """Spring, damper and constant pull between the origins of two links, along their line.
 
     ``tension = stiffness (l - free_length) + damping l' + force``, positive where it pulls the points together. Where
@@ -91,24 +107,13 @@ class TwoPointSpring(SpringAlong, frozen=True):
     ``stiffness d`` as a vector, with d from one point to the other, and 0 there.
     """
 
-    def _evaluated(self, q: Array) -> tuple[Array, Array]:
-        lengths, rows = super()._evaluated(q)
+    def evaluated(self, q: Array) -> tuple[Array, Array]:
+        lengths, rows = super().evaluated(q)
         if (self.rest or self.force or self.damping) and not lengths.all():
             where = q.reshape(-1, q.shape[-1])[lengths.argmin()]
             said = f"the points {self._named} of a two-point spring meet: its direction is undetermined"
             raise DynamicsError(f"{said} where {format_configuration(self.model, where)}", q=where)
         return lengths, rows
-
-    @property
-    def points(self) -> tuple[int, ...]:
-        assert isinstance(self.coordinate, PairCoordinate)
-        return self.coordinate.way.first, self.coordinate.way.second
-
-    def measures(self) -> Mapping[str, ElementQuantity]:
-        return {
-            "length": ElementQuantity(METRE, lambda t, q, v: self.values(q)),
-            "tension": ElementQuantity(unit("N"), lambda t, q, v: -self.efforts(t, q, v)),
-        }
 
     @property
     def description(self) -> str:
@@ -117,6 +122,14 @@ class TwoPointSpring(SpringAlong, frozen=True):
     @property
     def _named(self) -> str:
         return " and ".join(self.model.frames[frame].name for frame in self.points)
+
+
+class TautSpring(PathElement, StopSpring, frozen=True):
+    """An elastic cable: it pulls along a path that is longer than its free length, and is slack on a shorter one."""
+
+    @property
+    def description(self) -> str:
+        return f"cable through {self.path.words(self.model)}"
 
 
 class Wrench(LoadKeys, frozen=True, tag_field="kind", tag="wrench"):
@@ -136,16 +149,13 @@ class Wrench(LoadKeys, frozen=True, tag_field="kind", tag="wrench"):
     axes: str = "world"
     factor: Law = msgspec.field(default_factory=lambda: Constant(value=1.0))
 
-    def bind(
-        self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate] | None = None
-    ) -> ForceElement:
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
         with within("axes"):
             axes = 0 if self.axes == "world" else frame_of(model, self.axes)
         with within("point"):
             frame = frame_of(model, self.point)
-        law, condition = self.acting("factor", DIMENSIONLESS, model, coordinates or coordinates_of(model, joints, {}))
-        wrench = np.array([*self.force, *self.moment], float)
-        return AppliedWrench(model, frame, axes, wrench, law, condition=condition)
+        law = self.load_law("factor", DIMENSIONLESS, model, coordinates or coordinates_of(model, joints, {}))
+        return AppliedWrench(model, frame, axes, np.array([*self.force, *self.moment], float), law)
 
 
 class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"):
@@ -169,7 +179,30 @@ class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"
     free_length: Length = 0.0
     force: Force = 0.0
 
-    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
-        frames = frames_of(model, self.between)
-        numbers = map(float, (self.stiffness, self.damping, self.free_length, self.force))
-        return TwoPointSpring(model, distance(*frames), *numbers)
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
+        ends = PathLength((distance(*frames_of(model, self.between)),))
+        return TwoPointSpring(model, ends, *map(float, (self.stiffness, self.damping, self.free_length, self.force)))
+
+
+class ElasticCable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
+    """An elastic cable from one link over others to the last one; it pulls, and is slack where it is too long.
+
+    While the path through the links, of length l, is longer than the free length l0, the tension is
+    ``S = max(stiffness (l - l0) + damping l', 0)``. On the way it runs without friction over small pulleys or through
+    eyes, as the loop joint ``cable``, which does not stretch.
+
+    Attributes:
+        through: The links, from one end to the other, such as ``[weight, pulley, door]``.
+        stiffness: Of the whole cable: modulus times cross-section over its length.
+        damping: Such as ``50 N*s/m``.
+        free_length: Length without tension.
+    """
+
+    through: Annotated[list[str], msgspec.Meta(min_length=2)]
+    stiffness: Stiffness
+    free_length: Span
+    damping: Damping = 0.0
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
+        numbers = float(self.stiffness), float(self.damping), float(self.free_length)
+        return TautSpring(model, PathLength.through(model, self.through), *numbers, (1.0,))

@@ -38,11 +38,8 @@ TOLERANCES = {"xatol": 0.0, "xrtol": 4e-16, "fatol": 0.0, "frtol": 0.0}
 ON_BREAKPOINT = 1e-12
 """Distance from a breakpoint, relative to the size of the breakpoints, below which a value is on it."""
 
-MANY = 10_000
-"""Largest number of breakpoints that a driven profile may pass."""
-
-MANY_KNOTS = 100_000
-"""Largest number of knots that a driven profile may pass: steps end there, and figures look between them."""
+MANY = 100_000
+"""Largest number of points that a driven profile may pass: steps end there, and figures look between them."""
 
 
 class Profile(ValueRecord, frozen=True):
@@ -93,10 +90,10 @@ class Profile(ValueRecord, frozen=True):
     @property
     def marks(self) -> Array:
         """Where pieces begin, and their knots, ascending; those of the first period where it repeats."""
-        return np.array(sorted([*self.starts, *self._knots]))
+        return np.array(sorted([*self.starts, *self.knots]))
 
     @property
-    def _knots(self) -> list[float]:
+    def knots(self) -> list[float]:
         return [knot for piece in self.pieces for knot in piece.knots]
 
     @property
@@ -122,55 +119,36 @@ class Profile(ValueRecord, frozen=True):
         below, above = leaps[leaps <= near], leaps[leaps > near]
         return float(below.max(initial=-math.inf)), float(above.min(initial=math.inf))
 
-    def _repeated(self, places: Sequence[float] | Array, low: float, high: float, most: int) -> Array:
+    def passed(self, places: Sequence[float] | Array, drive: MotionLaw, start: float, end: float) -> list[float]:
+        """Return when a law over time passes places of the profile, in every period, between two instants [s]."""
+        instants: list[float] = []
+        for function, low, high in _pieces_between(drive, start, end):
+            instants += self.crossings(places, function, low, high)
+            if len(instants) > MANY:
+                raise InputError("the profile's points are passed too often", expected="a shorter motion")
+        return instants
+
+    def crossings(
+        self, places: Sequence[float] | Array, drive: Callable[[Array], Values], low: float, high: float
+    ) -> list[float]:
+        """Return when a smooth motion passes places of the profile, in every period, ascending [s]."""
+        if not len(places):
+            return []
+        t, w = _one_way(drive, low, high)
+        return _passages(drive, t, w, self._repeated(places, float(w.min()), float(w.max())))
+
+    def _repeated(self, places: Sequence[float] | Array, low: float, high: float) -> Array:
         own = np.array(places)
         if self.period < math.inf and math.isfinite(low) and math.isfinite(high):
             with np.errstate(over="ignore", invalid="ignore"):
                 first, last = np.floor(low / np.float64(self.period)), np.floor(high / np.float64(self.period))
-                if not (last - first + 1) * len(own) <= most:
+                if not (last - first + 1) * len(own) <= MANY:
                     raise InputError(
                         f"the profile is passed {last - first:.3g} times, and has {len(own)} points",
-                        expected=f"a shorter motion, that passes {most} points at most",
+                        expected=f"a shorter motion, that passes {MANY} points at most",
                     )
             own = (self.period * np.arange(first, last + 1)[:, None] + own).ravel()
         return own[(own > low) & (own < high)]
-
-    def passages(self, drive: MotionLaw, start: float, end: float) -> list[float]:
-        """Return the instants at which a law over time passes the breakpoints between two instants, ascending [s]."""
-        return self._passed(self.starts, drive, start, end, MANY)
-
-    def jumped(self, drive: MotionLaw, start: float, end: float) -> list[float]:
-        """Return the instants at which a law over time passes jumps of f between two instants, ascending [s]."""
-        return self._passed(self.leaps, drive, start, end, MANY)
-
-    def marked(self, drive: MotionLaw, start: float, end: float) -> list[float]:
-        """Return the instants at which a law over time passes breakpoints or knots, ascending [s]."""
-        return self._passed(self.marks, drive, start, end, MANY_KNOTS)
-
-    def _passed(
-        self, places: Sequence[float] | Array, drive: MotionLaw, start: float, end: float, most: int
-    ) -> list[float]:
-        instants: list[float] = []
-        for function, low, high in _pieces_between(drive, start, end):
-            instants += self._passed_by(function, low, high, (places, most))[0]
-            if len(instants) > most:
-                raise InputError("the profile's points are passed too often", expected="a shorter motion")
-        return instants
-
-    def cuts_and_knots(self, drive: Callable[[Array], Values], low: float, high: float) -> list[list[float]]:
-        """Return the instants at which a smooth motion passes breakpoints, and those at which it passes knots."""
-        return self._passed_by(drive, low, high, (self.starts, MANY), (self._knots, MANY_KNOTS))
-
-    def _passed_by(
-        self,
-        drive: Callable[[Array], Values],
-        low: float,
-        high: float,
-        *groups: tuple[Sequence[float] | Array, int],
-    ) -> list[list[float]]:
-        t, w = _one_way(drive, low, high)
-        ends = float(w.min()), float(w.max())
-        return [_passages(drive, t, w, self._repeated(places, *ends, most)) for places, most in groups]
 
     def beside(self, middle: float, w: Array) -> Values:
         """Return f, f' and f'' at w by the piece at ``middle`` where w lies on it, otherwise by the piece at w."""
@@ -273,7 +251,10 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
         parts: list[Piece] = []
         for piece in drive.smooth_pieces:
             low, high = max(piece.start, start), min(piece.end, end)
-            cuts, knots = profile.cuts_and_knots(piece.function, low, high) if low < high else ([], [])
+            cuts, knots = (
+                profile.crossings(places, piece.function, low, high) if low < high else []
+                for places in (profile.starts, profile.knots)
+            )
             if len(parts) + len(cuts) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
             for first, last in pairwise([piece.start, *cuts, piece.end]):

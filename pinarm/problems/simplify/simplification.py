@@ -179,21 +179,21 @@ class LockedMechanism(Record, frozen=True):
 
         Those at locked joints are left out.
         """
+        from pinarm.mechanics.forces.joint_forces import SpringDamper
         from pinarm.mechanics.forces.kinds import bound
 
         elements, part = dict[str, ForceElement](), self.mechanism
         for name, force in self.forces.items():
-            within = force.within(self.kept_q, self.kept_v)
-            if within is None:
-                if name not in definitions:
+            if isinstance(force, SpringDamper):
+                elements[name] = force.within(self.kept_q, self.kept_v)
+                continue
+            if name not in definitions:
+                return None
+            try:
+                elements[name] = bound(definitions[name], part.model, part.joints, part.coordinates)
+            except InputError:  # at a locked joint
+                if force.jumps or getattr(definitions[name], "joint", None) not in self.whole.joints:
                     return None
-                try:
-                    within = bound(definitions[name], part.model, part.joints, part.coordinates)
-                except InputError:  # at a locked joint
-                    if force.jumps or getattr(definitions[name], "joint", None) not in self.whole.joints:
-                        return None
-                    continue
-            elements[name] = within
         return elements
 
     @cached_property

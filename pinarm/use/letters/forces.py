@@ -9,8 +9,8 @@ import sympy
 from msgspec.structs import replace
 
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
-from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring, SpringDamper
+from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring, JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_forces import SpringDamper
 from pinarm.mechanics.forces.points import Wrench
 from pinarm.mechanics.laws import Constant
 from pinarm.records import ValueRecord

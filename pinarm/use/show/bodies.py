@@ -149,9 +149,8 @@ def _drawn_as(element: ForceElement | Constraint) -> tuple[ConnectionKind, Seque
     """Return the kind and the frames of the connection that an element makes; no frames where it has no place."""
     if isinstance(element, LoopJoint):
         return LOOPS.get(element.kind, "loop"), (element.first, element.second)
-    from pinarm.mechanics.forces.along_coordinate import TautSpring
     from pinarm.mechanics.forces.bushing import LinearBushing
-    from pinarm.mechanics.forces.points import TwoPointSpring
+    from pinarm.mechanics.forces.points import TautSpring, TwoPointSpring
     from pinarm.mechanics.loops.loop_joints import CableLoop
 
     if isinstance(element, TwoPointSpring):

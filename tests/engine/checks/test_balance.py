@@ -12,7 +12,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
-from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState

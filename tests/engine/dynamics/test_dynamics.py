@@ -5,7 +5,7 @@ import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointEffort, JointSpring
 from pinarm.mechanics.laws import Harmonic
 from pinarm.use.mechanism import Mechanism
 

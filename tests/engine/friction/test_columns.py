@@ -5,7 +5,7 @@ from contextlib import nullcontext
 import pytest
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.mechanics.forces.joint_forces import JointEffort
+from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import State, Statics

@@ -17,7 +17,10 @@ from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.tree_system import TreeSystem
 from pinarm.errors import IntegrationError
-from pinarm.mechanics.forces.joint_forces import AppliedEffort, SpringDamper
+from pinarm.mechanics.ball_joints import coordinate_at
+from pinarm.mechanics.forces.along_coordinate import EffortAlong
+from pinarm.mechanics.forces.joint_forces import SpringDamper
+from pinarm.mechanics.forces.load_laws import LoadLaw
 from pinarm.mechanics.laws import Constant
 from pinarm.records import replace
 
@@ -82,9 +85,11 @@ class TestSteps:
     def test_with_loads_over_several_intervals_are_those_of_python(self):
         """The step of one interval begins the next; the end of an interval is the end of a step."""
         one, places = np.ones(2), np.arange(2)
-        forces = {"spring": SpringDamper(places, places, 50.0 * one, one, 0.1 * one),
-                  "motor": AppliedEffort(1, law=Constant(value=3.0))}  # fmt: skip
-        found, expected = both(regular(["RX", "RY"], forces=forces), Adaptive(1e-9), 0.0, 0.3, 0.35, 1.0)
+        free = regular(["RX", "RY"])
+        motor = EffortAlong(free.model, coordinate_at(free.model, 1), LoadLaw(Constant(value=3.0)))
+        spring = SpringDamper(places, places, 50.0 * one, one, 0.1 * one)
+        forced = Dynamics.of(free.model, {"spring": spring, "motor": motor})
+        found, expected = both(forced, Adaptive(1e-9), 0.0, 0.3, 0.35, 1.0)
         assert_same(found, expected)
         assert {0.3, 0.35, 1.0} <= set(found.steps.until.tolist())
 

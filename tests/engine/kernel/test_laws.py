@@ -13,7 +13,9 @@ from scipy.interpolate import CubicSpline
 import pinarm
 from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.motion.systems.tree_system import TreeSystem
-from pinarm.mechanics.forces.joint_forces import AppliedEffort
+from pinarm.mechanics.ball_joints import coordinate_at
+from pinarm.mechanics.forces.along_coordinate import EffortAlong
+from pinarm.mechanics.forces.load_laws import LoadLaw
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Wave
 
@@ -80,7 +82,8 @@ def test_a_mass_under_a_wave_and_a_steady_force_moves_as_in_its_textbook():
     model, steady = tree(["PX"], 0), 3.0
     m = float(pin.crba(model, model.createData(), np.zeros(1))[0, 0])
     wave = Wave(0.0, 2.0, 0.0, 5.0, 0.4, 0.2)
-    flow = CompiledTree.of(model).flow(np.array([steady]), (AppliedEffort(0, law=Constant(value=0.0), function=wave),))
+    effort = EffortAlong(model, coordinate_at(model, 0), LoadLaw(Constant(value=0.0), function=wave))
+    flow = CompiledTree.of(model).flow(np.array([steady]), (effort,))
     weight = float(pin.rnea(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))[0])
     for t in (0.0, 0.7, 9.0):
         a = (steady + 2.0 * math.sin(5.0 * (t - 0.2) + 0.4) - weight) / m

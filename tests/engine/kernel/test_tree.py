@@ -8,8 +8,11 @@ import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics, configuration_space
 from pinarm.engine.kernel.tree import AGREEMENT, CompiledTree, disagreement
-from pinarm.mechanics.coordinates import distance
-from pinarm.mechanics.forces.joint_forces import AppliedEffort, BallSpring, SpringDamper
+from pinarm.mechanics.ball_joints import coordinate_at
+from pinarm.mechanics.coordinates import PathLength, distance
+from pinarm.mechanics.forces.along_coordinate import EffortAlong
+from pinarm.mechanics.forces.joint_forces import BallSpring, SpringDamper
+from pinarm.mechanics.forces.load_laws import LoadLaw
 from pinarm.mechanics.forces.points import TwoPointSpring
 from pinarm.mechanics.laws import Constant
 
@@ -83,7 +86,7 @@ class TestLoads:
         self.compare(model, {
             "springs": SpringDamper(places, places, 10.0 * numbers, numbers, -numbers),
             "another": SpringDamper(places[1:2], places[1:2], numbers[:1], numbers[:1], numbers[:1]),
-            "motor": AppliedEffort(1, law=Constant(value=7.0)),
+            "motor": EffortAlong(model, coordinate_at(model, 1), LoadLaw(Constant(value=7.0))),
         })  # fmt: skip
 
     def test_of_the_damper_of_a_joint_with_cosine_and_sine(self):
@@ -96,7 +99,10 @@ class TestLoads:
         model = tree(["Spherical", "PrismaticUnaligned", "RX"], 4)
         joints, where = ("universe", *model.names[2:]), pin.SE3(np.eye(3), np.array([0.3, -0.2, 0.4]))
         ends = [model.addFrame(pin.Frame(f"on {one}", model.getJointId(one), where, pin.OP_FRAME)) for one in joints]
-        forces = [TwoPointSpring(model, distance(*pair), 30.0, 4.0, 0.5, 7.0) for pair in itertools.pairwise(ends)]
+        forces = [
+            TwoPointSpring(model, PathLength((distance(*pair),)), 30.0, 4.0, 0.5, 7.0)
+            for pair in itertools.pairwise(ends)
+        ]
         self.compare(model, dict(zip("ab", forces, strict=True)))
 
     def test_of_springs_of_ball_joints(self):

@@ -7,7 +7,7 @@ import pytest
 
 from pinarm.engine.integration.methods import METHODS
 from pinarm.engine.motion.segmented import hybrid_motion
-from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid

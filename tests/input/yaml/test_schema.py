@@ -12,7 +12,7 @@ from pinarm.errors import InputError, UnitError
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Time, convert, quantity, reading_from
 from pinarm.mechanics.couplings.kinds import Gear
 from pinarm.mechanics.description import Gravity
-from pinarm.mechanics.forces.joint_forces import JointSpring
+from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.mechanics.laws import Polynomial
 from pinarm.mechanics.rotors import Drive
 

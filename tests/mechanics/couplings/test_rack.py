@@ -7,7 +7,7 @@ from motions import anywhere, free
 
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.joint_forces import JointEffort
+from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics

@@ -5,7 +5,7 @@ from catalogue import disc
 from motions import free
 
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.joint_forces import JointEffort
+from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant
 
 INERTIAS = {"left": 0.2, "right": 0.3, "cage": 0.5}

@@ -7,11 +7,17 @@ import pytest
 from pinarm.engine.linear.derivatives import element_derivatives
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_of
-from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring, ElasticCable
+from pinarm.mechanics.forces.along_coordinate import (
+    CoordinateEffort,
+    CoordinateSpring,
+    JointEffort,
+    JointSpring,
+    RegularisedFriction,
+    TorqueSpeed,
+)
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
-from pinarm.mechanics.forces.joint_forces import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.kinds import Force, bound
-from pinarm.mechanics.forces.points import PointSpring, Wrench
+from pinarm.mechanics.forces.points import ElasticCable, PointSpring, Wrench
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 

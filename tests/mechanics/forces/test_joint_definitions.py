@@ -5,7 +5,7 @@ import pytest
 from pinarm.errors import UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured
-from pinarm.mechanics.forces.joint_forces import JointSpring, RegularisedFriction
+from pinarm.mechanics.forces.along_coordinate import JointSpring, RegularisedFriction
 from pinarm.mechanics.forces.points import PointSpring
 
 

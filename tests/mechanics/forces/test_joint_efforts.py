@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.mechanics.forces.joint_forces import TorqueSpeed
+from pinarm.mechanics.forces.along_coordinate import TorqueSpeed
 
 from .test_force_element import SAMPLES, load
 

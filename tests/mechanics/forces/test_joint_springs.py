@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pinarm.mechanics.forces.joint_forces import CREEP, JointSpring, RegularisedFriction
+from pinarm.mechanics.forces.along_coordinate import JointSpring, RegularisedFriction
+from pinarm.mechanics.forces.joint_forces import CREEP
 
 from .test_force_element import SAMPLES, load
 

@@ -95,9 +95,8 @@ def arrows_of(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> l
 
 def _forces(run: Trajectory, nodes: Sequence[Node], places: Array) -> Iterator[Arrow]:
     """Yield the weights, and the forces of loads and springs at their points."""
-    from pinarm.mechanics.forces.along_coordinate import TautSpring
     from pinarm.mechanics.forces.bushing import LinearBushing
-    from pinarm.mechanics.forces.points import AppliedWrench, TwoPointSpring
+    from pinarm.mechanics.forces.points import AppliedWrench, PathElement
 
     model = run.mechanism.model
     for centre, mass in _centres(model):
@@ -106,7 +105,7 @@ def _forces(run: Trajectory, nodes: Sequence[Node], places: Array) -> Iterator[A
         if isinstance(force, AppliedWrench | LinearBushing):
             for frame in force.frames if isinstance(force, LinearBushing) else [force.frame]:
                 yield from _at_frame(run, name, point_of(model, frame), places)
-        elif isinstance(force, TwoPointSpring | TautSpring):
+        elif isinstance(force, PathElement):
             points = [point_of(model, frame) for frame in force.points]
             alone = [point for point in points if sum(other.node == point.node for other in points) == 1]
             yield from (Arrow("forces", point, False, _wrench(run, name, point.node)[:, :3]) for point in alone)

@@ -7,7 +7,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.mechanics.forces.joint_forces import JointEffort
+from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop

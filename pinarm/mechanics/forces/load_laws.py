@@ -1,4 +1,4 @@
-"""Coordinates as loads measure them, and loads over a coordinate, in one direction of motion, for a limited time.
+"""Laws of loads: over time, over a coordinate, in one direction of motion, for a limited time.
 
 Loads may jump where positions must not. A motion is integrated from jump to jump: in between the load is continued
 smoothly, and its jumps are located as events.
@@ -24,7 +24,7 @@ from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoord
 from pinarm.mechanics.forces.force_element import Edge, Pieces
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant
-from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, polynomial
+from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, Values, polynomial
 from pinarm.mechanics.laws.over_coordinate import Driven, Profile, reversals
 from pinarm.records import AbstractRecord, Record, replace
 
@@ -47,46 +47,44 @@ class MeasuredCoordinate(AbstractRecord, frozen=True):
 
     def values(self, q: Array) -> Array:
         """Return w, shape (...)."""
-        return self._evaluated(q)[0]
+        return self.evaluated(q)[0]
 
     def moving(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return w and its rate, shape (...), and J, shape (..., nv)."""
-        w, rows = self._evaluated(q)
+        w, rows = self.evaluated(q)
         return w, (rows * v).sum(axis=-1), rows
 
-    def _evaluated(self, q: Array) -> tuple[Array, Array]:
+    def evaluated(self, q: Array) -> tuple[Array, Array]:
         """Return w, shape (...), and J, shape (..., nv), by the motions of the frames that the coordinate measures."""
         if isinstance(self.coordinate, LinearCoordinate):
             weights = self.coordinate.weights
             values = np.asarray(q[..., self.coordinate.places] @ weights)
             return values, np.broadcast_to(weights, (*values.shape, len(weights)))
         states = q.reshape(-1, q.shape[-1])
-        if len(states) == 1 and np.isrealobj(q):  # in a seventh of the time
-            w, rows = self._of_state(Kinematics.at(self.model, states[0]))
-            return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
-        w, rows = np.zeros(len(states), states.dtype), np.zeros((self.model.nv, len(states)), states.dtype)
+        w, rows = self._of_one(states[0]) if len(states) == 1 and np.isrealobj(q) else self._of_many(states)
+        return w.reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], self.model.nv)
+
+    def _of_one(self, q: Array) -> tuple[Array, Array]:
+        """Return w and J of one real configuration, in a seventh of the time that many take."""
+        state = Kinematics.at(self.model, q)
+        return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
+
+    def _of_many(self, q: Array) -> tuple[Array, Array]:
+        w, rows = np.zeros(len(q), q.dtype), np.zeros((self.model.nv, len(q)), q.dtype)
         for way, frames in self._ways:
-            motion = frames.at_configurations(states)
+            motion = frames.at_configurations(q)
             w += way.pair.gap(*motion.flat)[0]
             rows[frames.velocities[:, 0]] += motion.rows(way.pair)[0, :, 0]
         if isinstance(self.coordinate, PairCoordinate):
-            w += self.coordinate.missing_turns(w, states)
-        return w.reshape(q.shape[:-1]), rows.T.reshape(*q.shape[:-1], self.model.nv)
-
-    def _of_state(self, state: Kinematics) -> tuple[Array, Array]:
-        if not isinstance(self.coordinate, PairCoordinate):
-            return np.array(self.coordinate.value(state)), np.asarray(self.coordinate.row(state))
-        way = self.coordinate.way
-        w = way.gap(state)
-        return w + self.coordinate.missing_turns(w, state.q), way.rows(state)
+            w += self.coordinate.missing_turns(w, q)
+        return w, rows.T
 
     @cached_property
     def _ways(self) -> list[tuple[TiedFrames, FramePairs]]:
         from pinarm.mechanics.geometry.frame_pairs import FramePairs  # for many states only
 
-        along = self.coordinate
-        assert isinstance(along, PairCoordinate | PathLength)
-        return [(way, FramePairs.between(self.model, way.first, way.second)) for way in along.ways]
+        assert isinstance(self.coordinate, PairCoordinate | PathLength)
+        return [(way, FramePairs.between(self.model, way.first, way.second)) for way in self.coordinate.ways]
 
 
 SENSES = {"increasing": 1.0, "decreasing": -1.0}
@@ -120,22 +118,39 @@ class Gate(Record, frozen=True):
         return self.along.edge(lambda w, rate: side * rate)._replace(direction=0 if self.is_open is None else -1)
 
 
-class LoadCondition(Record, frozen=True):
-    """The part of a load that depends on the state: a factor f(w) of a coordinate w, and directions of motion.
+class LoadLaw(Record, frozen=True):
+    """Size of a load: a law over time, times f(w) of a coordinate w, 0 but in one direction of motion.
 
     Attributes:
+        over_time: The law over time.
         profile: f; ``None`` for 1.
+        along: The coordinate w.
+        gates: Directions of motion in which the load acts.
+        function: The law over time on the present interval.
         stretch: Values of w between the jumps of f that hold until the next edge; ``None`` where w tells.
-        history: The condition in a motion from instants on [s].
+        history: The law in a motion from instants on [s].
     """
 
+    over_time: MotionLaw
     profile: Profile | None = None
     along: MeasuredCoordinate | None = None
     gates: tuple[Gate, ...] = ()
+    function: Callable[[Array], Values] | None = None
     stretch: tuple[float, float] | None = None
-    history: list[tuple[float, LoadCondition]] = field(default_factory=list)
+    history: list[tuple[float, LoadLaw]] = field(default_factory=list)
 
-    def factor(self, q: Array, v: Array) -> Array:
+    @property
+    def over_time_alone(self) -> bool:
+        return not (self.profile or self.gates)
+
+    def __call__(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the size at instants in states, of the shape of t or (...)."""
+        if self.function is None:
+            raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
+        value = np.asarray(self.function(np.asarray(t, float))[0])
+        return value if self.over_time_alone else value * self._factor(q, v)
+
+    def _factor(self, q: Array, v: Array) -> Array:
         """Return f in states, 0 where the load does not act, shape (...)."""
         factor = np.ones(q.shape[:-1])
         if self.profile and self.along:
@@ -152,6 +167,7 @@ class LoadCondition(Record, frozen=True):
 
     @property
     def leaps(self) -> bool:
+        """Whether the load may jump at edges: a motion takes it from one to the next as it is after the first."""
         return bool(self.gates or (self.profile and self.profile.leaps))
 
     @property
@@ -160,18 +176,19 @@ class LoadCondition(Record, frozen=True):
         along = [*([self.along] if self.along else []), *(gate.along for gate in self.gates)]
         return all(getattr(measured.coordinate, "joint", None) is not None for measured in along)
 
-    def entered(self, q: Array, v: Array) -> LoadCondition:
-        """Return the condition from a state to the next edge; see ``ForceElement.entered``."""
+    def entered(self, q: Array, v: Array) -> LoadLaw:
+        """Return the law from a state, shapes (nq,) and (nv,), to the next edge, and smooth beyond it."""
         gates = tuple(replace(gate, is_open=bool(gate.acts(q, v))) for gate in self.gates)
         if not (self.profile and self.along):
             return replace(self, gates=gates)
         w, rate, _ = self.along.moving(q, v)
         return replace(self, gates=gates, stretch=self.profile.stretch(float(w), float(np.sign(rate))))
 
-    def on(self, start: float, end: float) -> LoadCondition:
-        """Return the condition as it was in a motion on an interval between its edges."""
+    def on(self, start: float, end: float) -> LoadLaw:
+        """Return the law as it is on an interval without jumps: in a motion that is over, as it was there."""
         place = bisect_right(self.history, 0.5 * (start + end), key=lambda change: change[0])
-        return self.history[max(place - 1, 0)][1] if self.history else self
+        here = self.history[max(place - 1, 0)][1] if self.history else self
+        return replace(here, function=self.over_time.on(start, end))
 
     def edges(self) -> list[Edge]:
         edges = [gate.edge for gate in self.gates]
@@ -200,24 +217,25 @@ class LoadCondition(Record, frozen=True):
         assert self.profile
         return Pieces(self.profile.marks, self.profile.period)
 
-    def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when joints that follow laws pass breakpoints and knots of f, and turn back [s]."""
+    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float, *, knots: bool = False) -> list[float]:
+        """Return when joints that follow laws, by their index in v, pass jumps of f, or knots, and turn back [s]."""
+        turning = [law for gate in self.gates if (law := _law_of(gate.along, laws))]
+        turns = [t for law in turning for t in reversals(law, start, end)]
         law = _law_of(self.along, laws)
-        marks = self.profile.marked(law, start, end) if self.profile and law else []
-        return [*marks, *self._turns(laws, start, end)]
+        if not (self.profile and law):
+            return turns
+        return [*self.profile.passed(self.profile.marks if knots else self.profile.leaps, law, start, end), *turns]
 
-    def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        """Return when joints that follow laws pass jumps of f, and turn back [s]."""
-        law = _law_of(self.along, laws)
-        jumps = self.profile.jumped(law, start, end) if self.profile and law else []
-        return [*jumps, *self._turns(laws, start, end)]
+    def beyond(self, t: Array, q: Array) -> str:
+        """Return a note on instants, shape (n,), or configurations beyond the points of a law; empty without any."""
+        if said := self._beyond_profile(q):
+            return said
+        first, last = self.over_time.ends
+        if self.over_time.may_jump or not len(t) or (t.min() >= first and t.max() <= last):
+            return ""
+        return f"its points go from {first:.6g} to {last:.6g} s, and it is used from {t.min():.6g} to {t.max():.6g} s"
 
-    def _turns(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
-        known = [law for gate in self.gates if (law := _law_of(gate.along, laws))]
-        return [t for law in known for t in reversals(law, start, end)]
-
-    def beyond(self, q: Array) -> str:
-        """Return a note on configurations, shape (n, nq), with w beyond the points of f; empty where there are none."""
+    def _beyond_profile(self, q: Array) -> str:
         if not (self.profile and self.along) or self.profile.period < math.inf or self.profile.law.may_jump:
             return ""
         (first, last), w, unit = self.profile.law.ends, self.along.values(q), self.along.coordinate.unit
@@ -263,10 +281,8 @@ class LoadKeys(InputStruct, frozen=True, kw_only=True, rename={"while_": "while"
             with within("until"):
                 raise InputError(f"{self.end:g} s is not after {self.start:g} s", expected="an instant after from")
 
-    def acting(
-        self, key: str, measured: Unit, model: pin.Model, coordinates: Mapping[str, Coordinate]
-    ) -> tuple[MotionLaw, LoadCondition | None]:
-        """Return the law over time of a load, and the part that depends on the state."""
+    def load_law(self, key: str, measured: Unit, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> LoadLaw:
+        """Return the law of a load that a key holds, of a given unit."""
         law: MotionLaw = getattr(self, key)
         gates = tuple(
             Gate(_measured(model, coordinates, name, "while", Key(name)), SENSES[way])
@@ -275,7 +291,7 @@ class LoadKeys(InputStruct, frozen=True, kw_only=True, rename={"while_": "while"
         if self.over is None:
             with within(key):
                 law.check_units(measured)
-            return self._limited(law), LoadCondition(gates=gates) if gates else None
+            return LoadLaw(self._limited(law), gates=gates)
         along = _measured(model, coordinates, self.over, "over")
         with within(key):
             law.check_units(measured, along.coordinate.unit)
@@ -283,7 +299,7 @@ class LoadKeys(InputStruct, frozen=True, kw_only=True, rename={"while_": "while"
             check_unit(self.period or 0.0, along.coordinate.unit)
             profile = Profile.of(law, self.period)
             profile.check_repeated(load=True)
-        return self._limited(Constant(value=1.0)), LoadCondition(profile, along, gates)
+        return LoadLaw(self._limited(Constant(value=1.0)), profile, along, gates)
 
     def _limited(self, law: MotionLaw) -> MotionLaw:
         """Return a law over time that is 0 before ``from`` and after ``until``."""
