@@ -27,8 +27,8 @@ FLOOR_PLAN = {
     "forces couplings loading friction points perturbation planar_drawing description",
     "engine": "series labelled_array kernel integration constraints dynamics mesh_inertias "
     "model_source kinematics statics friction control motion checks quantities linear mechanism mechanism_loading",
-    "problems": "time_grid accuracy joint_values weights laws loads drives control declaration events "
-    "position_bands equilibria inverse linear states recorded forward simplify",
+    "problems": "time_grid accuracy values laws loads drives control simplification events "
+    "equilibria inverse linear recorded forward",
     "use": "progress result workers cases assessments scenario accuracy output show store method mechanism "
     "facade start letters study report",
     "cli": "options streams commands main",

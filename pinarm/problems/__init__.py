@@ -11,10 +11,9 @@ from pinarm.errors import InputError, Place, choices
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.outcome import Outcome
-    from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.problems.accuracy import Accuracy
-    from pinarm.problems.declaration import Declaration
+    from pinarm.problems.simplification import Declaration
 
 
 class ProblemKind(NamedTuple):
@@ -23,7 +22,7 @@ class ProblemKind(NamedTuple):
     Attributes:
         module: Module of its class, below ``pinarm.problems``.
         examples: Scenarios of it that ``pinarm.selftest`` solves in a few seconds, with answers from elsewhere.
-        prescribing: Whether laws determine the motion, as in a ``PrescribingProblem``.
+        prescribing: Whether laws determine the motion: ``prepare`` then returns a ``PrescribedTable``.
     """
 
     module: str
@@ -35,11 +34,11 @@ class ProblemKind(NamedTuple):
 
 KINDS: Mapping[str, ProblemKind] = {
     "statics": ProblemKind(
-        "states", "Statics", "Which efforts of the drives hold the mechanism still?", ("gen411_arm_static",),
+        "inverse", "Statics", "Which efforts of the drives hold the mechanism still?", ("gen411_arm_static",),
         prescribing=True,
     ),
     "state": ProblemKind(
-        "states", "State", "Which efforts of the drives belong to the given positions, velocities and accelerations?",
+        "inverse", "State", "Which efforts of the drives belong to the given positions, velocities and accelerations?",
         ("exoskeleton_leg_state",), prescribing=True,
     ),
     "inverse": ProblemKind(
@@ -95,14 +94,6 @@ class Problem(Protocol):
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> Outcome:
         """Return the answer; ``prepared`` is what ``prepare`` has returned for the same arguments, if it was called."""
-        ...
-
-
-class PrescribingProblem(Problem, Protocol):
-    """A question about a mechanism whose motion laws determine."""
-
-    def table(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> PrescribedTable:
-        """Return the prescribed motion and its rows, with nothing solved; see ``solve``."""
         ...
 
 

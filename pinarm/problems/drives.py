@@ -23,7 +23,7 @@ from pinarm.input.yaml.schema import (
 )
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import effort_unit
-from pinarm.problems.weights import Weight, check_names, weights_of
+from pinarm.problems.values import Weight, check_names, weights_of
 from pinarm.records import replace
 
 if TYPE_CHECKING:

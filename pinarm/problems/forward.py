@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
 import numpy as np
-from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import EnergyAccount, energy_balance
@@ -42,21 +41,20 @@ from pinarm.mechanics.ball_joints import velocity as velocity_of
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
-from pinarm.problems.joint_values import check_levels, check_rates, followers_of, rates_of_coordinates
 from pinarm.problems.laws import laws_of, profile_remarks
-from pinarm.problems.loads import LOADS, bind_loads, schema_row
+from pinarm.problems.loads import LOADS, Force, bind_loads, schema_row
+from pinarm.problems.simplification import Declaration
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.problems.values import check_levels, check_rates, followers_of, rates_of_coordinates
 from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.control.controls import Controls
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.mechanics.control.kinds import Control
-    from pinarm.mechanics.forces.kinds import Force
-else:  # imported where a file has loads or controllers, see Forward.deferred
-    Control = Force = Any
+else:  # imported where a file has controllers, see Forward.deferred
+    Control = Any
 
 
 class InitialState(InputStruct, frozen=True):
@@ -123,18 +121,14 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
     def declaration(self) -> Declaration:
         return Declaration(
-            self._without,
             laws=self.motion,
-            watched=[*(event.when for event in self.events.values()), *self._commanded()],
+            watched=[
+                *(event.when for event in self.events.values()),
+                *(name for controller in self.control for name in controller.names),
+            ],
             loads=self.loads,
             integrated=True,
         )
-
-    def _commanded(self) -> list[str]:
-        return [name for controller in self.control for name in controller.names]
-
-    def _without(self, names: Collection[str]) -> Forward:
-        return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names), loads={})
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> HybridSystem:
         mechanism = self._losing(mechanism)

@@ -1,46 +1,69 @@
-"""Inverse dynamics, whose efforts are wanted, and kinematics, whose motion alone is: laws prescribe the motion."""
+"""Motions that laws prescribe: the efforts that they take, over time or state by state, or the motion alone."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import msgspec
-from msgspec.structs import replace as replace_fields
+import numpy as np
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import with_friction_columns
-from pinarm.engine.kinematics.assembly import generic_near
-from pinarm.engine.kinematics.joint_motion import JointMotion
+from pinarm.engine.kinematics.assembly import determining, generic_near, start_near
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.prescribed_motion import KINEMATIC, PrescribedTable, Prescription
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
-from pinarm.errors import Place, locating_drives
-from pinarm.input.units import unit
-from pinarm.input.yaml.schema import Deferred, InputStruct, Level
+from pinarm.errors import InputError, Key, Place, choices, locating_drives
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import Deferred, InputStruct, Level, Rate, SecondRate
+from pinarm.mechanics.ball_joints import positions_of
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.laws import Motion
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Motion
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.drives import Share, drives_of, omitted_drives_remarks
-from pinarm.problems.joint_values import check_levels
 from pinarm.problems.laws import NearestPosture, grid_of, joint_motion, laws_of, profile_remarks, rough_start
-from pinarm.problems.loads import LOADS, bind_loads, schema_row
+from pinarm.problems.loads import LOADS, Force, bind_constant_loads, bind_loads, schema_row
+from pinarm.problems.simplification import Declaration, others
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.problems.values import check_levels, coordinates_of
 from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
-    from pinarm.mechanics.forces.kinds import Force
-else:  # imported where a file has loads, see LOADS
-    Force = Any
-
-Prepared = tuple[JointMotion, Actuation, dict[str, ForceElement]]
-"""Motion of the joints by the laws, the drives, and the forces."""
 
 
-class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
+class OverTime:
+    """Methods of problems with laws over time."""
+
+    __slots__ = ()
+    time: TimeGrid
+    motion: dict[str, Motion]
+    resolve: NearestPosture | None
+    start: dict[str, Level]
+
+    def _forces(self, mechanism: Mechanism, place: Place) -> Mapping[str, ForceElement]:
+        return mechanism.forces
+
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PrescribedTable:
+        laws = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
+        check_levels(mechanism, self.start, place, "start")
+        forces = self._forces(mechanism, place)
+        drives = self._acting(mechanism, place)
+        motion = joint_motion(mechanism, laws, self.resolve, place)
+        grid = grid_of(mechanism, motion, self.time.instants(), forces.values())
+        known = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
+        with place("motion"):
+            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))
+
+    def _acting(self, mechanism: Mechanism, place: Place) -> Actuation | None:
+        return None
+
+
+class Inverse(OverTime, InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
 
     On fewer where ``resolve`` chooses the rest.
@@ -82,45 +105,25 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         """
         if self.share is not None or self.resolve is not None:
             return None
-        return Declaration(self._without, laws=self.motion, drives=self.drives, loads=self.loads)
+        return Declaration(laws=self.motion, drives=self.drives, loads=self.loads)
 
-    def _without(self, names: Collection[str]) -> Inverse:
-        drives = [name for name in self.drives if name not in names]
-        return replace_fields(
-            self, motion=others(self.motion, names), start=others(self.start, names), drives=drives, loads={}
-        )
+    def _forces(self, mechanism: Mechanism, place: Place) -> Mapping[str, ForceElement]:
+        return bind_loads(mechanism, self.loads, place)
 
-    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
-        motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
-        check_levels(mechanism, self.start, place, "start")
-        forces = bind_loads(mechanism, self.loads, place)
-        drives = drives_of(mechanism, self.drives, list(self.motion), self.share, place)
-        return joint_motion(mechanism, motion, self.resolve, place), drives, forces
-
-    def table(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
-    ) -> PrescribedTable:
-        motion, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
-        laws = [*motion.laws, *(law for force in forces.values() for law in force.laws())]
-        grid = grid_of(mechanism, motion, self.time.instants(), laws, forces.values())
-        known = Prescription(mechanism, motion, drives, Dynamics.of(mechanism.model, forces), "t", unit("s"))
-        with place("motion"):
-            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))
+    def _acting(self, mechanism: Mechanism, place: Place) -> Actuation:
+        return drives_of(mechanism, self.drives, [*self.motion], self.share, place)
 
     def solve(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
     ) -> Outcome:
-        table = self.table(mechanism, accuracy, place, prepared)
+        table = prepared or self.prepare(mechanism, accuracy, place)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
             outcome = table.outcome()
-        remarks = [
-            *omitted_drives_remarks(mechanism, self.drives, [*self.motion]),
-            *profile_remarks(mechanism, self.motion),
-        ]
-        return replace(outcome, notes=(*outcome.notes, *remarks))
+        omitted = omitted_drives_remarks(mechanism, self.drives, [*self.motion])
+        return replace(outcome, notes=(*outcome.notes, *omitted, *profile_remarks(mechanism, self.motion)))
 
 
-class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
+class KinematicMotion(OverTime, InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom, or on fewer and a posture.
 
     Masses play no part.
@@ -148,31 +151,174 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
 
     def declaration(self) -> Declaration | None:
         """Return the declaration about coordinates; ``None`` where a posture chooses: joints depend on all."""
-        if self.resolve is not None:
-            return None
-        return Declaration(self._without, laws=self.motion)
-
-    def _without(self, names: Collection[str]) -> KinematicMotion:
-        return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
-
-    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> JointMotion:
-        motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
-        check_levels(mechanism, self.start, place, "start")
-        return joint_motion(mechanism, motion, self.resolve, place)
-
-    def table(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
-    ) -> PrescribedTable:
-        motion = prepared or self.prepare(mechanism, accuracy, place)
-        laws = [*motion.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
-        grid = grid_of(mechanism, motion, self.time.instants(), laws)
-        known = Prescription(mechanism, motion, None, mechanism.dynamics, "t", unit("s"))
-        with place("motion"):
-            return PrescribedTable(known, grid, rough_start(mechanism, self.start, self.resolve, motion, grid))
+        return None if self.resolve is not None else Declaration(laws=self.motion)
 
     def solve(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: JointMotion | None = None
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
     ) -> Outcome:
-        table = self.table(mechanism, accuracy, place, prepared)
+        table = prepared or self.prepare(mechanism, accuracy, place)
         with place("motion"):
             return table.outcome()
+
+
+class Range(InputStruct, frozen=True, rename=FILE_KEYS):
+    """Evenly spaced values of a coordinate.
+
+    Attributes:
+        start: First value, ``from`` in files.
+        end: Last value, ``to`` in files.
+        samples: Number of values.
+    """
+
+    start: Level
+    end: Level
+    samples: Annotated[int, msgspec.Meta(ge=2, le=10_000_000)] = 201
+
+    def check(self) -> None:
+        if self.start == self.end:
+            raise InputError("the range begins and ends at the same value")
+
+
+class StateByState:
+    """Methods of problems whose rows are states of their own."""
+
+    __slots__ = ()
+    over: dict[str, Range]
+    hold: dict[str, Level]
+    drives: list[str]
+    share: Share | None
+    start: dict[str, Level]
+    loads: dict[str, Force]
+
+    @property
+    def rates(self) -> Mapping[str, Mapping[str, float]]:
+        """Key -> coordinate -> rate, of velocities, then of accelerations."""
+        return {}
+
+    @property
+    def _prescribed(self) -> list[str]:
+        return [*self.over, *self.hold]
+
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
+        drives = actuation(mechanism, self.drives, self._prescribed)
+        first = {**{swept: values.start for swept, values in self.over.items()}, **self.hold}
+        known = positions_of(mechanism.joints, mechanism.balls)
+        start = {**self.start, **{name: value for name, value in first.items() if name in known}}
+        row = schema_row(mechanism, start, self.loads, *self._parameter(mechanism), drives)
+        return with_friction_columns(replace(row, separate=True), drives)
+
+    def declaration(self) -> Declaration | None:
+        """Return the declaration about coordinates; ``None`` where drives share: each effort depends on all."""
+        if self.share is not None:
+            return None
+        moving = [name for name in self.hold if any(rates.get(name) for rates in self.rates.values())]
+        held = others(self.hold, moving)
+        return Declaration(held=held, moved=[*self.over, *moving], drives=self.drives, loads=self.loads)
+
+    def _parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
+        for swept in self.over:
+            return swept, mechanism.coordinate(swept).unit
+        return ROW, unit("1")
+
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PrescribedTable:
+        laws = self._laws(mechanism, place)
+        with place():
+            motion = DeterminedMotion(mechanism, determining(mechanism, laws))
+        names, rates, grid = self._prescribed, np.zeros((2, len(self._prescribed))), Grid.cover(np.zeros(1), [])
+        for order, (key, values) in enumerate(self.rates.items()):
+            for name in others(values, names):
+                with place(key, Key(name)):
+                    expected, hint = choices(name, names)
+                    raise InputError(f"the position does not say '{name}'", expected=expected, hint=hint)
+            coordinates_of(mechanism, values, place, key, order=order + 1)
+            rates[order] = [values.get(name, 0.0) for name in names]
+        drives = drives_of(mechanism, self.drives, names, self.share, place)
+        check_levels(mechanism, self.start, place, "start")
+        forces = bind_constant_loads(mechanism, self.loads, place, moving=bool(rates[0].any()))
+        for swept in self.over.values():
+            grid = Grid.cover(np.linspace(swept.start, swept.end, swept.samples), [])
+        with place():
+            dynamics, parameter = Dynamics.of(mechanism.model, forces), self._parameter(mechanism)
+            known = Prescription(mechanism, motion, drives, dynamics, *parameter, (rates[0], rates[1]))
+            return PrescribedTable(known, grid, start_near(mechanism, self.start, motion.prescribed, grid))
+
+    def _laws(self, mechanism: Mechanism, place: Place) -> dict[str, MotionLaw]:
+        for swept, values in self.over.items():
+            with place("over", swept):
+                measured = mechanism.coordinate(swept).unit
+            for key, bound in (("from", values.start), ("to", values.end)):
+                with place("over", swept, key):
+                    Constant(value=bound).check_units(measured)
+        for name in self.hold:
+            if name in self.over:
+                with place("hold", Key(name)):
+                    raise InputError(f"'{name}' is held and swept", expected="one of the two for each coordinate")
+        coordinates_of(mechanism, self.hold, place, "hold")
+        held = {name: Constant(value=value) for name, value in self.hold.items()}
+        return {**{swept: ConstantSpeed(speed=1.0) for swept in self.over}, **held}
+
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
+    ) -> Outcome:
+        table = prepared or self.prepare(mechanism, accuracy, place)
+        with place(), locating_drives(place):
+            outcome = table.outcome()
+        remarks = omitted_drives_remarks(mechanism, self.drives, self._prescribed)
+        return replace(outcome, notes=(*outcome.notes, *remarks))
+
+
+class Statics(StateByState, InputStruct, frozen=True, tag_field="kind", tag="statics"):
+    """Holding efforts, at rest: over the range of one coordinate, or at one position.
+
+    Attributes:
+        over: The coordinate that is swept, with its range; none for a single position.
+        hold: Coordinate -> value, for all the others.
+        drives: Coordinates that the drives act along, such as ``[knee]``; the kind ``inverse`` has the same key.
+        share: How drives share the load where there are more of them than degrees of freedom, such as
+            ``least_squares``; the kind ``inverse`` has the same key.
+        start: Rough joint coordinates at the first position: they choose the branch where there are several.
+        loads: Applied forces and springs of this run.
+    """
+
+    kind: ClassVar[str] = "statics"
+    deferred: ClassVar[Deferred] = LOADS
+    over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
+    hold: dict[str, Level] = {}
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
+    share: Share | None = None
+    start: dict[str, Level] = {}
+    loads: dict[str, Force] = {}
+
+
+class State(StateByState, InputStruct, frozen=True, tag_field="kind", tag="state"):
+    """Efforts at given velocities and accelerations: over the range of one coordinate, or at one position.
+
+    Every row is a state of its own. What is not given is 0.
+
+    Attributes:
+        over: The coordinate that is swept, with its range; none for a single position.
+        hold: Coordinate -> value, for all the others.
+        velocity: Coordinate -> velocity, at every row.
+        acceleration: Coordinate -> acceleration, at every row.
+        drives: Coordinates that the drives act along, such as ``[knee]``; the kind ``inverse`` has the same key.
+        share: How drives share the load where there are more of them than degrees of freedom, such as
+            ``least_squares``; the kind ``inverse`` has the same key.
+        start: Rough joint coordinates at the first position: they choose the branch where there are several.
+        loads: Applied forces, springs and dampers of this run.
+    """
+
+    kind: ClassVar[str] = "state"
+    deferred: ClassVar[Deferred] = LOADS
+    over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
+    hold: dict[str, Level] = {}
+    velocity: dict[str, Rate] = {}
+    acceleration: dict[str, SecondRate] = {}
+    drives: Annotated[list[str], msgspec.Meta(min_length=1)] = []
+    share: Share | None = None
+    start: dict[str, Level] = {}
+    loads: dict[str, Force] = {}
+
+    @property
+    def rates(self) -> Mapping[str, Mapping[str, float]]:
+        """Key -> coordinate -> rate, of velocities, then of accelerations."""
+        return {"velocity": self.velocity, "acceleration": self.acceleration}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
@@ -17,7 +17,7 @@ from pinarm.input.yaml.schema import InputStruct, Level, check_unit
 from pinarm.mechanics.joints import joint_of
 from pinarm.mechanics.laws import Motion, Over
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
-from pinarm.problems.weights import Weight, weights_of
+from pinarm.problems.values import Weight, weights_of
 
 if TYPE_CHECKING:
     from pinarm.arrays import Array
@@ -83,9 +83,7 @@ def _settle(
         laws[name] = law.along(laws[law.of], *span)
 
 
-def grid_of(
-    mechanism: Mechanism, motion: JointMotion, t: Array, laws: Sequence[MotionLaw], forces: Iterable[ForceElement] = ()
-) -> Grid:
+def grid_of(mechanism: Mechanism, motion: JointMotion, t: Array, forces: Collection[ForceElement]) -> Grid:
     """Return the grid of instants, shape (n,), cut where laws have breakpoints, and cams and loads jump.
 
     Where a cam passes a breakpoint of its profile there is a row on either side: the acceleration of its follower may
@@ -94,7 +92,7 @@ def grid_of(
     Args:
         t: Instants [s].
     """
-    joints = motion.prescribed.joint_laws
+    joints, laws = motion.prescribed.joint_laws, [*motion.laws, *(law for force in forces for law in force.laws())]
     start, end = float(t[0]), float(t[-1])
     leaping = [law for force in forces if (law := force.law) is not None and law.leaps]
     jumps = [x for law in leaping for x in law.passages(joints, start, end)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -12,7 +12,6 @@ from pinarm.arrays import Array, Complex, Flags, distinct
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.assembly import first_position, start_near
-from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.labelled_array import LabelledArray
 from pinarm.engine.linear.force_balance import Driven, ForceBalance, state_row
 from pinarm.engine.linear.inputs import Input, input_of, with_inputs
@@ -29,19 +28,12 @@ from pinarm.errors import InputError, Key, Place, within
 from pinarm.input.units import DIMENSIONLESS as ONE
 from pinarm.input.units import HERTZ, Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, Deferred, InputStruct, Level, Rate, check_unit
-from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import LOADS, bind_loads, require_constant, schema_row
+from pinarm.problems.loads import LOADS, Force, bind_loads, require_constant, schema_row
+from pinarm.problems.values import check_levels, coordinates_of
 from pinarm.records import Record, replace
-
-if TYPE_CHECKING:
-    from pinarm.mechanics.forces.kinds import Force
-else:  # imported where a file has loads, see LOADS
-    Force = Any
 
 MODE_UNITS: Mapping[str, Unit] = {
     "frequency": HERTZ,
@@ -179,30 +171,19 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         check_levels(mechanism, self.about.equilibrium, place, "about", "equilibrium")
-        driven = self._coordinates(mechanism, place)
+        for order, (key, values) in enumerate((("hold", self.about.hold), ("steady", self.about.steady))):
+            coordinates_of(mechanism, values, place, "about", key, order=order)
+        for name in self.about.steady:
+            if name in self.about.hold:
+                with place("about", "steady", Key(name)):
+                    raise InputError(f"'{name}' is held and turns", expected="one of them")
+        driven = Driven.of(mechanism, self.about.hold, self.about.steady)
         with place("about"):
             q = start_near(mechanism, self.about.equilibrium, driven.held, Grid.cover(np.zeros(1), []))
         forces = with_inputs(mechanism, bind_loads(mechanism, self.loads, place), self.inputs)
         require_constant(forces, place)
         inputs = self._inputs(mechanism, forces, place)
         return Prepared(Dynamics.of(mechanism.model, forces).on(0.0, 1.0), driven, inputs, q)
-
-    def _coordinates(self, mechanism: Mechanism, place: Place) -> Driven:
-        coordinates = list[Coordinate]()
-        for key, names in (("hold", self.about.hold), ("steady", self.about.steady)):
-            for name, value in names.items():
-                with place("about", key, Key(name)):
-                    coordinates.append(mechanism.coordinate(name))
-                    if name in self.about.hold and name in self.about.steady:
-                        raise InputError(f"'{name}' is held and turns", expected="one of them")
-                with place("about", key, name):
-                    measured = coordinates[-1].unit
-                    check_unit(value, measured if key == "hold" else measured / unit("s"))
-        held = tuple(map(float, self.about.hold.values()))
-        laws = tuple(Constant(value=value) for value in held)
-        prescribed = PrescribedCoordinates((*self.about.hold,), tuple(coordinates[: len(held)]), laws)
-        rates = np.array([*(0.0 for _ in held), *map(float, self.about.steady.values())])
-        return Driven(self._driven, coordinates, prescribed, np.array(held), rates)
 
     def _inputs(self, mechanism: Mechanism, forces: Mapping[str, ForceElement], place: Place) -> list[Input]:
         inputs = list[Input]()

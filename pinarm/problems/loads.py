@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
@@ -17,7 +17,9 @@ from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.statics.actuation import Actuation
-    from pinarm.mechanics.forces.kinds import Force
+    from pinarm.mechanics.forces.kinds import Force as Force
+else:  # imported where a file has loads, see LOADS
+    Force = Any
 
 LOADS: Deferred = {"loads": ("pinarm.mechanics.forces.kinds", "Force")}
 """The field of a problem that holds its loads."""

@@ -12,7 +12,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.laws import ConstantAcceleration
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 from pinarm.use.mechanism import Mechanism
 
 G = 9.81

@@ -11,7 +11,7 @@ from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 
 J1, J2, J3, RATIO = 0.3, 0.05, 0.02, -2.5
 M, LEAD, G = 7.0, 0.012, 9.81

@@ -16,7 +16,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DrivesError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 
 COMPONENTS = [f"{part}.{axis}" for part in ("force", "moment") for axis in "xyz"]
 CASES = {  # degree of hyperstatism by counting: 6 bodies - rows + mobility

@@ -19,8 +19,7 @@ from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
-from pinarm.problems.inverse import KinematicMotion
-from pinarm.problems.states import Range, State, Statics
+from pinarm.problems.inverse import KinematicMotion, Range, State, Statics
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
 

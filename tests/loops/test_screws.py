@@ -11,7 +11,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant, Cycloidal
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 from pinarm.records import replace
 from pinarm.use.mechanism import Mechanism
 

@@ -8,7 +8,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.rotors import Drive
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import State
+from pinarm.problems.inverse import State
 from pinarm.use.mechanism import Mechanism
 
 RATIO, EFFICIENCY, ROTOR = 50.0, 0.8, 2e-5

@@ -5,6 +5,7 @@ from typing import Any, get_args, get_type_hints
 import msgspec
 import pytest
 
+from pinarm.engine.motion.prescribed_motion import PrescribedTable
 from pinarm.input.yaml.schema import Level, Rate, SecondRate, with_types
 from pinarm.mechanics.control.kinds import Control, Pid
 from pinarm.mechanics.forces.kinds import Force
@@ -13,8 +14,9 @@ from pinarm.problems import KINDS, problem_class
 from pinarm.problems.drives import EffortSharing, Share
 from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import InitialState
+from pinarm.problems.inverse import Range
 from pinarm.problems.laws import NearestPosture
-from pinarm.problems.states import Range
+from pinarm.problems.simplification import without
 from pinarm.problems.time_grid import TimeGrid
 
 pytestmark = pytest.mark.house
@@ -86,7 +88,7 @@ def test_what_is_said_of_a_removed_coordinate_is_left_out(kind: str, name: str) 
         return
     if {"joint"} & {*declared.moved, *declared.watched} or name == "end_stops":
         return
-    assert "joint" not in str(msgspec.to_builtins(declared.without({"joint"}), enc_hook=float))
+    assert "joint" not in str(msgspec.to_builtins(without(problem, {"joint"}), enc_hook=float))
 
 
 @pytest.mark.parametrize(("kind", "name"), SEPARATE)
@@ -99,7 +101,8 @@ def test_a_coordinate_that_is_prescribed_or_watched_is_declared(kind: str, name:
     assert ("joint" in known) == (said and name not in ("start", "velocity", "acceleration", "end_stops"))
 
 
-def test_kinds_whose_motion_laws_determine_have_a_table_of_what_is_prescribed() -> None:
-    assert {kind for kind in KINDS if hasattr(problem_class(kind), "table")} == {
+def test_kinds_whose_motion_laws_determine_prepare_a_table_of_what_is_prescribed() -> None:
+    prepared = {kind: get_type_hints(problem_class(kind).prepare).get("return") for kind in KINDS}
+    assert {kind for kind, table in prepared.items() if table is PrescribedTable} == {
         kind for kind, entry in KINDS.items() if entry.prescribing
     }

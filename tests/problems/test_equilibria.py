@@ -54,7 +54,7 @@ def stability(run, row):
 
 def balance_of(mechanism, loads):
     forces = {name: load.bind(mechanism.model, mechanism.joints) for name, load in loads.items()}
-    return ForceBalance(mechanism, Dynamics.of(mechanism.model, forces).on(0.0, 1.0), Driven.at(mechanism, {}))
+    return ForceBalance(mechanism, Dynamics.of(mechanism.model, forces).on(0.0, 1.0), Driven.of(mechanism, {}, {}))
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
-from pinarm.problems.states import Range, Statics
+from pinarm.problems.inverse import Range, Statics
 
 G, MASS, LENGTH = 9.81, 0.7, 0.83
 

@@ -10,7 +10,7 @@ from pinarm.errors import AssemblyError
 from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 
 G, MASS, LENGTH = 9.81, 0.7, 0.83
 BOB = {"name": "bob", "axis": "0 1 0", "mass": MASS, "com": f"0 0 {-LENGTH}", "inertia": (0.0, 0.0, 0.0)}

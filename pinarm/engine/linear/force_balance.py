@@ -31,7 +31,7 @@ from pinarm.engine.linear.derivatives import EquationDerivatives, equation_deriv
 from pinarm.engine.linear.friction import at_rest, measured, slip_friction, with_friction
 from pinarm.engine.linear.linearisation import independent_joints
 from pinarm.engine.motion.trajectory import ROW, Trajectory
-from pinarm.errors import AssemblyError, InputError, Key, within
+from pinarm.errors import AssemblyError, InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
@@ -63,27 +63,27 @@ class Driven(Record, frozen=True):
     """Coordinates that drives hold or turn.
 
     Attributes:
-        held: Those that keep their values.
-        values: These values, shape (h,).
+        values: Values of those that are held, which come first, shape (h,).
         rates: Rates of all, 0 of those that are held [rad/s or m/s], shape (k,).
     """
 
     names: Sequence[str]
     coordinates: Sequence[Coordinate]
-    held: PrescribedCoordinates
     values: Array
     rates: Array
 
     @classmethod
-    def at(cls, mechanism: Mechanism, held: Mapping[str, float]) -> Driven:
-        """Return coordinates that drives hold at values."""
-        coordinates = list[Coordinate]()
-        for name in held:
-            with within(Key(name)):
-                coordinates.append(mechanism.coordinate(name))
-        laws = tuple(Constant(value=float(value)) for value in held.values())
-        prescribed = PrescribedCoordinates((*held,), (*coordinates,), laws)
-        return cls((*held,), coordinates, prescribed, np.array([*map(float, held.values())]), np.zeros(len(held)))
+    def of(cls, mechanism: Mechanism, held: Mapping[str, float], steady: Mapping[str, float]) -> Driven:
+        """Return coordinates that drives hold at values, and others that they turn steadily."""
+        names, rates = (*held, *steady), [*(0.0 for _ in held), *map(float, steady.values())]
+        values = np.array([*map(float, held.values())])
+        return cls(names, [mechanism.coordinate(name) for name in names], values, np.array(rates))
+
+    @cached_property
+    def held(self) -> PrescribedCoordinates:
+        """Those that keep their values."""
+        h, laws = len(self.values), tuple(Constant(value=value) for value in self.values.tolist())
+        return PrescribedCoordinates((*self.names[:h],), (*self.coordinates[:h],), laws)
 
 
 class Forces(Record, frozen=True):

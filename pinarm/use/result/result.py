@@ -25,7 +25,7 @@ from pinarm.errors import DynamicsError, InputError, PinarmError, choices
 from pinarm.input.yaml.schema import plain, quantity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
-from pinarm.problems.simplify.simplification import Removal
+from pinarm.problems.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED, unexplained_notes
 from pinarm.use.result.presentation import FOR_PEOPLE
 from pinarm.use.result.row_lookup import PLATEAU

@@ -32,8 +32,7 @@ from pinarm.input.yaml.schema import Measured
 from pinarm.mechanics.geometry.kinematics import one_run
 from pinarm.mechanics.perturbation import perturbed_numbers
 from pinarm.problems import KINDS, Problem, problem_class
-from pinarm.problems.simplify.locking import requested_joints
-from pinarm.problems.simplify.simplification import Simplification
+from pinarm.problems.simplification import Simplification, requested_joints
 from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
 from pinarm.use.result.failures import failures_in_words, is_too_large, overflow
@@ -56,7 +55,6 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.prescribed_motion import PrescribedTable
     from pinarm.mechanics.control.function import FunctionControl
     from pinarm.mechanics.forces.function_effort import FunctionForce
-    from pinarm.problems import PrescribingProblem
     from pinarm.problems.accuracy import Accuracy
     from pinarm.use.result.run import Numbered
 
@@ -345,7 +343,7 @@ class Scenario(Record, frozen=True):
         alike = declared is not None and known is not None and declared.differs_by_numbers(known)
         if (like if alike else self).simplification.part is not None:
             return None
-        return cast("PrescribingProblem", self.problem).table(self.mechanism, self.content.accuracy, self.place)
+        return cast("PrescribedTable", self.problem.prepare(self.mechanism, self.content.accuracy, self.place))
 
     def solve_once(self) -> Result:
         """Solve the problem once, without a search; measure the accuracy, and refuse what is not finite."""

@@ -12,7 +12,7 @@ import numpy as np
 from pinarm.engine.series import Series
 from pinarm.errors import printable
 from pinarm.language import decimals, said, told, writing
-from pinarm.problems.simplify.simplification import removal_lines
+from pinarm.problems.simplification import removal_lines
 from pinarm.use.result.measures import (
     CLOSURES,
     CONSISTENCIES,

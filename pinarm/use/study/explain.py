@@ -26,7 +26,7 @@ from pinarm.mechanics.couplings.coupling import JointRelation, left_open
 from pinarm.mechanics.loading.pinocchio_layout import FLOATING
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
 from pinarm.mechanics.rotors import GearedRotor
-from pinarm.problems.simplify.simplification import Removal
+from pinarm.problems.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.facade import Scenario
 from pinarm.use.mechanism import with_methods

@@ -19,7 +19,7 @@ from pinarm.engine.labelled_array import labelled_arrays
 from pinarm.engine.mechanism_loading import read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.errors import InputError, require_path
-from pinarm.problems.simplify.simplification import Removal
+from pinarm.problems.simplification import Removal
 from pinarm.records import replace
 from pinarm.use.facade import Result, Scenario
 from pinarm.use.mechanism import Mechanism, with_methods

@@ -16,8 +16,7 @@ from pinarm.mechanics.forces.along_coordinate import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
-from pinarm.problems.inverse import Inverse
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Inverse, Statics
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.records import replace
 from pinarm.use.mechanism import Mechanism

@@ -8,7 +8,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import State, Statics
+from pinarm.problems.inverse import State, Statics
 
 G, ARM = 9.81, {"axis": "0 -1 0", "com": "0.5 0 0", "mass": 1.0}
 

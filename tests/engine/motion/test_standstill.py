@@ -9,8 +9,7 @@ import pytest
 from pinarm.engine.motion.outcome import on_interval
 from pinarm.mechanics.laws import Cycloidal, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.inverse import Inverse
-from pinarm.problems.states import State, Statics
+from pinarm.problems.inverse import Inverse, State, Statics
 from pinarm.problems.time_grid import TimeGrid
 
 ETA = 0.5

@@ -10,7 +10,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 
 R1, R2, DISTANCE = 0.05, 0.15, 0.5
 

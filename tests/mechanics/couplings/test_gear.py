@@ -11,7 +11,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 
 ALPHA = np.deg2rad(20.0)
 

@@ -10,7 +10,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.forces.along_coordinate import JointEffort
 from pinarm.mechanics.laws import Constant
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 
 ALPHA, RADIUS, MASS, G = np.deg2rad(20.0), 0.04, 5.0, 9.81
 SLIDER = f"""<link name="bar_link"><inertial><mass value="{MASS}"/>

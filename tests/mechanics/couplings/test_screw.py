@@ -7,7 +7,7 @@ from motions import anywhere
 
 from pinarm.engine.quantities.names import Quantities
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 
 MASS, LEAD, G = 7.0, 0.012, 9.81
 JACK = f"""<robot name="jack"><link name="base"/>{disc("screw", 0.3, "0.1 0 0")}

@@ -9,7 +9,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
-from pinarm.problems.states import Statics
+from pinarm.problems.inverse import Statics
 from pinarm.problems.time_grid import TimeGrid
 
 R1, R2 = 0.1, 0.25
