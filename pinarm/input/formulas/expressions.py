@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import operator
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache, reduce
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,10 +18,10 @@ from pinarm.input.formulas.grammar import (
     MANY,
     Grammar,
     MeasuredNumber,
+    Part,
     interpret,
-    look_up,
-    names_in,
-    read_tree,
+    read_formula,
+    unknown_name,
 )
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.records import Record, ValueRecord
@@ -38,7 +37,7 @@ class Expression(Record, frozen=True):
     unshown = ("tree", "names", "measured")
 
     text: str
-    tree: ast.expr
+    tree: Part
     names: frozenset[str]
     measured: tuple[MeasuredNumber, ...] = ()
 
@@ -86,10 +85,17 @@ class Expression(Record, frozen=True):
 
 @lru_cache(maxsize=1024)  # those of a mechanism file are the same in every variant of a sweep
 def _parsed(text: str) -> Expression:
-    tree = read_tree(text, FORMULA)
-    constants: Iterator[Any] = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant))
-    measured = tuple(value for value in constants if isinstance(value, MeasuredNumber))
-    return Expression(text.strip(), tree, frozenset(names_in(tree, FORMULA)), measured)
+    tree = read_formula(text, FORMULA)
+    leaves = [(part.function, part.value) for part in tree.leaves()]
+    measured = tuple(value for _, value in leaves if isinstance(value, MeasuredNumber))
+    return Expression(text.strip(), tree, frozenset(value for kind, value in leaves if kind == "name"), measured)
+
+
+def _look_up(name: str, names: Mapping[str, Any], constants: Mapping[str, Any]) -> Any:
+    table = names if name in names else constants
+    if name not in table:
+        raise unknown_name(name, [*names, *constants])
+    return table[name]
 
 
 class _Values(ValueRecord, frozen=True):
@@ -101,22 +107,10 @@ class _Values(ValueRecord, frozen=True):
         return np.float64(value.value if isinstance(value, MeasuredNumber) else value)
 
     def name(self, name: str) -> Any:
-        value = np.asarray(look_up(name, self.names, CONSTANTS))
+        value = np.asarray(_look_up(name, self.names, CONSTANTS))
         if value.dtype.kind not in "biufc":
             raise ExpressionError(f"'{name}' is not a number")
         return value[()] if value.dtype.kind in "bfc" else value.astype(float)[()]
-
-    def unary(self, symbol: str, operand: Any) -> Any:
-        result = _applied({"+": np.positive, "-": np.negative, "not": np.logical_not}[symbol], operand)
-        return _unless(np.isnan(operand), result) if symbol == "not" else result
-
-    def binary(self, symbol: str, left: Any, right: Any) -> Any:
-        return _applied(_OPERATIONS[symbol], left, right)
-
-    def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
-        pairs = zip(symbols, operands, operands[1:], strict=False)
-        result = reduce(np.logical_and, [_applied(_OPERATIONS[symbol], left, right) for symbol, left, right in pairs])
-        return _unless(reduce(np.logical_or, map(np.isnan, operands)), result)
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], Any]]) -> Any:
         decided, unknown = np.False_, np.False_
@@ -134,7 +128,10 @@ class _Values(ValueRecord, frozen=True):
         return _unless(np.isnan(test), _applied(np.where, test, then(), otherwise()))
 
     def call(self, function: str, arguments: Sequence[Any]) -> Any:
-        return _applied(_FUNCTIONS[function].apply, *arguments)
+        result = _applied(_FUNCTIONS[function].apply, *arguments)
+        if function in _TRUTHS:
+            return _unless(reduce(np.logical_or, map(np.isnan, arguments)), result)
+        return result
 
 
 class _Switches(_Values, frozen=True):
@@ -142,23 +139,18 @@ class _Switches(_Values, frozen=True):
 
     met: list[Any] = field(default_factory=list)
 
-    def binary(self, symbol: str, left: Any, right: Any) -> Any:
-        if symbol in ("%", "//"):
-            self.met.append(np.sin(np.pi * left / right))
-        return super().binary(symbol, left, right)
-
-    def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
-        self.met.extend(left - right for left, right in pairwise(operands))
-        return super().compare(symbols, operands)
-
     def call(self, function: str, arguments: Sequence[Any]) -> Any:
-        if function in ("abs", "sign"):
+        if function in _TRUTHS and len(arguments) == 2:
+            self.met.append(arguments[0] - arguments[1])
+        elif function in ("abs", "sign"):
             self.met.append(arguments[0])
         elif function in ("min", "max"):
             so_far = _FUNCTIONS[function].apply
             self.met.extend(so_far(*arguments[:k]) - arguments[k] for k in range(1, len(arguments)))
         elif function in ("floor", "ceil"):
             self.met.append(np.sin(np.pi * arguments[0]))
+        elif function in ("%", "//"):
+            self.met.append(np.sin(np.pi * arguments[0] / arguments[1]))
         return super().call(function, arguments)
 
 
@@ -209,29 +201,8 @@ class _Units(ValueRecord, frozen=True):
         return Measure(DIMENSIONLESS, Fraction(repr(value)))
 
     def name(self, name: str) -> Measure:
-        unit = look_up(name, self.names, _PURE_CONSTANTS)
+        unit = _look_up(name, self.names, _PURE_CONSTANTS)
         return Measure(None if unit is None else Unit(1.0, unit.dimension))
-
-    def unary(self, symbol: str, operand: Measure) -> Measure:
-        if symbol == "-" and operand.value is not None:
-            return Measure(operand.unit, -operand.value)
-        return _PURE if symbol == "not" else operand
-
-    def binary(self, symbol: str, left: Measure, right: Measure) -> Measure:
-        if left.value is not None and right.value is not None and (folded := _folded(symbol, left.value, right.value)):
-            return Measure(DIMENSIONLESS, folded[0])
-        if symbol in "+-%":
-            return same([left, right])
-        if symbol == "//":
-            return ratio([left, right])
-        if symbol == "**":
-            return power(left, right)
-        if left.unit is None or right.unit is None:
-            return _UNKNOWN
-        return Measure(left.unit * right.unit if symbol == "*" else left.unit / right.unit)
-
-    def compare(self, symbols: Sequence[str], operands: Measures) -> Measure:
-        return ratio(operands)
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], Measure]]) -> Measure:
         for operand in operands:
@@ -242,15 +213,18 @@ class _Units(ValueRecord, frozen=True):
         return same([then(), otherwise()])
 
     def call(self, function: str, arguments: Measures) -> Measure:
+        folds = function in _FOLDS and not (function == "/" and arguments[1].value == 0)
+        values = [measure.value for measure in arguments if folds and measure.value is not None]
+        if values and len(values) == len(arguments):
+            return Measure(DIMENSIONLESS, _FOLDS[function](*values))
         return _FUNCTIONS[function].rule(arguments)
 
 
-def _folded(symbol: str, left: Fraction, right: Fraction) -> tuple[Fraction] | None:
-    """Return the value of an operation on literals in a tuple, since 0 is false; ``None`` for other operations."""
-    if symbol == "/" and right != 0:
-        return (left / right,)
-    folds = {"+": left + right, "-": left - right, "*": left * right}
-    return (folds[symbol],) if symbol in folds else None
+_FOLDS: Mapping[str, Callable[..., Fraction]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "-x": operator.neg,
+    "+x": operator.pos,
+}  # fmt: skip
+"""Operations that are carried out on literals, since exponents need their values."""
 
 
 def same(measures: Measures) -> Measure:
@@ -291,14 +265,21 @@ def power(base: Measure, exponent: Measure) -> Measure:
     return _PURE
 
 
+def product(measures: Measures) -> Measure:
+    """Return the measure of a product."""
+    left, right = (measure.unit for measure in measures)
+    return _UNKNOWN if left is None or right is None else Measure(left * right)
+
+
+def quotient(measures: Measures) -> Measure:
+    """Return the measure of a quotient."""
+    left, right = (measure.unit for measure in measures)
+    return _UNKNOWN if left is None or right is None else Measure(left / right)
+
+
 def root(measures: Measures) -> Measure:
     """Return the measure of a square root."""
     return power(measures[0], Measure(DIMENSIONLESS, Fraction(1, 2)))
-
-
-def sign(measures: Measures) -> Measure:
-    """Return a dimensionless measure, from any argument."""
-    return _PURE
 
 
 class _Function(ValueRecord, frozen=True):
@@ -310,13 +291,6 @@ class _Function(ValueRecord, frozen=True):
     most: int = 1
 
 
-_OPERATIONS: Mapping[str, Callable[..., Any]] = {
-    "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "//": np.floor_divide, "%": np.mod,
-    "**": np.power, "==": np.equal, "!=": np.not_equal, "<": np.less, "<=": np.less_equal, ">": np.greater,
-    ">=": np.greater_equal,
-}  # fmt: skip
-
-
 def _least(*arguments: Any) -> Any:
     return reduce(np.minimum, arguments)
 
@@ -325,16 +299,32 @@ def _greatest(*arguments: Any) -> Any:
     return reduce(np.maximum, arguments)
 
 
+def _any(measures: Measures) -> Measure:
+    return _PURE
+
+
 _FUNCTIONS: Mapping[str, _Function] = {
+    "+": _Function(np.add, same), "-": _Function(np.subtract, same), "*": _Function(np.multiply, product),
+    "/": _Function(np.divide, quotient), "//": _Function(np.floor_divide, ratio), "%": _Function(np.mod, same),
+    "**": _Function(np.power, lambda measures: power(*measures)),
+    "+x": _Function(np.positive, same), "-x": _Function(np.negative, same), "not": _Function(np.logical_not, _any),
+    "==": _Function(np.equal, ratio), "!=": _Function(np.not_equal, ratio), "<": _Function(np.less, ratio),
+    "<=": _Function(np.less_equal, ratio), ">": _Function(np.greater, ratio), ">=": _Function(np.greater_equal, ratio),
     "sin": _Function(np.sin), "cos": _Function(np.cos), "tan": _Function(np.tan),
     "asin": _Function(np.arcsin), "acos": _Function(np.arccos), "atan": _Function(np.arctan),
     "atan2": _Function(np.arctan2, ratio, 2, 2), "hypot": _Function(np.hypot, same, 2, 2),
     "sinh": _Function(np.sinh), "cosh": _Function(np.cosh), "tanh": _Function(np.tanh),
     "sqrt": _Function(np.sqrt, root), "exp": _Function(np.exp), "log": _Function(np.log), "log10": _Function(np.log10),
-    "abs": _Function(np.abs, same), "sign": _Function(np.sign, sign),
+    "abs": _Function(np.abs, same), "sign": _Function(np.sign, _any),
     "min": _Function(_least, same, 2, MANY), "max": _Function(_greatest, same, 2, MANY),
     "floor": _Function(np.floor), "ceil": _Function(np.ceil),
     "radians": _Function(np.radians), "degrees": _Function(np.degrees),
 }  # fmt: skip
-FORMULA = Grammar((int, float, MeasuredNumber), {name: (entry.least, entry.most) for name, entry in _FUNCTIONS.items()})
+_TRUTHS = ("not", "==", "!=", "<", "<=", ">", ">=")
+"""Functions whose value is true or false; of what is no number it is none."""
+
+FORMULA = Grammar(
+    (int, float, MeasuredNumber),
+    {name: (entry.least, entry.most) for name, entry in _FUNCTIONS.items() if name.isidentifier() and name != "not"},
+)
 """The language of scenario files."""

@@ -2,7 +2,7 @@
 
 Numbers, names with dots, ``+ - * / // % **``, comparisons, ``and or not``, ``a if test else b``, and a fixed table of
 functions; in the language of xacro also texts, lists and maps. Python parses the text, but nothing is compiled or run:
-the tree is checked node by node, and an ``Algebra`` (of values, of units) then gives each node its meaning.
+what the grammar lists becomes a tree of ``Part``, and an ``Algebra`` (of values, of units) gives each part its meaning.
 
 A number with a unit, such as ``2e4 N/m``, stands where a term of a sum does: alone, between ``+``, ``-`` or
 comparisons, as an argument of a function, or in parentheses, ``(2e4 N/m)*x``. Beside ``*``, ``/`` or ``**`` it has to
@@ -15,8 +15,9 @@ import ast
 import keyword
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
+from itertools import pairwise
 from typing import Any, Protocol, TypeVar
 
 from pinarm.errors import ExpressionError, Location, PinarmError, UnitError, choices
@@ -26,7 +27,6 @@ from pinarm.records import Record, ValueRecord
 MAX_LENGTH = 2000
 MAX_DEPTH = 200
 """A sum of n terms is n levels deep; two Python frames a level stay well below the interpreter's 1000."""
-MAX_NODES = 1000
 MAX_INTEGER = 2**64
 MANY = 1000
 """Largest number of arguments of a function that takes any number of them."""
@@ -39,12 +39,21 @@ T = TypeVar("T")
 _NUMERAL = r"(?<![\w.])(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _UNIT_POWER = r"(?:(?:\^|\*\*)-?[0-9]{1,2})?"
 _UNIT_NAME = r"[A-Za-z]+(?!\w|\.\w| *\()"
-_MEASURED = rf"{_NUMERAL} +({_UNIT_NAME}{_UNIT_POWER}(?: *[*/] *(?:{_UNIT_NAME}|1){_UNIT_POWER})*)"
+_WORD = re.compile(
+    r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*\""""
+    rf"|{_NUMERAL} +(?P<unit>{_UNIT_NAME}{_UNIT_POWER}(?: *[*/] *(?:{_UNIT_NAME}|1){_UNIT_POWER})*)"
+    r"|(?P<name>(?<![\w.])[^\W\d]\w*(?:\.(?:[0-9]+(?!\w)|[^\W\d]\w*))*)"
+)
+"""A text in quotes, a number with a unit, or a name: words behind its first may be numbers, ``mode.1.frequency``."""
+
 _OPERATOR_WORDS = ("if", "else", "and", "or", "not", "in", "is")
+_NAMES = frozenset(keyword.kwlist) - {"and", "else", "if", "not", "or", "True", "False", "None"}
+"""Python's keywords that are names in formulas."""
+_KEYWORD = re.compile(rf"(?<!\w)(?:{'|'.join(keyword.kwlist)})(?!\w)")
 
 _SYMBOLS: Mapping[type[ast.AST], str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.Pow: "**",
-    ast.UAdd: "+", ast.USub: "-", ast.Not: "not", ast.And: "and", ast.Or: "or",
+    ast.UAdd: "+x", ast.USub: "-x", ast.Not: "not", ast.And: "and", ast.Or: "or",
     ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=",
     ast.In: "in", ast.NotIn: "not in",
 }  # fmt: skip
@@ -63,17 +72,18 @@ class MeasuredNumber(ValueRecord, frozen=True):
         return frozenset(re.findall("[A-Za-z]+", str(self.unit)))
 
 
+Words = dict[int, str | MeasuredNumber]
+"""Column of a word in bytes -> name, or number with a unit."""
+
+
 class Algebra(Protocol[T]):
-    """Meaning of numbers, names and operations; operations are named by their symbols.
+    """Meaning of numbers, names, functions and operators; ``-x`` is the operator before one operand.
 
     Operands of ``and``, ``or`` and the branches of ``if`` are functions: they need not all be interpreted.
     """
 
     def constant(self, value: Any, /) -> T: ...
     def name(self, name: str, /) -> T: ...
-    def unary(self, symbol: str, operand: T, /) -> T: ...
-    def binary(self, symbol: str, left: T, right: T, /) -> T: ...
-    def compare(self, symbols: Sequence[str], operands: Sequence[T], /) -> T: ...
     def logic(self, symbol: str, operands: Sequence[Callable[[], T]], /) -> T: ...
     def choose(self, test: T, then: Callable[[], T], otherwise: Callable[[], T], /) -> T: ...
     def call(self, function: str, arguments: Sequence[T], /) -> T: ...
@@ -94,126 +104,101 @@ class Grammar(Record, frozen=True):
     collections: bool = False
 
 
-def interpret(tree: ast.expr, algebra: Algebra[T], text: str) -> T:
-    """Evaluate a tree in an algebra; errors name the column and the part of ``text``."""
+class Part(Record, frozen=True):
+    """A part of a formula, with its place in the text.
+
+    Attributes:
+        function: Function or operator; ``constant`` or ``name`` of a part without operands, ``if`` of a choice.
+        value: Constant, or name.
+    """
+
+    function: str
+    value: Any
+    operands: tuple[Part, ...]
+    column: int
+    width: int
+
+    def leaves(self) -> Iterator[Part]:
+        """Yield the constants and names in it."""
+        for operand in self.operands:
+            yield from operand.leaves()
+        if self.function in ("constant", "name"):
+            yield self
+
+
+def interpret(part: Part, algebra: Algebra[T], text: str) -> T:
+    """Evaluate a part of a formula in an algebra; errors name the column and the part of ``text``."""
     try:
-        return _walk(tree, algebra)
+        return _meaning(part, algebra)
     except PinarmError as error:
         raise _in_words(error, text.strip()) from None
 
 
-def _walk(node: ast.expr, algebra: Algebra[T]) -> T:
+def _meaning(part: Part, algebra: Algebra[T]) -> T:
     try:
-        return _meaning(node, algebra)
+        match part.function:
+            case "constant":
+                return algebra.constant(part.value)
+            case "name":
+                return algebra.name(part.value)
+            case "and" | "or":
+                return algebra.logic(part.function, [partial(_meaning, operand, algebra) for operand in part.operands])
+            case "if":
+                test, *branches = part.operands
+                return algebra.choose(_meaning(test, algebra), *(partial(_meaning, way, algebra) for way in branches))
+        return algebra.call(part.function, [_meaning(operand, algebra) for operand in part.operands])
     except PinarmError as error:
-        error.at(_place(node))
+        error.at(Location("", 1, part.column, width=part.width))  # unless a part of it has failed
         raise
 
 
-def _meaning(node: ast.expr, algebra: Algebra[T]) -> T:
-    match node:
-        case ast.Constant():
-            return algebra.constant(node.value)
-        case ast.Attribute() if not _is_name(node):
-            return algebra.call("item", [_walk(node.value, algebra), algebra.constant(node.attr)])
-        case ast.Name() | ast.Attribute():
-            return algebra.name(_dotted(node))
-        case ast.UnaryOp():
-            return algebra.unary(_SYMBOLS[type(node.op)], _walk(node.operand, algebra))
-        case ast.BinOp():
-            return algebra.binary(_SYMBOLS[type(node.op)], _walk(node.left, algebra), _walk(node.right, algebra))
-        case ast.Compare():
-            operands = [_walk(operand, algebra) for operand in (node.left, *node.comparators)]
-            return algebra.compare([_SYMBOLS[type(operation)] for operation in node.ops], operands)
-        case ast.BoolOp():
-            return algebra.logic(_SYMBOLS[type(node.op)], [partial(_walk, value, algebra) for value in node.values])
-        case ast.IfExp():
-            then, otherwise = partial(_walk, node.body, algebra), partial(_walk, node.orelse, algebra)
-            return algebra.choose(_walk(node.test, algebra), then, otherwise)
-        case ast.Call():
-            return algebra.call(_dotted(node.func), [_walk(argument, algebra) for argument in node.args])
-        case ast.Subscript():
-            return algebra.call("item", [_walk(node.value, algebra), _walk(node.slice, algebra)])
-        case ast.List() | ast.Tuple():
-            return algebra.call("list", [_walk(value, algebra) for value in node.elts])
-        case ast.Dict():
-            return algebra.call("dict", [_walk(part, algebra) for part in _entries(node)])
-    raise ExpressionError("this is not arithmetic")
-
-
 @lru_cache(maxsize=4096)
-def read_tree(text: str, grammar: Grammar) -> ast.expr:
-    """Parse a text and check every node of it."""
+def read_formula(text: str, grammar: Grammar) -> Part:
+    """Parse a text, and check every part of it."""
     text = text.translate(_BLANKS).strip()
     if not text:
         raise ExpressionError("the formula is empty", expected="a number, a name, or a formula such as 2*(a + b)")
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the formula is too long: {len(text)} characters", expected=f"at most {MAX_LENGTH}")
     try:
-        measured = find_measured(text) if MeasuredNumber in grammar.literals else []
-    except ExpressionError as error:
+        plain, words = _as_python(text, grammar)
+        return _Reader(plain.encode(), words, grammar).part(_parsed(plain))
+    except PinarmError as error:
         raise _in_words(error, text) from None
-    plain, replaced = _replaced(text, measured, grammar)
-    try:
-        tree = ast.parse(plain, mode="eval").body
-    except SyntaxError as error:
-        place = Location("", 1, max(error.offset or 1, 1), width=1)
-        hint = _syntax_hint(plain, place.column - 1)
-        problem = ExpressionError(f"this is not a formula: {error.msg}", expected=_LANGUAGE, hint=hint)
-        raise _in_words(problem.at(place), text) from None
     except (ValueError, RecursionError, MemoryError, OverflowError) as error:
         raise ExpressionError(f"this is not a formula: {error or 'nested too deeply'}", expected=_LANGUAGE) from None
-    _put_back(tree, replaced)
-    _check(tree, grammar, text)
-    return tree
-
-
-_OF_THE_LANGUAGE = ("and", "else", "if", "not", "or", "True", "False", "None")
-_KEYWORD = re.compile(rf"(?<!\w)(?:{'|'.join(keyword.kwlist)})(?!\w)")
-_CHAIN, _NUMBER_WORD = re.compile(r"(?<![\w.])[^\W\d]\w*(?:\.\w+)+"), re.compile(r"(?<=\.)[0-9]+(?!\w)")
-"""A name with dots, and a number in it."""
-
-
-def _replaced(
-    text: str, measured: Sequence[tuple[int, MeasuredNumber]], grammar: Grammar
-) -> tuple[str, dict[int, str | MeasuredNumber]]:
-    """Return the text as Python can read it, and what was replaced in it by place in bytes; columns stay.
-
-    Numbers with units become ``0`` and blanks, Python's keywords and numbers in names other letters. A keyword is a
-    name, or part of one beside a dot, unless formulas use the word. Words of a name behind its first may be whole
-    numbers: ``mode.1.frequency``.
-    """
-    replaced = dict[int, str | MeasuredNumber]()
-    for start, number in measured:
-        replaced[len(text[:start].encode())] = number
-        text = f"{text[:start]}{'0'.ljust(len(number.text))}{text[start + len(number.text) :]}"
-    for chain in _CHAIN.finditer(text):
-        for digits in _NUMBER_WORD.finditer(chain[0]):
-            start, end = (chain.start() + place for place in digits.span())
-            replaced[len(text[:start].encode())] = digits[0]
-            text = f"{text[:start]}{'x' * len(digits[0])}{text[end:]}"
-    for match in _KEYWORD.finditer(text):
-        word, (start, end) = match[0], match.span()
-        dotted = text[start - 1 : start] == "." or text[end : end + 1] == "."
-        if dotted or not (grammar.collections or word in _OF_THE_LANGUAGE):
-            replaced[len(text[:start].encode())] = word
-            text = f"{text[:start]}{'x' * len(word)}{text[end:]}"
-    return text, replaced
-
-
-def _put_back(tree: ast.expr, replaced: Mapping[int, Any]) -> None:
-    """Put numbers with units and keywords into a tree, at the columns from which they were taken."""
-    for node in ast.walk(tree) if replaced else ():
-        if isinstance(node, ast.Constant) and isinstance(number := replaced.get(node.col_offset), MeasuredNumber):
-            node.value, node.end_col_offset = number, node.col_offset + len(number.text)  # type: ignore[assignment]
-        elif isinstance(node, ast.Name):
-            node.id = replaced.get(node.col_offset, node.id)
-        elif isinstance(node, ast.Attribute):
-            node.attr = replaced.get((node.end_col_offset or 0) - len(node.attr.encode()), node.attr)
 
 
 _BLANKS = {ord("\n"): " ", ord("\r"): " ", ord("\t"): " "}
 _LANGUAGE = "numbers, names, + - * / // % **, comparisons, and, or, not, 'a if test else b', functions"
+
+
+def _as_python(text: str, grammar: Grammar) -> tuple[str, Words]:
+    """Return the text as Python can read it, and the words that have been replaced in it; columns stay.
+
+    Numbers with units, names with dots, and names that are keywords of Python but not of formulas become names of as
+    many letters.
+    """
+    words, plain = Words(), text
+    for match in _WORD.finditer(text):
+        known: str | MeasuredNumber = match[0]
+        if match["unit"] and MeasuredNumber in grammar.literals and match["unit"] not in _OPERATOR_WORDS:
+            known = _measured(match, text)
+        elif not match["name"] or not ("." in match[0] or (match[0] in _NAMES and not grammar.collections)):
+            continue
+        words[len(plain[: match.start()].encode())] = known
+        plain = f"{plain[: match.start()]}{'x' * len(match[0])}{plain[match.end() :]}"
+    return plain, words
+
+
+def _parsed(plain: str) -> ast.expr:
+    try:
+        return ast.parse(plain, mode="eval").body
+    except SyntaxError as error:
+        column = max(error.offset or 1, 1)
+        hint = _syntax_hint(plain, column - 1)
+        problem = ExpressionError(f"this is not a formula: {error.msg}", expected=_LANGUAGE, hint=hint)
+        raise problem.at(Location("", 1, column)) from None
 
 
 def _syntax_hint(text: str, at: int) -> str:
@@ -225,130 +210,121 @@ def _syntax_hint(text: str, at: int) -> str:
     return "* between factors, and a word in plain letters for each name"
 
 
-def _check(tree: ast.expr, grammar: Grammar, text: str) -> None:
-    """Refuse what the grammar does not list, without recursion."""
-    pending, count = [(tree, 1)], 0
-    while pending:
-        node, depth = pending.pop()
-        count += 1
-        try:
-            if depth > MAX_DEPTH or count > MAX_NODES:
-                raise ExpressionError("the formula is nested too deeply or has too many parts", hint="smaller formulas")
-            if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-                number = text.encode()[node.col_offset : node.end_col_offset].decode()
-                if "_" in number:
-                    raise ExpressionError("a number has no '_' between its digits", hint=number.replace("_", ""))
-            pending += [(part, depth + 1) for part in _parts(node, grammar)]
-        except ExpressionError as error:
-            raise _in_words(error.at(_place(node)), text) from None
-
-
-def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
-    """Return the operands of a node; a node that is not allowed is an error."""
-    match node:
-        case ast.Constant():
-            _check_literal(node.value, grammar)
-            return []
-        case ast.Attribute() if grammar.collections and not _is_name(node):
-            return [node.value]
-        case ast.Name() | ast.Attribute():
-            _dotted(node)
-            return []
-        case ast.UnaryOp() if type(node.op) in _SYMBOLS:
-            return [node.operand]
-        case ast.BinOp() if type(node.op) in _SYMBOLS:
-            return [node.left, node.right]
-        case ast.Compare() if all(
-            type(operation) in _SYMBOLS and (grammar.collections or not isinstance(operation, ast.In | ast.NotIn))
-            for operation in node.ops
-        ):
-            return [node.left, *node.comparators]
-        case ast.BoolOp():
-            return node.values
-        case ast.IfExp():
-            return [node.test, node.body, node.orelse]
-        case ast.Call() if not _as_function(node, grammar).keywords and _is_name(node.func):
-            _check_call(_dotted(node.func), len(node.args), grammar)
-            return node.args
-        case ast.Subscript() if grammar.collections:
-            return [node.value, node.slice]
-        case ast.List() | ast.Tuple() if grammar.collections:
-            return node.elts
-        case ast.Dict() if grammar.collections:
-            return _entries(node)
+def _no_arithmetic(node: ast.expr) -> ExpressionError:
     power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
-    raise ExpressionError("this is not arithmetic", expected=_LANGUAGE, hint="** for powers" if power else "")
+    return ExpressionError("this is not arithmetic", expected=_LANGUAGE, hint="** for powers" if power else "")
 
 
-def _as_function(call: ast.Call, grammar: Grammar) -> ast.Call:
-    """Write ``a.split(b)`` as ``split(a, b)``, and ``dict(a=b)`` as ``dict("a", b)``, in languages with collections."""
-    method = call.func
-    if grammar.collections and isinstance(method, ast.Attribute) and method.attr == "split":
-        call.func, call.args = ast.copy_location(ast.Name(method.attr), method), [method.value, *call.args]
-    if grammar.collections and isinstance(call.func, ast.Name) and call.func.id == "dict":
-        named = [entry for entry in call.keywords if entry.arg]
-        keys = [ast.copy_location(ast.Constant(entry.arg), entry) for entry in named]
-        call.args += [part for key, entry in zip(keys, named, strict=True) for part in (key, entry.value)]
-        call.keywords = [entry for entry in call.keywords if not entry.arg]
-    return call
+Split = tuple[str, Sequence[ast.expr], Any]
+"""Function of a node, its operands, and its value where it has none."""
 
 
-def _entries(node: ast.Dict) -> list[ast.expr]:
-    """Return keys and values by turns; ``**`` before a map in a map is refused."""
-    if None in node.keys:
-        raise ExpressionError("this is not arithmetic", expected=_LANGUAGE)
-    return [part for entry in zip(node.keys, node.values, strict=True) for part in entry if part is not None]
+class _Reader(Record, frozen=True):
+    """Turns Python's tree into parts; what the grammar does not list is refused.
 
+    Attributes:
+        raw: Text that Python has parsed, whose columns are bytes.
+        words: What has been replaced in it.
+    """
 
-def _check_literal(value: Any, grammar: Grammar) -> None:
-    if type(value) not in grammar.literals:
-        raise ExpressionError(f"a {type(value).__name__} is not allowed in a formula", expected="numbers and names")
-    if isinstance(value, int | float) and not abs(value) < (MAX_INTEGER if isinstance(value, int) else math.inf):
-        raise ExpressionError("this number is too large", expected="integers below 2**64, others below 1e308")
+    raw: bytes
+    words: Words
+    grammar: Grammar
 
+    def part(self, node: ast.expr, depth: int = 1) -> Part:
+        begin, end = (len(self.raw[:at].decode()) for at in (node.col_offset, node.end_col_offset))
+        try:
+            if depth > MAX_DEPTH:
+                raise ExpressionError("the formula is nested too deeply", hint="smaller formulas")
+            function, operands, value = self._split(node)
+        except ExpressionError as error:
+            raise error.at(Location("", 1, begin + 1, width=end - begin)) from None
+        parts = tuple([self.part(operand, depth + 1) for operand in operands])
+        return Part(function, value, parts, begin + 1, end - begin)
 
-def _check_call(function: str, count: int, grammar: Grammar) -> None:
-    if function not in grammar.arities:
-        expected, hint = choices(function, grammar.arities, most=40)
-        raise ExpressionError(f"there is no function '{function}'", expected=expected, hint=hint)
-    least, most = grammar.arities[function]
-    if not least <= count <= most:
-        wanted = str(least) if least == most else f"{least} to {most}" if most < MANY else f"{least} or more"
-        raise ExpressionError(f"'{function}' is given {count} arguments", expected=f"{wanted} of them")
+    def _split(self, node: ast.expr) -> Split:
+        match node:
+            case ast.Constant():
+                return "constant", (), self._literal(node)
+            case ast.Name():
+                word = self.words.get(node.col_offset, node.id)
+                return "name" if isinstance(word, str) else "constant", (), word
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _SYMBOLS:
+                return _SYMBOLS[type(op)], [operand], None
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _SYMBOLS:
+                return _SYMBOLS[type(op)], [left, right], None
+            case ast.BoolOp(op=op, values=values):
+                return _SYMBOLS[type(op)], values, None
+            case ast.Compare() if all(type(op) in _SYMBOLS for op in node.ops):
+                return self._compared(node)
+            case ast.IfExp():
+                return "if", [node.test, node.body, node.orelse], None
+            case ast.Call():
+                return self._called(node)
+        if self.grammar.collections:
+            return self._collected(node)
+        if isinstance(node, ast.Attribute):
+            expected = "a name such as joint.knee.effort"
+            raise ExpressionError("a dot belongs between the words of a name", expected=expected)
+        raise _no_arithmetic(node)
 
+    def _collected(self, node: ast.expr) -> Split:
+        match node:
+            case ast.Attribute():
+                return "item", [node.value, ast.copy_location(ast.Constant(node.attr), node)], None
+            case ast.Subscript():
+                return "item", [node.value, node.slice], None
+            case ast.List() | ast.Tuple():
+                return "list", node.elts, None
+            case ast.Dict() if None not in node.keys:
+                entries = zip(node.keys, node.values, strict=True)
+                return "dict", [part for entry in entries for part in entry if part is not None], None
+        raise _no_arithmetic(node)
 
-def _is_name(node: ast.expr) -> bool:
-    while isinstance(node, ast.Attribute):
-        node = node.value
-    return isinstance(node, ast.Name)
+    def _literal(self, node: ast.Constant) -> Any:
+        value, written = node.value, self.raw[node.col_offset : node.end_col_offset].decode()
+        if type(value) not in self.grammar.literals:
+            raise ExpressionError(f"a {type(value).__name__} is not allowed in a formula", expected="numbers and names")
+        if isinstance(value, int | float) and not abs(value) < (MAX_INTEGER if isinstance(value, int) else math.inf):
+            raise ExpressionError("this number is too large", expected="integers below 2**64, others below 1e308")
+        if isinstance(value, int | float) and "_" in written:
+            raise ExpressionError("a number has no '_' between its digits", hint=written.replace("_", ""))
+        return value
 
+    def _compared(self, node: ast.Compare) -> Split:
+        """Return a comparison of two operands; of more ``a < b and b < c``."""
+        operands = [node.left, *node.comparators]
+        if len(node.ops) == 1:
+            return _SYMBOLS[type(node.ops[0])], operands, None
+        pairs = zip(node.ops, pairwise(operands), strict=True)
+        return "and", [ast.copy_location(ast.Compare(a, [op], [b]), node) for op, (a, b) in pairs], None
 
-def _dotted(node: ast.expr) -> str:
-    """Flatten ``joint.knee.effort``; the dots are part of the name, nothing is looked up on the way."""
-    words: list[str] = []
-    while isinstance(node, ast.Attribute):
-        words.append(node.attr)
-        node = node.value
-    if not isinstance(node, ast.Name):
-        raise ExpressionError("a dot belongs between the words of a name", expected="a name such as joint.knee.effort")
-    return ".".join([node.id, *reversed(words)])
+    def _called(self, node: ast.Call) -> Split:
+        """Return a call; in languages with collections ``a.split(b)`` as ``split(a, b)``, and keys of ``dict(a=1)``."""
+        called, arguments, named = node.func, node.args, node.keywords
+        name: Any = self.words.get(called.col_offset, called.id) if isinstance(called, ast.Name) else None
+        if self.grammar.collections and isinstance(called, ast.Attribute) and called.attr == "split":
+            name, arguments = "split", [called.value, *arguments]
+        elif self.grammar.collections and isinstance(name, str) and name.endswith(".split"):
+            self.words[called.col_offset] = name.removesuffix(".split")
+            name, arguments = "split", [called, *arguments]
+        elif self.grammar.collections and name == "dict" and all(entry.arg for entry in named):
+            pairs = ((ast.copy_location(ast.Constant(entry.arg), entry), entry.value) for entry in named)
+            arguments, named = [*arguments, *(part for pair in pairs for part in pair)], []
+        if named or not isinstance(name, str):
+            raise _no_arithmetic(node)
+        self._check_call(name, len(arguments))
+        return name, arguments, None
 
-
-def names_in(tree: ast.expr, grammar: Grammar) -> Iterable[str]:
-    """Yield the names in a tree that has been checked."""
-    pending = [tree]
-    while pending:
-        node = pending.pop()
-        if isinstance(node, ast.Name | ast.Attribute):
-            yield _dotted(node)
-        else:
-            pending += _parts(node, grammar)
-
-
-def _place(node: ast.expr) -> Location:
-    """Return the place of a node within its formula, in bytes; no source, so that ``_in_words`` knows it."""
-    end = node.end_col_offset or node.col_offset + 1
-    return Location("", 1, node.col_offset + 1, width=end - node.col_offset)
+    def _check_call(self, function: str, count: int) -> None:
+        arities = self.grammar.arities
+        if function not in arities:
+            expected, hint = choices(function, arities, most=40)
+            raise ExpressionError(f"there is no function '{function}'", expected=expected, hint=hint)
+        least, most = arities[function]
+        if not least <= count <= most:
+            wanted = str(least) if least == most else f"{least} to {most}" if most < MANY else f"{least} or more"
+            raise ExpressionError(f"'{function}' is given {count} arguments", expected=f"{wanted} of them")
 
 
 def _in_words(error: PinarmError, text: str) -> PinarmError:
@@ -356,10 +332,7 @@ def _in_words(error: PinarmError, text: str) -> PinarmError:
     place = error.location
     if place is None or place.source:
         return error
-    raw = text.encode()
-    column = len(raw[: place.column - 1].decode(errors="ignore")) + 1
-    part = raw[place.column - 1 : place.column - 1 + place.width].decode(errors="ignore")
-    whole = f"column {column} of '{_short(text)}'"
+    part, whole = text[place.column - 1 :][: place.width], f"column {place.column} of '{_short(text)}'"
     error.message += f": '{_short(part)}'" + (f" at {whole}" if part != text else "") if part.strip() else f" ({whole})"
     error.location = None
     return error
@@ -369,36 +342,20 @@ def _short(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def look_up(name: str, *tables: Mapping[str, Any]) -> Any:
-    """Return the value of a name in the first table that has it."""
-    for table in tables:
-        if name in table:
-            return table[name]
-    expected, hint = choices(name, [known for table in tables for known in table], most=40)
-    raise ExpressionError(f"unknown name '{_short(name)}'", expected=expected, hint=hint)
-
-
-def find_measured(text: str) -> list[tuple[int, MeasuredNumber]]:
-    """Return the numbers with a unit in a formula, each with its place, in time that grows as its length."""
-    numbers = []
-    for match in re.finditer(_MEASURED, text):
-        if match[1] in _OPERATOR_WORDS:
-            continue
-        try:
-            numbers.append((match.start(), _measured(match, text)))
-        except ExpressionError as error:
-            place = Location("", 1, len(text[: match.start()].encode()) + 1, width=len(match[0]))
-            raise error.at(place) from None
-    return numbers
+def unknown_name(name: str, known: Iterable[str]) -> ExpressionError:
+    """Return the error of a name that has no value."""
+    expected, hint = choices(name, known, most=40)
+    return ExpressionError(f"unknown name '{_short(name)}'", expected=expected, hint=hint)
 
 
 def _measured(match: re.Match[str], text: str) -> MeasuredNumber:
-    written = match[0]
+    written, place = match[0], Location("", 1, match.start() + 1, width=len(match[0]))
     if not (_ends_term(text[: match.start()]) and _begins_term(text[match.end() :])):
         raise ExpressionError(
             "beside *, / and ** it is not clear where a unit ends",
             expected="parentheses about the number and its unit",
             hint=f"({written})",
+            location=place,
         )
     try:
         value, unit = read_quantity(written)
@@ -407,6 +364,7 @@ def _measured(match: re.Match[str], text: str) -> MeasuredNumber:
             f"this is no number with a unit ({error.message})",
             expected=error.expected,
             hint="parentheses about a number and its unit, or * before a name",
+            location=place,
         ) from None
     assert unit is not None
     return MeasuredNumber(value, unit, written)

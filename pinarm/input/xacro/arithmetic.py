@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from pinarm.errors import ExpressionError, choices
-from pinarm.input.formulas.grammar import MANY, MAX_INTEGER, Grammar, interpret, look_up, read_tree
-from pinarm.input.xacro.columns import OPEN, Column, NotByRows
+from pinarm.input.formulas.grammar import MANY, MAX_INTEGER, Grammar, interpret, read_formula, unknown_name
+from pinarm.input.xacro.columns import Column, NotByRows, require_unmarked
 from pinarm.input.xml_text import MAX_TEXT
 from pinarm.records import ValueRecord
 
@@ -24,35 +24,27 @@ class Expressions(ValueRecord, frozen=True):
     """The algebra of expressions, of plain values and of columns.
 
     Attributes:
+        look: Name -> its value, ``None`` where it has none.
+        names: Lists the names that have values.
         functions: Functions that the file's place matters to, such as ``xacro.load_yaml``.
     """
 
-    names: Mapping[str, Any]
-    functions: Functions
+    look: Callable[[str], Any] = lambda name: None
+    names: Callable[[], Iterable[str]] = tuple
+    functions: Functions = {}
 
     def evaluate(self, text: str) -> Any:
-        return interpret(read_tree(text, GRAMMAR), self, text)
+        return interpret(read_formula(text, GRAMMAR), self, text)
 
     def constant(self, value: Any) -> Any:
-        if isinstance(value, str) and (OPEN in value or "__column_" in value):
-            raise NotByRows
-        return value
+        return require_unmarked(value) if isinstance(value, str) else value
 
     def name(self, name: str) -> Any:
-        value = self.names.get(name)
-        return _bounded(look_up(name, self.names, _CONSTANTS) if value is None else value)
-
-    def unary(self, symbol: str, operand: Any) -> Any:
-        """Apply ``+``, ``-`` or ``not``."""
-        return _applied(_UNARY[symbol], operand)
-
-    def binary(self, symbol: str, left: Any, right: Any) -> Any:
-        """Apply an arithmetic operator; ``+`` joins texts."""
-        return _applied(partial(_operated, symbol), left, right, symbol=symbol)
-
-    def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
-        pairs = zip(symbols, operands, operands[1:], strict=False)
-        return all(_applied(partial(_compared, symbol), left, right) for symbol, left, right in pairs)
+        value = self.look(name)
+        value = _CONSTANTS.get(name) if value is None else value
+        if value is None:
+            raise unknown_name(name, [*self.names(), *_CONSTANTS])
+        return _bounded(value)
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], Any]]) -> Any:
         """Apply ``and`` or ``or``, as far as it takes."""
@@ -67,22 +59,23 @@ class Expressions(ValueRecord, frozen=True):
         return then() if test else otherwise()
 
     def call(self, function: str, arguments: Sequence[Any]) -> Any:
-        if function in self.functions:
-            return self.functions[function](*arguments)
-        if function in _COLLECTIONS:
-            return _COLLECTIONS[function](*arguments)
-        return _applied(_FUNCTIONS[function][0], *arguments)
+        """Apply a function or an operator; ``+`` joins texts."""
+        if known := self.functions.get(function, _COLLECTIONS.get(function)):
+            return known(*arguments)
+        apply = partial(_applied, _FUNCTIONS[function][0])
+        for argument in arguments:
+            if isinstance(argument, Column):
+                return argument.rows.applied(apply, arguments, function)
+        return apply(*arguments)
 
 
-def _applied(function: Callable[..., Any], *operands: Any, symbol: str = "") -> Any:
-    for operand in operands:
-        if isinstance(operand, Column):
-            return operand.rows.applied(partial(_applied, function), operands, symbol)
+def _applied(function: Callable[..., Any], *operands: Any) -> Any:
     try:
-        value = function(*operands)
+        return _bounded(function(*operands))
     except (ArithmeticError, TypeError, ValueError) as error:
+        if isinstance(error, ExpressionError):
+            raise
         raise ExpressionError(f"this cannot be computed ({error})") from None
-    return _bounded(value)
 
 
 def _bounded(value: Any) -> Any:
@@ -95,25 +88,28 @@ def _bounded(value: Any) -> Any:
     return value
 
 
-def _operated(symbol: str, left: Any, right: Any) -> Any:
+def _computed(symbol: str, left: Any, right: Any) -> Any:
+    """Return the value of an arithmetic operator."""
     if not isinstance(left, int | float) or not isinstance(right, int | float):
         if not (isinstance(left, str) and isinstance(right, str) and symbol == "+"):
             raise ExpressionError(f"'{symbol}' does not go with text", expected="numbers, or text + text")
     elif symbol == "**" and isinstance(left, int) and isinstance(right, int) and left.bit_length() * right > 64:
         raise ExpressionError("the power is too large", expected="a value below 2**64")
-    return _OPERATIONS[symbol](left, right)
+    return _ARITHMETIC[symbol](left, right)
 
 
 def _compared(symbol: str, left: Any, right: Any) -> bool:
-    if symbol in ("in", "not in"):
-        if not isinstance(right, list | dict | str) or isinstance(left, list | dict):
-            raise ExpressionError(f"'{symbol}' needs a list, a map or a text", expected="name in {'a': 1}")
-        if isinstance(right, list) and len(right) > MAX_ITEMS:
-            raise ExpressionError("the list is too long to look for a value", expected=f"at most {MAX_ITEMS} values")
-        return (left in right) == (symbol == "in")
     if isinstance(left, list | dict) or isinstance(right, list | dict):
         raise ExpressionError("lists and maps are not compared", expected="numbers or texts")
-    return bool(_OPERATIONS[symbol](left, right))
+    return bool(_COMPARISONS[symbol](left, right))
+
+
+def _contained(symbol: str, value: Any, holder: Any) -> bool:
+    if not isinstance(holder, list | dict | str) or isinstance(value, list | dict):
+        raise ExpressionError(f"'{symbol}' needs a list, a map or a text", expected="name in {'a': 1}")
+    if isinstance(holder, list) and len(holder) > MAX_ITEMS:
+        raise ExpressionError("the list is too long to look for a value", expected=f"at most {MAX_ITEMS} values")
+    return (value in holder) == (symbol == "in")
 
 
 def _list(*values: Any) -> list[Any]:
@@ -157,9 +153,7 @@ def entry(holder: Any, key: Any) -> Any:
 def _split(text: Any, separator: Any = None) -> list[str]:
     if not isinstance(text, str) or not (separator is None or (isinstance(separator, str) and separator)):
         raise ExpressionError("only texts are split", expected="text.split(' ')")
-    if OPEN in text:
-        raise NotByRows
-    return _list(*text.split(separator, MAX_ITEMS))
+    return _list(*require_unmarked(text).split(separator, MAX_ITEMS))
 
 
 def _round(value: float, digits: int = 0) -> float:
@@ -172,11 +166,12 @@ def _number(kind: Callable[[Any], float], value: Any) -> float:
     return kind(value)
 
 
-_UNARY: Mapping[str, Callable[[Any], Any]] = {"+": operator.pos, "-": operator.neg, "not": operator.not_}
-_OPERATIONS: Mapping[str, Callable[[Any, Any], Any]] = {
+_ARITHMETIC: Functions = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "//": operator.floordiv,
-    "%": operator.mod, "**": operator.pow, "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le,
-    ">": operator.gt, ">=": operator.ge,
+    "%": operator.mod, "**": operator.pow,
+}  # fmt: skip
+_COMPARISONS: Functions = {
+    "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
 }  # fmt: skip
 _COLLECTIONS: Functions = {"list": _list, "dict": _dict, "item": entry, "split": _split}
 
@@ -187,38 +182,36 @@ _ONE_ARGUMENT = (
 )  # fmt: skip
 _MATH: dict[str, tuple[Callable[..., Any], int, int]] = {
     **{function.__name__: (function, 1, 1) for function in _ONE_ARGUMENT},
-    "atan2": (math.atan2, 2, 2),
-    "copysign": (math.copysign, 2, 2),
-    "fmod": (math.fmod, 2, 2),
-    "pow": (math.pow, 2, 2),
-    "log": (math.log, 1, 2),
-    "hypot": (math.hypot, 2, MANY),
-}
+    "atan2": (math.atan2, 2, 2), "copysign": (math.copysign, 2, 2), "fmod": (math.fmod, 2, 2), "pow": (math.pow, 2, 2),
+    "log": (math.log, 1, 2), "hypot": (math.hypot, 2, MANY),
+}  # fmt: skip
 _PYTHON: dict[str, tuple[Callable[..., Any], int, int]] = {
     "abs": (abs, 1, 1), "min": (min, 2, MANY), "max": (max, 2, MANY), "round": (_round, 1, 2), "len": (len, 1, 1),
     "int": (partial(_number, int), 1, 1), "float": (partial(_number, float), 1, 1),
     "str": (str, 1, 1), "bool": (bool, 1, 1),
 }  # fmt: skip
-_FUNCTIONS = {
+_NAMED = {
     **_MATH,
     **_PYTHON,
-    **{f"math.{name}": entry for name, entry in _MATH.items()},
-    **{f"python.{name}": entry for name, entry in _PYTHON.items()},
+    **{f"math.{name}": known for name, known in _MATH.items()},
+    **{f"python.{name}": known for name, known in _PYTHON.items()},
 }
+_FUNCTIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
+    **_NAMED,
+    **{symbol: (partial(_computed, symbol), 2, 2) for symbol in _ARITHMETIC},
+    **{symbol: (partial(_compared, symbol), 2, 2) for symbol in _COMPARISONS},
+    **{symbol: (partial(_contained, symbol), 2, 2) for symbol in ("in", "not in")},
+    "+x": (operator.pos, 1, 1), "-x": (operator.neg, 1, 1), "not": (operator.not_, 1, 1),
+}  # fmt: skip
 _PLAIN_CONSTANTS = {name: getattr(math, name) for name in ("pi", "e", "tau", "inf", "nan")}
 _CONSTANTS = {**_PLAIN_CONSTANTS, **{f"math.{name}": value for name, value in _PLAIN_CONSTANTS.items()}}
-
-OF_FILES = ("load_yaml", "arg", "warning")
-"""Functions of xacro that depend on the file, with ``xacro.`` before their names."""
 
 GRAMMAR = Grammar(
     (int, float, str, bool),
     {
-        **{name: (least, most) for name, (_, least, most) in _FUNCTIONS.items()},
-        **{f"xacro.{name}": (1, MANY if name == "warning" else 1) for name in OF_FILES},
-        "load_yaml": (1, 1),
-        "split": (1, 2),
-        "dict": (0, 2 * MAX_ITEMS),
+        **{name: (least, most) for name, (_, least, most) in _NAMED.items()},
+        "xacro.load_yaml": (1, 1), "load_yaml": (1, 1), "xacro.arg": (1, 1), "xacro.warning": (1, MANY),
+        "split": (1, 2), "dict": (0, 2 * MAX_ITEMS),
     },
     collections=True,
-)
+)  # fmt: skip

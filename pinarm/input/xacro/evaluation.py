@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache
+from collections.abc import Iterator
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from pinarm.errors import InputError, Location, ModelError, PinarmError, choices
 from pinarm.input.formulas.grammar import MANY
 from pinarm.input.roots import contained_file
 from pinarm.input.xacro.arithmetic import Expressions, entry
-from pinarm.input.xacro.columns import OPEN, NotByRows, Rows
+from pinarm.input.xacro.columns import Rows, require_unmarked
 from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_TEXT, Element, bound, location_of, read, tree_of
 
 MAX_STEPS = 200_000
@@ -31,7 +31,6 @@ _TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\
 
 UNITS = {"radians": 1.0, "degrees": math.pi / 180, "meters": 1.0, "millimeters": 1e-3, "foot": 0.3048, "inches": 0.0254}
 """Tags of numbers in YAML files -> factor."""
-
 
 OF_XACRO = ("this is not arithmetic", "there is no function", "a dot belongs")
 """Beginnings of messages on expressions that the program xacro may know."""
@@ -52,14 +51,15 @@ class Scope:
             scope = scope.around
 
     def home(self, name: str) -> Scope | None:
-        scope: Scope | None = self
-        while scope is not None and name not in scope.own:
-            scope = scope.around
-        return scope
+        return next((scope for scope in self.chain() if name in scope.own), None)
 
     def macro(self, name: str) -> Any:
         """Return a macro; ``None`` where there is none."""
         return next((scope.macros[name] for scope in self.chain() if name in scope.macros), None)
+
+    def names(self) -> list[str]:
+        """Return the names of the properties in reach."""
+        return [name for scope in self.chain() for name in scope.own if name.isidentifier()]
 
 
 class Unevaluated(Struct):
@@ -89,11 +89,14 @@ class Evaluator:
         self.snippet = ""
         self.depth = self.steps = self.size = 0
 
-    def parsed(self, path: Path, source: str) -> Element:
+    def read(self, path: Path, source: str) -> str:
         text = read(path, source, MAX_BYTES - self.size)
         self.size += len(text)
-        self.texts[source] = text
-        return _tree(text, source)
+        return text if self.rows is None else require_unmarked(text)
+
+    def parsed(self, path: Path, source: str) -> Element:
+        self.texts[source] = self.read(path, source)
+        return _tree(self.texts[source], source)
 
     def here(self) -> Location:
         """Return the place of the evaluation: of the text that failed, otherwise of the element."""
@@ -127,8 +130,6 @@ class Evaluator:
 
     def file(self, name: str, *, needed: bool = True) -> Path | None:
         """Return the path of a file from the current one; ``None`` where it need not exist and does not."""
-        if any(character in name for character in "*?["):
-            raise self.error(f"'{name[:60]}' has wildcards", expected="the name of one file", hint=self.beyond)
         wanted = name if "://" in name else self.files[-1].parent / name
         try:
             return contained_file(wanted, self.root)
@@ -142,10 +143,8 @@ class Evaluator:
     def property_of(self, scope: Scope, name: str) -> Any:
         """Return the value of a property, which is evaluated at its first use; ``None`` where there is none."""
         home = scope.home(name)
-        if home is None:
-            return None
-        value = home.own[name]
-        if not isinstance(value, Unevaluated):
+        value = home.own[name] if home else None
+        if home is None or not isinstance(value, Unevaluated):
             return value
         if (home, name) in self.resolving:
             names = " -> ".join([*(known for _, known in self.resolving), name])
@@ -157,21 +156,33 @@ class Evaluator:
         self.resolving.pop()
         return result
 
+    def named(self, scope: Scope, name: str) -> Any:
+        """Return what a name in an expression stands for; ``None`` for nothing.
+
+        ``a.b`` is property ``b`` of namespace ``a``, or what a map ``a`` has under ``b``.
+        """
+        if self.rows is not None and (column := self.rows.named(name)) is not None:
+            return column
+        first, *words = name.split(".")
+        value = self.property_of(scope, first)
+        for word in words:
+            if isinstance(value, Scope):
+                value = self.property_of(value, word) if word in value.own else None
+            else:
+                value = entry(value, word) if isinstance(value, dict) else None
+        return None if isinstance(value, Scope | Element) else value
+
     def literal(self, value: Any) -> Any:
+        """Return the number or truth value that a text is; other values, and other texts, as they are."""
         if not isinstance(value, str):
             return value
         return _literal(value) if self.rows is None else self.rows.literal(_literal, value)
 
     def plain(self, text: str, scope: Scope) -> str:
-        value = str(self.value(text, scope))
-        if OPEN in value:
-            raise NotByRows
-        return value
+        return require_unmarked(str(self.value(text, scope)))
 
     def truth(self, text: str, scope: Scope) -> bool:
-        value = self.value(text, scope)
-        if isinstance(value, str):
-            value = self.literal(value)
+        value = self.literal(self.value(text, scope))
         if isinstance(value, str):
             raise self.error(f'the condition "{text[:60]}" is "{value[:60]}", which is neither true nor false')
         return bool(value)
@@ -205,15 +216,19 @@ class Evaluator:
                 raise ModelError(f"a brace is not closed: '{text[position : position + 40]}'")
             escaped, expression, substitution, other = match.groups()
             if expression is not None:
-                inner = str(self.value(expression, scope))
-                if self.rows is not None:
-                    inner = self.rows.expression(inner)
-                yield Expressions(_Names(self, scope), self._functions()).evaluate(inner)
+                yield self._expressions(scope).evaluate(str(self.value(expression, scope)))
             elif substitution is not None:
                 yield self._substituted(str(self.value(substitution, scope)))
             else:
                 yield escaped or other
             position = match.end()
+
+    def _expressions(self, scope: Scope) -> Expressions:
+        functions = {
+            "xacro.load_yaml": self._load_yaml, "load_yaml": self._load_yaml, "xacro.warning": self.warn,
+            "xacro.arg": self._argument,
+        }  # fmt: skip
+        return Expressions(partial(self.named, scope), scope.names, functions)
 
     def _substituted(self, text: str) -> str:
         """Return the value of ``$(arg NAME)``, or for ``$(find PACKAGE)`` the URI of the package."""
@@ -222,9 +237,8 @@ class Evaluator:
         if command == "find" and name:
             return f"package://{name}"
         if command != "arg":
-            raise ModelError(
-                f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)", hint=self.beyond
-            )
+            expected = "$(arg NAME) or $(find PACKAGE)"
+            raise ModelError(f"'$({text[:60]})' is not allowed", expected=expected, hint=self.beyond)
         return self._argument(name)
 
     def _argument(self, name: Any) -> str:
@@ -234,68 +248,26 @@ class Evaluator:
         self.declared[name] = None
         return self.arguments[name]
 
-    def _functions(self) -> dict[str, Callable[..., Any]]:
-        return {
-            "xacro.load_yaml": self._load_yaml,
-            "load_yaml": self._load_yaml,
-            "xacro.warning": self.warn,
-            "xacro.arg": self._argument,
-        }
-
     def _load_yaml(self, name: Any) -> Any:
         """Return the lists and maps of a YAML file, whose numbers may have tags such as ``!degrees``."""
         from pinarm.input.yaml.parser import Builder
 
-        if not isinstance(name, str) or OPEN in name:
-            raise NotByRows
-        path = self.file(name)
+        path = self.file(require_unmarked(str(name)))
         assert path is not None
-        text = read(path, str(path), MAX_BYTES - self.size)
-        self.size += len(text)
+        text = self.read(path, str(path))
         self.spend(50 + len(text) // 20)
-        table = Builder(text, str(path), self._tagged).build()
+        table = Builder(text, str(path), _tagged).build()
         if not isinstance(table, list | dict):
             raise ModelError(f"the file '{name}' has no list or map", expected="a table of YAML")
         return table
 
-    def _tagged(self, tag: str, text: str) -> float | None:
-        """Return the number that a scalar of YAML with a tag is; ``None`` for another tag."""
-        if tag.removeprefix("!") not in UNITS:
-            return None
-        value = Expressions({}, {}).evaluate(text)
-        return float(value) * UNITS[tag.removeprefix("!")] if isinstance(value, int | float) else None
 
-
-class _Names(Mapping[str, Any]):
-    """The properties in reach; ``a.b`` is property ``b`` of namespace ``a``, or what a map ``a`` has under ``b``."""
-
-    def __init__(self, evaluator: Evaluator, scope: Scope) -> None:
-        self.evaluator, self.scope = evaluator, scope
-
-    def get(self, name: str, default: Any = None) -> Any:
-        rows = self.evaluator.rows
-        if rows is not None and (column := rows.named(name)) is not None:
-            return column
-        first, *words = name.split(".")
-        value = self.evaluator.property_of(self.scope, first)
-        for word in words:
-            if isinstance(value, Scope):
-                value = self.evaluator.property_of(value, word) if word in value.own else None
-            else:
-                value = entry(value, word) if isinstance(value, dict) else None
-        return default if value is None or isinstance(value, Scope | Element) else value
-
-    def __getitem__(self, name: str) -> Any:
-        if (value := self.get(name)) is None:
-            raise KeyError(name)
-        return value
-
-    def __iter__(self) -> Iterator[str]:
-        for scope in self.scope.chain():
-            yield from (name for name in scope.own if name.isidentifier())
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
+def _tagged(tag: str, text: str) -> float | None:
+    """Return the number that a scalar of YAML with a tag is; ``None`` for another tag."""
+    if tag.removeprefix("!") not in UNITS:
+        return None
+    value = Expressions().evaluate(text)
+    return float(value) * UNITS[tag.removeprefix("!")] if isinstance(value, int | float) else None
 
 
 def _literal(value: str) -> Any:

@@ -5,9 +5,8 @@ Honest files expand as with the program xacro, version 2; comments are left out.
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -17,7 +16,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.errors import InputError, ModelError, PinarmError, choices
 from pinarm.input.roots import contained_file
-from pinarm.input.xacro.columns import CLOSE, OPEN, AnyColumn, Column, NotByRows, Rows, column, joined
+from pinarm.input.xacro.columns import MARK, Column, NotByRows, Rows, column, joined
 from pinarm.input.xacro.evaluation import Evaluator, Scope, Unevaluated
 from pinarm.input.xml_text import MAX_BYTES, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT, Element, bound, read, tree_of
 from pinarm.records import ValueRecord
@@ -50,36 +49,33 @@ class Macro(ValueRecord, frozen=True):
     parameters: dict[str, tuple[str, str | None] | None]
 
 
-class Expander:
-    """One expansion: it makes the elements, of the values that ``Evaluator`` gives."""
+class Expander(Evaluator):
+    """One expansion: the elements that it makes of values."""
 
-    def __init__(self, root: Path, arguments: dict[str, str], rows: Rows | None = None) -> None:
-        self.values = Evaluator(root, arguments, rows)
-        self.made = self.elements = 0
+    made = elements = 0
 
     def run(self, path: Path, source: str) -> Expansion:
         """Return the expansion of a file, which messages call ``source``; every failure is located."""
-        root = self.values.parsed(path, source)
-        self.values.files.append(path)
-        self.values.element = root
+        root = self.parsed(path, source)
+        self.files.append(path)
+        self.element = root
         try:
             robot = self._robot(root)
         except PinarmError as error:
-            raise error.at(self.values.here()) from None
+            raise error.at(self.here()) from None
         except RecursionError:
-            raise self.values.error("the model is nested too deeply").at(self.values.here()) from None
+            raise self.error("the model is nested too deeply").at(self.here()) from None
         for kind in ("link", "joint"):
             bound(f"{kind}s", len(robot.findall(kind)), MAX_LINKS)
         ElementTree.indent(robot)
         xml = ElementTree.tostring(robot, encoding="unicode") + "\n"
-        values = self.values
-        return Expansion(xml, {name: values.arguments[name] for name in values.declared}, tuple(values.warnings))
+        return Expansion(xml, {name: self.arguments[name] for name in self.declared}, tuple(self.warnings))
 
     def _robot(self, root: Element) -> Element:
         """Return the outermost element, whose attributes may use the defaults of arguments that are in it."""
         made, scope = Element(root.tag), Scope()
         self._fill(root, made, scope)
-        self.values.element = root
+        self.element = root
         self._evaluate_attributes(root, made, scope)
         return made
 
@@ -95,25 +91,25 @@ class Expander:
     def _evaluate_attributes(self, source: Element, made: Element, scope: Scope) -> None:
         for name, text in source.attrib.items():
             if not name.startswith(("xacro:", "xmlns")):
-                made.set(name, str(self.values.value(text, scope)))
+                made.set(name, str(self.value(text, scope)))
         self._write(len(source.tag) + sum(map(len, made.attrib.values())))
 
     def _fill(self, source: Element, made: Element, scope: Scope) -> None:
         self._add_text(made, source.text, scope)
         for child in source:
             assert isinstance(child, Element)
-            self.values.spend()
-            outer, self.values.element = self.values.element, child
-            self.values.descend()
+            self.spend()
+            outer, self.element = self.element, child
+            self.descend()
             self._expand(child, made, scope)
-            self.values.depth -= 1
-            self.values.element = outer  # only now: where it fails, the place is that of the failure
+            self.depth -= 1
+            self.element = outer  # only now: where it fails, the place is that of the failure
             self._add_text(made, child.tail, scope)
 
     def _add_text(self, made: Element, text: str | None, scope: Scope) -> None:
         if not text or not text.strip():
             return
-        written = str(self.values.value(text, scope))
+        written = str(self.value(text, scope))
         self._write(len(written))
         if len(made):
             made[-1].tail = (made[-1].tail or "") + written
@@ -137,27 +133,27 @@ class Expander:
         """Return the attributes of an element of xacro as they are written; unknown ones are warned of."""
         for name in required:
             if name not in element.attrib:
-                raise self.values.error(f"{element.tag}: missing attribute '{name}'")
+                raise self.error(f"{element.tag}: missing attribute '{name}'")
         known = (*required, *optional)
         if extra := [name for name in element.attrib if name not in known and not name.startswith("xmlns:")]:
-            self.values.warn(f"{element.tag}: unknown attribute(s): {', '.join(extra)}")
+            self.warn(f"{element.tag}: unknown attribute(s): {', '.join(extra)}")
         return [element.get(name) for name in known]
 
     def _declare(self, element: Element, made: Element, scope: Scope) -> None:
         name, default = map(str, self._attributes(element, "name", "default"))
-        if name not in self.values.arguments:
-            self.values.arguments[name] = str(self.values.value(default, scope))
-        self.values.declared[name] = None
+        if name not in self.arguments:
+            self.arguments[name] = str(self.value(default, scope))
+        self.declared[name] = None
 
     def _define_property(self, element: Element, made: Element, scope: Scope) -> None:
         options = ("value", "default", "remove", "scope", "lazy_eval")
         written, value, default, remove, where, lazy = self._attributes(element, "name", optional=options)
-        name = self.values.plain(str(written), scope)
+        name = self.plain(str(written), scope)
         if not name.isidentifier() or name.startswith("__"):
-            raise self.values.error(f"Property names must be valid identifiers, without '__' before them: {name[:60]}")
-        removed = self.values.truth(remove or "false", scope)
+            raise self.error(f"Property names must be valid identifiers, without '__' before them: {name[:60]}")
+        removed = self.truth(remove or "false", scope)
         if (value is not None) + (default is not None) + removed > 1:
-            raise self.values.error(f"of default, value and remove a property has one: {name}")
+            raise self.error(f"of default, value and remove a property has one: {name}")
         if removed:
             for around in scope.chain():
                 around.own.pop(name, None)
@@ -170,10 +166,10 @@ class Expander:
             scope.own[f"**{name}"] = element
             return
         target = self._target(where, scope)
-        if target is scope and self.values.truth(lazy or "true", scope):
+        if target is scope and self.truth(lazy or "true", scope):
             self._set(target, name, value, element)
         else:
-            target.own[name] = self.values.literal(self.values.value(value, scope))
+            target.own[name] = self.literal(self.value(value, scope))
 
     def _target(self, where: str | None, scope: Scope) -> Scope:
         *inner, outermost = scope.chain()
@@ -185,17 +181,17 @@ class Expander:
         return around[0] if around else scope
 
     def _set(self, scope: Scope, name: str, value: str, element: Element) -> None:
-        read = self.values.literal(value)
+        read = self.literal(value)
         scope.own[name] = Unevaluated(read, element) if isinstance(read, str) else read
 
     def _define_macro(self, element: Element, made: Element, scope: Scope) -> None:
         name, text = self._attributes(element, "name", optional=("params",))
         name = str(name).removeprefix("xacro:")
         if name == "call" or "." in name:
-            raise self.values.error(f"'{name[:60]}' is no name for a macro")
+            raise self.error(f"'{name[:60]}' is no name for a macro")
         parameters: dict[str, tuple[str, str | None] | None] = {}
         while text and text.strip():
-            self.values.spend()
+            self.spend()
             if match := _PARAMETER.match(text):
                 parameters[match[1]] = (match[1] if match[2] else "", match[3] or None)
                 text = match[4]
@@ -214,67 +210,67 @@ class Expander:
                 else:
                     self._expand(block, made, scope)
                 return
-        raise self.values.error(f'Undefined block "{name}"')
+        raise self.error(f'Undefined block "{name}"')
 
     def _include(self, element: Element, made: Element, scope: Scope) -> None:
         file, space, optional = self._attributes(element, "filename", optional=("ns", "optional"))
         if space is not None:
-            name = self.values.plain(space, scope)
+            name = self.plain(space, scope)
             scope.own[name] = scope = Scope(scope, is_namespace=True)
-        needed = not self.values.truth(optional or "false", scope)
-        path = self.values.file(self.values.plain(str(file), scope), needed=needed)
+        needed = not self.truth(optional or "false", scope)
+        path = self.file(self.plain(str(file), scope), needed=needed)
         if path is None:
             return
-        if path in self.values.files:
-            raise self.values.error(f"the file '{file}' includes itself")
-        root = self.values.parsed(path, str(path))
-        self.values.files.append(path)
+        if path in self.files:
+            raise self.error(f"the file '{file}' includes itself")
+        root = self.parsed(path, str(path))
+        self.files.append(path)
         self._fill(root, made, scope)
-        self.values.files.pop()
+        self.files.pop()
 
     def _make_element(self, element: Element, made: Element, scope: Scope) -> None:
         text = element.get("xacro:name")
         if text is None:
-            raise self.values.error("xacro:element: missing attribute 'xacro:name'")
-        copy = Element(_name(self.values.plain(text, scope)), element.attrib)
+            raise self.error("xacro:element: missing attribute 'xacro:name'")
+        copy = Element(_name(self.plain(text, scope)), element.attrib)
         copy.text, copy.source, copy.line = element.text, element.source, element.line
         copy[:] = element
         self._expand(copy, made, scope)
 
     def _set_attribute(self, element: Element, made: Element, scope: Scope) -> None:
         name, value = map(str, self._attributes(element, "name", "value"))
-        made.set(_name(self.values.plain(name, scope)), str(self.values.value(value, scope)))
+        made.set(_name(self.plain(name, scope)), str(self.value(value, scope)))
 
     def _choose(self, element: Element, made: Element, scope: Scope) -> None:
-        holds = self.values.truth(str(self._attributes(element, "value")[0]), scope)
+        holds = self.truth(str(self._attributes(element, "value")[0]), scope)
         if holds == (element.tag == "xacro:if"):
             self._fill(element, made, scope)
 
     def _call(self, element: Element, made: Element, scope: Scope) -> None:
-        name = self.values.plain(str(self._attributes(element, "macro", optional=(*element.attrib,))[0]), scope)
+        name = self.plain(str(self._attributes(element, "macro", optional=(*element.attrib,))[0]), scope)
         self._call_macro(name, element, made, scope, but=("macro",))
 
     def _call_macro(self, name: str, element: Element, made: Element, scope: Scope, but: tuple[str, ...] = ()) -> None:
         *spaces, last = [name] if scope.macro(name) else name.split(".")
         home = scope
         for space in spaces:
-            inner = self.values.property_of(home, space)
+            inner = self.property_of(home, space)
             home = inner if isinstance(inner, Scope) else Scope()
         macro = home.macro(last)
         if macro is None:
             self._miss_macro(name, home)
             return
-        self.values.macros.append(name)
+        self.macros.append(name)
         self._fill(macro.body, made, self._called(macro, element, scope, Scope(home), but))
-        self.values.macros.pop()
+        self.macros.pop()
 
     def _miss_macro(self, name: str, scope: Scope) -> None:
         """Refuse the call of an unknown macro; in a URDF file, which is expanded already, it is left out and noted."""
-        if self.values.files[0].suffix != ".xacro":
-            self.values.warn(f"<xacro:{name}> is left out: the file has no such macro")
+        if self.files[0].suffix != ".xacro":
+            self.warn(f"<xacro:{name}> is left out: the file has no such macro")
             return
         expected, hint = choices(name, [known for around in scope.chain() for known in around.macros], most=40)
-        raise self.values.error(f"unknown macro name: xacro:{name}", expected, hint)
+        raise self.error(f"unknown macro name: xacro:{name}", expected, hint)
 
     def _called(self, macro: Macro, element: Element, scope: Scope, inner: Scope, but: tuple[str, ...]) -> Scope:
         missing = dict(macro.parameters)
@@ -283,16 +279,16 @@ class Expander:
                 continue
             if key not in missing:
                 expected, hint = choices(key, missing, most=40)
-                raise self.values.error(f'Invalid parameter "{key}"', expected, hint)
+                raise self.error(f'Invalid parameter "{key}"', expected, hint)
             del missing[key]
-            inner.own[key] = self.values.literal(self.values.value(text, scope))
+            inner.own[key] = self.literal(self.value(text, scope))
         self._take_blocks(element, missing, inner, scope)
         for key, default in [*missing.items()]:
             if default is not None:
-                inner.own[key] = self.values.literal(self._default(*default, scope))
+                inner.own[key] = self.literal(self._default(*default, scope))
                 del missing[key]
         if missing:
-            raise self.values.error(f"Undefined parameters [{','.join(missing)}]")
+            raise self.error(f"Undefined parameters [{','.join(missing)}]")
         return inner
 
     def _take_blocks(self, element: Element, missing: dict[str, Any], inner: Scope, scope: Scope) -> None:
@@ -301,19 +297,19 @@ class Expander:
         waiting = list(blocks)
         for key in [key for key in missing if key[0] == "*"]:
             if not waiting:
-                raise self.values.error("Not enough blocks")
+                raise self.error("Not enough blocks")
             inner.own[key] = waiting.pop(0)
             del missing[key]
         if waiting:
-            raise self.values.error(f'Unused block "{waiting[0].tag}"')
+            raise self.error(f'Unused block "{waiting[0].tag}"')
 
     def _default(self, forwarded: str, text: str | None, scope: Scope) -> Any:
         """Return the default of a parameter: a property of the caller, if there is one, or a text."""
         if forwarded and scope.home(forwarded):
-            return self.values.property_of(scope, forwarded)
+            return self.property_of(scope, forwarded)
         if text is None and forwarded:
-            raise self.values.error(f"Undefined property to forward: {forwarded}")
-        return self.values.value(text or "", scope)
+            raise self.error(f"Undefined property to forward: {forwarded}")
+        return self.value(text or "", scope)
 
 
 def _name(text: str) -> str:
@@ -346,8 +342,8 @@ class ExpandedColumns(ValueRecord, frozen=True):
     """
 
     xml: str
-    columns: Mapping[str, AnyColumn]
-    arguments: Mapping[str, str | AnyColumn]
+    columns: Mapping[str, Array]
+    arguments: Mapping[str, str | Array]
     holds: Flags
 
 
@@ -359,12 +355,11 @@ def expand(path: Path, arguments: Mapping[str, float | str], *, root: Path) -> E
     """
     texts = {name: _argument(name, value) for name, value in arguments.items()}
     file, source = contained_file(path.absolute(), root), str(path)
-    if file.suffix != ".xacro":
-        text = read(file, source, MAX_BYTES)
-        if not _is_xacro(tree_of(text, source), text):
-            check_declared(arguments, {})
-            return Expansion(text, {})
-    expansion = Expander(root, texts).run(file, source)
+    text = read(file, source, MAX_BYTES) if file.suffix != ".xacro" else ""
+    if text and not _is_xacro(tree_of(text, source), has_expressions="$" in text or "&#" in text):
+        expansion = Expansion(text, {})
+    else:
+        expansion = Expander(root, texts).run(file, source)
     check_declared(arguments, expansion.arguments)
     return expansion
 
@@ -387,15 +382,12 @@ def expand_columns(
     pieces, used = rows.parts(expansion.xml)
     words = {varied.place: f"column_{varied.place}_of_{len(rows.marked)}" for varied in used}
     xml = joined(pieces, (words[varied.place] for varied in used))
-    told = {name: _told(text, rows) for name, text in expansion.arguments.items()}
+    told: dict[str, str | Array] = {**expansion.arguments}
+    for name, text in expansion.arguments.items():
+        if MARK in text:
+            values = rows.lifted(text).values
+            told[name] = values if values.dtype == np.float64 else column(map(str, values.tolist()))
     return ExpandedColumns(xml, {words[varied.place]: varied.values for varied in used}, told, rows.holds)
-
-
-def _told(text: str, rows: Rows) -> str | AnyColumn:
-    if OPEN not in text:
-        return text
-    values = rows.lifted(text).values
-    return values if values.dtype == np.float64 else column(map(str, values.tolist()))
 
 
 def check_declared(names: Iterable[str], declared: Mapping[str, object]) -> None:
@@ -405,36 +397,24 @@ def check_declared(names: Iterable[str], declared: Mapping[str, object]) -> None
             raise UnknownArgument(name, declared)
 
 
-def _is_xacro(root: ElementTree.Element, text: str) -> bool:
+def _is_xacro(root: ElementTree.Element, *, has_expressions: bool) -> bool:
     """Return whether a model contains anything of xacro; files written by xacro declare its namespace, no more."""
-    has_expressions = "$" in text or "&#" in text
-    return any(
-        element.tag.startswith("xacro:") or any(_is_of_xacro(name, has_expressions) for name in element.attrib)
-        for element in root.iter()
-    )
-
-
-def _is_of_xacro(name: str, has_expressions: bool) -> bool:
-    return name.startswith("xacro:") or (has_expressions and name == "xmlns:xacro")
+    names = (name for element in root.iter() for name in (element.tag, *element.attrib))
+    return any(name.startswith("xacro:") or (has_expressions and name == "xmlns:xacro") for name in names)
 
 
 def _argument(name: str, value: float | str) -> str:
     plain: Any = value if isinstance(value, str) else int(value) if isinstance(value, int) else float(value)
     text = str(plain)
-    if text in ("nan", "inf", "-inf") or len(text) > MAX_TEXT or OPEN in text or CLOSE in text:
+    if text in ("nan", "inf", "-inf") or len(text) > MAX_TEXT or MARK in text:
         raise InputError(f"the argument '{name}' is {text[:20]!r}", expected="a finite number or a short text")
     return text
 
 
-def _column(name: str, values: Sequence[float] | Array) -> AnyColumn:
+def _column(name: str, values: Sequence[float] | Array) -> Array:
     numbers = column(values)
     if numbers.dtype == np.float64 and np.isfinite(numbers).all():
         return numbers
-    return column(_checked(name, numbers.tolist()))
-
-
-def _checked(name: str, values: Iterable[Any]) -> Iterator[float | int]:
-    for value in values:
-        if not math.isfinite(float(_argument(name, value))):
-            raise InputError(f"the argument '{name}' is {value!r}", expected="finite numbers")
-        yield int(value) if isinstance(value, int) else float(value)
+    for value in numbers.tolist():
+        _argument(name, value)
+    return column(int(value) if isinstance(value, int) else float(value) for value in numbers.tolist())

@@ -10,7 +10,6 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
 from typing import Any, TypeAlias
 from xml.etree import ElementTree
 
@@ -37,15 +36,9 @@ AXIAL = ("revolute", "continuous", "prismatic")
 DENOMINATOR = 1000
 """Largest denominator of a number that is written as a fraction, or as a fraction of pi."""
 
-OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": operator.truediv,
-    "**": operator.pow,
-}
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
-    "neg": operator.neg, "pos": operator.pos, "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin,
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow,
+    "-x": operator.neg, "+x": operator.pos, "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin,
     "acos": sympy.acos, "atan": sympy.atan, "atan2": sympy.atan2, "sqrt": sympy.sqrt, "exp": sympy.exp,
     "pow": operator.pow, "hypot": lambda *sides: sympy.sqrt(sum(side**2 for side in sides)),
     "radians": lambda degrees: degrees * sympy.pi / 180,
@@ -150,12 +143,9 @@ class TracedNumber(Column):
 class TracedRows(Rows):
     """The one row of a traced expansion."""
 
-    def applied(self, function: Callable[..., Any], operands: Sequence[Any], symbol: str = "") -> Column:
+    def applied(self, function: Callable[..., Any], operands: Sequence[Any], name: str = "") -> Column:
         """Return the value of a function, with its formula; see ``Rows``."""
-        values = super().applied(function, operands, symbol).values
-        while isinstance(function, partial):
-            function = function.args[-1] if function.args and callable(function.args[-1]) else function.func
-        known = OPERATORS.get(symbol) or FUNCTIONS.get(getattr(function, "__name__", ""))
+        values, known = super().applied(function, operands, name).values, FUNCTIONS.get(name.removeprefix("math."))
         terms = [_formula(operand) for operand in operands]
         formula = known(*terms) if known and all(term is not None for term in terms) else None
         return TracedNumber(self, values, formula)
@@ -163,7 +153,7 @@ class TracedRows(Rows):
     def lifted(self, text: str) -> Column:
         """Return the number of a text with marks; a minus before a mark is followed."""
         texts, columns = self.parts(text)
-        return self.applied(operator.neg, columns) if texts == ["-", ""] else super().lifted(text)
+        return self.applied(operator.neg, columns, "-x") if texts == ["-", ""] else super().lifted(text)
 
 
 def _formula(operand: Any) -> sympy.Expr | None:

@@ -144,6 +144,7 @@ def test_urdf_that_xacro_has_written_stays_as_it_is(tmp_path: Path) -> None:
         ("${0 or 'x'} ${1/0 if 0 else 'lazy'} ${0 and 1/0}", "x lazy 0"),
         ("${radians(180) == pi} ${math.sqrt(4)} ${hypot(3, 4)}", "True 2.0 5.0"),
         ("${str(1) + 'a'} ${int('12') + len('abc')} ${float(1)}", "1a 15 1.0"),
+        ("${'mesh.1.stl' + ' a.in.b'}", "mesh.1.stl a.in.b"),  # words of names in quotes stay
         ("$$${x} $$ {", None),
     ],
 )
