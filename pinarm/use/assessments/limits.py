@@ -14,13 +14,13 @@ import msgspec
 import numpy as np
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct, check_unit
+from pinarm.use.result.curve_figures import CurveFigure
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import Condition, measured, read_conditions, slug
-from pinarm.use.result.section import Cell, Section, SectionTable
+from pinarm.use.result.section import Cell, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -72,7 +72,7 @@ class Limits(InputStruct, frozen=True):
         """Return every number beside its bound: see ``Assessment``."""
         self.check_names(result.quantities, result.scenario)
         rows, remarks = list[Sequence[Cell]](), list[str]()
-        numbers, errors, margins = dict[str, Series](), dict[str, float](), list[tuple[float, float]]()
+        numbers, margins = dict[str, CurveFigure](), list[tuple[float, float]]()
         for condition in self.conditions:
             (value, left), bound = measured(condition.compared, result), global_error(result, condition.number)
             x, known, label = float(value.values[0]), left if bound is None else bound, condition.number.label
@@ -84,19 +84,17 @@ class Limits(InputStruct, frozen=True):
                 remarks.append(f"beyond its limit: {condition} is {text}")
             elif verdict == OPEN:
                 remarks.append(f"neither kept nor beyond: {condition} is {text}, with {error_words(known)}")
-            name = f"{slug(condition.number)}.margin"
-            numbers[name], errors[name] = Series(f"margin of {label}", value.unit, np.array([margin])), known
+            numbers[f"{slug(condition.number)}.margin"] = CurveFigure(margin, known, value.unit)
             limit = f"{condition.relation} {condition.bound_text}"
             rows.append((label, text, limit, 100.0 * relative, _error_cell(condition, bound), verdict))
         nearest = int(np.argmin([relative for relative, _ in margins]))  # NaN where any is
-        least, errors["least_margin"] = margins[nearest]
-        beyond = float(sum(row[-1] == BEYOND for row in rows))
-        numbers["least_margin"] = Series("least margin", DIMENSIONLESS, np.array([least]))
-        numbers["beyond"] = Series("limits not kept", DIMENSIONLESS, np.array([beyond]))
+        numbers["least_margin"] = CurveFigure(*margins[nearest], DIMENSIONLESS)
+        beyond = sum(row[-1] == BEYOND for row in rows)
+        numbers["beyond"] = CurveFigure(float(beyond), 0.0, DIMENSIONLESS)
         columns = ("", "value", "limit", "margin [%]", "error", "")
         table = SectionTable("limits", "Numbers and their limits", columns, (None,) * len(columns), rows)
         remarks.sort(key=lambda remark: remark.startswith("neither"))
-        return Section("limits", "Limits", [table], numbers, remarks, errors=errors)
+        return Section("limits", "Limits", [table], remarks=remarks, **numbered(numbers))
 
 
 def _error_cell(condition: Condition, bound: float | None) -> str:

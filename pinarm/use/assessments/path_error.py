@@ -33,8 +33,9 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Position, Time, current_folder
 from pinarm.records import Record
+from pinarm.use.result.curve_figures import CurveFigure
 from pinarm.use.result.row_lookup import Lookup
-from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
+from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -164,13 +165,12 @@ class PathError(InputStruct, frozen=True):
         places = path.refined[1] if self.times is None else path.at_times(t)
         errors, left = np.linalg.norm(places - wanted, axis=1), path.left(t, places, self.times is not None)
         squares = float(errors @ errors)
-        known = {
-            "rms": float(np.linalg.norm(left)) / len(left) ** 0.5,
-            "peak": float(left.max()),
-            "sum_of_squares": float(2.0 * errors @ left + left @ left),
+        rms, peak = (squares / len(errors)) ** 0.5, float(errors.max())
+        numbers = {
+            "rms": CurveFigure(rms, float(np.linalg.norm(left)) / len(left) ** 0.5, METRE),
+            "peak": CurveFigure(peak, float(left.max()), METRE),
+            "sum_of_squares": CurveFigure(squares, float(2.0 * errors @ left + left @ left), SQUARE),
         }
-        values = {"rms": (squares / len(errors)) ** 0.5, "peak": float(errors.max()), "sum_of_squares": squares}
-        numbers = {name: Series(name, UNITS[name], np.array([value])) for name, value in values.items()}
         lines = zip(t.tolist(), wanted.tolist(), places.tolist(), errors.tolist(), strict=True)
         rows: list[tuple[Cell, ...]] = [(str(k), time, *w, *p, e) for k, (time, w, p, e) in enumerate(lines, start=1)]
         columns = ("point", "met at", *(f"wanted {axis}" for axis in axes), *axes, "error")
@@ -178,11 +178,11 @@ class PathError(InputStruct, frozen=True):
         table = SectionTable("points", "Wanted points, and where the path passes them", columns, units, rows)
         how = "in their order, at the best instants" if self.times is None else "at the prescribed instants"
         remarks = [
-            f"error: rms {values['rms']:.6g} m, peak {values['peak']:.6g} m, {len(errors)} points, met {how}",
-            f"distances are known to {known['peak']:.1e} m beside the error of the motion",
+            f"error: rms {rms:.6g} m, peak {peak:.6g} m, {len(errors)} points, met {how}",
+            f"distances are known to {numbers['peak'].error:.1e} m beside the error of the motion",
         ]
         graphs, title = _graphs(axes, path, wanted), f"Error of the path of {self.point}"
-        return Section("path_error", title, [table], numbers, remarks, graphs, known)
+        return Section("path_error", title, [table], remarks=remarks, graphs=graphs, **numbered(numbers))
 
 
 class _Path(Record, frozen=True):

@@ -25,14 +25,14 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Time, check_unit
+from pinarm.use.result.curve_figures import CurveFigure
 from pinarm.use.result.curve_numbers import looked_at, roots
 from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.result.row_lookup import Lookup
-from pinarm.use.result.section import Curve, Graph, Section, SectionTable
+from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -89,21 +89,17 @@ class Response(InputStruct, frozen=True):
         result.quantities.determined(self.of)
         step = _Step(self, result.lookup)
         wrong = result.errors[self.of] * output_scales(result)[self.of] if self.of in result.errors else 0.0
-        results, measured = step.numbers(self.band, step.doubt(wrong)), result.quantities[self.of].unit
-        values, errors = ({name: pair[k] for name, pair in results.items()} for k in (0, 1))
+        results, units = step.numbers(self.band, step.doubt(wrong)), self.units(result.quantities)
         names = {"overshoot": "overshoot", "rise_time": "rise time", "peak_time": "time of the peak",
                  "settling_time": f"settling time to {100.0 * self.band:g} %", "initial": "first value",
                  "final": "final value", "peak": "peak", "error": "error at the end"}  # fmt: skip
-        units = {**dict.fromkeys(names, measured), **self.units(result.quantities)}
-        numbers = {name: Series(names[name], units[name] or DIMENSIONLESS, np.array([values[name]])) for name in names}
-        rows = [(names[name], values[name], str(units[name] or ""), errors[name]) for name in names]
-        table = SectionTable(
-            "response", f"Step response of {self.of}", ("", "value", "unit", "error"), (None,) * 4, rows, row_unit=2
-        )
-        graph = Graph(
-            "response", f"Step response of {self.of}", [Curve(result.quantities["t"], result.quantities[self.of])]
-        )
-        return Section("response", "Step response", [table], numbers, step.remarks(self, values), [graph], errors)
+        numbers = {name: CurveFigure(*results[name], units[name] or DIMENSIONLESS) for name in names}
+        rows = [(names[name], x.value, str(units[name] or ""), x.error) for name, x in numbers.items()]
+        title, columns = f"Step response of {self.of}", ("", "value", "unit", "error")
+        table = SectionTable("response", title, columns, (None,) * 4, rows, row_unit=2)
+        graph = Graph("response", title, [Curve(result.quantities["t"], result.quantities[self.of])])
+        remarks = step.remarks(self, {name: x.value for name, x in numbers.items()})
+        return Section("response", "Step response", [table], remarks=remarks, graphs=[graph], **numbered(numbers))
 
 
 class _Step:

@@ -20,14 +20,13 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.records import replace
 from pinarm.use.result.curve_figures import CurveFigure, figure, integrals, rms_values
 from pinarm.use.result.row_lookup import Lookup
-from pinarm.use.result.section import Curve, Graph, Section, SectionTable
+from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -77,28 +76,21 @@ class Shaking(InputStruct, frozen=True):
 
     def evaluate(self, result: Result) -> Section:
         figures = self._figures(result.lookup)
-        numbers = {name: Series(name, measured.unit, np.array([measured.value])) for name, measured in figures.items()}
         units = [figures[f"{part}.peak"].unit for part in PARTS]
-        tables = [_figures_table(figures, units)]
+        tables = [_figures_table(figures)]
         remarks = [f"the moment is taken about {self.about or 'the origin of the world'}"]
         if result.trajectory.mechanism.model.armature.any():
             remarks.append("the spin of rotors has no part in it: only their drives' joints have their inertia")
-        balanced = float(numbers["force.norm.peak"].values[0]) <= ROUNDING * _terms(result)
+        balanced = figures["force.norm.peak"].value <= ROUNDING * _terms(result)
         if balanced:
             remarks.append("the shaking force is balanced: it is 0 but for rounding")
         if self.harmonics:
             amplitudes, error = _harmonics(result.lookup, [self.quantity(part) for part in PARTS], self.harmonics)
             tables.append(_harmonics_table(amplitudes, units, 2.0 * np.pi / _length(result.lookup)))
             remarks.append(f"harmonics: quadrature error at most {error:.1e} of the largest component")
-        return Section(
-            "shaking",
-            "Shaking force and moment on the frame",
-            tables,
-            numbers,
-            remarks,
-            [] if balanced else [_hodograph(result, [self.quantity(part) for part in PARTS[:3]])],
-            {name: measured.error for name, measured in figures.items()},
-        )
+        graphs = [] if balanced else [_hodograph(result, [self.quantity(part) for part in PARTS[:3]])]
+        title = "Shaking force and moment on the frame"
+        return Section("shaking", title, tables, remarks=remarks, graphs=graphs, **numbered(figures))
 
     def _figures(self, run: Lookup) -> dict[str, CurveFigure]:
         parts = [*PARTS, "force.norm", "moment.norm"]
@@ -111,13 +103,11 @@ class Shaking(InputStruct, frozen=True):
         return figures
 
 
-def _figures_table(figures: Mapping[str, CurveFigure], units: Sequence[Unit | None]) -> SectionTable:
+def _figures_table(figures: Mapping[str, CurveFigure]) -> SectionTable:
     rows: list[tuple[str | float, ...]] = []
-    for part, measured in zip(
-        ("force.norm", *PARTS[:3], "moment.norm", *PARTS[3:]), (units[0], *units[:3], units[3], *units[3:]), strict=True
-    ):
+    for part in ("force.norm", *PARTS[:3], "moment.norm", *PARTS[3:]):
         peak, rms = (figures[f"{part}.{name}"] for name in PEAKS)
-        rows.append((part, str(measured), peak.value, peak.error, rms.value, rms.error))
+        rows.append((part, str(peak.unit), peak.value, peak.error, rms.value, rms.error))
     columns = ("", "unit", "peak", "its error", "rms", "its error ")
     return SectionTable("figures", "Peak and rms value", columns, (None,) * len(columns), rows, row_unit=1)
 

@@ -44,11 +44,13 @@ class CurveFigure(ValueRecord, frozen=True):
         value: The figure [SI].
         error: Estimate of what the quadrature leaves of it [SI]; the error of the motion itself is not in it.
         unit: Its unit; ``None`` where it is not known.
+        doubt: Why it is one choice of many; empty where it is determined.
     """
 
     value: float
     error: float
     unit: Unit | None
+    doubt: str = ""
 
 
 def is_figure(name: str) -> bool:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from math import isfinite
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 from msgspec import field
 
 from pinarm.engine.series import Series
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pinarm.engine.quantities.names import Quantities
+    from pinarm.use.result.curve_figures import CurveFigure
 
 Cell = str | float
 
@@ -195,3 +197,9 @@ class Section(Record, frozen=True):
 
         html: str = import_module("pinarm.use.show.notebook").section_html(self.shown(FOR_PEOPLE), Presentation())
         return html
+
+
+def numbered(figures: Mapping[str, CurveFigure]) -> dict[str, Any]:
+    """Return the fields ``numbers`` and ``errors`` of a section, from figures by name."""
+    numbers = {name: Series(name, x.unit, np.array([x.value]), x.doubt) for name, x in figures.items()}
+    return {"numbers": numbers, "errors": {name: x.error for name, x in figures.items()}}

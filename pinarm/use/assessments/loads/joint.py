@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -14,41 +13,26 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.reactions import loop_axis, tree_axis
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, within
-from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.input.units import Unit
 from pinarm.mechanics.joints import METRE, RADIAN, moved_links
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, replace
+from pinarm.use.result.curve_figures import CurveFigure
 from pinarm.use.result.row_lookup import PLATEAU, Lookup
 
 
-@dataclass(frozen=True)
-class LoadNumber:
+class LoadNumber(CurveFigure, frozen=True):
     """A number, where it stands in the run, and what its quadrature, or the search for its peak, leaves of it.
 
     Attributes:
-        value: The number [SI].
-        unit: Its unit.
         at: The instant, or another parameter of the run; ``None`` for numbers of the whole run.
-        error: Estimate of what is left [SI]; 0 for numbers of the model.
-        doubt: Why it is one choice of many; empty where it is determined.
         direction: Unit vector of the load at its peak, in axes that ``axes`` names; empty where it has none.
         axes: The link.
     """
 
-    value: float
-    unit: Unit
     at: float | None = None
-    error: float = 0.0
-    doubt: str = ""
     direction: str = ""
     axes: str = ""
-
-    @classmethod
-    def pure(cls, value: float, error: float = 0.0) -> LoadNumber:
-        return cls(value, DIMENSIONLESS, error=error)
-
-    def series(self, name: str) -> Series:
-        return Series(name, self.unit, np.array([self.value]), self.doubt)
 
 
 NOTHING = 1e-9
@@ -78,7 +62,7 @@ def worst_row(run: Lookup, size: Callable[[Quantities], Array], least: float = 0
 def peak(run: Lookup, measured: Unit, size: Callable[[Quantities], Array], least: float = 0.0) -> LoadNumber:
     """Return the largest of a size, see ``worst_row``, and where it is."""
     row, largest, error = worst_row(run, size, least)
-    return LoadNumber(largest, measured, float(row.trajectory.grid.t[0]), error)
+    return LoadNumber(largest, error, measured, at=float(row.trajectory.grid.t[0]))
 
 
 def rounding(run: Lookup, name: str, series: Series) -> float:

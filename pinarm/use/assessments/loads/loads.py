@@ -18,12 +18,11 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct
-from pinarm.use.assessments.loads.bearing import PlainBearing, RollingBearing, lives
+from pinarm.use.assessments.loads.elements import PlainBearing, RollingBearing, Rotor, bearing_numbers
 from pinarm.use.assessments.loads.joint import LoadedJoint, LoadNumber, rounding, worst_row
 from pinarm.use.assessments.loads.load_sets import LoadSet, sets_table, told
-from pinarm.use.assessments.loads.rotor import Rotor
 from pinarm.use.result.row_lookup import Lookup
-from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
+from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -113,27 +112,28 @@ class Loads(InputStruct, frozen=True):
                 numbers[f"{joint.name}.{part}.peak"] = peak
                 sets += [LoadSet.at(row, f"{joint.name}.{part}")] if part in self.sets else []
         bearings = [(joint, part) for joint, asked in loaded for part in (asked.bearing, asked.bushing) if part]
-        for results, said in (lives(run, bearings), *(rotor.balance(run, name) for name, rotor in self.rotors.items())):
+        of_elements = [bearing_numbers(run, joint, part) for joint, part in bearings]
+        of_elements += [rotor.balance(run, name) for name, rotor in self.rotors.items()]
+        for results, said in of_elements:
             numbers |= results
             remarks += said
-        columns = ("joint", "component", "unit", "min", "min at", "max", "max at", "error")
-        units = (None, None, None, None, at, None, at, None)
-        tables = [SectionTable("envelope", "Envelope of the components", columns, units, rows, row_unit=2)]
-        tables, remarks = tables if rows else [], [*remarks, *told(sets)]
+        remarks += told(sets)
         if any(part.rows for part in sets):
+            residual = max(part.residual for part in sets)
+            numbers["sets.residual"] = LoadNumber(residual, 0.0, DIMENSIONLESS)
+        tables = [_numbers_table(numbers, at)]
+        if rows:
+            columns = ("joint", "component", "unit", "min", "min at", "max", "max at", "error")
+            units = (None, None, None, None, at, None, at, None)
+            tables.append(SectionTable("envelope", "Envelope of the components", columns, units, rows, row_unit=2))
+        if "sets.residual" in numbers:
             tables.append(sets_table(sets, at))
-            numbers["sets.residual"] = LoadNumber.pure(max(part.residual for part in sets))
-        series = {name: number.series(name) for name, number in numbers.items()}
-        errors = {name: number.error for name, number in numbers.items()}
-        tables = [_numbers_table(numbers, at), *tables]
-        graphs = [] if result.trajectory.numbered else [*self._polar(run, [joint for joint, _ in loaded], numbers)]
-        return Section("loads", "Loads of joints", tables, series, remarks, graphs, errors)
-
-    def _polar(self, run: Lookup, joints: Sequence[LoadedJoint], numbers: Mapping[str, LoadNumber]) -> Iterator[Graph]:
-        for joint in joints:
+        graphs = list[Graph]()
+        for joint, _ in loaded if not result.trajectory.numbered else ():
             if f"{joint.name}.radial.peak" in numbers:
                 with suppress(InputError):
-                    yield polar_diagram(run, joint)
+                    graphs.append(polar_diagram(run, joint))
+        return Section("loads", "Loads of joints", tables, remarks=remarks, graphs=graphs, **numbered(numbers))
 
     def _loaded(self, mechanism: Mechanism) -> Iterator[tuple[LoadedJoint, JointLoads]]:
         for name, asked in self.joints.items():
@@ -184,7 +184,7 @@ def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Qua
             row, value, error = worst_row(run, partial(_size, name=full), least)
             if value > least:
                 direction = _direction(row, joint, part, name.partition(".")[0])
-                peaks_by_part[part] = LoadNumber(value, unit, _place(row), error, row[full].doubt, *direction), row
+                peaks_by_part[part] = LoadNumber(value, error, unit, row[full].doubt, _place(row), *direction), row
     return peaks_by_part
 
 

@@ -13,24 +13,24 @@ differ by more than their errors, the number has a kink there: a maximum that mo
 
 A step over which the number is no such series, as where an oscillation turns by several radians, may look settled by
 accident. So a step is enough only where all three derivatives are about the same; otherwise smaller steps are taken
-too, which contradict larger ones by what they differ beyond their own errors. Derivatives that differ from one another,
-other than those at a kink that is found again with another step, are as wrong as they differ.
+too, which contradict larger ones by what they differ beyond their own errors. Derivatives of one step that differ, but
+for those at a kink that smaller steps confirm, are as wrong as they differ.
 
 Source: Ridders, Accurate computation of F'(x) and F'(x) F''(x), Advances in Engineering Software 4 (1982).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.errors import InputError, within
-from pinarm.use.assessments.sensitivity.variation import Input, Varied
-from pinarm.use.cases.case import Row
+from pinarm.records import Record
+from pinarm.use.assessments.sensitivity.variation import Input, Variation
 
 SHRINK, ROUNDS = 16.0, 3
 """Factor by which steps are made smaller where the error is not small yet, and how often that is tried."""
@@ -54,9 +54,11 @@ SQUARE = 2.0
 DOUBT = 2.0
 """Error of a derivative over what smaller steps contradict: these are wrong themselves, by about as much."""
 
+STEPS = np.array([1.0, 0.5, 0.25, -1.0, -0.5, -0.25])
+"""Changes of an input that one round takes, relative to the largest."""
 
-@dataclass(frozen=True)
-class Derivative:
+
+class Derivative(Record, frozen=True):
     """A derivative.
 
     Attributes:
@@ -74,8 +76,7 @@ class Derivative:
     kink: bool = False
 
 
-@dataclass(frozen=True)
-class _Differences:
+class _Differences(Record, frozen=True):
     """Derivatives of several numbers by steps of one size, and their errors, each of shape (m,).
 
     ``quotient`` is the larger one-sided quotient of differences over the whole step, ``rounding`` what the noise of the
@@ -83,100 +84,62 @@ class _Differences:
     """
 
     central: Array
-    error: Array
+    central_error: Array
     left: Array
     right: Array
-    one_sided_error: Array
+    sided_error: Array
     quotient: Array
     rounding: Array
 
-    def derivative(self, k: int) -> Derivative:
-        left, right, sided = float(self.left[k]), float(self.right[k]), float(self.one_sided_error[k])
-        if abs(right - left) > KINK * (abs(left) + abs(right)) + 10.0 * sided:
-            return Derivative(max(left, right, key=abs), sided, left, right, kink=True)
-        return Derivative(float(self.central[k]), float(self.error[k]), left, right)
+    @classmethod
+    def of(cls, taken: Array, at_zero: Array, step: float, noise: Array) -> _Differences:
+        """Return them from the numbers of the runs of a round, shape (6, m)."""
+        h = step / 2.0 ** np.arange(3)[:, None]
+        ahead, behind, rounding = taken[:3], taken[3:], 4.0 * noise / step
+        central, correction = _extrapolated((ahead - behind) / (2.0 * h), 2)
+        right, above = _extrapolated((ahead - at_zero) / h, 1)
+        left, below = _extrapolated((at_zero - behind) / h, 1)
+        quotient = np.maximum(np.abs(ahead[0] - at_zero), np.abs(at_zero - behind[0])) / step
+        apart = np.maximum(np.abs(right - central), np.abs(left - central))
+        left_out = np.maximum(correction, SQUARE * apart**2 / np.where(quotient > 0.0, quotient, np.inf))
+        sided = np.maximum(above, below) + 8.0 * rounding
+        return cls(central, left_out + 2.0 * rounding, left, right, sided, quotient, rounding)
 
-    def settled(self, k: int) -> bool:
-        derivative = self.derivative(k)
-        if self.quotient[k] <= self.rounding[k]:
-            return True  # it does not depend on the input
-        excused = min(10.0 * float(self.rounding[k]), CONVINCING * abs(derivative.value))
-        return derivative.error <= GOOD * abs(derivative.value) + excused and self.apart(k) <= self.alike(k)
+    @cached_property
+    def kinks(self) -> Flags:
+        sizes = np.abs(self.left) + np.abs(self.right)
+        return np.asarray(np.abs(self.right - self.left) > KINK * sizes + 10.0 * self.sided_error)
 
-    def apart(self, k: int) -> float:
-        return float(max(abs(self.left[k] - self.central[k]), abs(self.right[k] - self.central[k])))
+    @cached_property
+    def values(self) -> Array:
+        steeper = np.where(np.abs(self.right) > np.abs(self.left), self.right, self.left)
+        return np.where(self.kinks, steeper, self.central)
 
-    def alike(self, k: int) -> float:
-        return float(REGULAR * self.quotient[k] + 8.0 * self.rounding[k])
+    @cached_property
+    def errors(self) -> Array:
+        return np.where(self.kinks, self.sided_error, self.central_error)
 
-    def finds(self, other: _Differences, k: int) -> bool:
-        """Tell whether another step has given about the same derivatives on both sides."""
-        alike = REGULAR * min(self.quotient[k], other.quotient[k]) + 8.0 * (self.rounding[k] + other.rounding[k])
-        return bool(self.moved(other, k) <= alike)
+    @cached_property
+    def apart(self) -> Array:
+        """Distance of the one-sided derivatives from the central one, where that makes the step too large; else 0."""
+        apart = np.maximum(np.abs(self.left - self.central), np.abs(self.right - self.central))
+        return np.where(apart > REGULAR * self.quotient + 8.0 * self.rounding, apart, 0.0)
 
-    def moved(self, other: _Differences, k: int) -> float:
-        return float(max(abs(self.left[k] - other.left[k]), abs(self.right[k] - other.right[k])))
+    def is_settled(self) -> bool:
+        """Tell whether no number needs smaller steps; one that does not depend on the input needs none."""
+        sizes = np.abs(self.values)
+        small = self.errors <= GOOD * sizes + np.minimum(10.0 * self.rounding, CONVINCING * sizes)
+        return bool(((small & (self.apart == 0.0)) | (self.quotient <= self.rounding)).all())
 
-    def contradicted(self, finer: _Differences, k: int) -> float:
-        """Return the error that smaller steps show: of both sides at a kink, which they may be too small to see."""
-        if self.derivative(k).kink:
-            return DOUBT * self.moved(finer, k) - float(finer.one_sided_error[k])
-        return float(DOUBT * abs(self.central[k] - finer.central[k]) - finer.error[k])
-
-
-STEPS = np.array([1.0, 0.5, 0.25, -1.0, -0.5, -0.25])
-"""Changes of an input that one round takes, relative to the largest."""
-
-
-@dataclass(eq=False)
-class _Sought:
-    """Derivatives by one input while they are looked for.
-
-    Attributes:
-        step: First and largest change.
-        rounds: Those of all steps with which all runs succeeded, from large to small ones.
-        failure: Why a run failed.
-    """
-
-    step: float
-    rounds: list[_Differences] = field(default_factory=list)
-    failure: str = ""
-
-    def settled_by(self, rows: Iterable[Row], at_zero: Array, step: float, noise: Array) -> bool:
-        """Take in the rows of one round, and tell whether no smaller steps are needed."""
-        rows = [*rows]
-        self.failure = next((row.error for row in rows if row.error), self.failure)
-        if any(row.error for row in rows):
-            return False
-        taken = np.array([row.taken for row in rows]).reshape(2, 3, -1)
-        differences = _differences(taken[0], taken[1], at_zero, step, noise)
-        self.rounds.append(differences)
-        return all(differences.settled(k) or self._is_kink(k) for k in range(len(at_zero)))
-
-    def _is_kink(self, k: int) -> bool:
-        """Tell whether the last two steps have found the same kink."""
-        last = self.rounds[-2:]
-        return (
-            len(last) == 2 and all(differences.derivative(k).kink for differences in last) and last[0].finds(last[1], k)
-        )
-
-    def best(self, k: int) -> Derivative:
-        """Return the derivative of number k with the least error, after what the other steps say of it."""
-        derivatives, rounds = [differences.derivative(k) for differences in self.rounds], self.rounds
-        errors = [derivative.error for derivative in derivatives]
-        for n, differences in enumerate(rounds):
-            errors[n] = max([errors[n], *(differences.contradicted(finer, k) for finer in rounds[n + 1 :])])
-            again = derivatives[n].kink and any(
-                differences.finds(other, k) for other in rounds if other is not differences
-            )
-            if differences.apart(k) > differences.alike(k) and not again:
-                errors[n] = max(errors[n], differences.apart(k))
-        least = int(np.argmin(errors))
-        return replace(derivatives[least], error=errors[least])
+    def contradicted(self, finer: _Differences) -> Array:
+        """Return the errors that smaller steps show: of both sides at a kink, which they may be too small to see."""
+        sides = np.maximum(np.abs(self.left - finer.left), np.abs(self.right - finer.right))
+        middles = DOUBT * np.abs(self.central - finer.central) - finer.central_error
+        return np.where(self.kinks, DOUBT * sides - finer.sided_error, middles)
 
 
 def derivatives(
-    varied: Varied, at_zero: Array, step_of: Callable[[Input], float], noise: Array
+    varied: Variation, at_zero: Array, step_of: Callable[[Input], float], noise: Array
 ) -> list[list[Derivative]]:
     """Return the derivatives of several numbers by every input, those of a round solved at once.
 
@@ -186,38 +149,48 @@ def derivatives(
         step_of: Input -> its first and largest change.
         noise: Error of the numbers that changes irregularly from run to run, shape (m,).
     """
-    sought = [_Sought(step_of(search)) for search in varied.inputs]
-    left, unit = list(range(len(sought))), np.eye(len(sought))
+    count = len(varied.inputs)
+    rounds, failures = [list[_Differences]() for _ in range(count)], [""] * count
+    left, first = list(range(count)), [step_of(of) for of in varied.inputs]
     for attempt in range(ROUNDS):
-        steps = {k: sought[k].step / SHRINK**attempt for k in left}
-        if not left:
+        steps = {k: first[k] / SHRINK**attempt for k in left}
+        if not steps:
             break
-        rows = varied.rows(np.concatenate([np.outer(step * STEPS, unit[k]) for k, step in steps.items()]))
-        left = [
-            k for k, step in steps.items() if not sought[k].settled_by(islice(rows, len(STEPS)), at_zero, step, noise)
-        ]
-    for search, of in zip(sought, varied.inputs, strict=True):
-        if not search.rounds:
+        rows = varied.rows(np.concatenate([np.outer(step * STEPS, np.eye(count)[k]) for k, step in steps.items()]))
+        for k, step in steps.items():
+            taken = [*islice(rows, len(STEPS))]
+            if reasons := [row.error for row in taken if row.error]:
+                failures[k] = reasons[0]
+                continue
+            numbers = np.array([row.taken for row in taken])
+            rounds[k].append(_Differences.of(numbers, at_zero, step, noise))
+            if rounds[k][-1].is_settled():
+                left.remove(k)
+    for own, of, failure in zip(rounds, varied.inputs, failures, strict=True):
+        if not own:
             with within("to", of.name):
                 raise InputError(
-                    f"no run succeeds on both sides of {of.text(of.value)}: {search.failure}",
+                    f"no run succeeds on both sides of {of.text(of.value)}: {failure}",
                     hint="another value, from which the mechanism can be changed both ways",
                 )
-    return [[search.best(k) for k in range(len(at_zero))] for search in sought]
+    return [_best(own) for own in rounds]
 
 
-def _differences(ahead: Array, behind: Array, at_zero: Array, step: float, noise: Array) -> _Differences:
-    steps = step / 2.0 ** np.arange(3)
-    h = steps[:, None]
-    central, correction = _extrapolated((ahead - behind) / (2.0 * h), 2)
-    right, above = _extrapolated((ahead - at_zero) / h, 1)
-    left, below = _extrapolated((at_zero - behind) / h, 1)
-    rounding = noise / steps[-1]
-    quotient = np.maximum(np.abs(ahead[0] - at_zero), np.abs(at_zero - behind[0])) / step
-    apart = np.maximum(np.abs(right - central), np.abs(left - central))
-    left_out = np.maximum(correction, SQUARE * apart**2 / np.where(quotient > 0.0, quotient, np.inf))
-    error, sided = left_out + 2.0 * rounding, np.maximum(above, below) + 8.0 * rounding
-    return _Differences(central, error, left, right, sided, quotient, rounding)
+def _best(rounds: list[_Differences]) -> list[Derivative]:
+    """Return the derivatives with the least errors, after what smaller steps say of them; largest steps first."""
+    errors = np.array([differences.errors for differences in rounds])
+    for n, differences in enumerate(rounds):
+        finer = rounds[n + 1 :]
+        for other in finer:
+            errors[n] = np.maximum(errors[n], differences.contradicted(other))
+        confirmed = differences.kinks & bool(finer)
+        errors[n] = np.maximum(errors[n], np.where(confirmed, 0.0, differences.apart))
+    best = []
+    for k, n in enumerate(errors.argmin(axis=0).tolist()):
+        parts = (rounds[n].values, errors[n], rounds[n].left, rounds[n].right)
+        value, error, left, right = (float(part[k]) for part in parts)
+        best.append(Derivative(value, error, left, right, bool(rounds[n].kinks[k])))
+    return best
 
 
 def _extrapolated(differences: Array, order: int) -> tuple[Array, Array]:

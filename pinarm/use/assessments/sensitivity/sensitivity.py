@@ -16,17 +16,15 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
+from pinarm.use.assessments.sensitivity.bands import Band, DistributionName, band_table, distribution, sobol
 from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
-from pinarm.use.assessments.sensitivity.sampling import DistributionName, distribution, sobol
-from pinarm.use.assessments.sensitivity.tables import Band, band_table, effect_table, ranking_graph
-from pinarm.use.assessments.sensitivity.variation import Input, Tolerance, Varied, inputs_of, varied_runs
+from pinarm.use.assessments.sensitivity.variation import Input, Tolerance, Variation, inputs_of, varied_runs
 from pinarm.use.result.number_accuracy import global_error, noise, rounding
 from pinarm.use.result.numbers import AnyNumber, measured, read_number, slug
-from pinarm.use.result.section import Section
+from pinarm.use.result.section import Section, numbered
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -116,33 +114,33 @@ class Sensitivity(InputStruct, frozen=True):
             slopes = derivatives(variation, centre, partial(_step, sizes, errors), errors)
             corners = _corners(variation, slopes)
             bands = [
-                Band(number, series, global_error(result, number), own, [row[k] for row in slopes], *corners[k])
+                Band(number, series, global_error(result, number), own, inputs, [row[k] for row in slopes], *corners[k])
                 for k, (number, (series, _), own) in enumerate(zip(asked, taken, errors.tolist(), strict=True))
             ]
             return self._section(variation, bands)
 
-    def _section(self, variation: Varied, bands: Sequence[Band]) -> Section:
-        inputs, asked = variation.inputs, ((self.monte_carlo, distribution), (self.sobol, sobol))
-        drawn = [part(variation, bands, count, self.seed, self.distribution) for count, part in asked if count]
-        numbers, errors = dict[str, Series](), dict[str, float]()
-        for band in bands:
-            numbers |= band.numbers(inputs)
-            errors |= band.errors(inputs)
-        tables = [band_table(bands, inputs), *(table for part in drawn for table in part.tables)]
+    def _section(self, variation: Variation, bands: Sequence[Band]) -> Section:
         remarks = [
             "bands are what the tolerances make of a number; its numerical error is another thing, and in none of them"
         ]
-        remarks += [text for band in bands for text in band.remarks(inputs)]
-        remarks += [text for part in drawn for text in part.remarks]
-        if any(band.error is None for band in bands):
-            remarks.append("numerical errors are not estimated; run --verify bounds them")
-        graphs = [ranking_graph(band, inputs) for band in bands if band.ranking(inputs)]
-        for part in drawn:
-            numbers |= part.numbers
-            errors |= part.errors
-            graphs += part.graphs
-        tables += [effect_table(band, inputs) for band in bands]
-        return Section("sensitivity", "Sensitivity to tolerances", tables, numbers, remarks, graphs, errors)
+        remarks += [text for band in bands for text in band.remarks()]
+        graphs = [band.ranking_graph() for band in bands if band.ranking]
+        linear = numbered({name: number for band in bands for name, number in band.numbers().items()})
+        parts = [Section("", "", [band_table(bands)], remarks=remarks, graphs=graphs, **linear)]
+        for count, drawn in ((self.monte_carlo, distribution), (self.sobol, sobol)):
+            parts += [drawn(variation, bands, count, self.seed, self.distribution)] if count else []
+        estimated = all(band.error is not None for band in bands)
+        untold = () if estimated else ("numerical errors are not estimated; run --verify bounds them",)
+        parts.append(Section("", "", [band.effects() for band in bands], remarks=untold))
+        return Section(
+            "sensitivity",
+            "Sensitivity to tolerances",
+            [table for part in parts for table in part.tables],
+            {name: number for part in parts for name, number in part.numbers.items()},
+            [remark for part in parts for remark in part.remarks],
+            [graph for part in parts for graph in part.graphs],
+            {name: error for part in parts for name, error in part.errors.items()},
+        )
 
 
 def _step(size: Array, errors: Array, of: Input) -> float:
@@ -151,7 +149,7 @@ def _step(size: Array, errors: Array, of: Input) -> float:
     return float(min(relative, 1.0) ** LEVEL * max(abs(of.value), ZEROS * of.tolerance))
 
 
-def _corners(variation: Varied, slopes: Sequence[Sequence[Derivative]]) -> list[tuple[float, float, str]]:
+def _corners(variation: Variation, slopes: Sequence[Sequence[Derivative]]) -> list[tuple[float, float, str]]:
     """Return every number at the two corners of the tolerances where it is least and largest if it is linear.
 
     Args:

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, choices, within
@@ -174,20 +174,9 @@ def _check_unit(tolerance: Tolerance, value: Measured, path: str) -> None:
         require_unit(tolerance, str(value.unit or ""), path)
 
 
-class Varied(Protocol):
-    """Numbers of a run as a function of changes of its inputs."""
-
-    @property
-    def inputs(self) -> Sequence[Input]:
-        """The inputs, k of them."""
-
-    def rows(self, changes: Array) -> Iterator[Row]:
-        """Yield rows of m numbers [SI], in the order of the changes [SI], shape (n, k); each may have failed."""
-
-
 @dataclass(frozen=True)
 class Variation:
-    """Numbers of the runs of a scenario.
+    """Numbers of the runs of a scenario as a function of changes of its inputs.
 
     Attributes:
         inputs: Its inputs, k of them.
@@ -200,6 +189,7 @@ class Variation:
     runs: Iterator[int] = field(default_factory=partial(count, 1), repr=False)
 
     def rows(self, changes: Array) -> Iterator[Row]:
+        """Yield rows of m numbers [SI], in the order of the changes [SI], shape (n, k); each may have failed."""
         for row in self.solve(case_of(self.inputs, change) for change in changes.tolist()):
             tell(f"sensitivity: run {next(self.runs)}")
             yield row

@@ -20,8 +20,8 @@ from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, current_fol
 from pinarm.records import Record, replace
 from pinarm.use.assessments.sizing.catalogue import GREATEST, SMALLEST, Motor, read_catalogue
 from pinarm.use.assessments.sizing.duty import Duty, Height, Known, duty_of
-from pinarm.use.result.curve_figures import made_a_motion
-from pinarm.use.result.section import Curve, Graph, Section, SectionTable
+from pinarm.use.result.curve_figures import CurveFigure, made_a_motion
+from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -207,7 +207,6 @@ class Sizing(InputStruct, frozen=True):
         best, fitting = ranked[0], sum(not candidate.reasons for candidate in ranked)
         known = {"fitting": (float(fitting), 0.0), "ratio": (best.ratio, 0.0), "reserve": best.reserve}
         known |= {name: best.known[name.replace("_", " ")] for name in NUMBERS if name not in known}
-        numbers = {name: Series(name.replace("_", " "), NUMBERS[name], np.array([x])) for name, (x, _) in known.items()}
         tables.append(_first_table(best, known))
         remarks = [
             f"{fitting} of {len(ranked)} fit; motors with a gear of efficiency "
@@ -220,8 +219,9 @@ class Sizing(InputStruct, frozen=True):
             remarks.insert(0, f"nothing is sized: {still}")
         if not fitting:
             remarks.insert(0, f"no motor fits; closest is {best.motor.name} at {best.ratio:g}: {best.verdict}")
-        return Section("sizing", f"Motor and gear of {self.drive}", tables, numbers, remarks, [_cloud(duty, best)],
-                       {name: error for name, (_, error) in known.items()})  # fmt: skip
+        numbers = numbered({name: CurveFigure(*x, NUMBERS[name]) for name, x in known.items()})
+        title = f"Motor and gear of {self.drive}"
+        return Section("sizing", title, tables, remarks=remarks, graphs=[_cloud(duty, best)], **numbers)
 
 
 class Candidate(Record, frozen=True):
