@@ -12,12 +12,19 @@ from pinarm.arrays import Array, Complex, Flags, distinct
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.assembly import first_position, start_near
+from pinarm.engine.kinematics.prescribed import Assembly
 from pinarm.engine.labelled_array import LabelledArray
-from pinarm.engine.linear.force_balance import Driven, ForceBalance, state_row
+from pinarm.engine.linear.force_balance import (
+    Driven,
+    ForceBalance,
+    SteadyState,
+    acting,
+    advanced,
+    state_row,
+    steady_state,
+)
 from pinarm.engine.linear.inputs import Input, input_of, with_inputs
-from pinarm.engine.linear.linear_states import Linearisation, linearised, participations, require_same, rigid_modes
-from pinarm.engine.linear.steady import SteadyState, advanced, steady_state
-from pinarm.engine.linear.stepped_state import Drives
+from pinarm.engine.linear.linear_states import Drives, Linearisation, participations, require_same, rigid_modes
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -202,10 +209,9 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
     ) -> Outcome:
         begun = prepared or self.prepare(mechanism, accuracy, place)
         with place("about"):
-            near = first_position(mechanism.closure, begun.driven.held, begun.driven.values, 0.0, begun.q)
-            linear = self._about(mechanism, begun, near.q)
+            near, linear = self._about(mechanism, begun)
         tables = linear.tables() | participations(linear) | self._response(place, begun, linear)
-        row, drives = linear.at.state, along(mechanism, self._driven)
+        row, drives = linear.state, along(mechanism, self._driven)
         measures = {**row.columns, **_columns(_measures(linear, _most(mechanism, row)))}
         rows = replace(
             row,
@@ -223,35 +229,34 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
 
     def linearisation(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Linearisation:
         """Return the motion linearised about the state; see ``solve``."""
-        begun = self.prepare(mechanism, accuracy, place)
-        near = first_position(mechanism.closure, begun.driven.held, begun.driven.values, 0.0, begun.q)
-        return self._about(mechanism, begun, near.q)
+        return self._about(mechanism, self.prepare(mechanism, accuracy, place))[1]
 
-    def _about(self, mechanism: Mechanism, begun: Prepared, q: Array) -> Linearisation:
-        """Return the motion linearised about the state near a configuration, shape (nq,)."""
-        state = steady_state(ForceBalance(mechanism, begun.dynamics, begun.driven, mechanism.frictions), q)
+    def _about(self, mechanism: Mechanism, begun: Prepared) -> tuple[Assembly, Linearisation]:
+        """Return where the mechanism is assembled, and the motion linearised about the state near it."""
+        near = first_position(mechanism.closure, begun.driven.held, begun.driven.values, 0.0, begun.q)
+        state = steady_state(ForceBalance(mechanism, begun.dynamics, begun.driven, mechanism.frictions), near.q)
         linear = self._linearised(mechanism, begun, state)
         for later in advanced(mechanism, state.q, state.v):
             require_same(linear, self._linearised(mechanism, begun, replace(state, q=later)))
-        return linear
+        return near, linear
 
     def _linearised(self, mechanism: Mechanism, begun: Prepared, state: SteadyState) -> Linearisation:
         positions = {source.position for source in begun.inputs}
         driven = begun.driven
         prescribed = np.array([name in positions for name in driven.names], dtype=bool)
         drives = Drives(driven.names, driven.coordinates, state.efforts, prescribed)
-        tau, _ = drives.acting(mechanism.model.nv, state.efforts[:, None])
+        tau, _ = acting(mechanism.model.nv, driven.coordinates, state.efforts[:, None])
         row = state_row(mechanism, begun.dynamics, 0.0, state.q, state.v)
-        return linearised(replace(row, tau=tau.T, closure=along(mechanism, self._driven).closure), drives)
+        return Linearisation.about(replace(row, tau=tau.T, closure=along(mechanism, self._driven).closure), drives)
 
     def _response(self, place: Place, begun: Prepared, linear: Linearisation) -> dict[str, LabelledArray]:
         size, inputs, second = len(linear.states), begun.inputs, unit("s")
         names = [f"{input_.position}''" if input_.position else input_.name for input_ in inputs]
         measured = [input_.unit / second**2 if input_.position else input_.unit for input_ in inputs]
         with place("outputs"):
-            slopes = linear.at.slopes(self.outputs)
-            load, by_force = linear.at.force_slopes(self.outputs, [input_.force for input_ in inputs if input_.force])
-            quantities = Quantities(linear.at.state)
+            slopes = linear.slopes(self.outputs)
+            load, by_force = linear.force_slopes(self.outputs, [input_.force for input_ in inputs if input_.force])
+            quantities = Quantities(linear.state)
             units = [quantities[name].unit for name in self.outputs]
         columns = linear.columns(inputs, load)
         b, d = linear.B @ columns, slopes[:, size:] @ columns
@@ -302,7 +307,7 @@ def _columns(measures: Array) -> dict[str, Series]:
 def _remarks(linear: Linearisation) -> list[str]:
     """Return notes on what friction holds, modes that grow, and eigenvalues that have few digits."""
     modes, size = linear.modes, np.abs(linear.modes.eigenvalues)
-    notes = [linear.at.friction.note] if linear.at.friction.note else []
+    notes = [linear.friction.note] if linear.friction.note else []
     notes += [] if len(size) else ["nothing is free to move: there are no modes"]
     notes += _modes_that("unstable: {}", modes.growths > 0.0)
     known = size > 0.0

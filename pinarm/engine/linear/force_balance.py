@@ -31,7 +31,7 @@ from pinarm.engine.linear.derivatives import EquationDerivatives, equation_deriv
 from pinarm.engine.linear.friction import at_rest, measured, slip_friction, with_friction
 from pinarm.engine.linear.linearisation import independent_joints
 from pinarm.engine.motion.trajectory import ROW, Trajectory
-from pinarm.errors import AssemblyError, InputError
+from pinarm.errors import AssemblyError, DynamicsError, InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
@@ -84,6 +84,17 @@ class Driven(Record, frozen=True):
         """Those that keep their values."""
         h, laws = len(self.values), tuple(Constant(value=value) for value in self.values.tolist())
         return PrescribedCoordinates((*self.names[:h],), (*self.coordinates[:h],), laws)
+
+
+def acting(nv: int, coordinates: Sequence[Coordinate], efforts: Array) -> tuple[Array, Array]:
+    """Return efforts along coordinates, shape (k, c): at joints, shape (nv, c), and along task coordinates."""
+    tau, guides = np.zeros((nv, efforts.shape[1])), list[Array]()
+    for coordinate, effort in zip(coordinates, efforts, strict=True):
+        if isinstance(coordinate, LinearCoordinate):
+            tau += np.multiply.outer(coordinate.weights, effort)
+        else:
+            guides.append(effort)
+    return tau, np.array(guides).reshape(len(guides), efforts.shape[1])
 
 
 class Forces(Record, frozen=True):
@@ -218,13 +229,8 @@ class ForceBalance(Record, frozen=True):
     def efforts(self, q: Array) -> tuple[Array, Array]:
         """Return the efforts of drives at joints, shape (nv,), and the multipliers, those of task coordinates last."""
         own, carried = self.mechanism.closure.size, self.at(q).carried
-        tau, guides = np.zeros(self.mechanism.model.nv), list[float]()
-        for coordinate, effort in zip(self.driven.coordinates, carried[own:].tolist(), strict=True):
-            if isinstance(coordinate, LinearCoordinate):
-                tau += coordinate.weights * effort
-            else:
-                guides.append(effort)
-        return tau, np.append(carried[:own], guides)
+        tau, guides = acting(self.mechanism.model.nv, self.driven.coordinates, carried[own:, None])
+        return tau[:, 0], np.append(carried[:own], guides)
 
     def solved(self, q: Array, start: str) -> tuple[Array, Forces]:
         """Return the configuration near q at which the forces balance, by Newton steps that make what is left smaller.
@@ -311,4 +317,89 @@ class ForceBalance(Record, frozen=True):
             start=start,
             q=q,
             residual=left,
+        )
+
+
+LASTING = 1e-7
+"""Forces left after some of the motion, relative to their terms: rounding of configurations explains as much."""
+
+SHARED = 1e-9
+"""Effort of a drive in a self-stress of length 1 that is rounding."""
+
+TURNED = 0.7, 2.1, 3.1
+"""Angles [rad] by which the fastest joint turns on, at which a steady motion is still one: almost half a turn too."""
+
+
+class SteadyState(Record, frozen=True):
+    """A state in which nothing accelerates.
+
+    Attributes:
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        efforts: Efforts u of the drives along their coordinates [N*m or N], shape (k,).
+    """
+
+    q: Array
+    v: Array
+    efforts: Array
+
+
+def steady_state(balance: ForceBalance, q: Array) -> SteadyState:
+    """Return the steady state near a configuration, shape (nq,)."""
+    mechanism = balance.mechanism
+    q, forces = balance.solved(q, "the start")
+    _require_steady(mechanism, q, forces.v)
+    _require_own_efforts(balance, q)
+    stiffness = float(np.abs(balance.slopes(q, forces).force_q).sum())
+    _require_lasting(balance, q, forces, LASTING * (float(forces.terms.sum()) + stiffness))
+    return SteadyState(q, forces.v, forces.carried[mechanism.closure.size : balance.closure.size])
+
+
+def advanced(mechanism: Mechanism, q: Array, v: Array) -> list[Array]:
+    """Return configurations later in a steady motion, shape (nq,) each; none of one at rest."""
+    speed = float(np.abs(v).max(initial=0.0))
+    return [pin.integrate(mechanism.model, q, angle / speed * v) for angle in TURNED] if speed else []
+
+
+def _require_own_efforts(balance: ForceBalance, q: Array) -> None:
+    """Raise where drives may work against each other: their efforts, and so the small motion, are then undetermined."""
+    stresses = balance.closure.split_at(q).stresses[balance.mechanism.closure.size :]
+    shared = np.abs(stresses).max(axis=1, initial=0.0) > SHARED
+    if shared.any():
+        names = ", ".join(name for name, shares in zip(balance.driven.names, shared, strict=True) if shares)
+        raise InputError(
+            f"the load does not determine the efforts of {names}, on which the small motion depends",
+            expected="coordinates in hold and steady that move independently of each other",
+            hint="one of them left out, or a load of its effort in loads",
+        )
+
+
+def _require_lasting(balance: ForceBalance, q: Array, forces: Forces, most: float) -> None:
+    """Raise where the forces do not balance later in the motion, with the same efforts, but for ``most``."""
+    own, size = balance.mechanism.closure.size, balance.closure.size
+    for later in advanced(balance.mechanism, q, forces.v):
+        if reason := refusals(balance.dynamics.forces, later):
+            raise DynamicsError(f"the motion is steady for a part of a turn only{reason}")
+        then = balance.at(later)
+        changed = np.abs(then.carried[own:size] - forces.carried[own:size]).max(initial=0.0)
+        left, slower = np.abs(then.left).max(initial=0.0), np.abs(then.v - forces.v).max(initial=0.0)
+        if max(left, changed) > most or slower > LASTING * np.abs(forces.v).max(initial=0.0):
+            raise DynamicsError(
+                "the motion is steady for an instant only: forces balance here, and no more as it goes on",
+                hint="weights that turn about an axis which is not vertical, or joints that do not turn about one axis",
+            )
+
+
+def _require_steady(mechanism: Mechanism, q: Array, v: Array) -> None:
+    """Raise where loops do not allow a velocity, or not without acceleration."""
+    closure = mechanism.closure
+    state = closure.state(q, v)
+    rate, drift = closure.rows(state) @ v, closure.drift(state)
+    speed = float(np.abs(v).max(initial=0.0))
+    torn = (np.abs(rate) > 1e-9 * speed) | (np.abs(drift) > 1e-9 * speed**2)
+    if torn.any():
+        names = dict.fromkeys(owner.name for (owner, _), tears in zip(closure.owners(), torn, strict=True) if tears)
+        raise DynamicsError(
+            f"{', '.join(names)} does not stay closed at these velocities without acceleration",
+            hint="a steady motion turns the mechanism as a whole, or links about axes of their own",
         )

@@ -1,14 +1,21 @@
-"""Linear analysis of a mechanism at a state: derivatives, state-space matrices, modes by name, their energies."""
+"""Linear analysis of a mechanism at a state: state-space matrices, derivatives of quantities, modes, their energies.
+
+Every state and input of the linear motion is an imaginary step of configuration, velocities, accelerations, efforts,
+multipliers and friction; a quantity of these states, divided by the step, is its derivative: the matrices C and D. See
+``derivatives``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pinocchio as pin
 
-from pinarm.arrays import AT_KINK, Array, Complex
-from pinarm.engine.constraints.constraint_rows import GuidedCoordinate, one_sided
+from pinarm.arrays import AT_KINK, STEP, Array, Complex, Flags
+from pinarm.engine.constraints.constraint_rows import ConstraintRows, GuidedCoordinate, Measured, one_sided
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
@@ -16,25 +23,28 @@ from pinarm.engine.dynamics.mass_matrix import require_masses
 from pinarm.engine.labelled_array import LabelledArray
 from pinarm.engine.linear.derivatives import (
     EquationDerivatives,
+    complex_kept,
     element_derivatives,
     equation_derivatives,
     load_at_kink,
     tree_derivatives,
 )
-from pinarm.engine.linear.force_balance import state_row
-from pinarm.engine.linear.friction import with_friction
-from pinarm.engine.linear.inputs import Input
-from pinarm.engine.linear.linearisation import LinearMotion, Modes
-from pinarm.engine.linear.stepped_state import Drives, SteppedState
+from pinarm.engine.linear.force_balance import acting, state_row
+from pinarm.engine.linear.friction import FrictionState, friction_slopes, friction_state, measured, with_friction
+from pinarm.engine.linear.inputs import Input, force_load, stepped_force
+from pinarm.engine.linear.linearisation import DEPENDENT, LinearMotion, Modes, Rows, linear_motion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities import states
+from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.state_arrays import LeadingAxes, states_of
 from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.ball_joints import coordinate_name
+from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.joints import METRE, links_behind
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
@@ -43,27 +53,55 @@ if TYPE_CHECKING:
 CHANGED = 1e-6
 """Change of A in a steady motion, relative to its largest entry, that is rounding."""
 
+SHARED = 1e-9
+"""Change of an output by a self-stress of length 1 that is rounding."""
+
+
+class Drives(Record, frozen=True):
+    """Drives along coordinates at a state.
+
+    Attributes:
+        efforts: Efforts along them [N*m or N], shape (k,): constant in the small motion, but of prescribed ones.
+        prescribed: Which of them have prescribed positions, shape (k,).
+    """
+
+    names: Sequence[str] = ()
+    coordinates: Sequence[Coordinate] = ()
+    efforts: Array = np.zeros(0)
+    prescribed: Flags = np.zeros(0, dtype=bool)
+
 
 class Linearisation(Record, frozen=True):
     """A motion linearised about a state: ``x' = A x + B u``, with names.
 
+    States x are deviations of d independent coordinates, then of their velocities ``NAME'``. Inputs u are efforts at
+    joints, then accelerations ``NAME''`` of prescribed coordinates.
+
     Attributes:
-        states: Names of the states x: deviations of d independent coordinates, then of their velocities ``NAME'``.
-        inputs: Names of the inputs u: efforts at joints, then accelerations ``NAME''`` of prescribed coordinates.
-        joints: Names of all joints' coordinates.
-        acceleration: Accelerations at the state, shape (nv,): 0 at an equilibrium.
-        at: The state, and what holds, moves and slips at it.
+        state: A table of one row with its accelerations, efforts, multipliers and friction; its closure has the
+            constraints of the mechanism, then the drives along task coordinates.
+        drives: Drives along coordinates, beside those at joints.
     """
 
-    motion: LinearMotion
-    states: Sequence[str]
-    inputs: Sequence[str]
-    state_units: Sequence[Unit]
-    input_units: Sequence[Unit]
-    joints: Sequence[str]
-    joint_units: Sequence[Unit]
-    acceleration: Array
-    at: SteppedState
+    state: Trajectory
+    drives: Drives = Drives()
+
+    @classmethod
+    def about(cls, state: Trajectory, drives: Drives | None = None) -> Linearisation:
+        """Return the motion linearised about a state.
+
+        Args:
+            state: A table of one row with its efforts at joints, those of ``drives`` included; its friction,
+                multipliers and accelerations follow from these.
+            drives: Drives along coordinates, beside those at joints; none where it is left out.
+        """
+        drives = drives or Drives()
+        linear = cls(_completed(state, drives), drives)
+        _require_smooth(
+            state.mechanism, state.dynamics, float(state.grid.t[0]), state.q[0], state.v[0], linear.derivatives
+        )
+        linear.motion  # noqa: B018  refuses singular positions
+        return linear
 
     @property
     def A(self) -> Array:
@@ -79,6 +117,54 @@ class Linearisation(Record, frozen=True):
     def modes(self) -> Modes:
         """Eigenvalues, frequencies, damping ratios, eigenvectors and their errors."""
         return self.motion.modes
+
+    @property
+    def acceleration(self) -> Array:
+        """Accelerations at the state, shape (nv,): 0 at an equilibrium."""
+        return np.asarray(self.state.a[0])
+
+    @cached_property
+    def joints(self) -> list[str]:
+        """Names of all joints' coordinates."""
+        model = self.state.mechanism.model
+        return [coordinate_name(model, index) for index in range(model.nv)]
+
+    @cached_property
+    def joint_units(self) -> list[Unit]:
+        """Units of all joints' coordinates."""
+        sliding = {joint.v for joint in self.state.mechanism.joints.values() if joint.unit == METRE}
+        return [METRE if index in sliding else unit("rad") for index in range(len(self.joints))]
+
+    @cached_property
+    def _labels(self) -> tuple[list[tuple[str, Unit]], list[tuple[str, Unit]]]:
+        """Names and units of the states, and of the inputs."""
+        joints, motion = list(zip(self.joints, self.joint_units, strict=True)), self.motion
+        places = np.flatnonzero(self.drives.prescribed).tolist()
+        moved = [(self.drives.names[k], self.drives.coordinates[k].unit) for k in places]
+        positions, rates = ([*(joints[k] for k in own.tolist()), *moved] for own in (motion.placed, motion.independent))
+        efforts = [(name, unit("N" if own == METRE else "N*m")) for name, own in joints]
+        states = [*positions, *((f"{name}'", own / unit("s")) for name, own in rates)]
+        return states, [*efforts, *((f"{name}''", own / unit("s^2")) for name, own in moved)]
+
+    @property
+    def states(self) -> list[str]:
+        """Names of the states x."""
+        return [name for name, _ in self._labels[0]]
+
+    @property
+    def state_units(self) -> list[Unit]:
+        """Units of the states x."""
+        return [own for _, own in self._labels[0]]
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs u."""
+        return [name for name, _ in self._labels[1]]
+
+    @property
+    def input_units(self) -> list[Unit]:
+        """Units of the inputs u."""
+        return [own for _, own in self._labels[1]]
 
     def shapes(self) -> Complex:
         """Return the mode shapes in all joint velocities, shape (nv, k), the largest component of each 1."""
@@ -101,7 +187,7 @@ class Linearisation(Record, frozen=True):
         return columns
 
     def response(self, frequencies: Array, outputs: Array, inputs: Array | None = None) -> Complex:
-        """Return the frequency response ``C (2 pi i f - A)^-1 B``, with A brought to a triangle first.
+        """Return the frequency response ``C (2 pi i f - A)^-1 B``.
 
         Args:
             frequencies: f [Hz], shape (n,).
@@ -111,16 +197,8 @@ class Linearisation(Record, frozen=True):
         Returns:
             Shape (n, p, k): per unit of each input.
         """
-        from scipy.linalg import schur
-
-        s = 2j * np.pi * np.asarray(frequencies, float)
-        triangle, turn = schur(self.A, output="complex")
-        right = turn.conj().T @ (self.B if inputs is None else inputs)
-        states = np.zeros((len(s), *right.shape), complex)
-        for row in range(len(right) - 1, -1, -1):
-            carried = right[row] + np.einsum("j,njk->nk", triangle[row, row + 1 :], states[:, row + 1 :])
-            states[:, row] = carried / (s - triangle[row, row])[:, None]
-        return np.asarray((outputs @ turn) @ states)
+        b, unity = self.B if inputs is None else inputs, np.eye(len(self.A))
+        return np.array([outputs @ np.linalg.solve(2j * np.pi * f * unity - self.A, b) for f in frequencies.tolist()])
 
     def __repr__(self) -> str:
         """Return the states and the frequencies."""
@@ -146,6 +224,157 @@ class Linearisation(Record, frozen=True):
             ),
         }
 
+    @cached_property
+    def friction(self) -> FrictionState:
+        """Friction at the state."""
+        return friction_state(self.state)
+
+    @cached_property
+    def _own(self) -> int:
+        """Number of rows of the mechanism's constraints."""
+        return self.state.mechanism.closure.size
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Rows of constraints, drives and slips, in this order, that hold, move or slip."""
+        drives, slips = self._own + np.arange(len(self.drives.names)), self._own + len(self.drives.names)
+        prescribed, stuck = drives[self.drives.prescribed], self.friction.stuck
+        holding = np.concatenate([np.arange(self._own), prescribed, slips + np.flatnonzero(stuck)])
+        return Rows(
+            holding,
+            self._own + np.arange(len(prescribed)),
+            slips + np.flatnonzero(~stuck),
+            self.state.mechanism.closure.rolling,
+        )
+
+    @cached_property
+    def _measured(self) -> list[Measured]:
+        """Constraints, coordinates of drives, and slips."""
+        return [*self.state.mechanism.constraints, *self.drives.coordinates, *map(measured, self.friction.contacts)]
+
+    @cached_property
+    def derivatives(self) -> EquationDerivatives:
+        """Derivatives of the equation of motion, with constraints, drives and slips."""
+        state = self.state
+        lam = np.concatenate([np.asarray(state.lam)[0, : self._own], self.drives.efforts, self.friction.f])
+        t, q, v, a = float(state.grid.t[0]), state.q[0], state.v[0], state.a[0]
+        return equation_derivatives(state.dynamics, self._measured, t, q, v, a, lam)
+
+    @cached_property
+    def motion(self) -> LinearMotion:
+        """The motion linearised about the state."""
+        model, v, friction = self.state.mechanism.model, self.state.v[0], self.friction
+        scale = self.state.mechanism.closure.scale
+        if not len(self.rows.slipping):
+            return linear_motion(model, self.derivatives, v, self.rows, scale)
+        slipping = [contact for contact, stuck in zip(friction.contacts, friction.stuck, strict=True) if not stuck]
+        return linear_motion(
+            model, self.derivatives, v, self.rows, scale, lambda motion: friction_slopes(self.steps(motion), slipping)
+        )
+
+    def steps(self, motion: LinearMotion) -> Trajectory:
+        """Return the state with an imaginary step along each state and each input of a motion, one a row."""
+        size, nv = motion.b.shape[0], self.state.mechanism.model.nv
+        nothing, tau = np.zeros((nv, motion.b.shape[1])), np.zeros_like(motion.whole_a)
+        tau[:, size : size + nv] = np.eye(nv)
+        position, velocity = (np.hstack([x, nothing]) for x in (motion.position, motion.velocity))
+        return self._stepped(position, velocity, motion.whole_a, tau, motion.whole_lam, motion.friction)
+
+    def _stepped(
+        self, q: Array, v: Array, a: Array, tau: Array, lam: Array, slipping: Array, **changes: Any
+    ) -> Trajectory:
+        """Return the state with c imaginary steps, a row each.
+
+        Args:
+            q: Steps of positions, shape (nv, c).
+            v: Of velocities, likewise.
+            a: Of accelerations.
+            tau: Of efforts at joints.
+            lam: Of the multipliers of rows that hold, shape (m, c).
+            slipping: Of friction that slips, shape (k, c).
+        """
+        state, model, count = self.state, self.state.mechanism.model, q.shape[1]
+        efforts, f = np.zeros((len(self.drives.names), count)), np.zeros((len(self.friction.f), count))
+        own, held = self._own, self._own + int(self.drives.prescribed.sum())
+        efforts[self.drives.prescribed] = lam[own:held]
+        f[self.friction.stuck], f[~self.friction.stuck] = lam[held:], slipping
+        driven, guides = acting(model.nv, self.drives.coordinates, efforts)
+        t, tangent = float(state.grid.t[0]), pin.tangentMap(model, state.q[0])
+        stepped = replace(
+            state,
+            grid=Grid(np.full(count, t), (t, float(np.nextafter(t, np.inf))), (0, count)),
+            columns={},
+            q=state.q[0] + 1j * STEP * (tangent @ q).T,
+            v=state.v[0] + 1j * STEP * v.T,
+            a=state.a[0] + 1j * STEP * a.T,
+            tau=state.tau[0] + 1j * STEP * (tau + driven).T,
+            lam=Multipliers.known(np.asarray(state.lam)[0] + 1j * STEP * np.vstack([lam[:own], guides]).T, own),
+            directions=np.sign(np.broadcast_to(state.v, (count, model.nv))),
+            **changes,
+        )
+        return with_friction(stepped, state.friction[0] + 1j * STEP * f.T)
+
+    def slopes(self, names: Sequence[str]) -> Array:
+        """Return the derivatives of quantities or formulas by all states and inputs, shape (p, n + i)."""
+        self._require_shared(names)
+        return _slopes(self.steps(self.motion), names)
+
+    def force_slopes(self, names: Sequence[str], forces: Sequence[str]) -> tuple[Array, Array]:
+        """Return loads of forces per amplitude, shape (nv, k), and derivatives of quantities by these, shape (p, k)."""
+        loads, slopes = np.zeros((len(forces), self.state.v.shape[1])), np.zeros((len(forces), len(names)))
+        for k, name in enumerate(forces):
+            loads[k] = force_load(self.state, name)
+            slopes[k] = self._force_slopes(names, name, loads[k])
+        return loads.T, slopes.T
+
+    def _force_slopes(self, names: Sequence[str], name: str, load: Array) -> Array:
+        motion, size, nv = self.motion, len(self.motion.a), len(load)
+        a, lam, slipping = (
+            (x[:, size : size + nv] @ load)[:, None] for x in (motion.whole_a, motion.whole_lam, motion.friction)
+        )
+        still, dynamics = np.zeros((nv, 1)), self.state.dynamics
+        changed = replace(dynamics, forces={**dynamics.forces, name: stepped_force(dynamics.forces[name])})
+        return _slopes(self._stepped(still, still, a, still, lam, slipping, dynamics=changed), names)[:, 0]
+
+    def _require_shared(self, names: Sequence[str]) -> None:
+        """Raise where an output depends on how joints that friction holds share a load with constraints."""
+        held = self._own + int(self.drives.prescribed.sum())
+        if not self.friction.stuck.any() or not names:
+            return
+        rows = ConstraintRows.of(self.state.mechanism.model, self._measured).at(self.state.q).matrices[0]
+        left, values, _ = np.linalg.svd(rows[self.rows.holding])
+        rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
+        stresses = left[:, rank:]
+        stresses = stresses[:, np.abs(stresses[held:]).max(axis=0, initial=0.0) > SHARED]
+        if not stresses.size:
+            return
+        still = np.zeros((rows.shape[1], stresses.shape[1]))
+        slipping = np.zeros((int((~self.friction.stuck).sum()), stresses.shape[1]))
+        slopes = _slopes(self._stepped(still, still, still, still, stresses, slipping), names)
+        for name, slope in zip(names, slopes, strict=True):
+            if np.abs(slope).max() > SHARED:
+                raise InputError(
+                    f"'{name}' depends on how joints that friction holds share their load with each other",
+                    expected="an output that they do not change, or friction in fewer joints",
+                )
+
+
+def _slopes(steps: Trajectory, names: Sequence[str]) -> Array:
+    """Return the derivatives of quantities along imaginary steps, shape (p, c)."""
+    values, slopes = Quantities(steps), np.zeros((len(names), len(steps)))
+    for k, name in enumerate(names):
+        try:
+            with complex_kept():
+                slopes[k] = np.imag(values[name].values) / STEP
+        except FloatingPointError:
+            raise InputError(
+                f"'{name}' has a kink here: it depends on the size of something that is 0 in this state",
+                expected="its components, or a state in which it is not 0",
+            ) from None
+        except (TypeError, np.exceptions.ComplexWarning):  # of Pinocchio, and of functions of real numbers
+            raise InputError(f"the linear analysis has no derivatives of '{name}'", expected="another output") from None
+    return slopes
+
 
 def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None, t: float) -> EquationDerivatives:
     """Return the derivatives of the equation of motion; see ``Mechanism.derivatives``."""
@@ -169,7 +398,7 @@ def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None
     """Return the linearised motion; see ``Mechanism.linearise``."""
     q, v, _, tau = _one_state(mechanism, q, v=v, a=None, tau=tau)
     dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
-    linear = linearised(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
+    linear = Linearisation.about(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
     states.check_found(mechanism.closure, LeadingAxes(()), q[None], v[None], linear.acceleration[None])
     return linear
 
@@ -196,44 +425,7 @@ def linearised_row(row: Trajectory, prescribed: Sequence[str]) -> Linearisation:
     )
     t = float(row.grid.t[0]) if row.parameter == "t" else 0.0
     state = state_row(mechanism, row.intervals()[0][1], t, row.q[0], row.v[0])
-    return linearised(replace(state, tau=row.tau, closure=row.closure), drives)
-
-
-def linearised(state: Trajectory, drives: Drives | None = None) -> Linearisation:
-    """Return the motion linearised about a state.
-
-    Args:
-        state: A table of one row with its efforts at joints, those of ``drives`` included; its friction, multipliers
-            and accelerations follow from these.
-        drives: Drives along coordinates, beside those at joints; none where it is left out.
-    """
-    drives = drives or Drives()
-    mechanism, dynamics, t = state.mechanism, state.dynamics, float(state.grid.t[0])
-    at = SteppedState(_completed(state, drives), drives)
-    _require_smooth(mechanism, dynamics, t, state.q[0], state.v[0], at.derivatives)
-    motion, model = at.motion, mechanism.model
-    names = [coordinate_name(model, index) for index in range(model.nv)]
-    sliding = {joint.v for joint in mechanism.joints.values() if joint.unit == METRE}
-    every = [unit("m") if index in sliding else unit("rad") for index in range(model.nv)]
-    moved = [(drives.names[k], drives.coordinates[k].unit) for k in np.flatnonzero(drives.prescribed).tolist()]
-    positions, rates = (
-        [*((names[index], every[index]) for index in free.tolist()), *moved]
-        for free in (motion.placed, motion.independent)
-    )
-    efforts = [(name, unit("N") if index in sliding else unit("N*m")) for index, name in enumerate(names)]
-    inputs = [*efforts, *((f"{name}''", own / unit("s^2")) for name, own in moved)]
-    second = unit("s")
-    return Linearisation(
-        motion,
-        [*(name for name, _ in positions), *(f"{name}'" for name, _ in rates)],
-        [name for name, _ in inputs],
-        [*(own for _, own in positions), *(own / second for _, own in rates)],
-        [own for _, own in inputs],
-        names,
-        every,
-        at.state.a[0],
-        at,
-    )
+    return Linearisation.about(replace(state, tau=row.tau, closure=row.closure), drives)
 
 
 def _completed(state: Trajectory, drives: Drives) -> Trajectory:
@@ -241,7 +433,7 @@ def _completed(state: Trajectory, drives: Drives) -> Trajectory:
     mechanism, dynamics, t, q, v = state.mechanism, state.dynamics, float(state.grid.t[0]), state.q, state.v
     own, moved = mechanism.closure.size, np.flatnonzero(drives.prescribed).tolist()
     closure = mechanism.closure.with_guides([drives.names[k] for k in moved], [drives.coordinates[k] for k in moved])
-    _, guided = drives.acting(mechanism.model.nv, drives.efforts[:, None])
+    _, guided = acting(mechanism.model.nv, drives.coordinates, drives.efforts[:, None])
     tau = state.tau + guided[:, 0] @ state.closure.rows(state.closure.state(q[0]))[own:]
     if mechanism.frictions:
         from pinarm.engine.friction.given_efforts import friction_under
@@ -347,18 +539,18 @@ def rigid_modes(linear: Linearisation) -> list[str]:
 
 def _stiffness_parts(linear: Linearisation) -> dict[str, Array]:
     """Return ``Re x^H K x`` of force elements, weights and constraints that have any stiffness, shape (k,) each."""
-    at, shapes = linear.at, linear.motion.shapes[0]
-    loads = _slopes(linear, 0)
-    tree = tree_derivatives(at.state.mechanism.model, at.state.q[0], at.state.v[0], at.state.a[0])[1]
-    held = at.derivatives.force_q - tree - sum(loads.values(), np.zeros_like(tree))
-    least = NONE * float(at.derivatives.terms_q.max(initial=0.0))
+    shapes = linear.motion.shapes[0]
+    loads = _element_slopes(linear, 0)
+    tree = tree_derivatives(linear.state.mechanism.model, linear.state.q[0], linear.state.v[0], linear.state.a[0])[1]
+    held = linear.derivatives.force_q - tree - sum(loads.values(), np.zeros_like(tree))
+    least = NONE * float(linear.derivatives.terms_q.max(initial=0.0))
     loads |= {name: k for name, k in ((WEIGHTS, tree), (CONSTRAINTS, held)) if np.abs(k).max(initial=0.0) > least}
     return {name: _power(shapes, k) for name, k in loads.items() if k.any()}
 
 
 def _masses(linear: Linearisation) -> dict[str, Array]:
     """Return ``x^H M_i x / 2`` of all bodies and rotors, shape (k,) each."""
-    state, shapes = linear.at.state, linear.motion.shapes[0]
+    state, shapes = linear.state, linear.motion.shapes[0]
     model, masses = state.mechanism.model, dict[str, Array]()
     both = np.hstack([shapes.real, shapes.imag]).T
     links, twists = speeding(model, np.broadcast_to(state.q, (len(both), model.nq)), both)
@@ -373,19 +565,19 @@ def _masses(linear: Linearisation) -> dict[str, Array]:
 
 def _dampings(linear: Linearisation) -> dict[str, Array]:
     """Return ``Re v^H D v`` of force elements and of friction that slips, shape (k,) each; those that have any."""
-    motion, at = linear.motion, linear.at
+    motion = linear.motion
     velocities = motion.shapes[1]
-    powers = {name: _power(velocities, d) for name, d in _slopes(linear, 1).items()}
-    slipping = np.flatnonzero(~at.friction.stuck).tolist()
+    powers = {name: _power(velocities, d) for name, d in _element_slopes(linear, 1).items()}
+    slipping = np.flatnonzero(~linear.friction.stuck).tolist()
     friction: Complex = motion.friction[:, motion.free] @ linear.modes.vectors
-    for row, k, f in zip(at.derivatives.rows[at.rows.slipping], slipping, friction, strict=True):
-        powers[f"friction of {at.friction.contacts[k].name}"] = -np.real(np.conj(row @ velocities) * f)
+    for row, k, f in zip(linear.derivatives.rows[linear.rows.slipping], slipping, friction, strict=True):
+        powers[f"friction of {linear.friction.contacts[k].name}"] = -np.real(np.conj(row @ velocities) * f)
     return {name: parts for name, parts in powers.items() if parts.any()}
 
 
-def _slopes(linear: Linearisation, order: int) -> dict[str, Array]:
+def _element_slopes(linear: Linearisation, order: int) -> dict[str, Array]:
     """Return K or D of force elements by name: less the derivatives of their loads by q, or by v, shape (nv, nv)."""
-    state = linear.at.state
+    state = linear.state
     t, q, v = float(state.grid.t[0]), state.q[0], state.v[0]
     return {
         name: -element_derivatives(state.mechanism.model, force, t, q, v)[order]

@@ -128,13 +128,11 @@ class Modes(Record, frozen=True):
     Attributes:
         eigenvalues: lambda [1/s], shape (k,).
         vectors: Right eigenvectors of length 1, shape (2 d, k).
-        conditions: Changes of eigenvalues per change of A, ``1/|y^H x|``, shape (k,).
         errors: Errors of the eigenvalues by rounding [1/s], shape (k,): of those that are 0, how large they may be.
     """
 
     eigenvalues: Complex
     vectors: Complex
-    conditions: Array
     errors: Array
 
     @classmethod
@@ -148,7 +146,7 @@ class Modes(Record, frozen=True):
         from scipy.linalg import eig, matrix_balance
 
         if not len(a):
-            return cls(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0), np.zeros(0))
+            return cls(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))
         balanced, (scales, _) = matrix_balance(a, permute=False, separate=True)
         eigenvalues, left, right = eig(balanced, left=True, right=True)
         conditions = 1.0 / np.maximum(np.abs((left.conj() * right).sum(axis=0)), np.finfo(float).tiny)
@@ -164,7 +162,7 @@ class Modes(Record, frozen=True):
         kept = kept[np.lexsort((eigenvalues.real[kept], alike))]
         vectors = scales[:, None] * right[:, kept]
         vectors /= np.linalg.norm(vectors, axis=0)
-        return cls(eigenvalues[kept], vectors, conditions[kept], errors[kept])
+        return cls(eigenvalues[kept], vectors, errors[kept])
 
     @cached_property
     def measures(self) -> dict[str, Array]:

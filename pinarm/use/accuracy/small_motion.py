@@ -111,8 +111,8 @@ def _duration(linear: Linearisation) -> float:
 def _forward(result: Result, linear: Linearisation, q: Array, v: Array, end: float) -> Trajectory:
     """Return the rows of a free motion from a state: constant drive efforts, no controllers, forces of the state."""
     problem: Linear = result.scenario.problem  # type: ignore[assignment]
-    mechanism, drives, motion = result.trajectory.mechanism, linear.at.drives, linear.motion
-    mechanism = replace(mechanism, forces=linear.at.state.dynamics.forces, control=())
+    mechanism, drives, motion = result.trajectory.mechanism, linear.drives, linear.motion
+    mechanism = replace(mechanism, forces=linear.state.dynamics.forces, control=())
     here = Kinematics.at(mechanism.model, q)
     positions = {name: coordinate_at(mechanism.model, k).value(here) for k, name in enumerate(linear.joints)}
     chosen = {linear.joints[k] for k in motion.placed.tolist()}

@@ -337,7 +337,7 @@ def _modes(scenario: Scenario) -> list[str]:
     for k, (frequency, damping) in enumerate(zip(modes.frequencies, modes.damping_ratios, strict=True)):
         largest = linear.joints[int(shapes[:, k].argmax())]
         lines.append(f"  {k + 1}: {frequency:.4g} Hz, damping {damping:.3g}, most at {largest}")
-    notes = [linear.at.friction.note] if linear.at.friction.note else []
+    notes = [linear.friction.note] if linear.friction.note else []
     return [*lines, *(f"  {line}" for line in (*notes, *rigid_modes(linear)))]
 
 

@@ -98,7 +98,7 @@ def test_a_joint_that_sticks_is_held(mechanism):
     expected = math.sqrt(9.81 * (1.0 * 0.5 + 2.0 * 1.3) / (0.25 + 2.0 * 1.69)) / (2.0 * math.pi)
     assert found.states == ["a", "a'"]
     assert found.modes.frequencies == pytest.approx([expected], rel=1e-12)
-    assert found.at.friction.note == "held by dry friction in the small motion: joint.b"
+    assert found.friction.note == "held by dry friction in the small motion: joint.b"
 
 
 def test_a_joint_that_begins_to_slip_is_refused(mechanism):

@@ -122,7 +122,7 @@ def test_every_quantity_has_the_slopes_of_its_values(kind, mechanism, differenti
     motion, found, refused = linear.motion, {}, []
     for name in made.at(q, v, tau=tau).names():
         try:
-            found[name] = linear.at.slopes([name])[0]
+            found[name] = linear.slopes([name])[0]
         except InputError as error:
             refused += [name] if "has no derivatives" in str(error) else []
     assert len(found) > 60
@@ -158,7 +158,7 @@ def test_the_size_of_what_is_0_has_a_kink(name, mechanism):
     """Of a pendulum that hangs at rest: its derivative would be that to one side."""
     hung = {"mass": 2.0, "com": "0 0 -0.4"}
     arms = link("a", "base", "0 1 0", **hung), link("b", "a_link", "0 1 0", at="0 0 -0.4", **hung)
-    at = mechanism(robot(*arms, tip("end", "b_link", "0 0 -0.4"))).linearise(np.zeros(2)).at
+    at = mechanism(robot(*arms, tip("end", "b_link", "0 0 -0.4"))).linearise(np.zeros(2))
     with pytest.raises(InputError, match=f"'{name}' has a kink here"):
         at.slopes([name])
     assert at.slopes(["point.end.velocity.x", "joint.b.force.norm"])[0, 2] == pytest.approx(-0.8)
@@ -170,6 +170,6 @@ def test_the_tight_strand_of_an_unloaded_belt_has_a_kink(mechanism):
     belt = {"kind": "belt", "joints": ["in", "out"], "radii": ["50 mm", "100 mm"], "pretension": "30 N"}
     made = mechanism(shafts, gravity="none", couplings={"C": belt})
     with pytest.raises(InputError, match=r"'coupling\.C\.tight' has a kink here"):
-        made.linearise(np.zeros(2)).at.slopes(["coupling.C.tight"])
-    loaded = made.linearise(np.zeros(2), tau=np.array([1.0, -2.0])).at
+        made.linearise(np.zeros(2)).slopes(["coupling.C.tight"])
+    loaded = made.linearise(np.zeros(2), tau=np.array([1.0, -2.0]))
     assert loaded.slopes(["coupling.C.tight"])[0, 2] == pytest.approx(-loaded.slopes(["coupling.C.slack"])[0, 2])
