@@ -7,7 +7,7 @@ holds. Without modes the last digit of the state at the limit would: each evalua
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -17,15 +17,10 @@ from pinarm.arrays import Array
 FREE, HIGHEST, LOWEST = 0, 1, 2
 """Modes: within the limits, held at the upper one, held at the lower one."""
 
-MODES = 3
-"""Their number."""
-
 ROUNDING = 1e-9
 """Part of a limit by which a state that is integrated may miss it; part of its terms below which a rate is none."""
 
 Inputs = TypeVar("Inputs")
-
-Modes = TypeVar("Modes", int, "Array | int")
 
 
 class Switch(NamedTuple, Generic[Inputs]):
@@ -45,21 +40,6 @@ class Switch(NamedTuple, Generic[Inputs]):
     mode: int | None = None
     jumps: bool = False
     leaps: bool = False
-
-
-def mode_of(modes: Modes, k: int) -> Modes:
-    """Return the mode of the state k from the number that stands for the modes of many: its digit in base 3."""
-    return modes // int(MODES**k) % MODES
-
-
-def number_of(modes: Iterable[int], further: int = 0) -> int:
-    """Return the number that stands for the modes of many states; see ``mode_of``.
-
-    Args:
-        further: A number for something else that the same number stands for, above the digits of the modes.
-    """
-    digits = [*modes]
-    return int(further * MODES ** len(digits) + sum(mode * MODES**k for k, mode in enumerate(digits)))
 
 
 class StateLimits(NamedTuple):

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import (
@@ -37,7 +37,7 @@ class MotorInput(NamedTuple):
     command: Array
     state: Array
     v: Array
-    mode: Array | int = FREE
+    mode: Indices | int = FREE
 
 
 class CommandOfEffort(NamedTuple):

@@ -13,8 +13,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.control.controls import CONTROL, Controls
-from pinarm.engine.control.memory import require_samples
+from pinarm.engine.control.controls import CONTROL, Controls, require_samples
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
@@ -22,11 +21,10 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.control.controller import Controller, Reader, Signal
+from pinarm.mechanics.control.controller import Controller, MotorController, Reader, Signal
 from pinarm.mechanics.control.definition import ControlDefinition
 from pinarm.mechanics.control.function import FunctionControl
 from pinarm.mechanics.control.kinds import PidController
-from pinarm.mechanics.control.motor_control import MotorController
 from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE
@@ -173,7 +171,7 @@ def _places(mechanism: Mechanism, place: Place) -> Callable[[int], AbstractConte
 def _with_motors(
     controllers: Sequence[Controller], mechanism: Mechanism, places: Callable[[int], AbstractContextManager[None]]
 ) -> list[Controller]:
-    complete, place = list[Controller](), 0
+    complete = list[Controller]()
     for number, controller in enumerate(controllers):
         with places(number), within("drive"):
             motors = _motors(controller.drives, mechanism)
@@ -188,11 +186,9 @@ def _with_motors(
                         "which it follows the motor",
                         expected="tracking_time: such as 50 ms",
                     )
-            behind = MotorController.of(source, actuators, place)
-            complete += [source, behind] if controller.sampling else [behind]
+            complete += [source, *(MotorController.of(source, k, motor) for k, motor in enumerate(actuators))]
         else:
             complete.append(controller)
-        place += len(controller.joints) if controller.sampling else 0
     return complete
 
 

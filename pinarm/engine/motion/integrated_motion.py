@@ -101,7 +101,7 @@ class IntegratedMotion(SolvedMotion, Record, frozen=True):
             return np.empty(0)
         from pinarm.engine.motion.segmented.recorded_control import record_of
 
-        return record_of(self.motion).history.times
+        return np.array(record_of(self.motion).controls.times)
 
 
 def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: CompletedStates) -> Trajectory:

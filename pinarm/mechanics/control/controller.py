@@ -7,9 +7,8 @@ hold). Before the first one it is 0.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
@@ -22,8 +21,8 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.limited_states import Switch
-from pinarm.mechanics.motors import CommandOfEffort
-from pinarm.records import Record
+from pinarm.mechanics.motors import Actuator, CommandOfEffort, MotorInput
+from pinarm.records import AbstractRecord, Record
 
 Reader = Callable[[float, Array, Array], float]
 """``(t, q, v) -> `` a named quantity of one state [SI]."""
@@ -97,7 +96,7 @@ class Given(NamedTuple):
         reference: Set points of the signals, with first and second derivative, shape (..., s, 3).
         integral: Integrals of the errors, shape (..., m).
         mode: State of a controller that switches, shape (...).
-        applied: Commands of all sampled controllers in force, within their limits, shape (..., k of these).
+        commands: Of motors: what their controller commands, within its limits, shape (..., k).
         excess: Part of the commands of this controller that limits of motors cut off, shape (..., k); empty where its
             drives have no motors.
     """
@@ -108,8 +107,8 @@ class Given(NamedTuple):
     measured: Array
     reference: Array
     integral: Array
-    mode: Array | int = 0
-    applied: Array = NOTHING
+    mode: Indices | int = 0
+    commands: Array = NOTHING
     excess: Array = NOTHING
 
     @property
@@ -118,8 +117,7 @@ class Given(NamedTuple):
         return self.reference[..., :2] - self.measured
 
 
-@dataclass(frozen=True)
-class Sampling:
+class Sampling(Record, frozen=True):
     """When a controller acts, and what its sensors see.
 
     Attributes:
@@ -135,8 +133,7 @@ class Sampling:
     rates: str
 
 
-@dataclass(frozen=True, eq=False)
-class Controller(ABC):
+class Controller(AbstractRecord, frozen=True):
     """A controller of one mechanism.
 
     Attributes:
@@ -150,18 +147,18 @@ class Controller(ABC):
     joints: tuple[Joint, ...]
     signals: tuple[Signal, ...]
     references: tuple[MotionLaw, ...]
-    lower: Array = field(repr=False)
-    upper: Array = field(repr=False)
+    lower: Array
+    upper: Array
     sampling: Sampling | None
-    supply: str = field(default="", kw_only=True)
+    supply: str
 
-    def begin(self) -> None:  # noqa: B027  most have nothing to forget
+    def begin(self) -> None:
         """Begin an integration, of which nothing is known: where a controller remembers by itself."""
 
     def parts(self, given: Given) -> dict[str, Array]:
         """Return quantities of a continuous controller by name, with ``effort`` of its drives, shape (..., k) each."""
         command = self.command(given)
-        return {"command": command, "effort": self.limited(command)}
+        return {"command": command} | ({} if self.supply else {"effort": self.limited(command)})
 
     @abstractmethod
     def command(self, given: Given) -> Array:
@@ -194,6 +191,10 @@ class Controller(ABC):
         """Return efforts within the limits, shape (..., k)."""
         return command if self._endless else np.minimum(np.maximum(command, self.lower), self.upper)
 
+    @cached_property
+    def _endless(self) -> bool:
+        return not np.isfinite([*self.lower, *self.upper]).any()
+
     def measure(self, q: Array, v: Array) -> Array:
         """Return values and rates of the signals, shape (..., s, 2)."""
         measured = np.empty((*q.shape[:-1], len(self.signals), 2))
@@ -206,20 +207,12 @@ class Controller(ABC):
 
     @cached_property
     def _places(self) -> tuple[Indices, Indices] | None:
-        measured = [signal.coordinate for signal in self.signals]
-        own = [
-            (coordinate.places[coordinate.joint], coordinate.joint)
-            for coordinate in measured
-            if isinstance(coordinate, LinearCoordinate) and coordinate.joint is not None
-        ]
-        if len(own) < len(measured):
+        """Indices in q and v of the signals where each is a joint's own coordinate; ``None`` elsewhere."""
+        linear = [signal.coordinate for signal in self.signals if isinstance(signal.coordinate, LinearCoordinate)]
+        joints = np.array([along.joint for along in linear if along.joint is not None], dtype=np.intp)
+        if len(joints) < len(self.signals):
             return None
-        q, v = np.array(own, dtype=np.intp).reshape(-1, 2).T
-        return q, v
-
-    @cached_property
-    def _endless(self) -> bool:
-        return not np.isfinite([*self.lower, *self.upper]).any()
+        return np.array([along.places[joint] for along, joint in zip(linear, joints, strict=True)], np.intp), joints
 
     def followed(self, drive: str) -> int | None:
         """Return the signal whose error is that of a drive; ``None`` where it follows nothing."""
@@ -229,3 +222,46 @@ class Controller(ABC):
             return self.drives.index(drive)
         names, joint = [signal.name for signal in self.signals], self.joints[self.drives.index(drive)].name
         return names.index(joint) if joint in names else None
+
+
+class MotorController(Controller, frozen=True):
+    """The motor of one drive behind a controller of voltages or torques: its states are states of the run.
+
+    Attributes:
+        source: The controller that commands it.
+        number: Number of its drive among those of the source.
+        actuator: The motor with its gear.
+    """
+
+    source: Controller
+    number: int
+    actuator: Actuator
+
+    @classmethod
+    def of(cls, source: Controller, number: int, actuator: Actuator) -> MotorController:
+        drive, joint, endless = source.drives[number], source.joints[number], np.full(1, np.inf)
+        return cls((drive,), (joint,), (), (), -endless, endless, None, "", source, number, actuator)
+
+    def input(self, given: Given) -> MotorInput:
+        v, command = given.v[..., self.joints[0].v], given.commands[..., self.number]
+        return MotorInput(command, given.integral, v, given.mode)
+
+    @property
+    def integrals(self) -> int:
+        return self.actuator.states
+
+    def command(self, given: Given) -> Array:
+        return self.actuator.effort(self.input(given))[..., None]
+
+    def parts(self, given: Given) -> dict[str, Array]:
+        return {name: values[..., None] for name, values in self.actuator.parts(self.input(given)).items()}
+
+    def rates(self, given: Given) -> Array:
+        return self.actuator.rates(self.input(given))
+
+    def mode(self, given: Given, before: int | None) -> int:
+        return self.actuator.mode(self.input(given._replace(mode=before or 0)))
+
+    def switches(self, mode: int) -> list[Switch[Given]]:
+        own = self.actuator.switches(mode)
+        return [Switch(lambda given, of=x.value: of(self.input(given)), *x[1:]) for x in own]  # type: ignore[misc]

@@ -32,9 +32,9 @@ Limits = tuple[AnyQuantity, AnyQuantity]
 """Least and largest effort."""
 
 Wiring = tuple[
-    tuple[str, ...], tuple[Joint, ...], tuple[Signal, ...], tuple[MotionLaw, ...], Array, Array, Sampling | None
+    tuple[str, ...], tuple[Joint, ...], tuple[Signal, ...], tuple[MotionLaw, ...], Array, Array, Sampling | None, str
 ]
-"""Drives, joints, signals, references, least and largest efforts, and sampling of a controller."""
+"""Drives, joints, signals, references, least and largest efforts, sampling and supply of a controller."""
 
 
 class ControlDefinition(InputStruct, frozen=True, kw_only=True):
@@ -88,7 +88,7 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
     def wired(self, plant: Plant, signals: tuple[Signal, ...], laws: tuple[MotionLaw, ...]) -> Wiring:
         """Return the fields of ``Controller``, given what is measured and the laws of the references."""
         bounds = self.bounds(self.units(plant))
-        return tuple(self.drives), self.joints(plant), signals, laws, *bounds, self.sampling(signals)
+        return tuple(self.drives), self.joints(plant), signals, laws, *bounds, self.sampling(signals), ""
 
     def joints(self, plant: Plant) -> tuple[Joint, ...]:
         with within("drive"):

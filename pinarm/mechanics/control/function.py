@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from types import CellType, FunctionType
 from typing import Any
@@ -157,11 +157,11 @@ class FunctionControl:
             joints = tuple(plant.drive(name) for name in self.drives)
         endless, readers = np.full(len(joints), np.inf), dict[str, Reader]()
         sampling = None if self.period is None else Sampling(self.period, self.delay, np.zeros(0), "measured")
-        return FunctionController(self.drives, joints, (), (), -endless, endless, sampling, self.called, plant, readers)
+        known = self.drives, joints, (), (), -endless, endless, sampling, ""
+        return FunctionController(*known, self.called, plant, readers)
 
 
-@dataclass(frozen=True, eq=False)
-class FunctionController(Controller):
+class FunctionController(Controller, frozen=True):
     """A function as controller of one mechanism.
 
     Attributes:
@@ -169,8 +169,8 @@ class FunctionController(Controller):
     """
 
     function: ControlFunction
-    plant: Plant = field(repr=False)
-    readers: dict[str, Reader] = field(repr=False)
+    plant: Plant
+    readers: dict[str, Reader]
 
     def begin(self) -> None:
         if isinstance(self.function, FreshFunction):

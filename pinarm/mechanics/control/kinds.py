@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Annotated
 
 import msgspec
@@ -17,7 +15,7 @@ from pinarm.input.yaml.schema import AnyQuantity, Duration, Gain, IntegralGain, 
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Signal
 from pinarm.mechanics.control.definition import ControlDefinition, OneDriveDefinition, References, measured
 from pinarm.mechanics.laws import Constant
-from pinarm.mechanics.limited_states import FREE, StateLimits, Switch, mode_of, number_of
+from pinarm.mechanics.limited_states import FREE, StateLimits, Switch
 
 
 class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="pid"):
@@ -53,13 +51,11 @@ class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="
     def bind(self, plant: Plant) -> Controller:
         (commanded,), signals = self.units(plant), self.signals(plant)
         laws = self.follows.laws([self.measures or self.drives[0]], signals)
-        gains = []
         for key, per in (("kp", "1"), ("ki", "s"), ("kd", "1/s")):
             with within(key):
                 _check_gain(getattr(self, key), commanded, signals[0], per)
-            gains.append(np.array([float(getattr(self, key))]))
-        kp, ki, kd = gains
-        return PidController(*self.wired(plant, signals, laws), kp, ki, kd, self._tracking())
+        gains = float(self.kp), float(self.ki), float(self.kd)
+        return PidController(*self.wired(plant, signals, laws), *gains, self._tracking())
 
     def _tracking(self) -> float:
         """Return T_t [s]; infinite where it is not given and kp is 0."""
@@ -89,87 +85,66 @@ def _check_gain(gain: float, commanded: Unit, measured: Signal, per: str) -> Non
         ) from None
 
 
-@dataclass(frozen=True, eq=False)
-class PidController(Controller):
+class PidController(Controller, frozen=True):
     """A PID controller of one mechanism.
 
     Attributes:
-        kp: Effort per error, shape (k,).
-        ki: Effort per error and second, shape (k,).
-        kd: Effort per rate of the error, shape (k,).
+        kp: Effort per error.
+        ki: Effort per error and second.
+        kd: Effort per rate of the error.
         tracking_time: Time in which the integral follows a motor at its limit [s].
     """
 
-    kp: Array = field(repr=False)
-    ki: Array = field(repr=False)
-    kd: Array = field(repr=False)
-    tracking_time: float = np.inf
+    kp: float
+    ki: float
+    kd: float
+    tracking_time: float
 
     def command(self, given: Given) -> Array:
         """Return ``kp e + ki x + kd e'``."""
         error = given.error
         u = self.kp * error[..., 0] + self.kd * error[..., 1]
-        return np.asarray(u + self.ki * given.integral if self.integrals else u)
+        return np.asarray(u + self.ki * given.integral if self.ki else u)
 
     @property
     def integrals(self) -> int:
-        return self._integrals
-
-    @cached_property
-    def _integrals(self) -> int:
-        return len(self.joints) if self.ki.any() else 0
+        return 1 if self.ki else 0
 
     def rates(self, given: Given) -> Array:
-        if not self.integrals:
+        if not self.ki:
             return super().rates(given)
-        free = self._free_rates(given)
-        modes = np.stack([mode_of(given.mode, k) for k in range(len(self.joints))], axis=-1)
-        return np.where(modes == FREE, free, 0.0)
+        return np.where(np.equal(given.mode, FREE)[..., None], self._free_rates(given), 0.0)
 
     def _free_rates(self, given: Given) -> Array:
-        """Return the rates of integrals that are within their limits, shape (..., k)."""
+        """Return the rate of an integral that is within its limits, shape (..., 1)."""
         error = given.error[..., 0]
         return error - given.excess / (self.ki * self.tracking_time) if given.excess.size else error
 
     def clamped(self, integral: Array) -> Array:
-        return np.asarray(np.minimum(np.maximum(integral, self._ends[0]), self._ends[1]))
+        ends = np.array([self.lower, self.upper]) / self.ki
+        return np.asarray(np.clip(integral, ends.min(axis=0), ends.max(axis=0)))
 
-    @cached_property
-    def _ends(self) -> Array:
-        """Least and largest integrals, shape (2, k)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ends = np.sort(np.array([self.lower, self.upper]) / self.ki, axis=0)
-        endless = np.array([[-np.inf], [np.inf]])
-        return np.asarray(np.where(self.ki == 0.0, endless, ends), dtype=np.float64)
-
-    def _limits(self, k: int) -> StateLimits:
-        """Return the limits of an integral's part; none without an integral."""
-        limited = self.integrals and self.ki[k]
-        return StateLimits(float(self.lower[k]), float(self.upper[k])) if limited else StateLimits(-np.inf, np.inf)
+    @property
+    def _limits(self) -> StateLimits:
+        """Limits of the integral's part of the command."""
+        return StateLimits(float(self.lower[0]), float(self.upper[0]))
 
     def mode(self, given: Given, before: int | None) -> int:
-        if not self.integrals:
-            return 0
-        parts, rates = self.ki * given.integral, self.ki * self._free_rates(given)
-        terms = np.abs(self.ki) * (np.abs(given.reference[..., 0]) + np.abs(given.measured[..., 0]))
-        return number_of(
-            self._limits(k).mode(float(parts[k]), float(rates[k]), float(terms[k]), mode_of(before or 0, k))
-            for k in range(len(self.joints))
-        )
+        if not self.ki:
+            return FREE
+        terms = abs(self.ki) * (abs(given.reference[0, 0]) + abs(given.measured[0, 0]))
+        part, rate = float(self._part(given)), float(self._rate_of_part(given))
+        return self._limits.mode(part, rate, float(terms), before or FREE)
 
     def switches(self, mode: int) -> list[Switch[Given]]:
-        own, modes = super().switches(mode), [mode_of(mode, k) for k in range(len(self.joints))]
-        for k, present in enumerate(modes):
-            for switch in self._limits(k).switches(present, self._part(k), self._rate_of_part(k)):
-                assert switch.mode is not None
-                own.append(switch._replace(mode=number_of([*modes[:k], switch.mode, *modes[k + 1 :]])))
-        return own
+        own = self._limits.switches(mode, self._part, self._rate_of_part) if self.ki else []
+        return [*super().switches(mode), *own]
 
-    def _part(self, k: int) -> Callable[[Given], Array]:
-        return lambda given: np.asarray(self.ki[k] * given.integral[..., k])
+    def _part(self, given: Given) -> Array:
+        return np.asarray(self.ki * given.integral[..., 0])
 
-    def _rate_of_part(self, k: int) -> Callable[[Given], Array]:
-        return lambda given: np.asarray(self.ki[k] * self._free_rates(given)[..., k])
+    def _rate_of_part(self, given: Given) -> Array:
+        return np.asarray(self.ki * self._free_rates(given)[..., 0])
 
 
 LOW, HIGH = 0, 1
@@ -217,8 +192,7 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
         return ComputedTorqueController(*self.wired(plant, signals, laws), *gains, np.array(motors).T, inverse)
 
 
-@dataclass(frozen=True, eq=False)
-class ComputedTorqueController(Controller):
+class ComputedTorqueController(Controller, frozen=True):
     """Computed torque of one mechanism.
 
     Attributes:
@@ -230,8 +204,8 @@ class ComputedTorqueController(Controller):
 
     kp: float
     kd: float
-    motors: Array = field(repr=False)
-    inverse: Callable[[Array | float, Array, Array, Array], Array] = field(repr=False)
+    motors: Array
+    inverse: Callable[[Array | float, Array, Array, Array], Array]
 
     def command(self, given: Given) -> Array:
         """Return the efforts of the accelerations ``r'' + kd e' + kp e``, or the commands of motors that give them."""
@@ -294,8 +268,7 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
         return StateFeedbackController(*self.wired(plant, signals, laws), gains, bias)
 
 
-@dataclass(frozen=True, eq=False)
-class StateFeedbackController(Controller):
+class StateFeedbackController(Controller, frozen=True):
     """State feedback of one mechanism.
 
     Attributes:
@@ -303,8 +276,8 @@ class StateFeedbackController(Controller):
         bias: u_0, shape (k,).
     """
 
-    gains: Array = field(repr=False)
-    bias: Array = field(repr=False)
+    gains: Array
+    bias: Array
 
     def command(self, given: Given) -> Array:
         """Return ``u_0 + K (x_r - x)``."""
@@ -355,8 +328,7 @@ class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind",
         return Relay(*self.wired(plant, signals, laws), *numbers)
 
 
-@dataclass(frozen=True, eq=False)
-class Relay(Controller):
+class Relay(Controller, frozen=True):
     """A relay of one mechanism; see ``Switching`` for its numbers, in SI."""
 
     above: float

@@ -200,7 +200,7 @@ class _Integration(Record, frozen=True):
             end = SegmentEnd(solution.end, *(x[0] for x in system.whole(np.array([solution.end]), *last)))
         integrals = getattr(system, "integrals", None)
         if controls and integrals:  # after all states in between have been asked for
-            controls.memory.integral = integrals(last[1])[0]
+            controls.integral = integrals(last[1])[0]
         return end
 
     def _from_there(self, name: str, watch: Watch, t: float, q: Array, v: Array) -> Watch:

@@ -174,7 +174,7 @@ class HybridSystem(Record, frozen=True):
 
     def grid(self, t: Array, seams: Iterable[float] = ()) -> Grid:
         """Return the grid of given instants, cut where a law, a reference of a controller or the motion jumps."""
-        sampled = self.controls.memory.sampled if self.controls else ()
+        sampled = self.controls.sampled if self.controls else ()
         followed = [law for controller in sampled for law in controller.references]
         return Grid.cover(t, [*self._laws, *followed], seams)
 

@@ -10,9 +10,9 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.control.controls import (
     CONTROL,
+    ControlEfforts,
     ControlledSystem,
     Controls,
-    RecordedEfforts,
     reference_of,
     with_control,
 )
@@ -22,8 +22,7 @@ from pinarm.engine.motion.systems import System
 from pinarm.engine.motion.systems.frictional import FrictionalSystem
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
-from pinarm.mechanics.control.controller import Controller
-from pinarm.mechanics.control.motor_control import MotorController
+from pinarm.mechanics.control.controller import Controller, MotorController
 from pinarm.mechanics.joints import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.motors import TorqueSource
@@ -58,14 +57,14 @@ def without_control(dynamics: Dynamics) -> Dynamics:
     return replace(dynamics, forces={name: force for name, force in dynamics.forces.items() if name != CONTROL})
 
 
-def record_of(motion: SegmentedMotion) -> RecordedEfforts:
+def record_of(motion: SegmentedMotion) -> ControlEfforts:
     """Return the efforts of the controllers of a motion as they have been; see ``recorded``."""
     record = motion.dynamics.forces[CONTROL]
-    assert isinstance(record, RecordedEfforts)
+    assert isinstance(record, ControlEfforts)
     return record
 
 
-def _under(segment: MotionSegment, dynamics: Dynamics, efforts: RecordedEfforts) -> MotionSegment:
+def _under(segment: MotionSegment, dynamics: Dynamics, efforts: ControlEfforts) -> MotionSegment:
     system = segment.system
     inner = system.inner if isinstance(system, ControlledSystem) else system
     if not isinstance(inner, FrictionalSystem):
@@ -136,7 +135,7 @@ def _columns(
 def control_schema(controls: Controls, q: Array, v: Array) -> dict[str, Series]:
     """Return the columns with values of no meaning, for states of shapes (n, nq) and (n, nv)."""
     controls.begin(0.0, 0.0)
-    record, t = controls.recorded(lambda t: np.zeros((len(t), len(controls.memory.integral)))), np.zeros(len(q))
+    record, t = controls.recorded(lambda t: np.zeros((len(t), len(controls.integral)))), np.zeros(len(q))
     references = [np.zeros((len(q), len(controller.signals), 3)) for controller in record.controllers]
     return _columns(record.controllers, record.parts(t, q, v), references, q, v)
 
@@ -169,15 +168,15 @@ class _Nodes(NamedTuple):
 def motor_remarks(motion: SegmentedMotion) -> list[str]:
     """Return remarks on limits of motors: how long at peak, and above the continuous torque."""
     record, remarks = record_of(motion), list[str]()
-    if not any(isinstance(controller, MotorController) for controller in record.continuous):
+    if not any(isinstance(controller, MotorController) for controller in record.controllers):
         return remarks
     nodes = _Nodes.of(motion)
     for controller, part in zip(record.controllers, record.parts(nodes.t, nodes.q, nodes.v), strict=True):
-        for k, motor in enumerate(controller.actuators if isinstance(controller, MotorController) else ()):
-            own = {name: values[:, k] for name, values in part.items()}
-            remarks += _at_limits(controller.drives[k], own, nodes)
-            if isinstance(motor, TorqueSource):
-                remarks += _above_continuous(controller.drives[k], motor, own, nodes, controller.joints[k].v)
+        if isinstance(controller, MotorController):
+            own, (drive,), (joint,) = {name: x[:, 0] for name, x in part.items()}, controller.drives, controller.joints
+            remarks += _at_limits(drive, own, nodes)
+            if isinstance(controller.actuator, TorqueSource):
+                remarks += _above_continuous(drive, controller.actuator, own, nodes, joint.v)
     return remarks
 
 
