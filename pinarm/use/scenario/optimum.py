@@ -8,9 +8,9 @@ searches begin with differential evolution (Storn and Price, J. Global Optim. 11
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.errors import IntegrationError
 from pinarm.records import replace
 from pinarm.use.result.numbers import Condition
+from pinarm.use.scenario.search_runs import Run, Runs
 
 DIFFERENCE = 1e-4
 """Half width of a difference, of the scaled unknowns: slopes err by its square, and by the error of runs over it."""
@@ -37,311 +38,186 @@ SAME = 1e-12
 FURTHER = "once more, from the best of the ends"
 """Name of the search without slopes among the starts."""
 
-POLISH_RADII, POLISH_RUNS = (1e-3, 1e-8), 60
-"""First and last radius of the search without slopes, scaled, and most runs for each unknown."""
+POLISH_RUNS, POLISH = 60, {"initial_tr_radius": 1e-3, "final_tr_radius": 1e-8}
+"""Most runs for each unknown of the search without slopes; its first and last radius, scaled."""
 
 GENERATIONS, POPULATION = 40, 8
 """Of differential evolution: most generations, and points per unknown in each."""
 
 
-@dataclass(frozen=True)
-class Trial:
-    """Objective and margins of one run.
+class Descent(NamedTuple):
+    """Where one start has led: to the best point on the way, both scaled, after some runs; how it ended, in words."""
 
-    Attributes:
-        objective: Value to minimise.
-        margins: Margin of each condition, negative where it is violated; of equations the difference.
-        refusal: Why the run does not count; empty where it does.
-    """
-
-    objective: float = math.inf
-    margins: tuple[float, ...] = ()
-    refusal: str = ""
+    start: Array
+    end: Array
+    runs: int
+    status: str
 
 
 @dataclass(frozen=True, eq=False)
-class Landscape:
-    """Objective and conditions over the scaled unknowns; every point is run once, several at once.
+class Optimum:
+    """The least value of a number between bounds; at first only what is asked.
 
     Attributes:
         low: Lower bounds in SI, shape (k,).
         high: Upper bounds, shape (k,).
         start: The first start, in SI, shape (k,).
-        run: Values in SI of several points -> what a run with each says.
-        conditions: What others must keep to.
+        runs: Runs at scaled points: the objective, which is to be least, and the margin of each condition, negative
+            where it is violated, of an equation the difference.
         sizes: What margins are relative to, one for every condition.
-        size: Size of the objective.
+        size: Median size of the objective at the starts.
+        descents: All starts and where they led; last, where it led further, the search from the best end.
     """
 
     low: Array
     high: Array
     start: Array
-    run: Callable[[Sequence[Array]], Sequence[Trial]]
+    runs: Runs
     conditions: Sequence[Condition] = ()
     sizes: Sequence[float] = ()
     size: float = 1.0
-    trials: dict[bytes, tuple[Array, Trial]] = field(default_factory=dict)
+    descents: Sequence[Descent] = ()
+
+    @property
+    def objectives(self) -> list[float]:
+        """Objectives of all runs that are not refused."""
+        return [float(run.numbers[0]) for _, run in self.runs.known.values() if not run.refusal]
+
+    def values(self, x: Array) -> Array:
+        """Return the unknowns in SI at a scaled point."""
+        return np.clip(self.low + x * (self.high - self.low), self.low, self.high)
+
+    def run(self, x: Array) -> Run:
+        """Return the run at a scaled point."""
+        return self.runs.at([np.clip(x, 0.0, 1.0)])[0]
+
+    def levels(self, run: Run) -> Array:
+        """Return the objective and the margins of a run, scaled; of a refused one above all others, and -1."""
+        if not run.refusal:
+            return np.asarray(run.numbers / np.array([self.size, *self.sizes]))
+        worst = REFUSED * max(map(abs, self.objectives), default=1.0) / self.size
+        return np.array([worst, *-np.ones(len(self.sizes))])
+
+    def slopes(self, x: Array) -> Array:
+        """Return the gradients of objective and margins, shape (1 + conditions, k)."""
+        return self.runs.slopes(self.levels, x, np.full(len(x), DIFFERENCE), 0.0, 1.0)
 
     @property
     def equations(self) -> Flags:
         """For every condition, whether it is an equation."""
         return np.array([condition.relation == "=" for condition in self.conditions], dtype=bool)
 
-    @property
-    def counted(self) -> list[float]:
-        """Objectives of all runs that are not refused."""
-        return [trial.objective for _, trial in self.trials.values() if not trial.refusal]
-
-    def values(self, x: Array) -> Array:
-        """Return the unknowns in SI at a scaled point."""
-        return np.clip(self.low + x * (self.high - self.low), self.low, self.high)
-
-    def scaled_point(self, values: Array) -> Array:
-        """Return the scaled point of unknowns in SI."""
-        return np.asarray((values - self.low) / (self.high - self.low))
-
-    def trial(self, x: Array) -> Trial:
-        """Return the trial of the run at a scaled point."""
-        return self.look([x])[0]
-
-    def look(self, points: Iterable[Array]) -> list[Trial]:
-        """Return the trials of the runs at scaled points; no point is run twice."""
-        clipped = [np.clip(np.asarray(x, dtype=float), 0.0, 1.0) for x in points]
-        new = {x.tobytes(): x for x in clipped if x.tobytes() not in self.trials}
-        if new:
-            trials = self.run([self.values(x) for x in new.values()])
-            self.trials.update(zip(new, zip(new.values(), trials, strict=True), strict=True))
-        return [self.trials[x.tobytes()][1] for x in clipped]
-
-    def height(self, x: Array) -> float:
-        """Return the scaled objective at a point; above all others where the run is refused."""
-        trial = self.trial(x)
-        if trial.refusal:
-            return REFUSED * max(map(abs, self.counted), default=1.0) / self.size
-        return trial.objective / self.size
-
-    def margins(self, x: Array) -> Array:
-        """Return the scaled margins of all conditions at a point; -1 where the run is refused."""
-        trial = self.trial(x)
-        return -np.ones(len(self.sizes)) if trial.refusal else np.array(trial.margins) / np.array(self.sizes)
-
     def violations(self, x: Array) -> Array:
         """Return the violations of all conditions at a point, relative to their sizes."""
-        margins = self.margins(x)
+        margins = self.levels(self.run(x))[1:]
         return np.where(self.equations, np.abs(margins), -margins)
 
     def violation(self, x: Array) -> float:
         """Return the largest violation of a condition at a point, relative to its size."""
         return float(np.max(self.violations(x), initial=0.0))
 
-    def slopes(self, x: Array) -> Array:
-        """Return the gradients of objective and margins, shape (1 + conditions, k): differences of runs that count."""
-        columns, units = [], np.eye(len(x))
-        beside = [[np.clip(x + sign * DIFFERENCE * unit, 0.0, 1.0) for sign in (1.0, -1.0)] for unit in units]
-        self.look([x, *(side for sides in beside for side in sides)])
-        for unit, sides in zip(units, beside, strict=True):
-            ahead, behind = (x if self.trial(side).refusal else side for side in sides)
-            way = float((ahead - behind) @ unit)
-            change = self._levels(ahead) - self._levels(behind)
-            columns.append(change / way if way else np.zeros(len(change)))
-        return np.ascontiguousarray(np.array(columns).T)  # SLSQP of scipy 1.17 reads others wrongly
+    def is_valid(self, x: Array) -> bool:
+        """Tell whether the run at a point counts, and keeps all conditions."""
+        return not self.run(x).refusal and self.violation(x) <= KEPT
 
-    def _levels(self, x: Array) -> Array:
-        return np.array([self.height(x), *self.margins(x)])
-
-    def rank(self, x: Array) -> tuple[float, float]:
-        """Return the sort key of a point: the violation, 0 where it is tolerated, then the objective."""
+    def rank(self, x: Array) -> tuple[bool, float, float]:
+        """Return the sort key of a point: whether it counts, the violation, 0 where it is tolerated, the objective."""
         violation = self.violation(x)
-        return (violation if violation > KEPT else 0.0, self.height(x))
-
-
-@dataclass(frozen=True)
-class Descent:
-    """Where one start has led.
-
-    Attributes:
-        start: The unknowns there, in SI, shape (k,).
-        end: The best point on the way, in SI, shape (k,).
-        trial: The run there.
-        violation: Largest violation of a condition there, relative to its size.
-        runs: How many runs it took.
-        status: How it ended, in words.
-    """
-
-    start: Array
-    end: Array
-    trial: Trial
-    violation: float
-    runs: int
-    status: str
+        return bool(self.run(x).refusal), violation if violation > KEPT else 0.0, float(self.levels(self.run(x))[0])
 
     @property
-    def valid(self) -> bool:
-        """Whether its run counts, and keeps all conditions."""
-        return not self.trial.refusal and self.violation <= KEPT
+    def best(self) -> Array:
+        """The best end, scaled."""
+        return min((descent.end for descent in self.descents), key=self.rank)
 
+    @property
+    def active(self) -> list[int]:
+        """Numbers of the conditions that hold the best end."""
+        margins = self.levels(self.run(self.best))[1:]
+        return [int(k) for k in np.flatnonzero(self.equations | (margins <= ACTIVE))]
 
-@dataclass(frozen=True)
-class Optimum:
-    """The best point, and how it was found.
-
-    Attributes:
-        best: The best end.
-        descents: All starts and where they led; last, where it led further, the search from the best end.
-        active: Numbers of the conditions that hold it there.
-        refused: Numbers of the unknowns beside whose best values runs were refused.
-        runs: Number of runs in all.
-        size: Median size of the objective at the starts.
-        change: Difference of the largest and the least objective in all runs.
-    """
-
-    best: Descent
-    descents: Sequence[Descent]
-    active: Sequence[int]
-    refused: Sequence[int]
-    runs: int
-    size: float
-    change: float
+    @property
+    def beside_refused(self) -> list[int]:
+        """Numbers of the unknowns beside whose best values runs were refused."""
+        steps = [np.abs(x - self.best) for x, run in self.runs.known.values() if run.refusal]
+        return sorted({int(step.argmax()) for step in steps if step.max() <= BESIDE})
 
     def is_flat(self, rounding: float = 0.0) -> bool:
         """Tell whether the objective is the same in all runs but for rounding [SI]."""
-        return self.change <= max(SAME * self.size, rounding)
+        return float(np.ptp(self.objectives)) <= max(SAME * self.size, rounding)
 
+    def found(self, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
+        """Return the optimum with its descents.
 
-def optimum(landscape: Landscape, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
-    """Return the best point.
+        Args:
+            starts: Number of starts, which fill the bounds evenly: a Latin hypercube, always the same for a seed.
+            seed: Seed of their choice.
+            everywhere: Whether differential evolution takes the place of the starts.
+        """
+        rng = np.random.default_rng(seed)
+        points = [*np.array([(rng.permutation(starts) + 0.5) / starts for _ in self.low]).T]
+        points[0] = (self.start - self.low) / (self.high - self.low)
+        self.runs.at(points)
+        scaled = replace(self, size=float(np.median(np.abs(self.objectives or 0.0))) or 1.0)
+        if everywhere:
+            points = [scaled._evolved(points[0], seed)]
+        found = replace(scaled, descents=[scaled._descent(x, "SLSQP", maxiter=50, ftol=1e-10) for x in points])
+        if not found.run(found.best).refusal:
+            further = found._descent(found.best, "COBYQA", maxfev=POLISH_RUNS * len(self.low), **POLISH)
+            if found.rank(further.end) < found.rank(found.best):
+                found = replace(found, descents=[*found.descents, further._replace(status=FURTHER)])
+        if not found.is_valid(found.best):
+            raise found._nowhere(len(points))
+        return found
 
-    Args:
-        landscape: Objective and conditions.
-        starts: Number of starts.
-        seed: Seed of their choice.
-        everywhere: Whether differential evolution takes the place of the starts.
-    """
-    points = spread(len(landscape.low), starts, seed)
-    points[0] = landscape.scaled_point(landscape.start)
-    landscape.look(points)
-    landscape = replace(landscape, size=float(np.median(np.abs(landscape.counted or 0.0))) or 1.0)
-    if everywhere:
-        points = [_evolved(landscape, seed)]
-    descents = [_descent(landscape, point, _slsqp) for point in points]
-    best = min(descents, key=_rank)
-    if not best.trial.refusal:
-        further = _descent(landscape, landscape.scaled_point(best.end), _cobyqa)
-        if _rank(further) < _rank(best):
-            best = further
-            descents.append(best)
-    if not best.valid:
-        raise _nowhere(landscape, best, len(points))
-    return _optimum(landscape, best, descents)
+    def _descent(self, start: Array, method: str, **options: Any) -> Descent:
+        """Return the best point that a method comes to from a start, among all that it has run."""
+        from scipy.optimize import minimize
 
+        before = len(self.runs.known)
+        status = f"refused: {self.run(start).refusal}"
+        if not self.run(start).refusal:
+            slopes = (lambda x: self.slopes(x)[0]) if method == "SLSQP" else None
+            kept, bounds = self._kept(with_slopes=method == "SLSQP"), [(0.0, 1.0)] * len(start)
+            ended = minimize(
+                self._height, start, jac=slopes, bounds=bounds, constraints=kept, method=method, options=options
+            )
+            status = "settled" if ended.success else f"stopped: {str(ended.message).lower()}"
+        new = [x for x, _ in [*self.runs.known.values()][before:]]
+        return Descent(start, min([start, *new], key=self.rank), len(self.runs.known) - before, status)
 
-def _optimum(landscape: Landscape, best: Descent, descents: Sequence[Descent]) -> Optimum:
-    """Return the best point with its active conditions and the refused runs beside it."""
-    x = landscape.scaled_point(best.end)
-    margins = landscape.margins(x)
-    active = [k for k, equal in enumerate(landscape.equations) if equal or margins[k] <= ACTIVE]
-    steps = [np.abs(point - x) for point, trial in landscape.trials.values() if trial.refusal]
-    refused = sorted({int(step.argmax()) for step in steps if step.max() <= BESIDE})
-    change = float(np.ptp(landscape.counted))
-    return Optimum(best, descents, active, refused, len(landscape.trials), landscape.size, change)
+    def _evolved(self, start: Array, seed: int) -> Array:
+        from scipy.optimize import differential_evolution
 
-
-def spread(k: int, count: int, seed: int) -> list[Array]:
-    """Return points that fill the unit cube of k dimensions evenly: a Latin hypercube, always the same for a seed."""
-    rng = np.random.default_rng(seed)
-    columns = [(rng.permutation(count) + 0.5) / count for _ in range(k)]
-    return list(np.array(columns).T)
-
-
-def _rank(descent: Descent) -> tuple[bool, float, float]:
-    return not descent.valid, 0.0 if descent.valid else descent.violation, descent.trial.objective
-
-
-def _descent(landscape: Landscape, start: Array, search: Callable[[Landscape, Array], str]) -> Descent:
-    """Return the best point that a search comes to from a start, among all that it has run."""
-    before, known = len(landscape.trials), set(landscape.trials)
-    if refusal := landscape.trial(start).refusal:
-        values = landscape.values(start)
-        return Descent(values, values, landscape.trial(start), math.inf, 1, f"refused: {refusal}")
-    status = search(landscape, start)
-    visited = [start, *(x for key, (x, _) in landscape.trials.items() if key not in known)]
-    end = min((x for x in visited if not landscape.trial(x).refusal), key=landscape.rank)
-    runs = len(landscape.trials) - before
-    ends = landscape.values(start), landscape.values(end)
-    return Descent(*ends, landscape.trial(end), landscape.violation(end), runs, status)
-
-
-def _slsqp(landscape: Landscape, start: Array) -> str:
-    from scipy.optimize import minimize
-
-    parts = []
-    for kind, rows in (("eq", np.flatnonzero(landscape.equations)), ("ineq", np.flatnonzero(~landscape.equations))):
-        if len(rows):
-            margins = {"fun": lambda x, rows=rows: landscape.margins(x)[rows]}
-            parts.append({"type": kind, **margins, "jac": lambda x, rows=rows: landscape.slopes(x)[1 + rows]})
-    ended = minimize(
-        landscape.height,
-        start,
-        jac=lambda x: landscape.slopes(x)[0],
-        bounds=[(0.0, 1.0)] * len(start),
-        constraints=parts,
-        method="SLSQP",
-        options={"maxiter": 50, "ftol": 1e-10},
-    )
-    return "settled" if ended.success else f"stopped: {str(ended.message).lower()}"
-
-
-def _cobyqa(landscape: Landscape, start: Array) -> str:
-    from scipy.optimize import minimize
-
-    first, last = POLISH_RADII
-    minimize(
-        landscape.height,
-        start,
-        bounds=[(0.0, 1.0)] * len(start),
-        constraints=_constraints(landscape),
-        method="COBYQA",
-        options={"initial_tr_radius": first, "final_tr_radius": last, "maxfev": POLISH_RUNS * len(start)},
-    )
-    return FURTHER
-
-
-def _evolved(landscape: Landscape, seed: int) -> Array:
-    from scipy.optimize import differential_evolution
-
-    ended = differential_evolution(
-        landscape.height,
-        [(0.0, 1.0)] * len(landscape.low),
-        constraints=_constraints(landscape),
-        seed=seed,
-        polish=False,
-        maxiter=GENERATIONS,
-        popsize=POPULATION,
-        tol=1e-3,
-        x0=landscape.scaled_point(landscape.start),
-    )
-    return np.asarray(ended.x)
-
-
-def _constraints(landscape: Landscape) -> tuple[object, ...]:
-    from scipy.optimize import NonlinearConstraint
-
-    if not landscape.sizes:
-        return ()
-    upper = np.where(landscape.equations, 0.0, np.inf)
-    return (NonlinearConstraint(landscape.margins, np.zeros(len(upper)), upper),)
-
-
-def _nowhere(landscape: Landscape, best: Descent, starts: int) -> IntegrationError:
-    if best.trial.refusal:
-        return IntegrationError(
-            f"none of the {starts} starts can be run: {best.trial.refusal}",
-            hint="bounds between which the mechanism can be assembled and moved, or more starts",
+        settings = {"polish": False, "maxiter": GENERATIONS, "popsize": POPULATION, "tol": 1e-3}
+        bounds, kept = [(0.0, 1.0)] * len(start), self._kept()
+        return np.asarray(
+            differential_evolution(self._height, bounds, constraints=kept, seed=seed, x0=start, **settings).x
         )
-    k = int(np.argmax(landscape.violations(landscape.scaled_point(best.end))))
-    condition = landscape.conditions[k]
-    return IntegrationError(
-        f"none of the {starts} starts leads to where all conditions hold: the nearest end violates "
-        f"'{condition}' by {condition.measured(abs(best.trial.margins[k]))}",
-        hint="wider bounds, a weaker condition, or more starts",
-    )
+
+    def _height(self, x: Array) -> float:
+        return float(self.levels(self.run(x))[0])
+
+    def _kept(self, *, with_slopes: bool = False) -> list[object]:
+        from scipy.optimize import NonlinearConstraint
+
+        kept = []
+        for k, upper in enumerate(np.where(self.equations, 0.0, np.inf), start=1):
+            more: dict[str, Any] = {"jac": lambda x, k=k: self.slopes(x)[k]} if with_slopes else {}
+            kept.append(NonlinearConstraint(lambda x, k=k: self.levels(self.run(x))[k], 0.0, upper, **more))
+        return kept
+
+    def _nowhere(self, starts: int) -> IntegrationError:
+        best = self.run(self.best)
+        if best.refusal:
+            return IntegrationError(
+                f"none of the {starts} starts can be run: {best.refusal}",
+                hint="bounds between which the mechanism can be assembled and moved, or more starts",
+            )
+        k = int(np.argmax(self.violations(self.best)))
+        condition = self.conditions[k]
+        return IntegrationError(
+            f"none of the {starts} starts leads to where all conditions hold: the nearest end violates "
+            f"'{condition}' by {condition.measured(abs(best.numbers[1 + k]))}",
+            hint="wider bounds, a weaker condition, or more starts",
+        )

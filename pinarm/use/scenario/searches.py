@@ -2,32 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, NumericsError, PinarmError
-from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity
+from pinarm.errors import NumericsError, PinarmError, choices
+from pinarm.input.units import DIMENSIONLESS
 from pinarm.input.yaml.document import joined
 from pinarm.records import replace
-from pinarm.use.cases.case import Case, Row, RowValues, Task, Wanted, failure
+from pinarm.use.cases.case import Case, Row, RowValues, Taken, Task, Wanted, failure
 from pinarm.use.cases.solving import solving
 from pinarm.use.progress import tell
 from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.number_accuracy import noise, rounding
-from pinarm.use.result.numbers import AnyNumber, Condition, RunNumber, measured, read_number
+from pinarm.use.result.numbers import AnyNumber, RunNumber, measured, read_number
 from pinarm.use.result.result import Result
 from pinarm.use.result.section import Cell, Section, SectionTable
 from pinarm.use.scenario.find import Find
-from pinarm.use.scenario.optimum import FURTHER, Descent, Landscape, Optimum, Trial, optimum
-from pinarm.use.scenario.roots import FoundValues, Parts, Refused, find_root
+from pinarm.use.scenario.optimum import FURTHER, Optimum
+from pinarm.use.scenario.roots import FoundValues, find_root
+from pinarm.use.scenario.search_runs import Run, Runs
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
@@ -37,14 +38,8 @@ EXACT = 1e-6
 """Residual of a run's equations, relative to their terms, above which it cannot be an optimum: they are met to rounding
 in a regular position."""
 
-AT_A_PLACE = ("", "start", "end")
-"""Figures that are the value of a quantity at one place."""
-
 AGREED = 1e-3, 1e-7
 """Difference of objectives below which starts have led to the same value, relative to it, and to that of the starts."""
-
-NEAREST = 3
-"""Paths that a message names."""
 
 
 def solve_found(scenario: Scenario, search: Find) -> Result:
@@ -54,11 +49,13 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     with scenario.document.locating("find"):
         if search.objective is None:
             return _balanced(bare, search)
-        best = _best(bare, search)
-    result = bare.varied(search.case(best.best.end)).run()
-    result = replace(result, figures={**result.figures, **search.figures(best.best.end)})
-    section = optimum_section(search, best, *_objective(bare, search.objective, result))
-    return replace(result, known={"find": section})
+        found = _best(bare, search)
+    values = found.values(found.best)
+    result = bare.varied(search.case(values)).run()
+    objective = search.objective.described(result.quantities, bare.concluded)
+    error, (rounded,) = search.objective.value(result)[1], rounding(result, [objective.unit])
+    section = optimum_section(search, found, objective, error, float(rounded))
+    return replace(result, figures={**result.figures, **search.figures(values)}, known={"find": section})
 
 
 def _balanced(bare: Scenario, search: Find) -> Result:
@@ -76,48 +73,27 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
     """Return the values for which quantities, at all rows, and numbers of the run are what is wanted."""
     wanted = search.wanted or {}
     numbers = {name: search.number(name, bare.concluded) for name in wanted}
-    taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
-    task = Task.of(bare, taken, search.case(search.start))
-    of_rows, runs, sizes = sum(number is None for number in numbers.values()), count(1), list[int]()
+    of_rows = sum(number is None for number in numbers.values())
 
-    def left(row: Row) -> Parts:
+    def remainders(row: Row) -> Run:
         rows = (len(row.taken) - len(numbers) + of_rows) // max(of_rows, 1)
-        ends = np.cumsum([1 if number else rows for number in numbers.values()])
-        parts = np.split(np.array(row.taken), ends[:-1])
-        return {name: part - float(target) for (name, target), part in zip(wanted.items(), parts, strict=True)}
+        names = [name for name, number in numbers.items() for _ in range(1 if number else rows)]
+        return Run(np.array(row.taken) - [float(wanted[name]) for name in names], names)
 
-    with solving(task, bare.runners) as solve:
-
-        def residuals(cases: Sequence[Case]) -> Iterator[Parts | Refused]:
-            for case, row in zip(cases, solve(cases), strict=True):
-                tell(f"find: run {next(runs)}")
-                if row.error:
-                    yield partial(failure, task, case, row)
-                    continue
-                sizes.append(len(row.taken))
-                yield left(row) if sizes[-1] == sizes[0] else _of_other_rows
-
-        return find_root(search, residuals, _angles(search, numbers))
-
-
-def _of_other_rows() -> PinarmError:
-    return InputError(
-        "so_that compares runs row by row, and they have not as many rows: one ends earlier, or has other impacts",
-        expected="runs with the same rows",
-        hint="a number of the run, such as 'C_B @ end' or 'C_B @ max'",
-    )
+    taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
+    with _searching(bare, search, taken, search.case, remainders) as runs:
+        return find_root(search, runs, _angles(search, numbers))
 
 
 def _angles(search: Find, numbers: Mapping[str, AnyNumber | None]) -> list[str]:
     """Return the wanted quantities, at all rows or at one place, whose wanted values are written as angles."""
     units = {name: value.unit for name, value in (search.wanted or {}).items()}
-    return [
-        name
-        for name, number in numbers.items()
-        if (number is None or (isinstance(number, RunNumber) and number.figure in AT_A_PLACE))
-        and (unit := units[name]) is not None
-        and str(unit.si) == "rad"
-    ]
+    placed = [name for name, number in numbers.items() if number is None or _is_at_a_place(number)]
+    return [name for name in placed if (unit := units[name]) is not None and str(unit.si) == "rad"]
+
+
+def _is_at_a_place(number: AnyNumber) -> bool:
+    return isinstance(number, RunNumber) and number.figure in ("", "start", "end")
 
 
 def _best(bare: Scenario, search: Find) -> Optimum:
@@ -125,31 +101,42 @@ def _best(bare: Scenario, search: Find) -> Optimum:
     low, high = search.bounds
     for corner in (search.start, low, high):
         bare.varied(search.case(corner))  # what cannot be read fails here, and not as a run that is refused
-    conditions, runs = search.conditions, count(1)
+    conditions = search.conditions
     numbers = [number for number in (search.objective, *(each.compared for each in conditions)) if number]
-    task = Task.of(bare, [Wanted(number.label, number) for number in numbers], search.case(search.start))
+
+    def margins(row: Row) -> Run:
+        pairs = zip(conditions, row.taken[1:], strict=True)
+        margins = [condition.margin(x) for condition, x in pairs]
+        return Run(np.array([search.sign * row.taken[0], *margins]), refusal=refusal(row.figures))
+
+    taken = [Wanted(number.label, number) for number in numbers]
+    with _searching(bare, search, taken, lambda x: search.case(scaled.values(x)), margins) as runs:
+        scaled = Optimum(low, high, search.start, runs, conditions)
+        first = scaled.run((search.start - low) / (high - low))
+        least = np.zeros(len(conditions)) if first.refusal else first.numbers[1:]
+        sizes = [abs(float(each.bound)) or abs(margin) or 1.0 for each, margin in zip(conditions, least, strict=True)]
+        return replace(scaled, sizes=sizes).found(search.starts, search.seed, everywhere=search.search == "global")
+
+
+@contextmanager
+def _searching(
+    bare: Scenario,
+    search: Find,
+    taken: Sequence[Taken],
+    case_of: Callable[[Array], Case],
+    read: Callable[[Row], Run],
+) -> Iterator[Runs]:
+    """Yield the runs of a search, and tell their number while they are solved."""
+    task, number = Task.of(bare, taken, search.case(search.start)), count(1)
     with solving(task, bare.runners) as solve:
 
-        def trials(points: Sequence[Array]) -> list[Trial]:
-            rows = []
-            for row in solve([search.case(values) for values in points]):
-                tell(f"find: run {next(runs)}")
-                rows.append(_trial(row, search.sign, conditions))
-            return rows
+        def run(points: Sequence[Array]) -> Iterator[Run]:
+            cases = [case_of(x) for x in points]
+            for case, row in zip(cases, solve(cases), strict=True):
+                tell(f"find: run {next(number)}")
+                yield Run.refused(row.error, partial(failure, task, case, row)) if row.error else read(row)
 
-        (first,) = trials([search.start])
-        margins = [0.0] * len(conditions) if first.refusal else first.margins
-        sizes = [abs(float(each.bound)) or abs(margin) or 1.0 for each, margin in zip(conditions, margins, strict=True)]
-        landscape = Landscape(low, high, search.start, trials, conditions, sizes)
-        return optimum(landscape, search.starts, search.seed, everywhere=search.search == "global")
-
-
-def _trial(row: Row, sign: float, conditions: Sequence[Condition]) -> Trial:
-    if row.error:
-        return Trial(refusal=row.error)
-    objective, *numbers = row.taken
-    margins = tuple(condition.margin(x) for condition, x in zip(conditions, numbers, strict=True))
-    return Trial(sign * objective, margins, refusal(row.figures))
+        yield Runs(run)
 
 
 def refusal(figures: Mapping[str, float]) -> str:
@@ -162,97 +149,80 @@ def refusal(figures: Mapping[str, float]) -> str:
     return ""
 
 
-def _objective(bare: Scenario, number: AnyNumber, result: Result) -> tuple[Series, float, float]:
-    """Return the objective without values, the error of its quadrature, and what of it is rounding [SI]."""
-    objective = number.described(result.quantities, bare.concluded)
-    (left,) = rounding(result, [objective.unit])
-    return objective, number.value(result)[1], float(left)
-
-
-def optimum_section(search: Find, best: Optimum, objective: Series, error: float, rounded: float = 0.0) -> Section:
+def optimum_section(search: Find, found: Optimum, objective: Series, error: float, rounded: float = 0.0) -> Section:
     """Return the section of a search.
 
     Args:
         search: What was asked.
-        best: What came out.
+        found: What came out.
         objective: Name and unit of the objective, without values.
         error: What its quadrature leaves of the objective at the best values [SI].
         rounded: Size up to which the objective is rounding [SI].
     """
-    value = search.sign * best.best.trial.objective
+    value = search.sign * found.run(found.best).numbers[0]
     numbers = {
         path: Series(path, unknown.unit.si if unknown.unit else DIMENSIONLESS, np.array([end]))
-        for (path, unknown), end in zip(search.unknown.items(), best.best.end, strict=True)
+        for (path, unknown), end in zip(search.unknown.items(), found.values(found.best), strict=True)
     }
     numbers["objective"] = Series(objective.name, objective.unit, np.array([value]))
-    tables = [_values(search, best), _starts(search, best, objective.unit), *_conditions(search, best)]
-    remarks = _remarks(search, best, objective, value, rounded)
+    remarks = _remarks(search, found, objective, value, rounded)
     if error:
         left = f"{error:.1e} {objective.unit or DIMENSIONLESS}"
         remarks.append(f"at these values the objective is known to {left}, beside the error of the motion")
     title = f"{'Least' if search.sign > 0 else 'Largest'} {objective.name}"
+    tables = _tables(search, found, str(objective.unit or "1"))
     return Section("find", title, tables, numbers, remarks, errors={"objective": error})
 
 
-def _table(key: str, title: str, names: Sequence[str], rows: list[tuple[Cell, ...]]) -> SectionTable:
+def _tables(search: Find, found: Optimum, unit: str) -> list[SectionTable]:
+    """Return the best values, where every start has led in the units of the file, and the margins of conditions."""
+    unknowns, factors = search.unknown.items(), np.array([unknown.factor for unknown in search.unknown.values()])
+    units = [str(unknown.unit or "1") for unknown in search.unknown.values()]
+    ends = (found.values(found.best) / factors, found.low / factors, found.high / factors)
+    values: list[tuple[Cell, ...]] = [*zip(search.unknown, units, *(end.tolist() for end in ends), strict=True)]
+    starts: list[tuple[Cell, ...]] = []
+    for k, (start, end, runs, status) in enumerate(found.descents, start=1):
+        run, points = found.run(end), [(found.values(x) / factors).tolist() for x in (start, end)]
+        reached: list[Cell] = ["", ""] if run.refusal else [float(search.sign * run.numbers[0]), found.violation(end)]
+        starts.append((str(k), *points[0], *points[1], *reached, float(runs), status))
+    texts = [f"{path} {end} [{unknown.unit or 1}]" for end in ("at start", "at end") for path, unknown in unknowns]
+    tables = [
+        _table("values", "Best values, and their bounds", ["", "unit", "best", "lower bound", "upper bound"], values),
+        _table("starts", "All starts, and where each has led",
+               ["start", *texts, f"objective [{unit}]", "violation", "runs", "end"], starts),
+    ]  # fmt: skip
+    pairs = zip(search.conditions, found.run(found.best).numbers[1:].tolist(), strict=True)
+    rows = [(str(condition), margin, "active" * (k in found.active)) for k, (condition, margin) in enumerate(pairs)]
+    kept = _table("conditions", "Conditions and their margins in SI", ["", "margin", "active"], rows)
+    return [*tables, kept] if rows else tables
+
+
+def _table(key: str, title: str, names: Sequence[str], rows: Sequence[tuple[Cell, ...]]) -> SectionTable:
     return SectionTable(key, title, tuple(names), (None,) * len(names), rows)
 
 
-def _values(search: Find, best: Optimum) -> SectionTable:
-    rows: list[tuple[Cell, ...]] = []
-    for (path, unknown), end in zip(search.unknown.items(), best.best.end, strict=True):
-        low, value, high = (float(x) / unknown.factor for x in (unknown.low, end, unknown.high))
-        rows.append((path, str(unknown.unit or "1"), value, low, high))
-    return _table("values", "Best values, and their bounds", ("", "unit", "best", "lower bound", "upper bound"), rows)
-
-
-def _starts(search: Find, best: Optimum, unit: Unit | None) -> SectionTable:
-    """Return where every start has led, in the units of the file."""
-
-    def row(k: int, descent: Descent) -> tuple[Cell, ...]:
-        scale = [unknown.factor for unknown in search.unknown.values()]
-        points = [*(descent.start / scale).tolist(), *(descent.end / scale).tolist()]
-        refused = bool(descent.trial.refusal)
-        reached: list[Cell] = ["", ""] if refused else [search.sign * descent.trial.objective, descent.violation]
-        return (str(k), *points, *reached, float(descent.runs), descent.status)
-
-    units = {path: unknown.unit or "1" for path, unknown in search.unknown.items()}
-    texts = [f"{path} {end} [{unit}]" for end in ("at start", "at end") for path, unit in units.items()]
-    names = ("start", *texts, f"objective [{unit or '1'}]", "violation", "runs", "end")
-    rows = [row(k, descent) for k, descent in enumerate(best.descents, start=1)]
-    return _table("starts", "All starts, and where each has led", names, rows)
-
-
-def _conditions(search: Find, best: Optimum) -> list[SectionTable]:
-    rows: list[tuple[Cell, ...]] = [
-        (str(condition), float(margin), "active" if k in best.active else "")
-        for k, (condition, margin) in enumerate(zip(search.conditions, best.best.trial.margins, strict=True))
-    ]
-    return [_table("conditions", "Conditions and their margins in SI", ("", "margin", "active"), rows)] if rows else []
-
-
-def _remarks(search: Find, best: Optimum, objective: Series, value: float, rounded: float) -> list[str]:
+def _remarks(search: Find, found: Optimum, objective: Series, value: float, rounded: float) -> list[str]:
     """Return remarks on the optimum: conditions and bounds that hold it, starts that led there, refused runs."""
-    held = [str(search.conditions[k]) for k in best.active]
-    for (path, unknown), end in zip(search.unknown.items(), best.best.end, strict=True):
+    held = [str(search.conditions[k]) for k in found.active]
+    for (path, unknown), end in zip(search.unknown.items(), found.values(found.best), strict=True):
         for bound, name in ((unknown.low, "lower"), (unknown.high, "upper")):
             if abs(end - bound) <= 1e-6 * (unknown.high - unknown.low):
                 held.append(f"{path} at its {name} bound {unknown.written(bound)}")
-    held += [f"refused runs beside this value of {[*search.unknown][k]}" for k in best.refused]
-    starts = [descent for descent in best.descents if descent.status != FURTHER]
-    gap = max(AGREED[0] * abs(value), AGREED[1] * best.size)
-    same = sum(abs(start.trial.objective - best.best.trial.objective) <= gap for start in starts if start.valid)
-    refused = sum(bool(start.trial.refusal) for start in starts)
+    held += [f"refused runs beside this value of {[*search.unknown][k]}" for k in found.beside_refused]
+    ends = [descent.end for descent in found.descents if descent.status != FURTHER]
+    gap, best = max(AGREED[0] * abs(value), AGREED[1] * found.size), found.run(found.best).numbers[0]
+    same = sum(found.is_valid(end) and abs(found.run(end).numbers[0] - best) <= gap for end in ends)
+    refused = sum(bool(found.run(end).refusal) for end in ends)
     remarks = [
-        f"{objective.name} = {value:.7g} {objective.unit or DIMENSIONLESS} after {best.runs} runs; {same} of "
-        f"{len(starts)} starts led to that value" + (f", {refused} could not be run" if refused else ""),
+        f"{objective.name} = {value:.7g} {objective.unit or DIMENSIONLESS} after {len(found.runs.known)} runs; {same} "
+        f"of {len(ends)} starts led to that value" + (f", {refused} could not be run" if refused else ""),
         f"held by {'; '.join(held)}" if held else "no condition and no bound holds it",
     ]
-    if best.is_flat(rounded):
+    if found.is_flat(rounded):
         remarks.append(
             "the same in all runs, but for rounding: no unknown changes it between its bounds, as far as they show"
         )
-    alone = search.search != "global" and len(starts) == 1
+    alone = search.search != "global" and len(ends) == 1
     return [*remarks, "one start only: there may be better ones"] if alone else remarks
 
 
@@ -265,8 +235,8 @@ def check_search(scenario: Scenario, search: Find, quantities: Quantities) -> No
         errors = [_failure(scenario, path, unknown.written(value)) for value in values]
         if None not in errors and (error := errors[0]):
             error.message = f"{path}: {error.message}"
-            near = _near(scenario, path)
-            error.hint = f"a number of the scenario or its mechanism, such as {', '.join(near)}" if near else error.hint
+            if near := _near(scenario, path):
+                error.hint = f"a number of the scenario or its mechanism, such as {near}"
             raise error
 
 
@@ -283,26 +253,11 @@ def _failure(scenario: Scenario, path: str, text: str) -> PinarmError | None:
     return None
 
 
-def _near(scenario: Scenario, path: str) -> list[str]:
-    """Return paths of numbers like a path that leads nowhere; none for a path of a number."""
-    paths = [joined(steps) for steps in _numbers(scenario.document.data, []) if steps[0] not in ("find", "expect")]
-    if path in scenario.mechanism.arguments:
-        return [f"arguments.{path}"]
-    known = [*paths, *(f"arguments.{name}" for name in scenario.mechanism.arguments)]
-    return [] if path in known else get_close_matches(path, dict.fromkeys(known), n=NEAREST, cutoff=0.4)
-
-
-def _numbers(data: Any, steps: list[str]) -> Iterator[list[str]]:
-    if isinstance(data, dict):
-        for key, inner in data.items():
-            yield from _numbers(inner, [*steps, str(key)])
-    elif isinstance(data, int | float) or (isinstance(data, str) and _is_quantity(data)):
-        yield steps
-
-
-def _is_quantity(text: str) -> bool:
-    try:
-        read_quantity(text)
-    except PinarmError:
-        return False
-    return True
+def _near(scenario: Scenario, path: str) -> str:
+    """Return the path of the scenario like one that leads nowhere; empty for a path of the scenario."""
+    arguments, places = scenario.mechanism.arguments, scenario.document.places
+    if path in arguments:
+        return f"arguments.{path}"
+    known = [joined([*map(str, steps)]) for steps in places if steps and steps[0] not in ("find", "expect")]
+    near = choices(path, [*known, *(f"arguments.{name}" for name in arguments)])[1]
+    return near if near != path else ""

@@ -12,82 +12,89 @@ from pinarm.input.units import unit
 from pinarm.use.facade import Scenario
 from pinarm.use.result.numbers import Condition
 from pinarm.use.scenario.find import Find, Unknown
-from pinarm.use.scenario.optimum import Landscape, Trial, optimum
+from pinarm.use.scenario.optimum import Optimum
+from pinarm.use.scenario.search_runs import Run, Runs
 from pinarm.use.scenario.searches import optimum_section, refusal
 
 ABOVE, EQUAL = Condition.read("a @ end", "> 0 mm"), Condition.read("b @ end", "= 0 m")
 
 
-def landscape(function, low, high, start, **more) -> Landscape:
-    return Landscape(
-        np.array(low), np.array(high), np.array(start), lambda points: [function(x) for x in points], **more
-    )
+REFUSED = Run.refused("loop does not close", lambda: InputError("loop does not close"))
+
+
+def asked(function, low, high, start, conditions=()) -> Optimum:
+    """Ask for the least of a function that gives the objective and margins, or ``None`` where it cannot be run."""
+    low, high = np.array(low, float), np.array(high, float)
+
+    def run(x: np.ndarray) -> Run:
+        numbers = function(low + x * (high - low))
+        return REFUSED if numbers is None else Run(np.array(numbers, float))
+
+    runs, sizes = Runs(lambda points: map(run, points)), [1.0] * len(conditions)
+    return Optimum(low, high, np.array(start, float), runs, conditions, sizes)
 
 
 def test_a_smooth_valley_is_followed_to_its_lowest_point():
     """Rosenbrock's function: (1, 1)."""
-    found = optimum(
-        landscape(lambda x: Trial(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2), [-2, -2], [2, 2], [-1.2, 1.0]),
-        starts=2, seed=0,
-    )  # fmt: skip
-    assert found.best.end == pytest.approx([1.0, 1.0], abs=1e-4)
+    valley = lambda x: [100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2]  # noqa: E731
+    found = asked(valley, [-2, -2], [2, 2], [-1.2, 1.0]).found(starts=2, seed=0)
+    assert found.values(found.best) == pytest.approx([1.0, 1.0], abs=1e-4)
     assert len(found.descents) in (2, 3)
 
 
 def test_a_kink_is_met_though_it_has_no_slope():
     """|x - 1| + |y + 1/2| is least at (1, -1/2)."""
-    function = lambda x: Trial(1.0 + abs(x[0] - 1.0) + 3.0 * abs(x[1] + 0.5))  # noqa: E731
-    found = optimum(landscape(function, [-3, -3], [2.5, 4], [0, 0]), starts=2, seed=0)
-    assert found.best.end == pytest.approx([1.0, -0.5], abs=1e-5)
+    function = lambda x: [1.0 + abs(x[0] - 1.0) + 3.0 * abs(x[1] + 0.5)]  # noqa: E731
+    found = asked(function, [-3, -3], [2.5, 4], [0, 0]).found(starts=2, seed=0)
+    assert found.values(found.best) == pytest.approx([1.0, -0.5], abs=1e-5)
 
 
 def test_a_condition_holds_the_optimum_and_is_named():
     """Least x² + y² with x + y > 1: (1/2, 1/2); with y = 2 x as well: (1/3, 2/3)."""
-    function = lambda x: Trial(x @ x, (x[0] + x[1] - 1.0,))  # noqa: E731
-    found = optimum(landscape(function, [-2, -2], [2, 2], [1, 1], conditions=[ABOVE], sizes=[1.0]), 3, 0)
-    assert found.best.end == pytest.approx([0.5, 0.5], abs=1e-5)
+    function = lambda x: [x @ x, x[0] + x[1] - 1.0]  # noqa: E731
+    found = asked(function, [-2, -2], [2, 2], [1, 1], [ABOVE]).found(3, 0)
+    assert found.values(found.best) == pytest.approx([0.5, 0.5], abs=1e-5)
     assert found.active == [0]
-    both = lambda x: Trial(x @ x, (x[0] + x[1] - 1.0, x[1] - 2.0 * x[0]))  # noqa: E731
-    found = optimum(landscape(both, [-2, -2], [2, 2], [1, 1], conditions=[ABOVE, EQUAL], sizes=[1.0, 1.0]), 3, 0)
-    assert found.best.end == pytest.approx([1.0 / 3.0, 2.0 / 3.0], abs=1e-5)
+    both = lambda x: [x @ x, x[0] + x[1] - 1.0, x[1] - 2.0 * x[0]]  # noqa: E731
+    found = asked(both, [-2, -2], [2, 2], [1, 1], [ABOVE, EQUAL]).found(3, 0)
+    assert found.values(found.best) == pytest.approx([1.0 / 3.0, 2.0 / 3.0], abs=1e-5)
     assert found.active == [0, 1]
 
 
 def test_runs_that_are_refused_are_no_optimum():
     """x falls to the left, where runs do not count below 0.3."""
-    refused = lambda x: Trial(refusal="loop does not close") if x[0] < 0.3 else Trial(1.0 + x[0])  # noqa: E731
-    found = optimum(landscape(refused, [0], [1], [0.9]), 1, 0)
-    assert 0.3 <= found.best.end[0] < 0.3 + 1e-4
+    refused = lambda x: None if x[0] < 0.3 else [1.0 + x[0]]  # noqa: E731
+    found = asked(refused, [0], [1], [0.9]).found(1, 0)
+    assert 0.3 <= found.values(found.best)[0] < 0.3 + 1e-4
     search = Find({"x": Unknown.read(["0 m", "1 m"])}, minimise="y @ end")
     remarks = optimum_section(search, found, Series("y @ end", unit("m"), np.zeros(1)), 0.0).remarks
     [held] = (remark for remark in remarks if remark.startswith("held by"))
     assert held == "held by refused runs beside this value of x"
     with pytest.raises(IntegrationError, match=r"none of the 2 starts can be run: loop does not close"):
-        optimum(landscape(lambda x: Trial(refusal="loop does not close"), [0], [1], [0.9]), 2, 0)
+        asked(lambda x: None, [0], [1], [0.9]).found(2, 0)
 
 
 def test_conditions_that_cannot_hold_are_said():
     said = r"none of the 2 starts leads to where all conditions hold: .* violates 'a @ end > 0 mm' by 1000 mm"
-    function = lambda x: Trial(x[0], (-1.0 - x[0],))  # noqa: E731
     with pytest.raises(IntegrationError, match=said):
-        optimum(landscape(function, [0], [1], [0.9], conditions=[ABOVE], sizes=[1.0]), 2, 0)
+        asked(lambda x: [x[0], -1.0 - x[0]], [0], [1], [0.9], [ABOVE]).found(2, 0)
 
 
 @pytest.mark.parametrize("everywhere", [False, True])
 def test_what_does_not_depend_on_the_unknowns_is_said_to_be_flat(everywhere):
-    rounded = lambda x: Trial(0.3 + 1e-16 * math.sin(1e3 * x[0]))  # noqa: E731
-    assert optimum(landscape(rounded, [0], [1], [0.9]), 2, 0, everywhere=everywhere).is_flat()
-    assert not optimum(landscape(lambda x: Trial(0.3 + x[0]), [0], [1], [0.9]), 2, 0, everywhere=everywhere).is_flat()
+    rounded = lambda x: [0.3 + 1e-16 * math.sin(1e3 * x[0])]  # noqa: E731
+    assert asked(rounded, [0], [1], [0.9]).found(2, 0, everywhere=everywhere).is_flat()
+    assert not asked(lambda x: [0.3 + x[0]], [0], [1], [0.9]).found(2, 0, everywhere=everywhere).is_flat()
 
 
 def test_a_global_search_leaves_the_nearest_valley():
     """Of x/10 - cos(2 pi x) on [-2.5, 2.5] the valley near -2 is the lowest: a start at 2 leads to another."""
-    function = lambda x: Trial(0.1 * x[0] - math.cos(2.0 * math.pi * x[0]))  # noqa: E731
+    function = lambda x: [0.1 * x[0] - math.cos(2.0 * math.pi * x[0])]  # noqa: E731
     near = -math.asin(0.1 / (2.0 * math.pi)) / (2.0 * math.pi)
-    one = optimum(landscape(function, [-2.5], [2.5], [2.0]), 1, 0)
-    assert one.best.end[0] > -1.5
-    whole = optimum(landscape(function, [-2.5], [2.5], [2.0]), 1, 0, everywhere=True)
-    assert whole.best.end[0] == pytest.approx(-2.0 + near, abs=1e-5)
+    one = asked(function, [-2.5], [2.5], [2.0]).found(1, 0)
+    assert one.values(one.best)[0] > -1.5
+    whole = asked(function, [-2.5], [2.5], [2.0]).found(1, 0, everywhere=True)
+    assert whole.values(whole.best)[0] == pytest.approx(-2.0 + near, abs=1e-5)
 
 
 URDF = """<robot name="inertia"><link name="world"/><link name="rotor"><inertial><mass value="1"/>
