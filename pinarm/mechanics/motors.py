@@ -1,14 +1,10 @@
-"""Motors: from what is commanded, a voltage or a torque, to the torque of their shaft."""
+"""Motors as files give them; their equations are those of ``mechanics.control.motor_control``."""
 
 from __future__ import annotations
 
-from functools import partial
 from itertools import pairwise
 from typing import ClassVar, NamedTuple
 
-import numpy as np
-
-from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import (
@@ -20,24 +16,6 @@ from pinarm.input.yaml.schema import (
     Resistance,
     TorqueConstant,
 )
-from pinarm.mechanics.limited_states import FREE, StateLimits, Switch
-from pinarm.records import Record
-
-
-class MotorInput(NamedTuple):
-    """Inputs of a motor, in any number of states (...).
-
-    Attributes:
-        command: Voltages [V] or torques [N*m], shape (...).
-        state: States of the motor, shape (..., s).
-        v: Velocities of the joint that it drives [rad/s or m/s], shape (...).
-        mode: Modes of the motor, see ``mechanics.limited_states``, shape (...).
-    """
-
-    command: Array
-    state: Array
-    v: Array
-    mode: Indices | int = FREE
 
 
 class CommandOfEffort(NamedTuple):
@@ -45,35 +23,6 @@ class CommandOfEffort(NamedTuple):
 
     per_effort: float
     per_velocity: float
-
-
-class Actuator(Record, frozen=True):
-    """A motor behind its gear, without states of its own."""
-
-    states: ClassVar[int] = 0
-
-    def effort(self, given: MotorInput) -> Array:
-        """Return the effort at the joint [N*m or N], shape (...)."""
-        raise NotImplementedError
-
-    def parts(self, given: MotorInput) -> dict[str, Array]:
-        """Return the effort and what else is known of the motor, by name, shape (...) each."""
-        raise NotImplementedError
-
-    def excess(self, given: MotorInput) -> Array:
-        """Return the part of the command that a limit of the motor keeps from its effect, shape (...); else 0."""
-        raise NotImplementedError
-
-    def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        raise NotImplementedError
-
-    def rates(self, given: MotorInput) -> Array:
-        """Return the rates of the states, shape (..., s)."""
-        return np.zeros((*np.shape(given.command), 0))
-
-    def mode(self, given: MotorInput) -> int:
-        """Return the mode in one state, by the one until then in ``given``."""
-        return FREE
 
 
 class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
@@ -101,9 +50,6 @@ class DcMotor(InputStruct, frozen=True, tag_field="kind", tag="dc"):
         if self.constant == 0.0:
             with within("constant"):
                 raise InputError("a motor of constant 0 has no torque", expected="k in N*m/A")
-
-    def behind(self, ratio: float) -> Actuator:
-        return (InductiveWinding if self.inductance else Winding)(self, ratio)
 
     def inverse(self, ratio: float) -> CommandOfEffort | None:
         """Return the voltage of an effort T, ``V = R T / (N k) + k N v``; ``None`` with an inductance."""
@@ -146,135 +92,9 @@ class IdealMotor(InputStruct, frozen=True, tag_field="kind", tag="ideal"):
                     hint="a last point at the speed beyond which the motor gives none",
                 )
 
-    def behind(self, ratio: float) -> Actuator:
-        curves = (None if points is None else np.array(points, float).T for points in (self.peak, self.continuous))
-        return TorqueSource(ratio, *curves)
-
     def inverse(self, ratio: float) -> CommandOfEffort | None:
         return CommandOfEffort(1.0 / ratio, 0.0)
 
 
 AnyMotor = DcMotor | IdealMotor
-"""Any motor. A new one is a struct beside these with their members, and one entry here."""
-
-
-class Winding(Actuator, frozen=True):
-    """A DC motor without inductance behind its gear: voltage and velocity determine the current."""
-
-    motor: DcMotor
-    ratio: float
-
-    @property
-    def limit(self) -> float:
-        """Largest current [A]; infinite for no limit."""
-        return np.inf if self.motor.current_limit is None else float(self.motor.current_limit)
-
-    def current(self, given: MotorInput) -> Array:
-        """Return the current ``(V - k N v) / R`` within its limit [A]."""
-        return np.asarray(np.clip(self.voltage_left(given, 0.0) / self.motor.resistance, -self.limit, self.limit))
-
-    def voltage_left(self, given: MotorInput, current: Array | float) -> Array:
-        """Return the voltage that is left to change a current, ``V - R i - k N v`` [V]."""
-        held = self.motor.resistance * current + self.motor.constant * self.ratio * given.v
-        return np.asarray(given.command - held)
-
-    def excess(self, given: MotorInput) -> Array:
-        """Return the commanded voltage less the one that drives the current, which differs at the limit [V]."""
-        return self.voltage_left(given, self.current(given)) if np.isfinite(self.limit) else np.zeros(np.shape(given.v))
-
-    def effort(self, given: MotorInput) -> Array:
-        """Return the effort at the joint, ``N k i`` [N*m or N]."""
-        return np.asarray(self.ratio * self.motor.constant * self.current(given))
-
-    def parts(self, given: MotorInput) -> dict[str, Array]:
-        """Return effort, voltage and current, and the distance of this to its limit, ``current_margin`` [A]."""
-        current = self.current(given)
-        voltage = np.asarray(given.command - self.excess(given))
-        known = {"effort": self.effort(given), "voltage": voltage, "current": current}
-        return known if np.isinf(self.limit) else {**known, "current_margin": self.limit - np.abs(current)}
-
-    def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        ends = () if np.isinf(self.limit) else (self.limit, -self.limit)
-        return [Switch(partial(self.voltage_left, current=at)) for at in ends]
-
-
-class InductiveWinding(Winding, frozen=True):
-    """A DC motor whose current is a state; at its limit it is held, see ``mechanics.limited_states`` for its modes."""
-
-    states: ClassVar[int] = 1
-
-    def current(self, given: MotorInput) -> Array:
-        """Return the current, less what its integration misses the limit by [A]."""
-        return np.asarray(np.clip(given.state[..., 0], -self.limit, self.limit))
-
-    def excess(self, given: MotorInput) -> Array:
-        return np.where(np.equal(given.mode, FREE), 0.0, self.excess_if_held(given))
-
-    def excess_if_held(self, given: MotorInput) -> Array:
-        """Return the voltage that would be left if the present current were held [V]."""
-        return self.voltage_left(given, self.current(given))
-
-    def rates(self, given: MotorInput) -> Array:
-        """Return the rate of the current, ``(V - R i - k N v) / L``, 0 where it is held [A/s], shape (..., 1)."""
-        left = self.voltage_left(given, given.state[..., 0])
-        return np.asarray(np.where(np.equal(given.mode, FREE), left, 0.0) / self.motor.inductance)[..., None]
-
-    def mode(self, given: MotorInput) -> int:
-        assert isinstance(given.mode, int)
-        scale = self.motor.resistance * abs(float(self.current(given)))
-        return self._limits.mode(float(given.state[..., 0]), float(self.excess_if_held(given)), scale, given.mode)
-
-    def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        return self._limits.switches(mode, lambda given: given.state[..., 0], self.excess_if_held)
-
-    @property
-    def _limits(self) -> StateLimits:
-        return StateLimits(-self.limit, self.limit)
-
-
-class TorqueSource(Actuator, frozen=True):
-    """An ideal motor behind its gear: command and velocity determine the torque.
-
-    Attributes:
-        peak: Amounts of the speed, ascending from 0 [rad/s], and its largest torques there [N*m], shape (2, k).
-        continuous: The same of the torque that it may give for ever.
-    """
-
-    ratio: float
-    peak: Array | None
-    continuous: Array | None
-
-    def torque(self, given: MotorInput) -> Array:
-        """Return the torque of the motor [N*m]."""
-        if self.peak is None:
-            return given.command
-        most = self._most(self.peak, given)
-        return np.asarray(np.minimum(np.maximum(given.command, -most), most))
-
-    def _most(self, curve: Array, given: MotorInput) -> Array:
-        """Return the torque of a curve, the last one beyond it, at the speeds of the motor [N*m]."""
-        return np.asarray(np.interp(np.abs(self.ratio * given.v), *curve))
-
-    def effort(self, given: MotorInput) -> Array:
-        return np.asarray(self.ratio * self.torque(given))
-
-    def parts(self, given: MotorInput) -> dict[str, Array]:
-        """Return effort, torque, and its distance to the curves: ``margin`` and ``continuous_margin`` [N*m]."""
-        torque = self.torque(given)
-        known = {"effort": np.asarray(self.ratio * torque), "torque": torque}
-        curves = {"margin": self.peak, "continuous_margin": self.continuous}
-        known |= {name: self._most(x, given) - np.abs(torque) for name, x in curves.items() if x is not None}
-        return known
-
-    def excess(self, given: MotorInput) -> Array:
-        return np.asarray(given.command - self.torque(given))
-
-    def switches(self, mode: int) -> list[Switch[MotorInput]]:
-        if (peak := self.peak) is None:
-            return []
-        bends = [Switch(lambda given, at=bend: np.abs(self.ratio * given.v) - at) for bend in peak[0, 1:]]  # type: ignore[misc]
-        return [
-            Switch(lambda given: given.command - self._most(peak, given)),
-            Switch(lambda given: given.command + self._most(peak, given)),
-            *bends,
-        ]
+"""Any motor. A new one is a struct beside these with their members, an entry here, and its ``MotorController``."""

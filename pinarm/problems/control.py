@@ -21,10 +21,11 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.control.controller import Controller, MotorController, Reader, Signal
+from pinarm.mechanics.control.controller import Controller, Reader, Signal
 from pinarm.mechanics.control.definition import ControlDefinition
 from pinarm.mechanics.control.function import FunctionControl
 from pinarm.mechanics.control.kinds import PidController
+from pinarm.mechanics.control.motor_control import motor_behind
 from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.limited_states import FREE
@@ -177,16 +178,19 @@ def _with_motors(
             motors = _motors(controller.drives, mechanism)
         if motors:
             source = replace(controller, supply=next(iter(motors.values())).supply)
-            actuators = [motor.behind(mechanism.drives[drive].ratio) for drive, motor in motors.items()]
+            behind = [
+                motor_behind(source, k, motor, mechanism.drives[drive].ratio)
+                for k, (drive, motor) in enumerate(motors.items())
+            ]
             with places(number):
                 winds = isinstance(source, PidController) and source.integrals and np.isinf(source.tracking_time)
-                if winds and any(motor.switches(FREE) for motor in actuators):
+                if winds and any(motor.switches(FREE) for motor in behind):
                     raise InputError(
                         "the motor has a limit at which the integral winds up, and without kp there is no time in "
                         "which it follows the motor",
                         expected="tracking_time: such as 50 ms",
                     )
-            complete += [source, *(MotorController.of(source, k, motor) for k, motor in enumerate(actuators))]
+            complete += [source, *behind]
         else:
             complete.append(controller)
     return complete

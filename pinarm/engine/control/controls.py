@@ -22,7 +22,8 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Acceleration, Interval, Manifold, Watch
 from pinarm.errors import InputError, within
-from pinarm.mechanics.control.controller import NOTHING, Controller, Given, MotorController, Sampling
+from pinarm.mechanics.control.controller import NOTHING, Controller, Given, Sampling
+from pinarm.mechanics.control.motor_control import MotorController
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.limited_states import Switch
@@ -392,7 +393,7 @@ class ControlEfforts(AbstractRecord, ForceElement, frozen=True):
     def excess(self, source: Controller, t: Array | float, q: Array, v: Array) -> Array:
         """Return the part of a controller's commands that its motors cut off, shape (..., k)."""
         motors = (
-            motor.actuator.excess(motor.input(self.given(number, t, q, v)))
+            motor.excess(self.given(number, t, q, v))
             for number, motor in enumerate(self.controls.continuous)
             if isinstance(motor, MotorController) and motor.source is source
         )
@@ -406,7 +407,7 @@ class ControlEfforts(AbstractRecord, ForceElement, frozen=True):
     def parts(self, t: Array, q: Array, v: Array) -> list[dict[str, Array]]:
         """Return columns of every controller at n states, the sampled ones first, shape (n, k) each.
 
-        ``command``, before limits; ``effort`` at the joints; of motors see ``Actuator.parts``.
+        ``command``, before limits; ``effort`` at the joints; of motors see ``MotorController``.
         """
         here, columns = self.in_force(t), list[dict[str, Array]]()
         for controller, mine in zip(self.controls.sampled, self.controls.places, strict=True):

@@ -21,7 +21,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.limited_states import Switch
-from pinarm.mechanics.motors import Actuator, CommandOfEffort, MotorInput
+from pinarm.mechanics.motors import CommandOfEffort
 from pinarm.records import AbstractRecord, Record
 
 Reader = Callable[[float, Array, Array], float]
@@ -222,46 +222,3 @@ class Controller(AbstractRecord, frozen=True):
             return self.drives.index(drive)
         names, joint = [signal.name for signal in self.signals], self.joints[self.drives.index(drive)].name
         return names.index(joint) if joint in names else None
-
-
-class MotorController(Controller, frozen=True):
-    """The motor of one drive behind a controller of voltages or torques: its states are states of the run.
-
-    Attributes:
-        source: The controller that commands it.
-        number: Number of its drive among those of the source.
-        actuator: The motor with its gear.
-    """
-
-    source: Controller
-    number: int
-    actuator: Actuator
-
-    @classmethod
-    def of(cls, source: Controller, number: int, actuator: Actuator) -> MotorController:
-        drive, joint, endless = source.drives[number], source.joints[number], np.full(1, np.inf)
-        return cls((drive,), (joint,), (), (), -endless, endless, None, "", source, number, actuator)
-
-    def input(self, given: Given) -> MotorInput:
-        v, command = given.v[..., self.joints[0].v], given.commands[..., self.number]
-        return MotorInput(command, given.integral, v, given.mode)
-
-    @property
-    def integrals(self) -> int:
-        return self.actuator.states
-
-    def command(self, given: Given) -> Array:
-        return self.actuator.effort(self.input(given))[..., None]
-
-    def parts(self, given: Given) -> dict[str, Array]:
-        return {name: values[..., None] for name, values in self.actuator.parts(self.input(given)).items()}
-
-    def rates(self, given: Given) -> Array:
-        return self.actuator.rates(self.input(given))
-
-    def mode(self, given: Given, before: int | None) -> int:
-        return self.actuator.mode(self.input(given._replace(mode=before or 0)))
-
-    def switches(self, mode: int) -> list[Switch[Given]]:
-        own = self.actuator.switches(mode)
-        return [Switch(lambda given, of=x.value: of(self.input(given)), *x[1:]) for x in own]  # type: ignore[misc]

@@ -22,10 +22,10 @@ from pinarm.engine.motion.systems import System
 from pinarm.engine.motion.systems.frictional import FrictionalSystem
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
-from pinarm.mechanics.control.controller import Controller, MotorController
+from pinarm.mechanics.control.controller import Controller
+from pinarm.mechanics.control.motor_control import MotorController, TorqueSource
 from pinarm.mechanics.joints import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.mechanics.motors import TorqueSource
 from pinarm.records import replace
 
 UNITS = {
@@ -175,8 +175,8 @@ def motor_remarks(motion: SegmentedMotion) -> list[str]:
         if isinstance(controller, MotorController):
             own, (drive,), (joint,) = {name: x[:, 0] for name, x in part.items()}, controller.drives, controller.joints
             remarks += _at_limits(drive, own, nodes)
-            if isinstance(controller.actuator, TorqueSource):
-                remarks += _above_continuous(drive, controller.actuator, own, nodes, joint.v)
+            if isinstance(controller, TorqueSource):
+                remarks += _above_continuous(drive, controller, own, nodes, joint.v)
     return remarks
 
 
