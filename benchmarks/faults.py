@@ -94,7 +94,7 @@ FAULTS = [
     Fault("chain rule of profiles over a coordinate", "mechanics/laws/over_coordinate.py",
           "ddf * dw**2 + df * ddw", "ddf * dw + df * ddw", "tests/mechanics/laws/test_over_coordinate.py"),
     Fault("half of the deceleration of a trapezoid", "mechanics/laws/kinds.py",
-          "polynomial(t3, self.end, 0.0, -a / 2)", "polynomial(t3, self.end, 0.0, -a / 4)",
+          "0.0, 0.0), (rise, -a, 0.0))", "0.0, 0.0), (rise, -0.5 * a, 0.0))",
           "tests/mechanics/laws/test_motion_law.py"),
     Fault("inertia of rotors behind no gear", "mechanics/rotors.py",
           "gear * effort / self.ratio + self.rotor_inertia * self.ratio * a",

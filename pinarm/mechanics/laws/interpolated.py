@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -27,7 +27,33 @@ HEADINGS = ("{}", "joint.{}.position", "coordinate.{}.position")
 """Headings of the column of a table that has the values of a coordinate."""
 
 
-class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=FILE_KEYS):
+class PointLaw(MotionLaw, frozen=True, rename=FILE_KEYS):
+    """A law through points.
+
+    Attributes:
+        points: Instants and values.
+    """
+
+    least: ClassVar[int] = 1
+    """Number of points at least."""
+    repeats: ClassVar[bool] = False
+    """Whether two points may be at one place: a jump."""
+    order: ClassVar[int] = 0
+    """Of the derivative that the points give."""
+
+    points: list[tuple[Abscissa, Level]]
+
+    def check(self) -> None:
+        check_ascending([t for t, _ in self.points], self.least, jumps=self.repeats)
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        super().check_units(of, along)
+        for row, point in enumerate(self.points):
+            with within("points", row):
+                check_each(point, along, of / along if self.order else of)
+
+
+class SpeedPoints(PointLaw, frozen=True, tag_field="law", tag="speed_points"):
     """Speed linear between points, constant before the first and after the last; the value at the first is ``from``.
 
     The acceleration jumps at every point.
@@ -37,15 +63,9 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
         start: Value at the first point, ``from`` in files.
     """
 
+    order: ClassVar[int] = 1
     points: list[tuple[Abscissa, Rate]]
     start: Level = 0.0
-
-    def check(self) -> None:
-        check_ascending([t for t, _ in self.points], 1)
-
-    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        super().check_units(of, along)
-        check_points(self.points, along, of / along)
 
     def pieces(self) -> Sequence[Piece]:
         (t, v), s = self.points[0], float(self.start)
@@ -57,34 +77,21 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
         return [*pieces, Piece(t, math.inf, polynomial(t, s, v))]
 
 
-class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
+class Steps(PointLaw, frozen=True, tag_field="law", tag="steps"):
     """Piecewise constant values, such as of a motor that is switched on and off: for efforts and forces.
 
     Each value holds from its instant to the next; the first also before its instant, the last for all later times.
-
-    Attributes:
-        points: Instants and values.
     """
 
-    points: list[tuple[Abscissa, Level]]
-
-    def check(self) -> None:
-        check_ascending([t for t, _ in self.points], 1)
-
-    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        check_points(self.points, along, of)
+    may_jump: ClassVar[bool] = True
 
     def pieces(self) -> Sequence[Piece]:
         bounds = [-math.inf, *(float(t) for t, _ in self.points[1:]), math.inf]
         levels = [polynomial(0.0, float(value)) for _, value in self.points]
         return [Piece(start, end, level) for (start, end), level in zip(pairwise(bounds), levels, strict=True)]
 
-    @property
-    def may_jump(self) -> bool:
-        return True
 
-
-class PiecewiseLinear(MotionLaw, frozen=True, tag_field="law", tag="piecewise_linear"):
+class PiecewiseLinear(PointLaw, frozen=True, tag_field="law", tag="piecewise_linear"):
     """Straight lines through points, for efforts and forces, such as a turning-moment diagram; constant beyond them.
 
     Two points at one place are a jump. Motions take a ``spline`` or ``speed_points``: their speed must not jump.
@@ -93,13 +100,8 @@ class PiecewiseLinear(MotionLaw, frozen=True, tag_field="law", tag="piecewise_li
         points: Instants, or places, and values, such as ``[[0 deg, 0 N*m], [90 deg, 40 N*m], [90 deg, -10 N*m]]``.
     """
 
-    points: list[tuple[Abscissa, Level]]
-
-    def check(self) -> None:
-        check_ascending([t for t, _ in self.points], 1, jumps=True)
-
-    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        check_points(self.points, along, of)
+    may_jump: ClassVar[bool] = True
+    repeats: ClassVar[bool] = True
 
     def require_continuous(self, along: Unit = SECOND) -> None:
         refuse_corners(self.points[0][0], along)
@@ -108,29 +110,20 @@ class PiecewiseLinear(MotionLaw, frozen=True, tag_field="law", tag="piecewise_li
         points = np.array(self.points, float)
         return linear_pieces(points[:, 0], points[:, 1])
 
-    @property
-    def may_jump(self) -> bool:
-        return True
 
-
-class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_KEYS):
+class Spline(PointLaw, frozen=True, tag_field="law", tag="spline"):
     """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them.
 
     Attributes:
-        points: Instants and values.
         speeds: At the first and the last point, such as ``[0 rad/s, 2 rad/s]``; 0 by default.
     """
 
-    points: list[tuple[Abscissa, Level]]
+    least: ClassVar[int] = 2
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
 
-    def check(self) -> None:
-        check_ascending([t for t, _ in self.points], 2)
-
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
-        check_points(self.points, along, of)
-        with within("speeds"):
-            check_each(self.speeds, of / along, of / along)
+        super().check_units(of, along)
+        check_speeds(self.speeds, of / along)
 
     def pieces(self) -> Sequence[Piece]:
         points = np.array(self.points, float)
@@ -179,8 +172,7 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
                 with within("file"):
                     message = f"column {column} of the table {Path(self.file).name} is in {written}"
                     raise UnitError(message, expected=f"a unit such as {wanted}")
-        with within("speeds"):
-            check_each(self.speeds, of / along, of / along)
+        check_speeds(self.speeds, of / along)
 
     def check_follower(self, name: str, names: Collection[str]) -> None:
         heading = self._table.heading
@@ -289,11 +281,10 @@ def refuse_corners(first: float, along: Unit) -> None:
     )
 
 
-def check_points(points: Sequence[tuple[float, float]], along: Unit, of: Unit) -> None:
-    """Check the units of points."""
-    for row, point in enumerate(points):
-        with within("points", row):
-            check_each(point, along, of)
+def check_speeds(speeds: tuple[float, float], of: Unit) -> None:
+    """Check the units of speeds."""
+    with within("speeds"):
+        check_each(speeds, of, of)
 
 
 def check_ascending(times: Sequence[float], least: int, *, jumps: bool = False) -> None:

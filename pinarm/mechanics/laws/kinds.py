@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Sequence
 from typing import Annotated, ClassVar, Literal
 
@@ -127,154 +128,141 @@ class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=F
         return [Piece(-math.inf, math.inf, function)]
 
 
-def _rest_move_rest(begin: float, end: float, first: float, last: float, *moving: Piece) -> list[Piece]:
-    return [Piece(-math.inf, begin, polynomial(0.0, first)), *moving, Piece(end, math.inf, polynomial(0.0, last))]
+class RestToRest(MotionLaw, frozen=True, kw_only=True, rename=FILE_KEYS):
+    """A motion from rest to rest.
+
+    Attributes:
+        start: First value, ``from`` in files.
+        end: Last value, ``to`` in files.
+        begin: When it begins to move.
+    """
+
+    start: Level
+    end: Level
+    begin: Abscissa = 0.0
+
+    @abstractmethod
+    def moving(self) -> list[Piece]:
+        """Return the pieces between rest and rest; none where it does not move."""
+
+    def pieces(self) -> Sequence[Piece]:
+        if not (moving := self.moving()):
+            return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]
+        before, after = (polynomial(0.0, rest) for rest in (self.start, self.end))
+        return [Piece(-math.inf, moving[0].start, before), *moving, Piece(moving[-1].end, math.inf, after)]
+
+    def phases(self, *phases: tuple[float, float, float]) -> list[Piece]:
+        """Return pieces, from rest on, of durations with an acceleration at their beginning, and a constant jerk."""
+        t, s, v, pieces = self.begin, self.start, 0.0, list[Piece]()
+        total = sum(duration for duration, _, _ in phases)
+        for h, a, j in phases:
+            if h > ROUNDING * total:
+                pieces.append(Piece(t, t + h, polynomial(t, s, v, a / 2, j / 6)))
+                t, s, v = t + h, s + v * h + a * h**2 / 2 + j * h**3 / 6, v + a * h + j * h**2 / 2
+        return pieces
 
 
-class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename=FILE_KEYS):
+class Trapezoid(RestToRest, frozen=True, kw_only=True, tag_field="law", tag="trapezoid"):
     """From rest to rest with a trapezoid of speed; a triangle where the limit of speed is not reached or not given.
 
     Speeds up at ``acceleration`` to ``speed``, keeps it, slows down alike. The acceleration jumps four times (three for
     a triangle): torques jump with it, and flexible machines ring.
 
     Attributes:
-        start: First value, ``from`` in files.
-        end: Last value, ``to`` in files.
         acceleration: Of speeding up and slowing down, such as ``2 rad/s^2``.
         speed: Limit of the speed; none where it is left out.
-        begin: When it begins to move.
     """
 
-    start: Level
-    end: Level
     acceleration: SecondRate
     speed: Rate | None = None
-    begin: Abscissa = 0.0
 
     def check(self) -> None:
         if self.start != self.end and (self.acceleration == 0.0 or self.speed == 0.0):
             raise InputError("a trapezoid that goes somewhere needs an acceleration and a speed other than 0")
 
-    def pieces(self) -> Sequence[Piece]:
+    def moving(self) -> list[Piece]:
         distance, limit = self.end - self.start, abs(self.acceleration)
         if distance == 0.0:
-            return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]
-        a = math.copysign(limit, distance)
+            return []
         peak = math.sqrt(abs(distance)) * math.sqrt(limit)  # the product of small numbers may be 0
-        top = math.copysign(min(peak, abs(self.speed)) if self.speed else peak, distance)
-        t1 = self.begin + top / a
-        plateau = max(0.0, distance / top - top / a)
-        t2, t3 = t1 + plateau, t1 + plateau + top / a
-        s1 = self.start + top * top / (2 * a)
-        up = Piece(self.begin, t1, polynomial(self.begin, self.start, 0.0, a / 2))
-        level = [Piece(t1, t2, polynomial(t1, s1, top))] if plateau * limit > ROUNDING * abs(top) else []
-        down = Piece(t2, t3, polynomial(t3, self.end, 0.0, -a / 2))
-        return _rest_move_rest(self.begin, t3, self.start, self.end, up, *level, down)
+        top = min(peak, abs(self.speed)) if self.speed else peak
+        a, rise = math.copysign(limit, distance), top / limit
+        return self.phases((rise, a, 0.0), (max(0.0, abs(distance) / top - rise), 0.0, 0.0), (rise, -a, 0.0))
 
 
-class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rename=FILE_KEYS):
+class Polynomial(RestToRest, frozen=True, kw_only=True, tag_field="law", tag="polynomial"):
     """From rest to rest along the polynomial of lowest degree whose derivatives vanish at both ends.
 
     With x = (t - begin)/duration: ``3 x^2 - 2 x^3`` (degree 3, the acceleration jumps at the ends),
     ``10 x^3 - 15 x^4 + 6 x^5`` (5, it does not), ``35 x^4 - 84 x^5 + 70 x^6 - 20 x^7`` (7, nor does the jerk).
 
     Attributes:
-        start: First value, ``from`` in files.
-        end: Last value, ``to`` in files.
         duration: How long it moves.
         degree: Of the polynomial.
-        begin: When it begins to move.
     """
 
-    start: Level
-    end: Level
     duration: Extent
     degree: Literal[3, 5, 7] = 5
-    begin: Abscissa = 0.0
 
     _SHAPES: ClassVar[dict[int, tuple[float, ...]]] = {
-        3: (0, 0, 3, -2),
-        5: (0, 0, 0, 10, -15, 6),
-        7: (0, 0, 0, 0, 35, -84, 70, -20),
+        3: (0.0, 0.0, 3.0, -2.0),
+        5: (0.0, 0.0, 0.0, 10.0, -15.0, 6.0),
+        7: (0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0),
     }
 
-    def pieces(self) -> Sequence[Piece]:
-        shape, stop = tuple(map(float, self._SHAPES[self.degree])), self.begin + self.duration
-        function = PowerSeries(self.begin, shape, self.start, self.end - self.start, self.duration)
-        move = Piece(self.begin, stop, function)
-        return _rest_move_rest(self.begin, stop, self.start, self.end, move)
+    def moving(self) -> list[Piece]:
+        way = PowerSeries(self.begin, self._SHAPES[self.degree], self.start, self.end - self.start, self.duration)
+        return [Piece(self.begin, self.begin + self.duration, way)]
 
 
-class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename=FILE_KEYS):
+class Cycloidal(RestToRest, frozen=True, kw_only=True, tag_field="law", tag="cycloidal"):
     """From rest to rest as a point of a rolling wheel: ``s = from + D (x - sin(2 pi x) / (2 pi))``.
 
     x = (t - begin)/duration and D = to - from. The acceleration is a sine and begins and ends at 0.
 
     Attributes:
-        start: First value, ``from`` in files.
-        end: Last value, ``to`` in files.
         duration: How long it moves.
-        begin: When it begins to move.
     """
 
-    start: Level
-    end: Level
     duration: Extent
-    begin: Abscissa = 0.0
 
-    def pieces(self) -> Sequence[Piece]:
-        wave, stop = (self.start - self.end) / (2 * math.pi), self.begin + self.duration
+    def moving(self) -> list[Piece]:
+        wave = (self.start - self.end) / (2 * math.pi)
         function = Wave(self.start, wave, -1.0, 2 * math.pi / self.duration, 0.0, self.begin)
-        return _rest_move_rest(self.begin, stop, self.start, self.end, Piece(self.begin, stop, function))
+        return [Piece(self.begin, self.begin + self.duration, function)]
 
 
-class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE_KEYS):
+class SCurve(RestToRest, frozen=True, kw_only=True, tag_field="law", tag="s_curve"):
     """From rest to rest with a bounded jerk: seven intervals of constant jerk, fewer where a limit is not reached.
 
     The acceleration is continuous. Limits of acceleration and speed that are left out do not bind.
 
     Attributes:
-        start: First value, ``from`` in files.
-        end: Last value, ``to`` in files.
         jerk: Rate of the acceleration, such as ``20 rad/s^3``.
         acceleration: Limit of the acceleration.
         speed: Limit of the speed.
-        begin: When it begins to move.
     """
 
-    start: Level
-    end: Level
     jerk: ThirdRate
     acceleration: SecondRate | None = None
     speed: Rate | None = None
-    begin: Abscissa = 0.0
 
     def check(self) -> None:
         limits = (self.jerk, self.acceleration, self.speed)
         if self.start != self.end and any(limit == 0.0 for limit in limits):
             raise InputError("an s_curve that goes somewhere needs limits other than 0")
 
-    def pieces(self) -> Sequence[Piece]:
+    def moving(self) -> list[Piece]:
         distance = self.end - self.start
         if distance == 0.0:
-            return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]
+            return []
         ramp, hold, cruise = self._durations(abs(distance))
-        jerk = math.copysign(abs(self.jerk), distance)
-        intervals = [(ramp, jerk), (hold, 0.0), (ramp, -jerk), (cruise, 0.0), (ramp, -jerk), (hold, 0.0), (ramp, jerk)]
-        total = 4 * ramp + 2 * hold + cruise
-        moving, t, state = [], self.begin, (self.start, 0.0, 0.0)
-        for duration, j in intervals:
-            if duration > ROUNDING * total:
-                s, v, a = state
-                function = polynomial(t, s, v, a / 2, j / 6)
-                moving.append(Piece(t, t + duration, function))
-                t += duration
-                state = (
-                    s + v * duration + a * duration**2 / 2 + j * duration**3 / 6,
-                    v + a * duration + j * duration**2 / 2,
-                    a + j * duration,
-                )
-        return _rest_move_rest(self.begin, t, self.start, self.end, *moving)
+        j = math.copysign(abs(self.jerk), distance)
+        a = j * ramp
+        return self.phases(
+            (ramp, 0.0, j), (hold, a, 0.0), (ramp, a, -j), (cruise, 0.0, 0.0),
+            (ramp, 0.0, -j), (hold, -a, 0.0), (ramp, -a, j),
+        )  # fmt: skip
 
     def _durations(self, distance: float) -> tuple[float, float, float]:
         """Return the durations of one phase of jerk, of full acceleration and of full speed [s]."""
@@ -336,13 +324,13 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
     def pieces(self) -> Sequence[Piece]:
         t, v, now = float(self.begin), 0.0, np.array([0.0])
         first = self.segments[0].motion.smooth_pieces
-        s = float(piece_after(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
-        pieces, size, fastest = [_rest_at(t, s)], abs(s), 0.0
+        s = float(_piece_after(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
+        pieces, size, fastest = [Piece(-math.inf, t, polynomial(0.0, s))], abs(s), 0.0
         for row, segment in enumerate(self.segments):
             own = segment.motion.smooth_pieces
-            value, speed = (float(part[0]) for part in piece_after(own, 0.0)(now)[:2])
+            value, speed = (float(part[0]) for part in _piece_after(own, 0.0)(now)[:2])
             with within("segments", row, "motion"):
-                speeds = piece_after(own, 0.0)(np.linspace(0.0, segment.duration, 9))[1]
+                speeds = _piece_after(own, 0.0)(np.linspace(0.0, segment.duration, 9))[1]
                 fastest = max(fastest, float(np.abs(speeds).max()))
                 if abs(speed - v) > CONTINUOUS * fastest:
                     raise InputError(f"the speed jumps from {v:.6g} to {speed:.6g} where segment {row + 1} begins")
@@ -353,7 +341,8 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
                 if low < high:
                     knots = tuple(t + knot for knot in piece.knots if low < knot < high)
                     pieces.append(Piece(t + low, t + high, _moved(piece.function, t, s - value), knots))
-            end, v = (float(part[0]) for part in _piece_until(own, segment.duration)(np.array([segment.duration]))[:2])
+            last = segment.motion.on(segment.duration, segment.duration)(np.array([segment.duration]))
+            end, v = (float(part[0]) for part in last[:2])
             s += end - value
             t, size = t + segment.duration, max(size, abs(s))
         return [*pieces, Piece(t, math.inf, polynomial(t, s, v))]
@@ -371,17 +360,9 @@ def _check_reached(value: float, reached: float, size: float) -> None:
         )
 
 
-def _rest_at(end: float, value: float) -> Piece:
-    return Piece(-math.inf, end, polynomial(0.0, value))
-
-
-def piece_after(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
+def _piece_after(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
     """Return the function of the piece that is valid just after t."""
     return next(piece.function for piece in pieces if t < piece.end)
-
-
-def _piece_until(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
-    return next(piece.function for piece in pieces if t <= piece.end)
 
 
 def _moved(function: Callable[[Array], Values], origin: float, offset: float) -> Callable[[Array], Values]:
