@@ -17,7 +17,6 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import MASSLESS
 from pinarm.engine.friction.columns import BANDS, own_effort
@@ -334,7 +333,7 @@ def _rows(balance: ForceBalance, equilibria: Sequence[Equilibrium], bands: Seque
         np.zeros_like(q),
         np.zeros_like(q),
         tau,
-        Multipliers.known(lam, mechanism.closure.size),
+        lam,
         along(mechanism, driven.names).closure,
         balance.dynamics,
         columns=columns,

@@ -21,7 +21,6 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.constraint_rows import joint_ties
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, RelayedMotion, SolvedMotion, positions_by_interval
@@ -383,18 +382,14 @@ class LockedMechanism(Record, frozen=True):
         tau[:, driven] = efforts[:, : len(driven)]
         return replace(run, tau=tau, lam=self._multipliers(run.lam, efforts[:, len(driven) :]))
 
-    def _multipliers(self, lam: Multipliers, geared: Array) -> Multipliers:
+    def _multipliers(self, lam: Array, geared: Array) -> Array:
         """Return the multipliers of the whole from those of the part and of the couplings removed, shape (n, k)."""
-        gone = np.zeros(self.whole.closure.size, dtype=bool)
+        gone = np.zeros(lam.shape[1] + geared.shape[1], dtype=bool)
         for name in self.locking.couplings:
             gone[self.whole.closure.slices[name]] = True
-
-        def own(rows: Indices) -> Array:
-            multipliers = np.empty((len(rows), len(gone)))
-            multipliers[:, gone], multipliers[:, ~gone] = geared[rows], lam.own(rows)
-            return multipliers
-
-        return Multipliers(own, lam.along) if gone.any() else lam
+        multipliers = np.empty((len(lam), len(gone)))
+        multipliers[:, gone], multipliers[:, ~gone] = geared, lam
+        return multipliers
 
     @cached_property
     def configuration(self) -> Array:

@@ -127,8 +127,8 @@ def test_plane_loops_of_a_rounded_file_move_as_those_of_an_exact_one(name, tmp_p
         assert one.q == pytest.approx(other.q, abs=off)
         assert one.v == pytest.approx(other.v, abs=10 * off)
         assert one.tau == pytest.approx(other.tau, abs=1e3 * off)
-        least = np.linalg.norm(np.asarray(other.lam), axis=1).max()
-        assert np.linalg.norm(np.asarray(one.lam), axis=1).max() <= 1.001 * least + 1e3 * off
+        least = np.linalg.norm(other.lam, axis=1).max()
+        assert np.linalg.norm(one.lam, axis=1).max() <= 1.001 * least + 1e3 * off
         assert mobility_of(mechanism, one.q[0]).rank == mobility_of(exact, other.q[0]).rank
         assert unclosed(one)
         assert not unclosed(other)

@@ -116,7 +116,7 @@ def virtual_powers(run: Trajectory) -> tuple[Array, Array, Array]:
     """
     loads = run.gather(lambda dynamics, part: dynamics.loads(run.grid.t[part], run.q[part], run.v[part]))
     own = run.gather(lambda dynamics, part: dynamics.load_sizes(run.grid.t[part], run.q[part], run.v[part]))
-    wrenches, sizes, held = run.closure.acting(run.link_motion[0], run.q, run.lam.at(np.arange(len(run))))
+    wrenches, sizes, held = run.closure.acting(run.link_motion[0], run.q, run.lam)
     demanded, terms, most = demanded_powers(run.link_motion, run.demands, wrenches, sizes)
     supplied = run.tau, loads, run.friction_loads, held, -run.mechanism.model.armature * run.a
     return sum(supplied) - demanded, sum(map(np.abs, supplied)) + own + terms, most

@@ -120,7 +120,7 @@ def _openings(run: Trajectory, highest: Highest) -> Iterator[Excess]:
 
 def _pull(tie: OneSidedConstraint, run: Trajectory) -> Array:
     """Return with what a one-sided constraint acts against its sense, shape (n,)."""
-    return -tie.push(run.q, np.asarray(run.lam)[:, run.closure.slices[tie.name].start])
+    return -tie.push(run.q, run.lam[:, run.closure.slices[tie.name].start])
 
 
 def _slack_belts(run: Trajectory) -> Iterator[Excess]:
@@ -134,7 +134,7 @@ def _slack_belts(run: Trajectory) -> Iterator[Excess]:
         known = tie.transmission if isinstance(tie, Coupling) else None
         if not isinstance(known, Strands):
             continue
-        apart = np.abs(known.difference * np.asarray(run.lam)[:, run.closure.slices[tie.name].start])
+        apart = np.abs(known.difference * run.lam[:, run.closure.slices[tie.name].start])
         rows, limit = np.flatnonzero(apart > 2.0 * known.pretension * (1.0 + ROUNDING)), known.pretension
         if len(rows) and limit:
             most = float(apart.max())

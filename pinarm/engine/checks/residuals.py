@@ -105,13 +105,15 @@ class _CheckedRows(Record, frozen=True):
     def of_one_freedom(self) -> list[_FreeRows]:
         """Return groups of rows with as many free motions: at singular positions there are more."""
         run, closure = self.run, self.run.mechanism.closure
-        mass, along, still = run.dynamics.mass_matrices(run.q), run.lam.along, np.zeros_like(run.v)
+        mass, along, still = run.dynamics.mass_matrices(run.q), run.lam[..., closure.size :], np.zeros_like(run.v)
         guided = np.vecmat(along, self._rows[1][..., closure.size :, :]) if along.size else still
         if not closure.size:
             return [_FreeRows(run, mass, None, still, guided)]
+        split = closure.split(self.own)
+        particular = split.particular(-self._drift)
         return [
-            _FreeRows(run.looked_at(some), mass[some], split.free, split.particular(-self._drift[some]), guided[some])
-            for some, split in closure.splits(run.q, self.own).parts
+            _FreeRows(run.looked_at(some), mass[some], free, particular[some], guided[some])
+            for some, free in split.by_freedom()
         ]
 
 
@@ -265,8 +267,7 @@ def unclosed(run: Trajectory) -> list[str]:
     gaps = closure.at(run.q[rows])[0]
     if (np.abs(gaps) <= ROUNDED * closure.reach).all():  # nearly always
         return []
-    reached = closure.splits(run.q[rows]).each(closure.size, lambda split, gap: split.reached(gap), gaps)
-    left = np.abs(gaps - reached)
+    left = np.abs(gaps - closure.split_at(run.q[rows]).reached(gaps))
     worst = left.max(axis=0)
     if (worst <= ROUNDED * closure.reach).all():
         return []

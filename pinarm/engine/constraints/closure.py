@@ -5,7 +5,7 @@ An open chain has no rows; nothing else distinguishes it.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -18,10 +18,7 @@ from pinarm.engine.constraints.nullspace import (
     ROUNDING,
     UNCLOSED,
     VANISHED,
-    RowDecompositions,
-    SplitRows,
-    of_one_rank,
-    split_rows,
+    Decomposition,
 )
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.frame_pairs import Path
@@ -155,13 +152,13 @@ class Closure(Record, frozen=True):
         way = np.where(slides(self.model), self.extent, 1.0) * np.sin(np.arange(1.0, self.model.nv + 1.0))
         return self.state(pin.integrate(self.model, pin.neutral(self.model), way))
 
-    def split(self, rows: Array) -> SplitRows:
-        """Return G, shape (m, nv), decomposed."""
-        return split_rows(rows, self.reach)
+    def split(self, rows: Array) -> Decomposition:
+        """Return G, shape (.., m, nv), decomposed."""
+        return Decomposition.of(rows, self.reach)
 
-    def split_at(self, q: Array) -> SplitRows:
-        """Return G at a configuration, shape (nq,), decomposed."""
-        return self.split(self.rows(self.state(q)))
+    def split_at(self, q: Array) -> Decomposition:
+        """Return G at configurations, shape (n, nq), or at one, shape (nq,), decomposed."""
+        return self.split(self.at(q)[1] if q.ndim > 1 else self.rows(self.state(q)))
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own; the last ones are kept."""
@@ -248,15 +245,24 @@ class Closure(Record, frozen=True):
         states = map(self.state, q, v) if self.size else ()
         return np.array([*map(self.drift, states)]).reshape(len(q), self.size)
 
-    def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
-        """Return G decomposed at configurations, shape (n, nq); ``rows`` is G there, if known."""
-        return RowDecompositions.of(self.at(q)[1] if rows is None else rows, self.reach)
+    def multipliers(self, q: Array, held: Array, along: Array | None = None) -> Array:
+        """Return the least multipliers that hold what drives do not, and these drives' efforts, shape (n, m).
 
-    def free_motions(self, q: Array) -> Iterator[tuple[Indices, Array]]:
-        """Yield places of configurations, shape (N, nq), and T there, shape (f, places, nv), where f is the same."""
-        for start in range(0, len(q), BLOCK):
-            for places, split in self.splits(q[start : start + BLOCK]).parts:
-                yield start + places, np.moveaxis(split.free, -1, 0)
+        Args:
+            q: Configurations, shape (n, nq).
+            held: ``M a + nle - loads - tau``, shape (n, nv).
+            along: Efforts of drives along the coordinates of the last g rows [N*m or N], shape (n, g).
+        """
+        lam, own = np.zeros((len(q), self.size)), self.size
+        if along is not None and along.size:
+            own -= along.shape[1]
+            lam[:, own:] = along
+        for start in range(0, len(q) if own else 0, BLOCK):
+            some = slice(start, start + BLOCK)
+            rows = self.at(q[some])[1]
+            force = held[some] - np.vecmat(lam[some, own:], rows[:, own:])
+            lam[some, :own] = Decomposition.of(rows[:, :own], self.reach[:own]).multipliers(force)
+        return lam
 
     def values(self, q: Array) -> Array:
         """Return the singular values of G at configurations, shape (n, nq); see ``values_of``."""
@@ -454,7 +460,6 @@ class VariantClosure(Closure, frozen=True):
         q, v = self.spread(q, v)
         return self.constraint_rows.at(q).drifts(v)
 
-    def splits(self, q: Array, rows: Array | None = None) -> RowDecompositions:
-        """Return G decomposed, shape (n, k, ..) in one part; NaN where a variant has another rank than the first."""
-        rows = self.at(q)[1] if rows is None else rows
-        return RowDecompositions([(np.arange(len(rows)), of_one_rank(rows, self.reach))], rows.shape)
+    def split(self, rows: Array) -> Decomposition:
+        """Return G, shape (n, k, m, nv), decomposed; NaN where a variant has another rank than the first."""
+        return super().split(rows).of_one_rank()

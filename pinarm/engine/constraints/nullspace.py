@@ -7,7 +7,7 @@ group: 200 joints in one group take about 20 ms a state, 1,000 joints seconds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache, cached_property, lru_cache
 from typing import Any
@@ -50,15 +50,18 @@ ACTS = 1e-7
 class RowGroup(Record, frozen=True):
     """Rows of G that share joints, decomposed: ``D G = U S V^T``, cut at the rank r; D scales rows to the length 1.
 
+    Of k singular values those beyond the rank of a configuration, and their inverses, are 0.
+
     Attributes:
         rows: Places of the rows, shape (m,).
         joints: Places of their joints in v, shape (w,).
         matrix: G of these rows and joints, shape (.., m, w).
         scale: Diagonal of D, shape (.., m).
-        left: U, shape (.., m, r).
-        values: S, descending, shape (.., r).
-        right: V^T, shape (.., r, w).
-        free: Orthonormal basis of the null space, shape (.., w, w - r).
+        left: U, shape (.., m, k).
+        values: S, descending, shape (.., k).
+        inverse: S^-1, shape (.., k).
+        right: V^T, shape (.., w, w).
+        rank: r, shape (..).
     """
 
     rows: Indices
@@ -67,27 +70,61 @@ class RowGroup(Record, frozen=True):
     scale: Array
     left: Array
     values: Array
+    inverse: Array
     right: Array
-    free: Array
+    rank: Indices
 
-    @property
-    def rank(self) -> int:
-        """Number r of independent rows."""
-        return int(self.values.shape[-1])
+    @classmethod
+    def of(cls, rows: Array, places: Indices, joints: Indices, reach: Array) -> RowGroup:
+        """Return some rows of G, shape (.., m, nv), decomposed; of each row the length that it can have, shape (m,)."""
+        matrix = np.ascontiguousarray(rows[..., places[:, None], joints])
+        reach = reach[places]
+        length = np.sqrt(np.vecdot(matrix, matrix))
+        counts = length > VANISHED * reach
+        scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
+        acting = counts.reshape(-1, len(places)).any(axis=0)  # others are 0 everywhere, as those that hold a plane
+        scaled = matrix[..., acting, :] * (counts * scale)[..., acting, None]
+        u, values, right = np.linalg.svd(scaled, full_matrices=bool(acting.sum() < len(joints)))
+        left = np.zeros((*length.shape, values.shape[-1]))
+        left[..., acting, :] = u[..., : values.shape[-1]]
+        held = values > RANK * values[..., :1]
+        inverse = held / np.where(held, values, 1.0)
+        return cls(places, joints, matrix, scale, left, values * held, inverse, right, np.asarray(held.sum(axis=-1)))
+
+    def of_one_rank(self) -> RowGroup:
+        first = self.rank.flat[0]
+        inverse = np.where((self.rank == first)[..., None], self.inverse, np.nan)
+        return replace(self, inverse=inverse, rank=np.full_like(self.rank, first))
+
+    @cached_property
+    def free(self) -> Array:
+        """Orthonormal basis of the null space, shape (.., w, f); 0 in place of motions that exist elsewhere only."""
+        least, count = int(self.rank.min()), self.values.shape[-1]
+        free = _beyond(self.right.swapaxes(-1, -2), self.rank, least)
+        # one step of refinement, so that small parts, such as turns beside long slides, are as exact
+        tied = self.left.swapaxes(-1, -2) @ (self.scale[..., None] * (self.matrix @ free))
+        return np.asarray(free - self.right[..., :count, :].swapaxes(-1, -2) @ (self.inverse[..., None] * tied))
 
     @cached_property
     def stresses(self) -> Array:
-        """Basis of the multipliers with ``G^T lam = 0``, each of length 1, shape (.., m, m - r)."""
-        beyond = self.scale[..., None] * np.linalg.svd(self.left)[0][..., self.rank :]
-        return np.asarray(beyond / np.linalg.norm(beyond, axis=-2, keepdims=True))
+        """Basis of the multipliers with ``G^T lam = 0``, each of length 1, shape (.., m, s); 0 as in ``free``."""
+        least, count, m = int(self.rank.min()), self.values.shape[-1], len(self.rows)
+        whole = self.left
+        if count < m:
+            whole = np.concatenate([whole, np.linalg.svd(whole)[0][..., count:]], axis=-1)
+        beyond = self.scale[..., None] * _beyond(whole, self.rank, least)
+        lengths = np.linalg.norm(beyond, axis=-2, keepdims=True)
+        return np.asarray(beyond / np.where(lengths > 0.0, lengths, 1.0))
 
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., w)."""
-        return np.asarray(np.vecmat(np.vecmat(self.scale * right, self.left) / self.values, self.right))
+        along = np.vecmat(self.scale * right, self.left) * self.inverse
+        return np.asarray(np.vecmat(along, self.right[..., : along.shape[-1], :]))
 
     def reached(self, right: Array) -> Array:
         """Return ``D^-1 U U^T D right``, shape (.., m)."""
-        return np.asarray(np.matvec(self.left, np.vecmat(self.scale * right, self.left)) / self.scale)
+        along = np.vecmat(self.scale * right, self.left) * (self.inverse != 0.0)
+        return np.asarray(np.matvec(self.left, along) / self.scale)
 
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, refined once, shape (.., m).
@@ -101,23 +138,34 @@ class RowGroup(Record, frozen=True):
         return lam + self._unrefined(force - np.vecmat(lam, self.matrix))
 
     def _unrefined(self, force: Array) -> Array:
-        along = np.matvec(self.right, force)
-        if self.scale.shape == self.values.shape:
-            return np.asarray(self.scale * np.matvec(self.left, along / self.values))
+        along = np.matvec(self.right[..., : self.values.shape[-1], :], force)
+        if (self.rank == len(self.rows)).all():
+            return np.asarray(self.scale * np.matvec(self.left, along * self.inverse))
         q, r = self._spanned
-        return np.asarray(np.matvec(q, _solved(r.swapaxes(-1, -2), along)))
+        return np.asarray(np.matvec(q, np.linalg.solve(r, (along * (self.inverse != 0.0))[..., None])[..., 0]))
 
     @cached_property
     def _spanned(self) -> tuple[Array, Array]:
-        """``G V = Q R``: redundant rows share a force by their own lengths."""
-        q, r = np.linalg.qr(self.matrix @ self.right.swapaxes(-1, -2))
-        return q, r
+        """Q and R^T of ``G V = Q R``: redundant rows share a force by their own lengths; R is 1 beyond the rank."""
+        held = self.inverse != 0.0
+        q, r = np.linalg.qr(self.matrix @ (self.right[..., : held.shape[-1], :] * held[..., None]).swapaxes(-1, -2))
+        return q, r.swapaxes(-1, -2) + np.eye(held.shape[-1]) * ~held[..., None]
 
 
-class SplitRows(Record, frozen=True):
-    """The null space of G, and its rows decomposed by group, at one or at several configurations of the same rank.
+def _beyond(basis: Array, rank: Indices, least: int) -> Array:
+    """Return the columns of matrices behind the least rank; 0 in place of those within the rank, shape (..)."""
+    columns = basis[..., least:]
+    if (rank == least).all():
+        return columns
+    return np.where((np.arange(least, basis.shape[-1]) >= rank[..., None])[..., None, :], columns, 0.0)
+
+
+class Decomposition(Record, frozen=True):
+    """G decomposed at configurations, shape (..), group by group; their ranks may differ.
 
     Attributes:
+        groups: Rows that share joints.
+        alone: Joints that no row ties, shape (k,).
         shape: Of G, (.., m, nv).
     """
 
@@ -125,21 +173,55 @@ class SplitRows(Record, frozen=True):
     alone: Indices
     shape: tuple[int, ...]
 
+    @classmethod
+    def of(cls, rows: Array, reach: Array | float = 1.0) -> Decomposition:
+        """Return the decomposition of G, shape (.., m, nv).
+
+        Args:
+            reach: The length that each row can have, shape (m,), or one for all.
+        """
+        m, nv = rows.shape[-2:]
+        states, reach = tuple(range(rows.ndim - 2)), np.broadcast_to(reach, m)
+        largest = np.maximum(rows.max(axis=states, initial=0.0), -rows.min(axis=states, initial=0.0))
+        groups, alone = _groups((largest > TIED * reach[:, None]).tobytes(), m, nv)
+        return cls([RowGroup.of(rows, *group, reach) for group in groups], alone, rows.shape)
+
+    def of_one_rank(self) -> Decomposition:
+        """Return the decomposition with NaN at configurations whose rank is not that of the first."""
+        return replace(self, groups=[group.of_one_rank() for group in self.groups])
+
     @cached_property
     def free(self) -> Array:
-        """Orthonormal basis T of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r).
+        """Orthonormal basis T of the motions that the rows allow, ``G T = 0``, shape (.., nv, f).
 
-        Each is a motion of one group.
+        Each is a motion of one group. Columns beyond the freedom of a configuration are 0; they are the last ones.
         """
         if len(self.groups) == 1 and not len(self.alone):
-            return self.groups[0].free
-        parts = [(self.alone, np.eye(len(self.alone))), *((group.joints, group.free) for group in self.groups)]
-        return _side_by_side((*self.shape[:-2], self.shape[-1]), parts)
+            free = self.groups[0].free
+        else:
+            parts = [(self.alone, np.eye(len(self.alone))), *((group.joints, group.free) for group in self.groups)]
+            free = _side_by_side((*self.shape[:-2], self.shape[-1]), parts)
+        if (self.freedom == free.shape[-1]).all():
+            return free
+        order = np.argsort(~free.any(axis=-2), axis=-1, kind="stable")
+        return np.take_along_axis(free, order[..., None, :], axis=-1)
+
+    def by_freedom(self) -> Iterator[tuple[Indices, Array]]:
+        """Yield places of n configurations and T there, shape (places, .., nv, f), where the freedom f is the same."""
+        freedom = self.freedom.reshape(self.shape[0], -1).max(axis=1)
+        for count in sorted(set(freedom.tolist())):
+            places = np.flatnonzero(freedom == count)
+            yield places, self.free[places, ..., :count]
+
+    @cached_property
+    def freedom(self) -> Indices:
+        """Number of free motions, shape (..)."""
+        return np.asarray(self.shape[-1] - self.rank)
 
     @property
-    def rank(self) -> int:
-        """Number of independent rows."""
-        return sum(group.rank for group in self.groups)
+    def rank(self) -> Indices:
+        """Number of independent rows, shape (..)."""
+        return np.asarray(sum((group.rank for group in self.groups), np.zeros(self.shape[:-2], dtype=np.intp)))
 
     @property
     def regularity(self) -> float:
@@ -147,11 +229,15 @@ class SplitRows(Record, frozen=True):
 
         0 without rows.
         """
-        return min((float(group.values[-1] / group.values[0]) for group in self.groups if group.rank), default=0.0)
+        ratios = (group.values[int(group.rank) - 1] / group.values[0] for group in self.groups if group.rank)
+        return float(min(ratios, default=0.0))
 
     @cached_property
     def stresses(self) -> Array:
-        """Basis of the multipliers with ``G^T lam = 0``, each of one group and of length 1, shape (.., m, m - r)."""
+        """Basis of the multipliers with ``G^T lam = 0``, each of one group and of length 1, shape (.., m, s).
+
+        0 where there are fewer than elsewhere.
+        """
         return _side_by_side(self.shape[:-1], [(group.rows, group.stresses) for group in self.groups])
 
     def particular(self, right: Array) -> Array:
@@ -189,114 +275,6 @@ def _side_by_side(shape: tuple[int, ...], parts: Sequence[tuple[Indices, Array]]
     return whole
 
 
-def split_rows(rows: Array, reach: Array | float = 1.0) -> SplitRows:
-    """Return the decomposition of G at one configuration, shape (m, nv); ``reach`` as in ``RowDecompositions.of``."""
-    groups, alone = _groups_of(rows[None], reach)
-    return SplitRows([_decomposed(rows[None], group, reach)[1](0) for group in groups], alone, rows.shape)
-
-
-def of_one_rank(rows: Array, reach: Array | float = 1.0) -> SplitRows:
-    """Return the decomposition of G, shape (n, k, m, nv); NaN at configurations without the rank of the first."""
-    flat, states = rows.reshape(-1, *rows.shape[-2:]), rows.shape[:-2]
-    groups, alone = _groups_of(flat, reach)
-    cuts = (_decomposed(flat, group, reach, one_rank=True)[1](np.arange(len(flat))) for group in groups)
-    arrays = ("matrix", "scale", "left", "values", "right", "free")
-    shaped = [
-        replace(cut, **{name: (x := getattr(cut, name)).reshape(*states, *x.shape[1:]) for name in arrays})
-        for cut in cuts
-    ]
-    return SplitRows(shaped, alone, rows.shape)
-
-
-class RowDecompositions(Record, frozen=True):
-    """G decomposed at n configurations, those with the same ranks together.
-
-    Attributes:
-        parts: Places of some of the configurations, and their decomposition.
-        shape: Of G, (n, m, nv), of k variants (n, k, m, nv).
-    """
-
-    parts: Sequence[tuple[Indices, SplitRows]]
-    shape: tuple[int, ...]
-
-    @classmethod
-    def of(cls, rows: Array, reach: Array | float = 1.0) -> RowDecompositions:
-        """Return the decompositions."""
-        groups, alone = _groups_of(rows, reach)
-        decomposed = [_decomposed(rows, group, reach) for group in groups]
-        ranks = np.array([own for own, _ in decomposed]).reshape(len(groups), len(rows)).T
-        parts = []
-        for kind in sorted(set(map(tuple, ranks.tolist()))):
-            places = np.flatnonzero((ranks == kind).all(axis=1))
-            shape = len(places), *rows.shape[1:]
-            parts.append((places, SplitRows([cut(places) for _, cut in decomposed], alone, shape)))
-        return cls(parts, rows.shape)
-
-    def multipliers(self, force: Array) -> Array:
-        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (n, m)."""
-        return self.each(self.shape[-2], lambda split, force: split.multipliers(force), force)
-
-    @property
-    def rank(self) -> int:
-        """Number of independent rows, where there are fewest."""
-        return min(split.rank for _, split in self.parts)
-
-    @property
-    def stresses(self) -> Array:
-        """Multipliers with ``G^T lam = 0``, shape (n, m, s); padded with 0 where there are fewer than elsewhere."""
-        stresses = np.zeros((*self.shape[:-1], self.shape[-2] - self.rank))
-        for places, split in self.parts:
-            stresses[places, ..., : split.stresses.shape[-1]] = split.stresses
-        return stresses
-
-    def each(self, width: int, function: Callable[..., Array], *arrays: Any) -> Array:
-        """Return a function of the decomposition and of rows of arrays at all configurations, shape (n, width)."""
-        values = np.empty((*self.shape[:-2], width))
-        for places, split in self.parts:
-            values[places] = function(split, *(x[places] for x in arrays))
-        return values
-
-
-def _decomposed(
-    rows: Array, group: tuple[Indices, Indices], reach: Array | float, *, one_rank: bool = False
-) -> tuple[Indices, Callable[[Indices | int], RowGroup]]:
-    """Return the ranks of one group at n configurations, and the group at one of them, or at several of one rank.
-
-    With ``one_rank``, it is NaN at configurations without the rank of the first.
-    """
-    some, joints = group
-    matrix = np.ascontiguousarray(rows[:, some[:, None], joints])
-    reach = np.broadcast_to(reach, rows.shape[1])[some]
-    length = np.sqrt(np.vecdot(matrix, matrix))
-    counts = length > VANISHED * reach
-    scale = 1.0 / np.where(counts, np.maximum(length, SHORT * reach), 1.0)
-    acting = counts.any(axis=0)  # other rows are 0 everywhere, as those that hold a plane linkage in its plane
-    scaled, left = np.zeros_like(matrix), np.zeros((*matrix.shape[:2], min(int(acting.sum()), len(joints))))
-    scaled[:, acting] = matrix[:, acting] * (counts * scale)[:, acting, None]
-    u, values, right = np.linalg.svd(scaled[:, acting], full_matrices=bool(acting.sum() < len(joints)))
-    left[:, acting] = u[..., : left.shape[2]]
-    ranks = (values > RANK * values[:, :1]).sum(axis=1)
-    if one_rank:
-        values[ranks != ranks[:1]] = np.nan
-
-    def cut(at: Indices | int) -> RowGroup:
-        r = int(np.ravel(ranks[at])[0])
-        u, s, vt = left[at][..., :r], values[at][..., :r], right[at][..., :r, :]
-        free = right[at][..., r:, :].swapaxes(-1, -2)
-        # one step of refinement, so that small parts, such as turns beside long slides, are as exact
-        free = free - vt.swapaxes(-1, -2) @ ((u.swapaxes(-1, -2) @ (scaled[at] @ free)) / s[..., None])
-        return RowGroup(some, joints, matrix[at], scale[at], u, s, vt, free)
-
-    return ranks, cut
-
-
-def _groups_of(rows: Array, reach: Array | float) -> tuple[list[tuple[Indices, Indices]], Indices]:
-    """Return rows and joints of each group of G, shape (n, m, nv), and the joints that no row ties."""
-    _, m, nv = rows.shape
-    largest = np.maximum(rows.max(axis=0, initial=0.0), -rows.min(axis=0, initial=0.0))
-    return _groups((largest > TIED * np.asarray(reach)[..., None]).tobytes(), m, nv)
-
-
 @lru_cache(maxsize=64)
 def _groups(pattern: bytes, m: int, nv: int) -> tuple[list[tuple[Indices, Indices]], Indices]:
     """Return the groups of a pattern, the bytes of flags of shape (m, nv)."""
@@ -312,10 +290,6 @@ def _groups(pattern: bytes, m: int, nv: int) -> tuple[list[tuple[Indices, Indice
     if m and not groups:
         groups = [(np.arange(m), np.arange(0))]
     return groups, np.flatnonzero(~moved)
-
-
-def _solved(matrix: Array, right: Array) -> Array:
-    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
 
 def independent_rows(matrix: Array, rank: int, reach: Array | float = 1.0) -> list[int]:

@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import Constraint
-from pinarm.engine.constraints.nullspace import ACTS, RowDecompositions
+from pinarm.engine.constraints.nullspace import ACTS, Decomposition
 from pinarm.errors import several
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -47,9 +47,8 @@ class SelfStresses(Record, frozen=True):
     q: Array
 
     @cached_property
-    def splits(self) -> RowDecompositions:
-        """The rows of the constraints, taken apart."""
-        return self.closure.splits(self.q)
+    def split(self) -> Decomposition:
+        return self.closure.split_at(self.q)
 
     @cached_property
     def links(self) -> LinkPlacements:
@@ -59,11 +58,11 @@ class SelfStresses(Record, frozen=True):
     @property
     def degree(self) -> int:
         """Degree of hyperstatism: number of rows that repeat others, where there are most."""
-        return self.closure.size - self.splits.rank if self.closure.size and len(self.q) else 0
+        return self.closure.size - int(self.split.rank.min()) if self.closure.size and len(self.q) else 0
 
     def on(self, functions: Array) -> Array:
         """Return the changes of functions of the multipliers by self-stresses, shape (n, m, k) to (s, n, k)."""
-        return np.moveaxis(self.splits.stresses.swapaxes(-1, -2) @ functions, -2, 0)
+        return np.moveaxis(self.split.stresses.swapaxes(-1, -2) @ functions, -2, 0)
 
     def on_loop(self, joint: LoopJoint) -> Array:
         """Return the changes of the wrench of a loop joint, see ``LoopJoint.wrench``, shape (s, n, 6)."""

@@ -32,33 +32,31 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecompositions, SplitRows, solved_positive
+from pinarm.engine.constraints.nullspace import Decomposition, solved_positive
 from pinarm.engine.dynamics.dynamics import Dynamics
 
 NUMBERS = 20_000_000
 """Numbers of the mass matrices that are computed together."""
 
 
-def solve(rows: SplitRows, mass: Array, force: Array, right: Array) -> Array:
+def solve(rows: Decomposition, mass: Array, force: Array, right: Array) -> Array:
     """Return the a of (1) and (2): the one that minimises ``a^T M a / 2 - f . a`` while ``G a = b``, shape (.., nv).
 
     Args:
-        rows: G, taken apart, at one or several configurations.
+        rows: G, decomposed.
         mass: M, shape (.., nv, nv).
         force: f, shape (.., nv).
         right: b, shape (.., m).
     """
     a = rows.particular(right)
-    if rows.free.shape[-1]:
+    if count := rows.free.shape[-1]:
         transposed = rows.free.swapaxes(-1, -2)
         wanted = np.matvec(transposed, force - (mass @ a[..., None])[..., 0])
-        a = a + (rows.free @ solved_positive(transposed @ (mass @ rows.free), wanted[..., None]))[..., 0]
+        reduced = transposed @ (mass @ rows.free)
+        if (rows.freedom < count).any():  # columns of T that are 0
+            reduced = reduced + np.eye(count) * (np.arange(count) >= rows.freedom[..., None])[..., None]
+        a = a + (rows.free @ solved_positive(reduced, wanted[..., None]))[..., 0]
     return a
-
-
-def solve_each(rows: RowDecompositions, mass: Array, force: Array, right: Array) -> Array:
-    """Return the accelerations of ``solve`` at n configurations, whose ranks may differ, shape (n, nv)."""
-    return rows.each(rows.shape[-1], solve, mass, force, right)
 
 
 def accelerations(dynamics: Dynamics, closure: Closure, t: Array | float, q: Array, v: Array, tau: Array) -> Array:
@@ -75,6 +73,6 @@ def accelerations(dynamics: Dynamics, closure: Closure, t: Array | float, q: Arr
         t = np.broadcast_to(t, len(q))
         parts = (slice(start, start + most) for start in range(0, len(q), most))
         return np.concatenate([accelerations(dynamics, closure, t[k], q[k], v[k], tau[k]) for k in parts])
-    rows = closure.splits(q)
+    rows = closure.split_at(q)
     force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
-    return solve_each(rows, dynamics.mass_matrices(q), force, -closure.drifts(q, v))
+    return solve(rows, dynamics.mass_matrices(q), force, -closure.drifts(q, v))

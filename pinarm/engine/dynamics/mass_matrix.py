@@ -48,8 +48,8 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
     if not closure.size:
         _require(model, np.broadcast_to(np.eye(model.nv), mass.shape), mass, q, t)
         return
-    for places, split in closure.splits(q).parts:
-        _require(model, split.free, mass[places], q[places], t)
+    for places, free in closure.split_at(q).by_freedom():
+        _require(model, free, mass[places], q[places], t)
 
 
 def massive(model: pin.Model) -> bool:

@@ -20,7 +20,6 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import one_sided
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.friction.complementarity import FrictionBalance
 from pinarm.engine.friction.slip import SlipGroup
 from pinarm.errors import DynamicsError
@@ -125,12 +124,12 @@ def _exchanges(balance: FrictionBalance, group: SlipGroup) -> Iterator[Array]:
         yield exchange
 
 
-def held_part(closure: Closure, lam: Multipliers, other: Multipliers) -> Array:
+def held_part(closure: Closure, lam: Array, other: Array) -> Array:
     """Return the part of the step between two frictions, by multipliers, on which one-sided constraints hold, (n,)."""
     part, slices = np.ones(len(lam)), closure.slices
     for constraint in one_sided(closure.constraints):
         row = slices[constraint.name].start
-        pushes = (constraint.side * np.asarray(multipliers)[:, row] for multipliers in (lam, other))
+        pushes = (constraint.side * multipliers[:, row] for multipliers in (lam, other))
         part = np.minimum(part, pushing_part(*pushes))
     return part
 

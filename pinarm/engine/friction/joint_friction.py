@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
@@ -293,7 +293,7 @@ class JointFriction(ForceElement):
         """Return the velocity nearest to v in which some slips are at rest, shape (nv,)."""
         model, rows = self.closure.model, self.rows.rows(self.rows.state(q))
         target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.zeros(len(still))])
-        split = split_rows(np.vstack([rows, slip_rows_at(model, self.contacts, q)[still]]))
+        split = Decomposition.of(np.vstack([rows, slip_rows_at(model, self.contacts, q)[still]]))
         mass = mass_matrix(model, q)
         return solve(split, mass, mass @ v, target)
 
@@ -325,7 +325,7 @@ class JointFriction(ForceElement):
         rates = [law.on(start, end)(start + (end - start) * INSTANTS)[1:] for law in laws.laws]
         resting = [k for k, rate in enumerate(rates) if not np.any(rate)]
         closure = self.closure.with_guides([laws.names[k] for k in resting], [laws.coordinates[k] for k in resting])
-        return split_rows(closure.rows(closure.state(q))).free
+        return Decomposition.of(closure.rows(closure.state(q))).free
 
     def _standing_coordinate(self, group: SlipGroup, slip: Array, free: Array) -> Coordinate:
         contacts = [self.contacts[i] for i in group.members]

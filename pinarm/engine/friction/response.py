@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import SplitRows, solved_positive
+from pinarm.engine.constraints.nullspace import Decomposition, solved_positive
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
@@ -59,7 +59,7 @@ class _InState(NamedTuple):
     """Mechanism in one state (q, v), and accelerations (nv, k) and multipliers (k, m) per friction of size 1."""
 
     key: bytes
-    split: SplitRows
+    split: Decomposition
     mass: Array
     nle: Array
     right: Array
@@ -233,7 +233,7 @@ class BearingReactions:
                     expected="couplings that say how they act on bodies, or friction without a load: constant",
                 )
 
-    def require_determined(self, rows: SplitRows, q: Array) -> None:
+    def require_determined(self, rows: Decomposition, q: Array) -> None:
         """Raise where multipliers that do nothing load a bearing, at a configuration with its rows."""
         self._require_known()
         for contact in self.undetermined(rows, q):
@@ -246,7 +246,7 @@ class BearingReactions:
                     hint="no thrust_radius or span, or undetermined: minimum_norm, for the least multipliers",
                 )
 
-    def undetermined(self, rows: SplitRows, q: Array) -> list[FrictionContact]:
+    def undetermined(self, rows: Decomposition, q: Array) -> list[FrictionContact]:
         """Return the contacts whose bearings multipliers load that do nothing; see ``require_determined``."""
         m, nv, links = self.closure.size, self.closure.model.nv, LinkPlacements.at(self.closure.model, q[None])
         stresses = np.vstack([np.zeros((1, m)), rows.stresses.T])

@@ -434,6 +434,6 @@ def beside(mechanism: Mechanism, q: Array) -> list[Array]:
 
 def generic(mechanism: Mechanism, q: Sequence[Array]) -> Array:
     """Return the first of some closed configurations, shape (nq,), whose rank most of them have."""
-    ranks = [mechanism.closure.split_at(configuration).rank for configuration in q]
+    ranks: list[int] = mechanism.closure.split_at(np.array(q)).rank.tolist()
     counted = Counter(ranks)
     return q[ranks.index(max(counted, key=lambda rank: (counted[rank], rank)))]

@@ -21,8 +21,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure, slides
 from pinarm.engine.constraints.constraint_rows import Measured
-from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.newton import assembled
@@ -127,7 +126,7 @@ class Forces(Record, frozen=True):
 def state_row(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array) -> Trajectory:
     """Return a state as a table of one row, at rest and without efforts."""
     grid, still = Grid(np.full(1, t), (t, float(np.nextafter(t, np.inf))), (0, 1)), np.zeros((1, len(v)))
-    closure, lam = mechanism.closure, Multipliers.zero(1, mechanism.closure.size)
+    closure, lam = mechanism.closure, np.zeros((1, mechanism.closure.size))
     row = Trajectory(mechanism, ROW, unit("1"), grid, q[None], v[None], still, still, lam, closure, dynamics)
     return replace(row, separate=True)
 
@@ -181,7 +180,7 @@ class ForceBalance(Record, frozen=True):
         slips = slip_rows_at(self.mechanism.model, self.contacts, q)
         stuck = at_rest(self.contacts, slips @ v, v)
         rows, slipping, f = np.vstack([rows, slips[stuck]]), slips[~stuck], np.zeros(len(stuck))
-        split = split_rows(rows, np.append(self.closure.reach, np.ones(len(rows) - driven)))
+        split = Decomposition.of(rows, np.append(self.closure.reach, np.ones(len(rows) - driven)))
         demand = self.dynamics.inverse(0.0, q[None], v[None], np.zeros((1, len(v))))[0]
         sliding = [contact for contact, held in zip(self.contacts, stuck, strict=True) if not held]
         state = state_row(self.mechanism, self.dynamics, 0.0, q, v)
@@ -190,7 +189,7 @@ class ForceBalance(Record, frozen=True):
             f[stuck] = carried[driven:]
             if not sliding:
                 break
-            tau, lam = carried[own:driven] @ rows[own:driven], Multipliers.known(carried[None, :own], own)
+            tau, lam = carried[own:driven] @ rows[own:driven], carried[None, :own]
             friction = slip_friction(with_friction(replace(state, lam=lam, tau=tau[None]), f[None]), sliding)[0]
             change, f[~stuck] = np.abs(friction - f[~stuck]).max(), friction
             if change <= 0.1 * BALANCED * np.abs(friction).max():

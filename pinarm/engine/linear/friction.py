@@ -124,7 +124,7 @@ def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
     loads = np.zeros((len(run), len(contacts)), run.q.dtype)
     if not any(contact.law.loaded for contact in contacts):
         return loads
-    reactions, multipliers = Reactions(run, 0), np.asarray(run.lam)
+    reactions, multipliers = Reactions(run, 0), run.lam
     lam = {name: multipliers[:, rows] for name, rows in run.closure.slices.items()}
     for k, contact in enumerate(contacts):
         if contact.law.loaded:

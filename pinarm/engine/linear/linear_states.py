@@ -16,7 +16,6 @@ import pinocchio as pin
 
 from pinarm.arrays import AT_KINK, STEP, Array, Complex, Flags
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, GuidedCoordinate, Measured, one_sided
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.mass_matrix import require_masses
@@ -256,7 +255,7 @@ class Linearisation(Record, frozen=True):
     def derivatives(self) -> EquationDerivatives:
         """Derivatives of the equation of motion, with constraints, drives and slips."""
         state = self.state
-        lam = np.concatenate([np.asarray(state.lam)[0, : self._own], self.drives.efforts, self.friction.f])
+        lam = np.concatenate([state.lam[0, : self._own], self.drives.efforts, self.friction.f])
         t, q, v, a = float(state.grid.t[0]), state.q[0], state.v[0], state.a[0]
         return equation_derivatives(state.dynamics, self._measured, t, q, v, a, lam)
 
@@ -308,7 +307,7 @@ class Linearisation(Record, frozen=True):
             v=state.v[0] + 1j * STEP * v.T,
             a=state.a[0] + 1j * STEP * a.T,
             tau=state.tau[0] + 1j * STEP * (tau + driven).T,
-            lam=Multipliers.known(np.asarray(state.lam)[0] + 1j * STEP * np.vstack([lam[:own], guides]).T, own),
+            lam=state.lam[0] + 1j * STEP * np.vstack([lam[:own], guides]).T,
             directions=np.sign(np.broadcast_to(state.v, (count, model.nv))),
             **changes,
         )
@@ -388,7 +387,7 @@ def derivatives(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array |
             hint="friction: none in the mechanism file, or linearise, which holds joints that stick",
         )
     held = dynamics.inverse(t, q[None], v[None], a[None]) - tau
-    lam = Multipliers.least(mechanism.closure, q[None], held, np.zeros((1, 0)))
+    lam = mechanism.closure.multipliers(q[None], held)
     slopes = equation_derivatives(dynamics, mechanism.constraints, t, q, v, a, lam[0])
     _require_smooth(mechanism, dynamics, t, q, v, slopes)
     return slopes
@@ -419,7 +418,7 @@ def linearised_row(row: Trajectory, prescribed: Sequence[str]) -> Linearisation:
     }
     named = {**guides, **{name: mechanism.coordinate(name) for name in prescribed}}
     efforts = np.zeros(len(named))
-    efforts[: len(guides)] = np.asarray(row.lam)[0, own:]
+    efforts[: len(guides)] = row.lam[0, own:]
     drives = Drives(
         (*named,), (*named.values(),), efforts, np.array([name in prescribed for name in named], dtype=bool)
     )
@@ -444,9 +443,9 @@ def _completed(state: Trajectory, drives: Drives) -> Trajectory:
         require_masses(closure, q, t)
     a = accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
     held = dynamics.inverse(t, q, v, a) - tau
-    lam = np.asarray(Multipliers.least(mechanism.closure, q, held, np.zeros((1, 0))))
+    lam = mechanism.closure.multipliers(q, held)
     _require_pushes(mechanism, lam[0])
-    return replace(state, a=a, lam=Multipliers.known(np.hstack([lam, guided.T]), own))
+    return replace(state, a=a, lam=np.hstack([lam, guided.T]))
 
 
 def _require_pushes(mechanism: Mechanism, lam: Array) -> None:

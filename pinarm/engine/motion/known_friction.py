@@ -19,7 +19,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.constraint_rows import rows_of
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import ROUNDED, CarriedLoads, Slipping
@@ -95,10 +95,10 @@ class KnownFriction:
         n, k = len(run), len(contacts)
         if not any(contact.law.loaded for contact in contacts):
             return [CarriedLoads.linear(np.zeros((k, 6)), np.zeros((k, k, 6)))] * n
-        split = split_rows(run.closure.rows(run.closure.state(run.q[0]))[: own.size])  # the first row stands for all
+        split = Decomposition.of(own.rows(own.state(run.q[0])))  # the first row stands for all
         BearingReactions(contacts, own, run.intervals()[0][1]).require_determined(split, run.q[0])
         frictions = np.vstack([np.zeros(k), np.eye(k)])
-        lam = np.stack([np.asarray(self.under(np.tile(f, (n, 1))).lam) for f in frictions], axis=1)
+        lam = np.stack([self.under(np.tile(f, (n, 1))).lam for f in frictions], axis=1)
         a, loads = np.broadcast_to(run.a[:, None], (n, 1 + k, run.a.shape[1])), list[CarriedLoads]()
         for part, dynamics in run.intervals():
             transmission = BearingReactions(contacts, run.closure, dynamics)
@@ -187,7 +187,7 @@ class KnownFriction:
         own = run.mechanism.closure.at(run.q)[1]
         ways = np.empty((len(run), run.v.shape[1], len(coordinates)))
         for i in range(len(run)):
-            free = split_rows(own[i]).free
+            free = Decomposition.of(own[i]).free
             ways[i] = free @ np.linalg.lstsq(along[i] @ free, np.eye(len(coordinates)))[0]
         return ways
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.arrays import Array, Flags, distinct
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.kinematics.singular import running
@@ -145,7 +144,7 @@ class Prescription(Record, frozen=True):
         mechanism, q, v, a = self.mechanism, states.q, states.v, states.a
         if self.rates is not None:
             v, a = self.motion.rates(0.0, q, *self.rates)
-        lam = Multipliers.zero(len(q), mechanism.closure.size)
+        lam = np.zeros((len(q), mechanism.closure.size))
         closure = self.drives.closure if self.drives else mechanism.closure
         return Trajectory(
             mechanism, self.parameter, self.unit, states.grid, q, v, a, np.zeros_like(v), lam, closure, self.dynamics,

@@ -24,7 +24,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -154,7 +153,7 @@ class Recording:
         nothing = np.full((len(rows.t), mechanism.model.nv), np.nan)
         v, a = (nothing if x is None else x for x in (rows.v, rows.a))
         closure = mechanism.closure if self.drives is None or rows.tau is not None else self.drives.closure
-        lam, still = Multipliers.zero(len(rows.t), closure.size), np.zeros_like(nothing)
+        lam, still = np.zeros((len(rows.t), closure.size)), np.zeros_like(nothing)
         run = Trajectory(mechanism, "t", unit("s"), grid, rows.q, v, a, still, lam, closure, self.dynamics,
                          separate=True, unknown=rows.unknown, remedy="derivatives: spline")  # fmt: skip
         if beside is None:
@@ -162,7 +161,7 @@ class Recording:
         if lossy(mechanism):
             run = replace(run, directions=directions(v, a, *beside))
         if rows.tau is not None:
-            held = Multipliers.least(closure, rows.q, run.demand() - rows.tau, np.zeros((len(rows.t), 0)))
+            held = closure.multipliers(rows.q, run.demand() - rows.tau)
             return replace(run, tau=rows.tau, lam=held)
         if self.drives is None:
             return replace(run, no_efforts=NO_DRIVES)

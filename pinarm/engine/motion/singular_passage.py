@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import MANY
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion, JointMotion, JointTrajectory
 from pinarm.engine.kinematics.singular import instant
@@ -165,18 +164,16 @@ class SingularPassage(Record, frozen=True):
                 [array(interpolated[row])[0] if row in interpolated else known[places[row]] for row in taken]
             )
 
-        arrays = {name: joined(attrgetter(name)) for name in ("q", "v", "a", "tau")}
-        lam = Multipliers.known(joined(lambda run: np.asarray(run.lam)), rows.mechanism.closure.size)
-        return replace(rows, grid=grid.some(np.array(taken)), lam=lam, **arrays), np.isin(taken, [*interpolated])
+        arrays = {name: joined(attrgetter(name)) for name in ("q", "v", "a", "tau", "lam")}
+        return replace(rows, grid=grid.some(np.array(taken)), **arrays), np.isin(taken, [*interpolated])
 
     def _between(self, t: float, start: float, end: float) -> Trajectory | None:
         """Return the row at a value of the parameter, within an interval; ``None`` where it cannot be interpolated."""
         if (beside := self._beside(t, start, end)) is None:
             return None
-        arrays = (beside.q, beside.v, beside.a, beside.tau, np.asarray(beside.lam))
-        q, v, a, tau, forces = ((WEIGHTS @ x)[None] for x in arrays)
-        lam, grid = Multipliers.known(forces, beside.mechanism.closure.size), Grid(np.array([t]), (start, end), (0, 1))
-        row, whole = replace(beside.some(np.arange(1)), grid=grid, q=q, v=v, a=a, tau=tau, lam=lam), _whole(self.known)
+        arrays = {name: (WEIGHTS @ getattr(beside, name))[None] for name in ("q", "v", "a", "tau", "lam")}
+        grid = Grid(np.array([t]), (start, end), (0, 1))
+        row, whole = replace(beside.some(np.arange(1)), grid=grid, **arrays), _whole(self.known)
         gap = whole.gap(whole.state(row.q[0]))
         wanted = [float(row.grid.evaluate(law)[0][0]) for law in self.known.motion.laws]
         gap[len(gap) - len(wanted) :] -= wanted
@@ -262,15 +259,15 @@ def _driven(row: Trajectory, drives: Actuation) -> Trajectory | None:
     speed = float(along @ v)
     if others or abs(speed) <= RESTING * float(np.abs(along) @ np.abs(v)):
         return None
-    missing, own, lam = float(_balance(row)[0] @ v) / speed, row.mechanism.closure.size, np.asarray(row.lam)
+    missing, own, lam = float(_balance(row)[0] @ v) / speed, row.mechanism.closure.size, row.lam
     if row.closure.size == own:
         return replace(row, tau=row.tau + missing * along)
-    return replace(row, lam=Multipliers.known(np.hstack([lam[:, :own], lam[:, own:] + missing]), own))
+    return replace(row, lam=np.hstack([lam[:, :own], lam[:, own:] + missing]))
 
 
 def _held(row: Trajectory) -> Trajectory:
-    along = np.asarray(row.lam)[:, row.mechanism.closure.size :]
-    return replace(row, lam=Multipliers.least(row.closure, row.q, row.demand() - row.tau, along))
+    along = row.lam[:, row.mechanism.closure.size :]
+    return replace(row, lam=row.closure.multipliers(row.q, row.demand() - row.tau, along))
 
 
 def _residual(row: Trajectory) -> float:
@@ -283,5 +280,5 @@ def _residual(row: Trajectory) -> float:
 
 def _balance(row: Trajectory) -> tuple[Array, Array]:
     """Return the residual ``M a + nle - loads - tau - G^T lam`` of a row, and the sizes of its terms, both (nv,)."""
-    demand, lam, rows = row.demand()[0], np.asarray(row.lam)[0], row.closure.at(row.q)[1][0]
+    demand, lam, rows = row.demand()[0], row.lam[0], row.closure.at(row.q)[1][0]
     return demand - row.tau[0] - lam @ rows, np.abs(demand) + np.abs(row.tau[0]) + np.abs(lam) @ np.abs(rows)

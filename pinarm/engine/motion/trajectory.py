@@ -11,7 +11,6 @@ from msgspec import field
 
 from pinarm.arrays import Array, Flags, Indices, in_one, vecmat
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
@@ -86,7 +85,7 @@ class Trajectory(Record, frozen=True):
     v: Array
     a: Array
     tau: Array
-    lam: Multipliers
+    lam: Array
     closure: Closure
     dynamics: Dynamics
     no_efforts: str = ""
@@ -111,7 +110,7 @@ class Trajectory(Record, frozen=True):
         q, idle = np.atleast_2d(q), np.zeros((1, mechanism.model.nv))
         dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
         closure = closure or mechanism.closure
-        lam = Multipliers.known(np.zeros((1, closure.size)), mechanism.closure.size)
+        lam = np.zeros((1, closure.size))
         return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, lam, closure, dynamics)
 
     @cached_property
@@ -167,13 +166,11 @@ class Trajectory(Record, frozen=True):
 
     def some(self, rows: Indices) -> Trajectory:
         """Return some of the rows, in their order, shape (n,); one may be there several times."""
-        names = ("q", "v", "a", "tau", "directions", "rate_errors", "opened", "endless")
+        names = ("q", "v", "a", "tau", "lam", "directions", "rate_errors", "opened", "endless")
         arrays = {name: None if (x := getattr(self, name)) is None else x[rows] for name in names}
         columns = {name: replace(series, values=series.values[rows]) for name, series in self.columns.items()}
         others = tuple(other.some(rows) for other in self.others)
-        return replace(
-            self, grid=self.grid.some(rows), lam=self.lam.some(rows), columns=columns, others=others, **arrays
-        )
+        return replace(self, grid=self.grid.some(rows), columns=columns, others=others, **arrays)
 
     @cached_property
     def friction(self) -> Array:
@@ -234,7 +231,7 @@ class Trajectory(Record, frozen=True):
             return self.supplied[..., rotor] + self._lost_in_gear(drive)
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
-        lam, places = np.asarray(self.lam), self.closure.slices
+        lam, places = self.lam, self.closure.slices
         effort = np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
         return effort + self._friction_in(acting, joint) if self.mechanism.frictions else effort
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import VariantClosure
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
@@ -131,7 +130,7 @@ class PrescribedVariants:
         q, v, a, sound = solved
         grid, times = self.grids[0], [grid.t for grid in self.grids]
         grid = grid if all(t is grid.t for t in times) else replace(grid, t=np.stack(times, axis=1))
-        lam = Multipliers.known(np.zeros((*q.shape[:2], closure.size)), closure.size)
+        lam = np.zeros((*q.shape[:2], closure.size))
         states = {"q": q, "v": v, "a": a, "tau": np.zeros_like(v), "lam": lam}
         rows = replace(self.run, grid=grid, mechanism=self.mechanism, closure=closure, dynamics=dynamics, **states)
         known = replace(prescription, mechanism=self.mechanism, dynamics=dynamics, drives=drives)
@@ -161,13 +160,13 @@ def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
 class DrivesOfVariants(SelectedDrives, frozen=True):
     """Drives at joints of variants, as many as there are degrees of freedom."""
 
-    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Array]:
         """Return the efforts and the multipliers, both from G taken apart once; NaN where they are not determined."""
-        ((_, split),) = self.closure.splits(q).parts
+        split = self.closure.split_at(q)
         weights = np.array([joint.weights for joint in self.joints.values()])
         ways, load = np.einsum("nkjf,dj->nkfd", split.free, weights), np.einsum("nkjf,nkj->nkf", split.free, demand)
         ways = np.broadcast_to(ways, (*load.shape, len(weights))).reshape(-1, load.shape[-1], len(weights))
         least = np.full(len(ways), WEAK * np.linalg.norm(weights, axis=1).max())
         effort, good = UNIQUE.efforts(ways, load.reshape(len(ways), -1), least, np.zeros(len(ways)))
         tau = (np.where(good[:, None], effort, np.nan) @ weights).reshape(demand.shape)
-        return tau, Multipliers.known(split.multipliers(demand - tau), self.closure.size)
+        return tau, split.multipliers(demand - tau)

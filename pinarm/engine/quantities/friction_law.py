@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import sampled
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.columns import BANDS
 from pinarm.engine.friction.joint_friction import INSTANT, REST
@@ -38,7 +38,7 @@ def friction_doubts(run: Trajectory) -> dict[str, str]:
     if not len(run) or not any(contact.shared and contact.law.loaded for contact in contacts):
         return {}
     own = run.mechanism.closure
-    split = split_rows(own.rows(own.state(run.q[0])))
+    split = Decomposition.of(own.rows(own.state(run.q[0])))
     some = BearingReactions(contacts, own, run.intervals()[0][1]).undetermined(split, run.q[0])
     if not some:
         return {}

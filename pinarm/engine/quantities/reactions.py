@@ -111,10 +111,10 @@ class Reactions:
         axis = loop_axis(self.loops[name])
         return None if axis is None else self.links.frame(self.loops[name].first)[0] @ axis
 
-    @cached_property
+    @property
     def multipliers(self) -> Array:
         """Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m], shape (n, m)."""
-        return np.asarray(self.run.lam)
+        return self.run.lam
 
     @cached_property
     def joints(self) -> Array:

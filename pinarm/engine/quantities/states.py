@@ -11,7 +11,6 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import one_sided
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.mass_matrix import require_masses
@@ -115,13 +114,13 @@ def _quantities(
 def _under(run: Trajectory, demand: Array, friction: Array, others: Sequence[tuple[Array, Flags]]) -> Trajectory:
     """Return states with their friction and multipliers, and with others that hold as well; see ``filled``."""
     if not run.mechanism.frictions:
-        return replace(run, lam=Multipliers.least(run.mechanism.closure, run.q, demand, np.zeros((len(run), 0))))
+        return replace(run, lam=run.mechanism.closure.multipliers(run.q, demand))
     from pinarm.engine.friction.columns import friction_columns
     from pinarm.engine.friction.extremes import held_part
 
     def under(friction: Array) -> Trajectory:
         held = demand - _friction_loads(run.mechanism, run.q, friction)
-        lam = Multipliers.least(run.mechanism.closure, run.q, held, np.zeros((len(run), 0)))
+        lam = run.mechanism.closure.multipliers(run.q, held)
         return replace(run, lam=lam, columns=friction_columns(run.mechanism.frictions, friction))
 
     rows, tables = under(friction), list[Trajectory]()
@@ -158,7 +157,7 @@ def _rows(mechanism: Mechanism, t: float, q: Array, v: Array, a: Array) -> Traje
     closure = mechanism.closure
     grid = Grid(np.full(len(q), float(t)), (float(t), float(np.nextafter(t, np.inf))), (0, len(q)))
     return Trajectory(
-        mechanism, "t", unit("s"), grid, q, v, a, np.zeros_like(v), Multipliers.zero(len(q), closure.size), closure,
+        mechanism, "t", unit("s"), grid, q, v, a, np.zeros_like(v), np.zeros((len(q), closure.size)), closure,
         mechanism.dynamics, separate=True,
     )  # fmt: skip
 
@@ -179,9 +178,10 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
     dynamics = mechanism.dynamics.on(t, np.nextafter(t, np.inf))
     demand = dynamics.inverse(t, q, v, a)
     _check_closed(mechanism.closure, leading, q, v, a)
-    sided = one_sided(mechanism.constraints)
+    sided, own = one_sided(mechanism.constraints), mechanism.closure.size
     if not mechanism.frictions and not sided:
-        return leading.unfold(_at_joints(acting, q, *acting.efforts(np.full(len(q), float(t)), q, demand)))
+        tau, lam = acting.efforts(np.full(len(q), float(t)), q, demand)
+        return leading.unfold(_at_joints(acting, q, tau, lam[:, own:]))
     run = replace(_rows(mechanism, t, q, v, a), closure=acting.closure)
     if mechanism.frictions:
         from pinarm.engine.motion.known_friction import KnownFriction
@@ -193,12 +193,11 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         run = replace(run, tau=tau, lam=lam)
     if sided:
         _check_sides(dynamics, leading, run, demand)
-    return leading.unfold(_at_joints(acting, q, run.tau, run.lam))
+    return leading.unfold(_at_joints(acting, q, run.tau, run.lam[:, own:]))
 
 
-def _at_joints(acting: Actuation, q: Array, tau: Array, lam: Multipliers) -> Array:
+def _at_joints(acting: Actuation, q: Array, tau: Array, along: Array) -> Array:
     """Return the efforts of all drives at the joints, shape (n, nv); task drives act by ``J^T``, as along a point."""
-    along = lam.along
     return tau + np.vecmat(along, acting.closure.at(q)[1][:, -along.shape[-1] :]) if along.size else tau
 
 
@@ -230,7 +229,7 @@ def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Ar
 def _check_sides(dynamics: Dynamics, leading: LeadingAxes, run: Trajectory, demand: Array) -> None:
     """Raise where a cable would have to push, or a cam that pushes only to pull, however constraints share the load."""
     closure = run.mechanism.closure
-    lam, sided = np.asarray(run.lam)[:, : closure.size], one_sided(run.mechanism.constraints)
+    lam, sided = run.lam[:, : closure.size], one_sided(run.mechanism.constraints)
     at_rest = dynamics.inverse(float(run.grid.t[0]), run.q, run.v, np.zeros_like(run.v))
     loads = np.maximum(np.abs(demand), np.abs(at_rest)).max(axis=1)
     sides = {closure.slices[constraint.name].start: constraint.side for constraint in sided}

@@ -16,7 +16,6 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.errors import InputError, as_names
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.records import Record
@@ -58,15 +57,15 @@ class DriveAtEveryJoint(Record, frozen=True):
         """The rows W of the couplings, the same at all configurations, shape (m, nv)."""
         return self.closure.rows(self.closure.state(pin.neutral(self.closure.model)))
 
-    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Array]:
         """Return the efforts of the leaders, 0 for the followers, and the multipliers."""
         if not self.followers:
-            return demand, Multipliers.known(np.zeros((*demand.shape[:-1], 0)), 0)
+            return demand, np.zeros((*demand.shape[:-1], 0))
         rows, followers = self._weights, list(self.followers)
         lam = np.asarray(np.linalg.solve(rows[:, followers].T, demand[:, followers].T).T, dtype=np.float64)
         tau = demand - lam @ rows
         tau[:, followers] = 0.0
-        return tau, Multipliers.known(lam, self.closure.size)
+        return tau, lam
 
     def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
         leaders = (name for name, joint in mechanism.joints.items() if joint.v not in self.followers)

@@ -17,9 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint_rows import rows_of
-from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.constraints.closure import BLOCK, Closure
 from pinarm.engine.kinematics.singular import instant
 from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_name
@@ -261,27 +259,36 @@ class SelectedDrives(Record, frozen=True):
     def driven(self) -> Flags:
         return driven_along(self.joints.values(), self.own.model.nv)
 
-    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Array]:
         """Return the efforts of the drives and the multipliers, the least ones where constraints are redundant."""
-        states, k = demand.shape[:-1], len(self.joints)
-        load = demand.reshape(-1, demand.shape[-1])
-        flat = np.broadcast_to(q, (*states, q.shape[-1])).reshape(len(load), -1)
-        effort, good = np.empty((len(flat), len(self.named))), np.empty(len(flat), dtype=bool)
-        for places, free in self.own.free_motions(flat):
-            effort[places], good[places] = self.distribution.efforts(*self._system(flat[places], load[places], free))
+        tau, lam = np.empty_like(demand), np.empty((len(q), self.closure.size))
+        for start in range(0, len(q), BLOCK):
+            some = slice(start, start + BLOCK)
+            tau[some], lam[some] = self._efforts(t[some], q[some], demand[some])
+        return tau, lam
+
+    def _efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Array]:
+        own, k, rows = self.own.size, len(self.joints), self.closure.at(q)[1]
+        split, effort, good = self.own.split(rows[:, :own]), np.empty((len(q), len(self.named))), np.empty(len(q), bool)
+        drives = np.empty((len(q), len(self.named), demand.shape[1]))  # S
+        drives[:, :k], drives[:, k:] = [joint.weights for joint in self.joints.values()], rows[:, own:]
+        for places, free in split.by_freedom():
+            system = self._system(q[places], demand[places], free, drives[places])
+            effort[places], good[places] = self.distribution.efforts(*system)
         if not good.all():
             row = int(good.argmin())
-            raise self._refusal(t[row * len(q) // len(flat)], flat[row : row + 1], load[row : row + 1])
-        weights = np.array([joint.weights for joint in self.joints.values()]).reshape(k, demand.shape[-1])
-        tau, along = (effort[:, :k] @ weights).reshape(demand.shape), effort[:, k:].reshape(*states, -1)
-        return tau, Multipliers.least(self.closure, q, demand - tau, along)
+            one, free = slice(row, row + 1), split.free[row : row + 1, :, : int(split.freedom[row])]
+            raise self._refusal(float(t[row]), free[0], *self._system(q[one], demand[one], free, drives[one]))
+        along = effort[:, k:]
+        tau = np.vecmat(effort[:, :k], drives[:, :k])
+        lam = split.multipliers(demand - tau - np.vecmat(along, rows[:, own:]))
+        return tau, np.concatenate([lam, along], axis=1)
 
-    def _system(self, q: Array, demand: Array, free: Array) -> tuple[Array, Array, Array, Array]:
+    def _system(self, q: Array, demand: Array, free: Array, drives: Array) -> tuple[Array, Array, Array, Array]:
         """Return ``(S T)^T``, the load ``T^T demand``, the least singular value and the rounding of the load."""
-        rows = rows_of(self.own.model, list(self.named.values()), q)
-        least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=np.finfo(float).tiny)
-        rounding = ROUNDED * np.einsum("fnj,nj->nf", np.abs(free), self._terms(q, demand, len(free)))
-        ways, load = np.einsum("fnj,ndj->nfd", free, rows), np.einsum("fnj,nj->nf", free, demand)
+        least = WEAK * np.linalg.norm(drives, axis=2).max(axis=1, initial=np.finfo(float).tiny)
+        rounding = ROUNDED * np.einsum("njf,nj->nf", np.abs(free), self._terms(q, demand, free.shape[-1]))
+        ways, load = np.einsum("njf,ndj->nfd", free, drives), np.einsum("njf,nj->nf", free, demand)
         return ways, load, least, rounding.max(axis=1, initial=0.0)
 
     def _terms(self, q: Array, demand: Array, freedom: int) -> Array:
@@ -292,9 +299,9 @@ class SelectedDrives(Record, frozen=True):
         data = new_data(model)
         return np.asarray(terms + np.array([weight_terms(model, data, row) for row in q]))
 
-    def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | DrivesError:
-        ((_, free),) = self.own.free_motions(q)
-        (ways,), (load,), (least,), (rounding,) = self._system(q, demand, free)
-        model, moved = self.own.model, free[:, 0] / self.own.scale
-        motions = {coordinate_name(model, k): moved[:, k] for k in range(model.nv)}
-        return self.distribution.refusal(t, self.named, ways, load, float(least), float(rounding), motions)
+    def _refusal(
+        self, t: float, free: Array, ways: Array, load: Array, least: Array, rounding: Array
+    ) -> DynamicsError | DrivesError:
+        model, moved = self.own.model, free / self.own.scale[:, None]
+        motions = {coordinate_name(model, k): moved[k] for k in range(model.nv)}
+        return self.distribution.refusal(t, self.named, ways[0], load[0], float(least[0]), float(rounding[0]), motions)

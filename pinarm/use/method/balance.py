@@ -100,7 +100,7 @@ def _carried(state: Quantities, actions: Actions) -> Iterator[Source]:
 def _of_constraint(run: Trajectory, constraint: Constraint) -> Iterator[Source]:
     """Yield the action of a constraint but for its part without a multiplier; see ``forces_of``."""
     kind = "loop" if isinstance(constraint, LoopJoint) else "tie" if hasattr(constraint, "rotor") else "coupling"
-    links, lam = run.link_motion[0], np.asarray(run.lam)[:, run.closure.slices[constraint.name]]
+    links, lam = run.link_motion[0], run.lam[:, run.closure.slices[constraint.name]]
     if acting := constraint.wrenches(links, lam):
         idle = _spread(run, constraint.wrenches(links, 0.0 * lam))
         yield Source(constraint.name, kind, _spread(run, acting) - idle)
@@ -123,7 +123,7 @@ def _of_drive(run: Trajectory, name: str, kind: str) -> tuple[Array, Array]:
         return _efforts(run, load), load
     if name not in run.closure.slices or kind == "law":
         return _spread(run, {}), load
-    effort = run.lam.along[:, run.closure.slices[name].start - mechanism.closure.size]
+    effort = run.lam[:, run.closure.slices[name].start]
     return _spread(run, along.wrenches(run.link_motion[0], effort)), load
 
 

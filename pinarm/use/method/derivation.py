@@ -335,7 +335,7 @@ def _rest(acting: Sequence[Source], step: Step, actions: Actions) -> float:
 
 def _senses(state: Quantities) -> dict[str, float]:
     """Return the signs of the multipliers of couplings in one row."""
-    run, lam = state.trajectory, np.asarray(state.trajectory.lam)[0]
+    run, lam = state.trajectory, state.trajectory.lam[0]
     starts = {relation.name: run.closure.slices[relation.name].start for relation in run.mechanism.relations}
     return {name: float(np.sign(lam[start])) for name, start in starts.items()}
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import RelayedMotion, SolvedMotion
 from pinarm.engine.motion.standstill import lossy
@@ -90,17 +89,17 @@ def _of_efforts(run: Trajectory) -> dict[str, Array]:
     """Return the arrays of efforts, which rigid bodies with friction may leave undetermined."""
     further = np.array([series.values for series in run.columns.values()])
     endless = {} if run.endless is None else {"endless": run.endless.astype(float)}
-    return {"tau": run.tau, "lam": np.asarray(run.lam), "further": further, **endless}
+    return {"tau": run.tau, "lam": run.lam, "further": further, **endless}
 
 
 def _with_efforts(run: Trajectory, arrays: Mapping[str, Array], prefix: str = "") -> Trajectory:
     further = zip(run.columns.items(), arrays[f"{prefix}further"], strict=False)
     columns = {name: replace(series, values=row) for (name, series), row in further}
-    lam = Multipliers.known(arrays[f"{prefix}lam"], run.mechanism.closure.size)
     endless = arrays.get(f"{prefix}endless", NOTHING).astype(bool)
     if len(endless) not in (0, len(run)):
         raise InputError("the frictions of this result are not those of its model", hint=AGAIN)
-    return replace(run, tau=arrays[f"{prefix}tau"], lam=lam, columns=columns, endless=endless if len(endless) else None)
+    tau, lam = (arrays[f"{prefix}{name}"] for name in ("tau", "lam"))
+    return replace(run, tau=tau, lam=lam, columns=columns, endless=endless if len(endless) else None)
 
 
 class SolvedAnew(RelayedMotion, Record, frozen=True):

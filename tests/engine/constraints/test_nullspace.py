@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space, orth
 
-from pinarm.engine.constraints.nullspace import RowDecompositions, solved_positive, split_rows
+from pinarm.engine.constraints.nullspace import Decomposition, solved_positive
 from pinarm.engine.dynamics.equation import solve
 
 GENERATOR = np.random.default_rng(11)
@@ -25,7 +25,7 @@ def masses() -> np.ndarray:
 @pytest.mark.parametrize(("rank", "m"), [(3, 3), (3, 5), (7, 9), (0, 0)])
 def test_free_motions_and_stresses_are_the_null_spaces(rank: int, m: int) -> None:
     rows = rows_of(rank, m) if m else np.zeros((0, NV))
-    split = split_rows(rows)
+    split = Decomposition.of(rows)
     assert split.free.shape == (NV, NV - rank)
     if m:
         scaled = rows / np.linalg.norm(rows, axis=1)[:, None]
@@ -47,7 +47,7 @@ def test_the_motion_is_that_of_the_whole_system_of_equations(rank: int, m: int) 
     scaled = scale[:, None] * rows
     system = np.block([[mass, -scaled.T], [scaled, np.zeros((m, m))]])
     solution = np.linalg.lstsq(system, np.concatenate([force, scale * right]), rcond=1e-12)[0]
-    assert solve(split_rows(rows), mass, force, right) == pytest.approx(solution[:NV], abs=1e-9)
+    assert solve(Decomposition.of(rows), mass, force, right) == pytest.approx(solution[:NV], abs=1e-9)
 
 
 @pytest.mark.parametrize("m", [3, 5])
@@ -55,12 +55,12 @@ def test_multipliers_are_the_least_that_hold_a_force(m: int) -> None:
     rows = rows_of(3, m)
     force = rows.T @ (GENERATOR.normal(size=m) / np.linalg.norm(rows, axis=1))
     least = np.linalg.lstsq(rows.T, force, rcond=1e-12)[0]
-    assert split_rows(rows).multipliers(force) == pytest.approx(least, abs=1e-9 * np.abs(least).max())
+    assert Decomposition.of(rows).multipliers(force) == pytest.approx(least, abs=1e-9 * np.abs(least).max())
 
 
 def test_a_right_hand_side_is_parted_into_what_some_motion_gives_and_what_contradicts_it() -> None:
     rows = rows_of(3, 5)
-    split, right = split_rows(rows), GENERATOR.normal(size=5)
+    split, right = Decomposition.of(rows), GENERATOR.normal(size=5)
     reached = split.reached(right)
     assert rows @ split.particular(right) == pytest.approx(reached, abs=1e-9 * np.abs(right).max())
     assert split.reached(reached) == pytest.approx(reached, abs=1e-9)
@@ -73,11 +73,11 @@ def test_rows_that_are_0_but_for_the_rounding_of_a_file_determine_nothing(tilt: 
     """Two rows that determine, and one, of an angle, that a tilt leaves beside them; in 1 m and in 1 mm."""
     for extent in (1.0, 1e-3):
         rows, reach = np.vstack([extent * np.eye(3)[:2], [tilt, tilt, tilt]]), np.array([extent, extent, 1.0])
-        split = split_rows(rows, reach)
+        split = Decomposition.of(rows, reach)
         assert (split.rank, split.regularity) == (2, pytest.approx(1.0))
         assert np.abs(split.free[:, 0]) == pytest.approx([0.0, 0.0, 1.0])
         assert np.abs(split.multipliers(extent * np.array([1.0, 2.0, 0.0]))) == pytest.approx([1.0, 2.0, 0.0], abs=1e-5)
-    assert split_rows(np.full((5, 1), tilt)).rank == 0
+    assert Decomposition.of(np.full((5, 1), tilt)).rank == 0
 
 
 @pytest.mark.parametrize("light", [1e-6, 1e-40])
@@ -113,9 +113,9 @@ def side_by_side(states: int) -> np.ndarray:
 def test_multipliers_of_a_group_are_those_that_it_has_alone(heavy: float) -> None:
     rows, force = side_by_side(1)[0], GENERATOR.normal(size=NV)
     own = [1, 3, 4]
-    alone = split_rows(rows[own][:, SECOND]).multipliers(force[SECOND])
+    alone = Decomposition.of(rows[own][:, SECOND]).multipliers(force[SECOND])
     force[FIRST] *= heavy
-    split = split_rows(rows)
+    split = Decomposition.of(rows)
     assert split.multipliers(force)[own] == pytest.approx(alone, rel=1e-13)
     assert split.rank == 4 and np.abs(rows @ split.free).max() < 1e-14
     groups = {tuple(column[joints].any() for joints in (FIRST, SECOND, [ALONE])) for column in split.free.T}
@@ -138,6 +138,25 @@ def test_multipliers_are_known_to_the_rounding_of_the_forces_at_their_joint(rati
     rows = on_one_crank(4, pairs)
     exact = GENERATOR.uniform(1.0, 2.0, (4, 2 * pairs)) * np.repeat(np.geomspace(1.0, ratio, pairs), 2)
     force = np.vecmat(exact, rows)
-    found = RowDecompositions.of(rows).multipliers(force)
+    found = Decomposition.of(rows).multipliers(force)
     assert found / exact == pytest.approx(np.ones_like(exact), abs=1e-11)
-    assert split_rows(rows[0]).multipliers(force[0]) / exact[0] == pytest.approx(np.ones(2 * pairs), abs=1e-11)
+    assert Decomposition.of(rows[0]).multipliers(force[0]) / exact[0] == pytest.approx(np.ones(2 * pairs), abs=1e-11)
+
+
+def test_configurations_of_another_rank_have_what_they_have_alone() -> None:
+    """Motions and stresses that exist at some configurations only are 0 at the others, behind their own."""
+    rows, force, mass = side_by_side(3), GENERATOR.normal(size=(3, NV)), masses()
+    rows[1, 2] = 3.0 * rows[1, 0]
+    right, together = np.vecmat(GENERATOR.normal(size=(3, NV)), rows.swapaxes(1, 2)), Decomposition.of(rows)
+    accelerations = solve(together, np.array([mass] * 3), force, right)
+    assert together.freedom.tolist() == [3, 4, 3]
+    for k in range(3):
+        alone = Decomposition.of(rows[k])
+        assert not together.free[k, :, alone.freedom :].any()
+        assert accelerations[k] == pytest.approx(solve(alone, mass, force[k], right[k]), abs=1e-12)
+        for name, given in (("multipliers", force), ("particular", right), ("reached", right)):
+            assert getattr(together, name)(given)[k] == pytest.approx(getattr(alone, name)(given[k]), abs=1e-12)
+        for name in ("free", "stresses"):
+            basis, own = getattr(together, name)[k], getattr(alone, name)
+            spans = [np.linalg.svd(x)[0][:, : own.shape[1]] for x in (basis[:, basis.any(axis=0)], own)]
+            assert spans[0] @ spans[0].T == pytest.approx(spans[1] @ spans[1].T, abs=1e-12)

@@ -10,7 +10,7 @@ from scipy.linalg import orth
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "loops"))
 from catalogue import bennett, four_bar, parallelogram, scissor
 
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -43,7 +43,7 @@ def test_what_joints_transmit_balances_the_multipliers_on_the_links_beyond(closu
 def test_self_stresses_add_to_joints_what_a_basis_of_the_null_space_does(closure):
     q = np.zeros(closure.model.nq)
     stresses = SelfStresses(closure, q[None])
-    basis = split_rows(closure.rows(closure.state(q)), closure.reach).stresses
+    basis = Decomposition.of(closure.rows(closure.state(q)), closure.reach).stresses
     assert stresses.degree == basis.shape[1] > 0
     every = np.array([carried(closure, q, lam) for lam in basis.T])
     pairs = [(stresses.on_joint(joint)[:, 0], every[:, joint]) for joint in range(1, closure.model.njoints)]

@@ -12,7 +12,7 @@ import pytest
 
 import pinarm
 from pinarm import Mechanism
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.kinematics.assembly import closed_drawing
 from pinarm.engine.kinematics.newton import start_configuration
@@ -69,4 +69,4 @@ class TestLoops:
         (a,) = accelerations(dynamics, closure, 0.0, q[None], v[None], tau[None])
         rows = closure.rows(closure.state(q))
         held = dynamics.inverse(0.0, q, v, a)[0] - tau
-        assert rows.T @ split_rows(rows).multipliers(held) == pytest.approx(held, abs=1e-9 * np.abs(held).max())
+        assert rows.T @ Decomposition.of(rows).multipliers(held) == pytest.approx(held, abs=1e-9 * np.abs(held).max())

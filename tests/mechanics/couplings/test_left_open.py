@@ -98,7 +98,7 @@ def test_two_couplings_side_by_side_leave_open_what_they_push_both_ways(mechanis
     both = {name: {**kind, "joints": ["one", "two"]} for name in ("a", "b")}
     pair = mechanism(f'<robot name="p"><link name="base"/>{wheels}</robot>', couplings=both)
     run = driven(pair, {"one": Harmonic(amplitude=0.3, pulsation=2.0)})
-    links, lam = LinkPlacements.at(pair.model, run.q[:1]), np.asarray(run.lam)[:1]
+    links, lam = LinkPlacements.at(pair.model, run.q[:1]), run.lam[:1]
     other = lam + np.pad([[50.0, -50.0]], [(0, 0), (0, lam.shape[1] - 2)])  # another share, the same motion
     shares = [pair.closure.wrenches(links, each[:, :2])[0, 1] for each in (lam, other)]
     assert abs(shares[1][0] - shares[0][0]) > 100.0

@@ -19,7 +19,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import OneSidedConstraint, one_sided
-from pinarm.engine.constraints.nullspace import split_rows
+from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -243,7 +243,7 @@ class Contacts(Record, frozen=True):
         bodies without loops ``M^-1 n``.
         """
         rows, row = self.guided, self.bounds[k].row(q)
-        mass, split = mass_matrix(rows.model, q), split_rows(rows.rows(rows.state(q)), rows.reach)
+        mass, split = mass_matrix(rows.model, q), Decomposition.of(rows.rows(rows.state(q)), rows.reach)
         left = float(row @ solve(split, mass, row, np.zeros(rows.size)))
         return float((max(left, 0.0) / float(row @ np.linalg.lstsq(mass, row)[0])) ** 0.5)
 
@@ -266,7 +266,7 @@ class Contacts(Record, frozen=True):
         rows, others = self.guided, sorted(held)
         normals = np.array([self.bounds[k].side * self.bounds[k].row(q) for k in [k, *others]])
         every, reach = np.vstack([rows.rows(rows.state(q)), normals[1:]]), [self.bounds[k].reach for k in others]
-        parts = split_rows(every, np.append(rows.reach, reach)).multipliers(normals[0])
+        parts = Decomposition.of(every, np.append(rows.reach, reach)).multipliers(normals[0])
         if np.abs(normals[0] - parts @ every).max() > TIED * np.abs(normals[0]).max():
             return {}
         return dict(zip(others, parts[rows.size :].tolist(), strict=True))
@@ -296,7 +296,7 @@ class Contacts(Record, frozen=True):
         rows, mass = self.guided, mass_matrix(self.guided.model, q)
         own = rows.rows(rows.state(q))
         normals = np.array([self.bounds[k].row(q) for k in back]).reshape(-1, rows.model.nv)
-        split = split_rows(np.vstack([own, normals]), np.append(rows.reach, [self.bounds[k].reach for k in back]))
+        split = Decomposition.of(np.vstack([own, normals]), np.append(rows.reach, [self.bounds[k].reach for k in back]))
         target = [np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.array([*back.values()])]
         after = solve(split, mass, mass @ v, np.concatenate(target))
         return after, dict(zip(back, split.multipliers(mass @ (after - v))[len(own) :].tolist(), strict=True))
@@ -330,7 +330,7 @@ def _energy(contacts: Contacts, hit: EventRecord) -> float:
     assert hit.before is not None
     own, stops = rows.rows(rows.state(q)), [stop for stop in contacts.bounds if stop.name == hit.name]
     stops += [contacts.bounds[k] for k in contacts.near(q) if contacts.bounds[k].name != hit.name]
-    split = split_rows(
+    split = Decomposition.of(
         np.vstack([own, *(stop.row(q) for stop in stops)]), np.append(rows.reach, [stop.reach for stop in stops])
     )
     change = mass_matrix(rows.model, q) @ (hit.v - hit.before)

@@ -14,7 +14,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import coupled_joints, split_rows
+from pinarm.engine.constraints.nullspace import Decomposition, coupled_joints
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix, require_masses
@@ -234,7 +234,7 @@ class HybridSystem(Record, frozen=True):
         asked, right = np.vstack([rows.rows(state), along]), np.concatenate([np.zeros(closure.size), laws, rates])
         resting = np.flatnonzero(~coupled_joints(asked, right, initial.v)).tolist()
         known = sorted({*initial.velocities, *resting})
-        split = split_rows(np.vstack([asked, np.eye(closure.model.nv)[known]]))
+        split = Decomposition.of(np.vstack([asked, np.eye(closure.model.nv)[known]]))
         v = solve(split, mass, mass @ initial.v, np.concatenate([right, initial.v[known]]))
         left = np.abs(along @ v - rates)
         if left.max() > UNMET * np.abs(rates).max():

@@ -224,7 +224,9 @@ class SegmentedMotion(Record, frozen=True):
 
 def _opened(motion: CompletedStates, holding: Flags, rubbing: Flags) -> CompletedStates:
     """Return states in which some rows of the constraints, and their frictions, do not hold: these are 0."""
-    lam = motion.lam.spread(np.flatnonzero(holding), len(holding))
+    own = int(holding.sum())
+    lam = np.concatenate([np.zeros((len(motion.q), len(holding))), motion.lam[:, own:]], axis=1)
+    lam[:, np.flatnonzero(holding)] = motion.lam[:, :own]
     friction = np.zeros((len(motion.q), len(rubbing)))
     if rubbing.any():
         friction[:, rubbing] = motion.friction

@@ -21,7 +21,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import ACTS, RowDecompositions
+from pinarm.engine.constraints.nullspace import ACTS, Decomposition
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.segmented.end_stops import Bound, Stop
 from pinarm.engine.motion.systems import CompletedStates
@@ -76,7 +76,7 @@ class StopShares(Record, frozen=True):
     def pushes(self, states: CompletedStates) -> Array:
         efforts = (states.tau @ np.linalg.pinv(self._weights))[:, len(self._weights) - len(self.stops) :]
         if self.separations:
-            lam = np.asarray(states.lam)[:, self._places[len(self.stops) :]]
+            lam = states.lam[:, self._places[len(self.stops) :]]
             efforts = np.concatenate([efforts, lam], axis=1)
         return np.asarray(self._sides * efforts)
 
@@ -101,7 +101,7 @@ class StopShares(Record, frozen=True):
     def stresses(self, q: Array) -> Array:
         """Return self-stresses that act on stops, and that no other one of the closure is part of, shape (n, m, s)."""
         matrices, count = self.rows.at(q)[1], len(self.stops)
-        every = RowDecompositions.of(matrices, self.rows.reach).stresses
+        every = Decomposition.of(matrices, self.rows.reach).stresses
         if not every.shape[2]:
             return every
         _, sizes, ways = np.linalg.svd(every[:, self._places[:count]], full_matrices=False)
@@ -138,7 +138,7 @@ class StopShares(Record, frozen=True):
     def _with(self, states: CompletedStates, stresses: Array, x: Array) -> CompletedStates:
         added, own = np.matvec(stresses, x), self.closure.size
         lam, efforts = np.split(added, [own + self.others], axis=1)
-        return replace(states, tau=states.tau + efforts @ self._weights, lam=states.lam.plus(lam, own), others=())
+        return replace(states, tau=states.tau + efforts @ self._weights, lam=states.lam + lam, others=())
 
 
 def _corners(pushes: Array, ways: Array) -> Iterator[Ends]:

@@ -10,7 +10,6 @@ from msgspec import field
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
@@ -90,7 +89,7 @@ class CompletedStates(Record, frozen=True):
     v: Array
     a: Array
     tau: Array
-    lam: Multipliers
+    lam: Array
     friction: Array = field(default_factory=lambda: np.zeros((0, 0)))
     opened: Flags | None = None
     others: tuple[CompletedStates, ...] = ()
@@ -102,9 +101,9 @@ class CompletedStates(Record, frozen=True):
         """Return the rows of several, one after another."""
         if len(motions) == 1:
             return motions[0]
-        arrays = ([getattr(motion, name) for motion in motions] for name in ("q", "v", "a", "tau"))
-        q, v, a, tau = map(np.concatenate, arrays)
-        friction, lam = np.concatenate([x.friction for x in motions]), Multipliers.joined([x.lam for x in motions])
+        names = ("q", "v", "a", "tau", "lam", "friction")
+        arrays = ([getattr(motion, name) for motion in motions] for name in names)
+        q, v, a, tau, lam, friction = map(np.concatenate, arrays)
         others = [
             cls.joined([x.others[k] if k < len(x.others) else replace(x, others=()) for x in motions])
             for k in range(max(len(motion.others) for motion in motions))
@@ -128,7 +127,7 @@ def demand(dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array) -> Arra
 
 def efforts_of(
     prescribed: PrescribedCoordinates, closure: Closure, q: Array, needed: Array, along: Array
-) -> tuple[Array, Multipliers]:
+) -> tuple[Array, Array]:
     """Return efforts at joints, and multipliers, that carry what a motion needs, shape (n, nv).
 
     ``along`` are the efforts along the prescribed coordinates, those of joints and sums of joints last; ``closure`` has
@@ -137,7 +136,7 @@ def efforts_of(
     linear = [coordinate.weights for coordinate in prescribed.coordinates if isinstance(coordinate, LinearCoordinate)]
     others = along.shape[1] - len(linear)
     tau = along[:, others:] @ np.reshape(linear, (-1, needed.shape[1]))
-    return tau, Multipliers.least(closure, q, needed - tau, along[:, :others])
+    return tau, closure.multipliers(q, needed - tau, along[:, :others])
 
 
 class System(Protocol):

@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint_rows import Constraint
-from pinarm.engine.constraints.nullspace import RANK, RowDecompositions
+from pinarm.engine.constraints.nullspace import RANK, Decomposition
 from pinarm.engine.dynamics.coordinate_partition import heavy, scalar_places
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
@@ -46,7 +46,7 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import Thread, Tilt
 from pinarm.records import Record
 
-Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, RowDecompositions]]
+Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, Decomposition]]
 """``(q, v, w, dw, t) -> q, v`` closed, of many states, and the rows there; see ``LoopSystem.settled``."""
 
 State = tuple[Array, Array]

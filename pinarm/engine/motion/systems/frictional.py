@@ -15,7 +15,6 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.friction.complementarity import FrictionSolution
 from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
@@ -224,14 +223,14 @@ class FrictionalSystem:
         slack = 2.0 * np.array(self.friction.slip.slack)
         return np.asarray(np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED) + slack)
 
-    def _efforts(self, q: Array, needed: Array) -> tuple[Array, Multipliers]:
+    def _efforts(self, q: Array, needed: Array) -> tuple[Array, Array]:
         prescribed, own = self.friction.prescribed.linear_last()[0], self.friction.closure
         if not prescribed.names and not own.size:
-            return np.zeros_like(needed), Multipliers.zero(len(q), 0)
+            return np.zeros_like(needed), np.zeros((len(q), 0))
         along = np.zeros((len(q), 0))
         if prescribed.names:
             rows = own.with_guides(prescribed.names, prescribed.coordinates)
-            along = rows.splits(q).multipliers(needed)[:, own.size :]
+            along = rows.split_at(q).multipliers(needed)[:, own.size :]
         return efforts_of(prescribed, self.closure, q, needed, along)
 
 

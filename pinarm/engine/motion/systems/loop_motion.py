@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RANK, VANISHED, SplitRows
+from pinarm.engine.constraints.nullspace import RANK, VANISHED, Decomposition
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
@@ -157,7 +157,7 @@ class Place(NamedTuple):
 
     q: Array
     rows: Array
-    split: SplitRows
+    split: Decomposition
     mass: Array
     gap: Array
 

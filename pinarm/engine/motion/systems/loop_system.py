@@ -16,14 +16,14 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import BLOCK, Closure
-from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecompositions, coupled_joints, split_rows
+from pinarm.engine.constraints.nullspace import RANK, VANISHED, Decomposition, coupled_joints
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
-from pinarm.engine.dynamics.equation import solve, solve_each
+from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix, require_masses
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import KEPT, CompletedStates, Initial, demand, efforts_of
+from pinarm.engine.motion.systems import KEPT, CompletedStates, Initial, efforts_of
 from pinarm.engine.motion.systems.loop_motion import ITERATIONS, ROUNDED, LoopMotion, Regularity
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws.motion_law import Grid
@@ -146,7 +146,7 @@ class LoopSystem(Record, frozen=True):
         left = initial.v[known] - x[known]
         ways = np.linalg.lstsq(scale[:, None] * split.free[known], scale * left, rcond=RANK)[0]
         values = x[known] + split.free[known] @ ways
-        whole = split_rows(np.vstack([rows, given]), np.append(self.rows.reach, np.ones(len(given))))
+        whole = Decomposition.of(np.vstack([rows, given]), np.append(self.rows.reach, np.ones(len(given))))
         return solve(whole, mass, np.zeros(nv), np.concatenate([right, values]))
 
     def rates(self, targets: Array) -> Array:
@@ -188,30 +188,30 @@ class LoopSystem(Record, frozen=True):
 
         return lru_cache(maxsize=KEPT)(judged)
 
-    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, RowDecompositions]:
+    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, Decomposition]:
         """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart."""
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
         mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
             gaps, matrices = rows.at(q)
-            splits = rows.splits(q, matrices)
+            splits = rows.split(matrices)
             gaps = self._closable(values - gaps, splits, whole)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
-                return q, solve_each(splits, mass, (mass @ v[..., None])[..., 0], self.rates(dw)), splits
-            q = _moved(model, q, solve_each(splits, mass, still, gaps))
+                return q, solve(splits, mass, (mass @ v[..., None])[..., 0], self.rates(dw)), splits
+            q = _moved(model, q, solve(splits, mass, still, gaps))
             excess = torn - CLOSED * whole - TURNED * size * np.abs(q).max(axis=1)
             polished = bool((excess <= 0.0).all())
         worst = int(excess.argmax())
         raise self._open(float(t[worst]), q[worst], gaps[worst])
 
-    def _closable(self, gaps: Array, splits: RowDecompositions, whole: Array) -> Array:
+    def _closable(self, gaps: Array, splits: Decomposition, whole: Array) -> Array:
         """Return gaps, shape (n, m), without what redundant rows leave open as the file is rounded."""
         size, strict = np.abs(gaps), CLOSED * whole[:, None]
         if (size <= strict).all() or (size > self.rows.slack + strict).any():
             return gaps
-        return splits.each(self.rows.size, lambda split, gap: split.reached(gap), gaps)
+        return splits.reached(gaps)
 
     def _open(self, t: float, q: Array, gap: Array) -> AssemblyError:
         owners = [(constraint.name, constraint.unit(row)) for constraint, row in self.rows.owners()]
@@ -232,25 +232,27 @@ class LoopSystem(Record, frozen=True):
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
         k, most = len(self.prescribed.names), max(1, min(BLOCK, LARGE // max(1, self.rows.size * self.rows.model.nv)))
         w = np.array([grid.evaluate(law) for law in self.prescribed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
-        states = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
+        lam = np.empty((len(q), self.rows.size))
+        states = q.copy(), v.copy(), np.empty_like(v), np.empty_like(v), lam
         for part, local in parts(dynamics, grid):
             for begin in range(part.start, part.stop, most):
                 some = slice(begin, min(begin + most, part.stop))
                 solved = self._solved(local, grid.t[some], w[:, :, some].transpose(0, 2, 1), q[some], v[some])
                 for whole, values in zip(states, solved, strict=True):
                     whole[some] = values
-        q, v, a, efforts = states
-        needed = demand(dynamics, grid, q, v, a)
-        tau, lam = efforts_of(self.prescribed, self.closure, q, needed, efforts)
+        q, v, a, needed, lam = states
+        tau = np.zeros_like(v)
+        if k:
+            tau, lam = efforts_of(self.prescribed, self.closure, q, needed, lam[:, self.own.size :])
         return CompletedStates(q, v, a, tau, lam)
 
-    def _solved(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
-        """Return closed states at n instants, their accelerations, and the efforts of what is prescribed."""
+    def _solved(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> tuple[Array, ...]:
+        """Return closed states at n instants, accelerations, ``M a + nle - loads``, and multipliers of all rows."""
         q, v, splits = self.settled(q, v, w[0], w[1], t)
         mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
-        a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
-        efforts = splits.multipliers((mass @ a[..., None])[..., 0] - force)[:, self.own.size :] if w.size else w[0]
-        return q, v, a, efforts
+        a = solve(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
+        needed = dynamics.inverse(t, q, v, a)
+        return q, v, a, needed, splits.multipliers(needed)
 
 
 def _moved(model: pin.Model, q: Array, x: Array) -> Array:

@@ -15,7 +15,6 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -171,7 +170,7 @@ class TreeSystem(Record, frozen=True):
         reduction = self.reduction
         if reduction is None:
             a = np.concatenate([part.forward(grid.t[rows], q[rows], v[rows]) for rows, part in parts(dynamics, grid)])
-            return CompletedStates(q, v, a, np.zeros_like(v), Multipliers.zero(len(q), 0))
+            return CompletedStates(q, v, a, np.zeros_like(v), np.zeros((len(q), 0)))
         w, dw, _ = np.array([grid.evaluate(law) for law in self.sums.laws]).transpose(1, 2, 0)
         q, v = reduction.completed(q, v, w, dw)
         a, demand = np.empty_like(v), np.empty_like(v)
@@ -180,5 +179,4 @@ class TreeSystem(Record, frozen=True):
             a[rows] = accelerations(grid.t[rows], q[rows], v[rows])
             demand[rows] = local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
         efforts, m = demand @ reduction.particular, self.closure.size  # W^T efforts = demand, and W P = 1
-        lam = Multipliers.known(efforts[:, :m], m)
-        return CompletedStates(q, v, a, efforts[:, m:] @ reduction.rows[m:], lam)
+        return CompletedStates(q, v, a, efforts[:, m:] @ reduction.rows[m:], efforts[:, :m])

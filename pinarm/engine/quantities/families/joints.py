@@ -227,7 +227,7 @@ class CoordinateQuantities(JointQuantities, frozen=True):
         rows = run.closure.slices.get(along)
         if rows is None or along in run.mechanism.closure.slices:
             raise InputError(f"no drive acts along '{along}'", expected="a coordinate named in drives:")
-        return Series(asked.name, measure, run.lam.along[:, rows.start - run.mechanism.closure.size])
+        return Series(asked.name, measure, run.lam[:, rows.start])
 
 
 class DriveQuantities(Family, frozen=True):

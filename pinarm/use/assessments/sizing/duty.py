@@ -66,12 +66,9 @@ def load_inertia(run: Trajectory, coordinate: str, held: Iterable[str] = ()) -> 
     mechanism = run.mechanism
     names = [coordinate, *(name for name in dict.fromkeys((*run.drives, *held)) if name != coordinate)]
     rows = rows_of(mechanism.model, [mechanism.coordinate(name) for name in names], run.q)
-    masses, felt = run.dynamics.mass_matrices(run.q), np.empty(len(run.q))
-    for places, free in mechanism.closure.free_motions(run.q):
-        ways = np.einsum("ndj,fnj->ndf", rows[places], free)
-        reduced = np.einsum("fnj,njk,gnk->nfg", free, masses[places], free)
-        felt[places] = [_felt(way, mass) for way, mass in zip(ways, reduced, strict=True)]
-    return felt
+    free = mechanism.closure.split_at(run.q).free
+    reduced = free.swapaxes(1, 2) @ run.dynamics.mass_matrices(run.q) @ free
+    return np.array([_felt(way, mass) for way, mass in zip(rows @ free, reduced, strict=True)])
 
 
 def _felt(ways: Array, mass: Array) -> float:
