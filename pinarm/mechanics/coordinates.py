@@ -116,7 +116,7 @@ class PairCoordinate(Record, frozen=True):
         return float(self.way.drift(state)[0])
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        return self.way.wrenches(links, effort[:, None])
+        return self.way.wrenches(links, effort[..., None])
 
 
 def distance(first: int, second: int) -> PairCoordinate:
@@ -220,7 +220,7 @@ class HeldCoordinate(Record, frozen=True):
         return np.array([self.coordinate.drift(state)])
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        return self.coordinate.wrenches(links, lam[:, 0])
+        return self.coordinate.wrenches(links, lam[..., 0])
 
 
 class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):

@@ -203,9 +203,9 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
         return np.array([-self.coordinate.drift(state)])
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        wrenches = self.coordinate.wrenches(links, -lam[:, 0])
+        wrenches = self.coordinate.wrenches(links, -lam[..., 0])
         axis = np.eye(6)[0 if self.coordinate.unit == METRE else 3]  # of the rotor's joint, at the world's origin
-        return {**wrenches, self.rotor.index: np.multiply.outer(lam[:, 0], axis)} if wrenches else {}
+        return {**wrenches, self.rotor.index: np.multiply.outer(lam[..., 0], axis)} if wrenches else {}
 
 
 def rotor_name(drive: str) -> str:

@@ -24,7 +24,7 @@ from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.frame_pairs import Path
 from pinarm.mechanics.geometry.kinematics import Kinematics, cached_by_model
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.link_tree import states_first
+from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer, placements_of
 from pinarm.mechanics.geometry.vectors import lengths, moved
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -291,8 +291,12 @@ class Closure(Record, frozen=True):
 
         [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known are left out.
         """
-        joints, wrenches, _ = self._acting(links, lam)
-        return self._summed(joints, wrenches)
+        states = np.broadcast_shapes(links.places.shape[:-2], lam.shape[:-1])
+        total = states_first(np.zeros((6, self.model.njoints, *states), np.result_type(lam, links.places)))
+        for constraint, rows in zip(self.constraints, self.slices.values(), strict=True):
+            for joint, wrench in constraint.wrenches(links, lam[..., rows]).items():
+                total[..., joint, :] += wrench
+        return total
 
     def acting(self, links: LinkPlacements, q: Array, lam: Array) -> tuple[Array, Array, Array]:
         """Return the wrenches of multipliers on the links, and G^T lam of couplings whose forces are not known.
@@ -302,14 +306,18 @@ class Closure(Record, frozen=True):
             these forces and moments, to the latter added the forces times the longest arm of a loop joint on the link,
             shape (n, njoints, 2); and loads [N*m or N], shape (n, nv).
         """
-        states = np.broadcast_shapes(q.shape[:-1], lam.shape[:-1])
-        joints, wrenches, idle = self._acting(links, lam)
-        own = moved(wrenches, -links.places[..., joints, :])
-        total, sizes = self._summed(joints, own), self._summed(joints, lengths(own))
+        states = np.broadcast_shapes(links.places.shape[:-2], q.shape[:-1], lam.shape[:-1])
+        total, sizes = (states_first(np.zeros((width, self.model.njoints, *states))) for width in (6, 2))
         loads = np.zeros((*states, self.model.nv))
+        for constraint, rows in zip(self.constraints, self.slices.values(), strict=True):
+            wrenches = constraint.wrenches(links, lam[..., rows])
+            for joint, wrench in wrenches.items():
+                own = moved(wrench, -links.places[..., joint, :])
+                total[..., joint, :] += own
+                sizes[..., joint, :] += lengths(own)
+            if not wrenches:
+                loads += vecmat(lam[..., rows], replace(self, constraints=(constraint,)).at(q)[1])
         sizes[..., 1] += self._arms * sizes[..., 0]
-        for constraint, rows in idle:
-            loads += vecmat(lam[..., rows], replace(self, constraints=(constraint,)).at(q)[1])
         return total, sizes, loads
 
     @cached_property
@@ -323,29 +331,6 @@ class Closure(Record, frozen=True):
                     arms[frame.parentJoint] = np.maximum(arms[frame.parentJoint], arm)
         return np.stack(np.broadcast_arrays(*arms), axis=-1)
 
-    def _summed(self, joints: Indices, parts: Array) -> Array:
-        """Return the sums of parts, shape (.., k, w), at the joints on which they act, shape (.., njoints, w)."""
-        *states, _, width = parts.shape
-        total = np.zeros((width, self.model.njoints, *states), parts.dtype)
-        apart = parts.transpose(-2, -1, *range(len(states)))
-        for joint, part in zip(joints.tolist(), apart, strict=True):
-            total[:, joint] += part
-        return states_first(total)
-
-    def _acting(self, links: LinkPlacements, lam: Array) -> tuple[Indices, Array, list[tuple[Constraint, slice]]]:
-        """Return joints of links, shape (k,), and wrenches on these, shape (.., k, 6)."""
-        acting, idle = list[tuple[int, Array]](), []
-        for constraint, rows in zip(self.constraints, self.slices.values(), strict=True):
-            wrenches = constraint.wrenches(links, lam[..., rows])
-            acting += wrenches.items()
-            if not wrenches:
-                idle.append((constraint, rows))
-        states = np.broadcast_shapes(lam.shape[:-1], *(wrench.shape[:-1] for _, wrench in acting))
-        every = states_first(np.empty((6, len(acting), *states), lam.dtype))
-        for k, (_, wrench) in enumerate(acting):
-            every[..., k, :] = wrench
-        return np.array([joint for joint, _ in acting], dtype=np.intp), every, idle
-
 
 def _holding(constraint: Constraint) -> Constraint | None:
     """Return a constraint with those of its rows that hold positions; ``None`` where there are none."""
@@ -355,25 +340,15 @@ def _holding(constraint: Constraint) -> Constraint | None:
     return replace(constraint, pair=SomeRows(constraint.pair, kept), rolling=()) if kept else None
 
 
-SLIDES = {"Planar": 2, "Translation": 3, "FreeFlyer": 3}
-"""Number of the first velocities of a joint that are translations; of one that slides along an axis all are."""
-
-
 def extents(model: Model, frames: Iterable[pin.Frame]) -> Array:
     """Return the length of the longest branch of links, from the world to a joint or one of the frames [m].
 
     Shape (), of variants (k,) or (1,). It is 1 m for a model without lengths.
     """
-    parents, lengths = list(model.parents), np.moveaxis(np.linalg.norm(placements_of(model)[1], axis=-1), -1, 0)
-    distances = [np.zeros_like(lengths[0])]
-    for joint in range(1, model.njoints):
-        distances.append(distances[parents[joint]] + lengths[joint])
-    along = np.stack(distances, axis=-1)
-    extent = along.max(axis=-1)
+    along = LinkTree.of(model).summed(np.moveaxis(np.linalg.norm(placements_of(model)[1], axis=-1)[None], -1, 1))[0]
+    extent = along.max(axis=0)
     for frame in frames:
-        extent = np.maximum(
-            extent, along[..., frame.parentJoint] + np.linalg.norm(frame.placement.translation, axis=-1)
-        )
+        extent = np.maximum(extent, along[frame.parentJoint] + np.linalg.norm(frame.placement.translation, axis=-1))
     return np.where(extent > 0.0, extent, 1.0)
 
 
@@ -395,13 +370,7 @@ def extent(model: pin.Model) -> float:
 @cached_by_model
 def slides(model: pin.Model) -> Flags:
     """Return a mask of the translational velocities, shape (nv,)."""
-    sliding = np.zeros(model.nv, dtype=bool)
-    for joint in model.joints[1:]:
-        kind = joint.shortname().removeprefix("JointModel")
-        count = SLIDES.get(kind, joint.nv if kind.startswith("P") else 0)
-        sliding[joint.idx_v : joint.idx_v + count] = True
-    sliding.flags.writeable = False
-    return sliding
+    return np.asarray(~LinkTree.of(model).subspace[3:].any(axis=0))
 
 
 class VariantClosure(Closure, frozen=True):

@@ -15,7 +15,6 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint_rows import Constraint
 from pinarm.engine.constraints.nullspace import ACTS, Decomposition
 from pinarm.errors import several
 from pinarm.mechanics.couplings.coupling import JointRelation
@@ -23,14 +22,10 @@ from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import moved
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import looser
-from pinarm.records import Record, ValueRecord
+from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-
-Acting = Mapping[int, Array]
-"""Wrenches [f; m] on links at the world's origin, world axes, by joint index, shape (n, size, 6) for the rows of one
-constraint."""
 
 LARGE = 2.0**30
 """Size of multipliers at which couplings are looked at [N or N*m]: what a self-stress of any size may do, beyond the
@@ -47,7 +42,7 @@ class SelfStresses(Record, frozen=True):
     q: Array
 
     @cached_property
-    def split(self) -> Decomposition:
+    def _split(self) -> Decomposition:
         return self.closure.split_at(self.q)
 
     @cached_property
@@ -58,117 +53,54 @@ class SelfStresses(Record, frozen=True):
     @property
     def degree(self) -> int:
         """Degree of hyperstatism: number of rows that repeat others, where there are most."""
-        return self.closure.size - int(self.split.rank.min()) if self.closure.size and len(self.q) else 0
+        return self.closure.size - int(self._split.rank.min()) if self.closure.size and len(self.q) else 0
 
-    def on(self, functions: Array) -> Array:
-        """Return the changes of functions of the multipliers by self-stresses, shape (n, m, k) to (s, n, k)."""
-        return np.moveaxis(self.split.stresses.swapaxes(-1, -2) @ functions, -2, 0)
+    @cached_property
+    def multipliers(self) -> Array:
+        """The self-stresses, shape (s, n, .., m); 0 where there are fewer than elsewhere."""
+        if not self.degree:
+            return np.zeros((0, *self.q.shape[:-1], self.closure.size))
+        return np.moveaxis(self._split.stresses, -1, 0)
 
     def on_loop(self, joint: LoopJoint) -> Array:
         """Return the changes of the wrench of a loop joint, see ``LoopJoint.wrench``, shape (s, n, 6)."""
-        if not self.degree:
-            return self._nothing
-        second, arm = self.closure.model.frames[joint.second].parentJoint, -self.links.frame(joint.second)[1]
-        held = moved(self._acting[joint.name][second], arm[..., None, :])
-        return self.on(self.functions({joint.name: held}))
-
-    def on_joint(self, joint: int) -> Array:
-        """Return the changes of the wrench of the parent on the child of a joint, see ``transmitted``, shape (s, n, 6).
-
-        Each coupling that pushes its members apart both ways, or pulls them together, adds a change of its own: if two
-        couplings share a load, the push that one loses is not gained by the other.
-        """
-        if not self.degree:
-            return self._nothing
-        both_ways = [self.on(self._about(joint, {name: part})) for name, part in self._both_ways[joint].items()]
-        return np.concatenate([self.on(self.transmitted(joint)), *both_ways])
+        return joint.wrench(self.links, self.multipliers[..., self.closure.slices[joint.name]])
 
     def on_multipliers(self, weights: Mapping[str, Array]) -> Array:
         """Return the changes of a weighted sum of multipliers, shape (s, n)."""
-        if not self.degree or not weights:
-            return self._nothing[..., 0]
-        return self.on(self.functions({name: weight[:, None, None] for name, weight in weights.items()}))[..., 0]
+        parts = (self.multipliers[..., self.closure.slices[name].start] * weight for name, weight in weights.items())
+        return np.asarray(sum(parts, np.zeros(self.multipliers.shape[:-1])))
 
-    def transmitted(self, joint: int) -> Array:
-        """Return the wrench of the parent on the child per unit of every multiplier, shape (n, m, 6).
+    def on_joint(self, joint: int) -> Array:
+        """Return the changes of the wrench of the parent on the child of a joint, see ``transmitted``, shape (c, n, 6).
 
-        [f; m] at the joint's origin, world axes. It balances what the multipliers do to the links beyond the joint.
+        Each coupling that pushes its members apart both ways, or pulls them together, adds changes of its own: if two
+        couplings share a load, the push that one loses is not gained by the other.
         """
-        return self._about(joint, self._beyond[joint])
-
-    def _about(self, joint: int, beyond: Mapping[str, Array]) -> Array:
-        """Return wrenches at a joint's origin that balance wrenches at the world's, by constraint, shape (n, m, 6)."""
-        arm = -self.links.places[..., joint, None, :]
-        return self.functions({name: moved(-part, arm) for name, part in beyond.items()})
-
-    @property
-    def _nothing(self) -> Array:
-        return np.zeros((0, len(self.q), 6))
-
-    def functions(self, parts: Mapping[str, Array]) -> Array:
-        """Return functions of all multipliers from those of some constraints, shape (.., size, k) each."""
-        width = max((part.shape[-1] for part in parts.values()), default=6)
-        states = np.broadcast_shapes(self.links.places.shape[:-2], *(part.shape[:-2] for part in parts.values()))
-        functions = np.zeros((*states, self.closure.size, width))
-        for name, part in parts.items():
-            functions[..., self.closure.slices[name], :] = part
-        return functions
+        return -moved(self._beyond[..., joint, :], -self.links.places[..., joint, :])
 
     @cached_property
-    def _acting(self) -> Mapping[str, Acting]:
-        """Wrenches on links per unit multiplier of every constraint, without the part that keeps its sense."""
-        one_way = {
-            constraint.name: self._per_unit(constraint, 1.0)
-            for constraint in self.closure.constraints
-            if constraint.name not in self._pushed
-        }
-        both = {name: {k: 0.5 * (up[k] - down[k]) for k in up} for name, (up, down) in self._pushed.items()}
-        return one_way | both
+    def _beyond(self) -> Array:
+        """Changes of wrenches on the links beyond every joint, [f; m] at the world's origin, (c, n, .., njoints, 6)."""
+        (up, down), closure, places = self._pushes(self.closure), self.closure, self.closure.slices
+        changes = [0.5 * (up - down)]
+        for coupling in (coupling for coupling in closure.constraints if isinstance(coupling, JointRelation)):
+            up, down = self._pushes(replace(closure, constraints=(coupling,)), places[coupling.name])
+            changes.append(0.5 * (up + down))
+        beyond = np.concatenate([change for change in changes if change.any()] or changes[:1])
+        for link in range(closure.model.njoints - 1, 0, -1):
+            beyond[..., closure.model.parents[link], :] += beyond[..., link, :]
+        return beyond
 
-    @cached_property
-    def _beyond(self) -> list[Mapping[str, Array]]:
-        """Wrenches of ``_acting`` on the links beyond every joint, by constraint."""
-        return self._beyond_joints(self._acting)
+    def _pushes(self, closure: Closure, rows: slice = slice(None)) -> tuple[Array, Array]:
+        """Return what some constraints do to links per unit of large self-stresses, and of opposite ones.
 
-    @cached_property
-    def _both_ways(self) -> list[Mapping[str, Array]]:
-        """Wrenches beyond every joint that keep their sense both ways: teeth push apart, strands pull together."""
-        both = {name: {k: 0.5 * (up[k] + down[k]) for k in up} for name, (up, down) in self._pushed.items()}
-        return self._beyond_joints({name: acting for name, acting in both.items() if any(map(np.any, acting.values()))})
-
-    @cached_property
-    def _pushed(self) -> Mapping[str, tuple[Acting, Acting]]:
-        """Wrenches on links per unit of large multipliers of every coupling, and of opposite ones."""
-        pushes = {}
-        for constraint in self.closure.constraints:
-            if isinstance(constraint, JointRelation):
-                idle = constraint.wrenches(self.links, np.zeros((*self.links.places.shape[:-2], 1)))
-                up, down = (self._per_unit(constraint, size) for size in (LARGE, -LARGE))
-                at_rest = {k: wrench[..., None, :] / LARGE for k, wrench in idle.items()}
-                pushes[constraint.name] = {k: up[k] - at_rest[k] for k in up}, {k: -down[k] - at_rest[k] for k in down}
-        return pushes
-
-    def _per_unit(self, constraint: Constraint, size: float) -> Acting:
-        """Return the wrenches on links per unit of each multiplier of a constraint, computed at a size."""
-        stresses = []
-        for row in range(constraint.size):
-            lam = np.zeros((*self.links.places.shape[:-2], constraint.size))
-            lam[..., row] = size
-            stresses.append(constraint.wrenches(self.links, lam))
-        return {link: np.stack([wrenches[link] for wrenches in stresses], axis=-2) / size for link in stresses[0]}
-
-    def _beyond_joints(self, parts: Mapping[str, Acting]) -> list[Mapping[str, Array]]:
-        """Return the wrenches of constraints, by name, on the links beyond every joint."""
-        supports = [set(path.tolist()) for path in self.closure.model.supports]
-        wrenches: list[dict[str, Array]] = [{} for _ in supports]
-        for name, acting in parts.items():
-            between = set.union(set(), *(supports[link] for link in acting))
-            if acting and not sum(acting.values(), np.zeros(())).any():
-                between -= set.intersection(*(supports[link] for link in acting))
-            for joint in between:
-                some = (part for link, part in acting.items() if joint in supports[link])
-                wrenches[joint][name] = sum(some, np.zeros(()))
-        return [*wrenches]
+        Teeth push apart and strands pull together both ways. Shape (s, n, .., njoints, 6) each.
+        """
+        lam = self.multipliers[..., rows]
+        idle = closure.wrenches(self.links, 0.0 * lam)
+        up, down = ((closure.wrenches(self.links, size * lam) - idle) / LARGE for size in (LARGE, -LARGE))
+        return up, down
 
 
 SPINNING = 1e-9
@@ -238,7 +170,7 @@ class Mobility(Record, frozen=True):
         for joint, kind, given_up in ((loop, *other) for loop in loops for other in looser(loop.pair)):
             if not given_up.size:
                 continue
-            added = stresses.on(stresses.functions({joint.name: given_up}))[:, 0]
+            added = stresses.multipliers[:, 0, stresses.closure.slices[joint.name]] @ given_up
             if np.count_nonzero(np.linalg.svd(added, compute_uv=False) > ACTS) == given_up.shape[-1]:  # independently
                 loose.append(Loosening(((joint.name, kind),), self.degree - given_up.shape[-1]))
         return tuple(sorted(loose, key=lambda loosening: (loosening.degree, loosening.changes)))

@@ -271,7 +271,8 @@ class SelectedDrives(Record, frozen=True):
         own, k, rows = self.own.size, len(self.joints), self.closure.at(q)[1]
         split, effort, good = self.own.split(rows[:, :own]), np.empty((len(q), len(self.named))), np.empty(len(q), bool)
         drives = np.empty((len(q), len(self.named), demand.shape[1]))  # S
-        drives[:, :k], drives[:, k:] = [joint.weights for joint in self.joints.values()], rows[:, own:]
+        drives[:, :k] = np.reshape([joint.weights for joint in self.joints.values()], (k, demand.shape[1]))
+        drives[:, k:] = rows[:, own:]
         for places, free in split.by_freedom():
             system = self._system(q[places], demand[places], free, drives[places])
             effort[places], good[places] = self.distribution.efforts(*system)

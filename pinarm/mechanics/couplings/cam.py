@@ -240,18 +240,18 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
         if self.contact is None:
             return {}
         touch = self.touch(links.q)
-        return self.opposite(links, touch, self.contact.force(touch, lam[:, 0]) * touch.normal)
+        return self.opposite(links, touch, self.contact.force(touch, lam[..., 0]) * touch.normal)
 
     def opposite(self, links: LinkPlacements, touch: Touch, force: Complex) -> dict[int, Array]:
         """Return forces at the contact [N], in the plane, on the follower and back on the cam."""
         plane = self.known_contact
         point, pushes = plane.origin + plane.vectors(touch.point), plane.vectors(force)
-        wrench = outwards(links, plane.pair.carrier, np.concatenate([pushes, crossed(point, pushes)], axis=1))
+        wrench = outwards(links, plane.pair.carrier, np.concatenate([pushes, crossed(point, pushes)], axis=-1))
         return {plane.pair.second.body: wrench, plane.pair.first.body: -wrench}
 
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
         plane, touch = self.known_contact, self.touch(links.q)
-        force = plane.vectors(plane.force(touch, lam[:, 0]) * touch.normal)
+        force = plane.vectors(plane.force(touch, lam[..., 0]) * touch.normal)
         turn, place = links.turns[:, plane.pair.carrier], links.places[:, plane.pair.carrier]
         point = place + np.matvec(turn, plane.origin + plane.vectors(touch.point))
         return point, np.concatenate([np.matvec(turn, force), np.zeros_like(force)], axis=1)

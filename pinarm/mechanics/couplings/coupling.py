@@ -204,14 +204,14 @@ class Coupling(AbstractRecord, JointRelation, frozen=True):
         return np.zeros(len(q))
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        return self.transmission.on_links(links, lam[:, 0]) if self.transmission else {}
+        return self.transmission.on_links(links, lam[..., 0]) if self.transmission else {}
 
     def kinks(self, links: LinkPlacements) -> list[Kink]:
         return self.transmission.kinks(links) if self.transmission else []
 
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
         known = self._known
-        wrench = known.on_links(links, lam[:, 0])[known.second]
+        wrench = known.on_links(links, lam[..., 0])[known.second]
         point = links.places[:, known.carrier] + np.matvec(links.turns[:, known.carrier], known.point)
         return point, np.concatenate([wrench[:, :3], wrench[:, 3:] - crossed(point, wrench[:, :3])], axis=1)
 

@@ -192,5 +192,5 @@ def at_origin(point: Array, force: Array) -> Array:
 def outwards(links: LinkPlacements, carrier: int, wrench: Array) -> Array:
     """Return wrenches [f; m] at the world's origin from those in the frame of a joint, shape (n, 6)."""
     turn, place = links.turns[:, carrier], links.places[:, carrier]
-    force, moment = np.matvec(turn, wrench[:, :3]), np.matvec(turn, wrench[:, 3:])
-    return np.concatenate([force, moment + crossed(place, force)], axis=1)
+    force, moment = np.matvec(turn, wrench[..., :3]), np.matvec(turn, wrench[..., 3:])
+    return np.concatenate([force, moment + crossed(place, force)], axis=-1)

@@ -228,8 +228,8 @@ class TiedFrames(Record, frozen=True):
         axes, p = turn.swapaxes(-1, -2) @ other, vecmat(place - origin, turn)
         states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
         axes, p, lam = (
-            np.broadcast_to(x, (*states, *x.shape[len(states) :])).reshape(-1, *x.shape[len(states) :])
-            for x in (axes, p, lam)
+            np.broadcast_to(x, (*states, *x.shape[-tail:])).reshape(-1, *x.shape[-tail:])
+            for x, tail in ((axes, 2), (p, 1), (lam, 1))
         )
         directions = self.pair.directions(p.T, axes.transpose(2, 1, 0))
         inner = (np.einsum("nk,kcn->nc", lam, _spread(along, len(lam))) for along in directions)

@@ -30,16 +30,6 @@ def carried(closure, q, lam):
     return -links.at_joints(np.stack([acting[:, list(part)].sum(axis=1) for part in closure.model.subtrees], axis=1))[0]
 
 
-def test_what_joints_transmit_balances_the_multipliers_on_the_links_beyond(closure):
-    q = np.random.default_rng(1).uniform(-1.0, 1.0, (3, closure.model.nq))
-    stresses, lam = SelfStresses(closure, q), np.random.default_rng(2).normal(size=closure.size)
-    for state in range(3):
-        wanted = carried(closure, q[state], lam)
-        for joint in range(1, closure.model.njoints):
-            found = lam @ stresses.transmitted(joint)[state]
-            np.testing.assert_allclose(found, wanted[joint], atol=1e-13 * np.abs(wanted).max())
-
-
 def test_self_stresses_add_to_joints_what_a_basis_of_the_null_space_does(closure):
     q = np.zeros(closure.model.nq)
     stresses = SelfStresses(closure, q[None])
