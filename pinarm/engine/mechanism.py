@@ -205,7 +205,7 @@ def mechanism_variants(
         given: The arguments that it was read with [SI].
         columns: Those that vary, with their values in all variants [SI].
     """
-    from pinarm.mechanics.loading.urdf.variants import model_variants
+    from pinarm.mechanics.loading.urdf_variants import model_variants
 
     _require_plain(mechanism)
     source = mechanism.source

@@ -154,7 +154,7 @@ def _build(
         check_declared(units, texts)
     units |= {name: value.unit for name, value in parameters.items() if value.unit}
     model, carried = loaded(marked(robot.model, description.points, here), description.payloads, payloads, here, caller)
-    model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
+    model.gravity.linear = gravity_vector(description.gravity, robot.tree.gravity)
     reading = _Reading(robot, description, key, here)
     model, parts, counters = reading.movable(model, acted)
     constraints = reading.constraints(model, parts, counters)
@@ -236,7 +236,7 @@ class _Reading(Record, frozen=True):
                 check_unit(value, measured)
 
     def loops(self, model: pin.Model) -> list[LoopJoint | CableLoop]:
-        drawn = self.robot.loops
+        drawn = self.robot.tree.loops
         with self.here(self.key):
             loops: list[LoopJoint | CableLoop] = [loop.bind(model, name) for name, loop in drawn.items()]
         for name, loop in self.description.loops.items():
@@ -303,7 +303,7 @@ class _Reading(Record, frozen=True):
         self, model: pin.Model, parts: NamedParts, counters: Sequence[Constraint]
     ) -> tuple[Constraint, ...]:
         joints, coordinates = parts.joints, parts.coordinates
-        mimics = [_mimic_coupling(mimic, joints, model) for mimic in self.robot.mimics]
+        mimics = [_mimic_coupling(mimic, joints, model) for mimic in self.robot.tree.mimics]
         trains = self.trains(coordinates)
         geared = [tie for _, drive, train in trains for tie in train.ties(drive, joints, coordinates)]
         return (*mimics, *parts.loops, *self.couplings(model, joints), *counters, *geared)
@@ -312,14 +312,14 @@ class _Reading(Record, frozen=True):
         robot = self.robot
         with self.here(self.key):
             couplings: list[JointRelation] = [
-                definition.bind(joints, model, name) for name, definition in robot.couplings.items()
+                definition.bind(joints, model, name) for name, definition in robot.tree.couplings.items()
             ]
         for name, definition in self.description.couplings.items():
             with self.here("couplings", name):
-                if name in self.description.loops or name in robot.loops:
+                if name in self.description.loops or name in robot.tree.loops:
                     said = f"the coupling '{name}' has the name of a loop joint"
                     raise InputError(said, expected="a name of its own")
-                if name in robot.couplings:
+                if name in robot.tree.couplings:
                     raise InputError(f"the model has a coupling '{name}' already", expected="a name of its own")
                 couplings.append(definition.bind(joints, model, name))
         return couplings

@@ -29,6 +29,7 @@ from pinarm.input.roots import (
 from pinarm.input.xacro.expander import check_declared, expand
 from pinarm.input.xml_text import MAX_BYTES, Element, UnknownName, location_of, read, resolve_includes, tree_of
 from pinarm.mechanics.description import Gravity, MechanismDescription
+from pinarm.mechanics.loading.model_tree import MeshMass
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
 from pinarm.records import ValueRecord, replace
 
@@ -66,7 +67,7 @@ def robot_of_model(
     arguments: Mapping[str, float | str],
 ) -> tuple[RobotModel, Mapping[str, str], Source]:
     """Return the model of a mechanism that is made of a ``pin.Model``, by way of its URDF text; see ``read_robot``."""
-    from pinarm.mechanics.loading.urdf.writer import written
+    from pinarm.mechanics.loading.urdf_writer import written
 
     check_declared(arguments, {})
     text, defects = written(model), description.defects or "noted"
@@ -114,8 +115,8 @@ def _built(xml: str, path: Path, root: Path, build: Callable[[str], RobotModel])
     """Return the model of a text; where masses come from meshes, with those of MuJoCo's compiler if it is installed."""
     try:
         return build(xml)
-    except ModelError as error:
-        if type(error).__name__ != "MeshMass" or find_spec("mujoco") is None:  # its module is imported for MJCF only
+    except MeshMass:
+        if find_spec("mujoco") is None:
             raise
     from pinarm.engine.mesh_inertias import with_mesh_inertias
 
@@ -141,7 +142,8 @@ def _drawn(
         description.base,
         defects,
     )
-    return replace(robot, loops=model.loops, gravity=down.vector()), {}, source
+    robot.tree.loops, robot.tree.gravity = model.loops, down.vector()
+    return robot, {}, source
 
 
 RobotReader = Callable[

@@ -24,7 +24,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.yaml.schema import Inertia, InputStruct, Mass, Position
 from pinarm.mechanics.loading.model_tree import inertia
-from pinarm.mechanics.loading.urdf.writer import add_axis, add_joint, add_link
+from pinarm.mechanics.loading.urdf_writer import add_axis, add_joint, add_link
 from pinarm.mechanics.loops.lower_pairs import Pin, PointOnPlane, Prismatic
 from pinarm.records import Record, replace
 

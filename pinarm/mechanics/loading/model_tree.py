@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pinocchio as pin
-from msgspec import field
+from msgspec import Struct, field
 
 from pinarm.arrays import Array, Flags
 from pinarm.errors import ModelError, choices, listed
-from pinarm.records import ValueRecord, replace
+from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
@@ -84,57 +83,112 @@ class Mimic(ValueRecord, frozen=True):
     offset: float
 
 
-class Tree(ValueRecord, frozen=True):
-    """Links and joints of a model file.
+class Tree(Struct):
+    """Links and joints of a model file of any format, which a reader fills.
 
     Attributes:
         links: Inertia of every link about its own frame, 0 where none is given; the root first.
+        joints: Joints, each behind that which carries it, with those that fix frames to links.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
+        loops: Joints that close loops, as a mechanism file has them.
+        couplings: Couplings of joints, likewise.
         defects: Physically impossible values with which the model can still be built, in words.
-        held: Joint that is yet to be fixed, by ``with_held`` -> the coordinate at which it is held [rad or m].
+        remarks: What is not modelled as the file has it -> names of the elements that have it.
     """
 
     name: str
-    links: Mapping[str, pin.Inertia]
-    joints: tuple[TreeJoint, ...]
-    mimics: tuple[Mimic, ...] = ()
+    links: dict[str, pin.Inertia] = {}
+    joints: list[TreeJoint] = []
+    mimics: list[Mimic] = []
     gravity: Array | None = None
-    defects: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    loops: Mapping[str, Loop] = field(default_factory=dict)
-    couplings: Mapping[str, CouplingDefinition] = field(default_factory=dict)
-    held: Mapping[str, float] = field(default_factory=dict)
+    loops: dict[str, Loop] = {}
+    couplings: dict[str, CouplingDefinition] = {}
+    defects: list[str] = []
+    notes: list[str] = []
+    remarks: dict[str, list[str]] = {}
 
     @property
     def root(self) -> str:
         return next(iter(self.links))
 
+    def remark(self, what: str, *names: str) -> None:
+        """Note a feature of some elements."""
+        if names:
+            self.remarks.setdefault(what, []).extend(names)
 
-def with_held(tree: Tree) -> Tree:
-    """Return the tree, the joints that it holds fixed at their coordinates."""
-    if not tree.held:
-        return tree
-    joints = (_held(joint, tree.held[joint.name]) if joint.name in tree.held else joint for joint in tree.joints)
-    return replace(tree, joints=(*joints,), held={})
+    def body(self, mass: float, place: pin.SE3, moments: Array, where: str) -> pin.Inertia:
+        """Return an inertia about a link's frame; a negative mass is refused, impossible moments are a defect.
+
+        Args:
+            mass: Mass [kg].
+            place: Centre of mass, and axes of the moments, in the link.
+            moments: Inertia matrix about the centre of mass [kg*m^2], shape (3, 3).
+        """
+        if wrong := inertia_defect(moments):
+            self.defects.append(f"{where}: {wrong}")
+        return body_inertia(mass, place, moments, where)
+
+    def add_frame(self, name: str, link: str, place: pin.SE3, made_for: str = "") -> None:
+        """Fix a frame without mass to a link."""
+        self.links[name] = pin.Inertia.Zero()
+        self.joints.append(fixed_frame(name, link, place, made_for))
+
+    def close(self, name: str, kind: str, ends: Iterable[tuple[str, pin.SE3]], **keys: object) -> None:
+        """Close a loop between frames ``NAME_1`` and ``NAME_2`` at places in two links.
+
+        Args:
+            kind: Kind of a loop joint in a mechanism file.
+            keys: Its keys there, such as ``axis``.
+        """
+        between = f"{name}_1", f"{name}_2"
+        for frame, (link, place) in zip(between, ends, strict=True):
+            self.add_frame(frame, link, place, name)
+        self.tie(name, kind, between, **keys)
+
+    def tie(self, name: str, kind: str, between: tuple[str, str], **keys: object) -> None:
+        """Close a loop between two links or frames; see ``close``."""
+        from pinarm.mechanics.loops.kinds import LOOP_KINDS  # not paid for by models without loops
+
+        self.loops[name] = LOOP_KINDS[kind](between=between, **keys)
+
+    def keep_known_mimics(self) -> None:
+        """Keep the couplings whose leaders exist, the others are defects; refuse those that no mechanism can have."""
+        kinds, leaders = {joint.name: joint.kind for joint in self.joints}, dict[str, str]()
+        for mimic in self.mimics:
+            if mimic.joint in leaders:
+                raise ModelError(f"joint '{mimic.joint}' follows other joints twice", expected="one coupling a joint")
+            leaders[mimic.joint] = mimic.of
+        for follower, leader in leaders.items():
+            if leader not in kinds:
+                close = choices(leader, kinds)[1]
+                meant = f"; '{close}' does" if close else ""
+                self.defects.append(f"joint '{follower}' mimics '{leader}', which does not exist{meant}")
+            elif kinds[leader] not in ("revolute", "prismatic"):
+                problem = f"joint '{follower}' mimics '{leader}', which is {kinds[leader]}"
+                raise ModelError(problem, expected="a leader with one coordinate")
+            chain, joint = dict[str, None](), follower
+            while joint in leaders and joint not in chain:
+                chain[joint], joint = None, leaders[joint]
+            if joint in chain:
+                raise ModelError(f"joint '{follower}' mimics itself: {' -> '.join([*chain, joint])}")
+        self.mimics = [mimic for mimic in self.mimics if mimic.of in kinds]
 
 
-def _held(joint: TreeJoint, value: float) -> TreeJoint:
+class MeshMass(ModelError):
+    """A mass that only a mesh, or a compiler of shells, would tell."""
+
+
+def fixed_frame(name: str, link: str, place: pin.SE3, made_for: str = "") -> TreeJoint:
+    """Return the joint that fixes a frame, or a body that does not move, to a link."""
+    return TreeJoint(f"{name}_fixed", "fixed", link, name, place, made_for=made_for)
+
+
+def held(joint: TreeJoint, value: float) -> TreeJoint:
+    """Return a joint fixed at its coordinate [rad or m]."""
     turned = pin.SE3(pin.exp3(joint.axis * value), np.zeros(3))
     moved = turned if joint.kind == "revolute" else pin.SE3(np.eye(3), joint.axis * value)
     place = joint.placement * moved * joint.offset
     return TreeJoint(joint.name, "fixed", joint.parent, joint.child, place, joint.axis)
-
-
-def fixed_frame(name: str, link: str, place: pin.SE3, made_for: str = "") -> TreeJoint:
-    """Return the joint that fixes a frame to a link."""
-    return TreeJoint(f"{name}_fixed", "fixed", link, name, place, made_for=made_for)
-
-
-def tied_frames(name: str, ends: Iterable[tuple[str, pin.SE3]]) -> tuple[list[TreeJoint], tuple[str, str]]:
-    """Return frames ``NAME_1`` and ``NAME_2`` of a joint that closes a loop, at places in two links; their names."""
-    first, second = f"{name}_1", f"{name}_2"
-    frames = [fixed_frame(frame, *end, made_for=name) for frame, end in zip((first, second), ends, strict=True)]
-    return frames, (first, second)
 
 
 def depth_first(root: str, joints: Sequence[TreeJoint]) -> tuple[TreeJoint, ...]:
@@ -174,13 +228,7 @@ def _claim(taken: dict[str, str], name: str, what: str, kind: str) -> None:
 
 
 def body_inertia(mass: float, place: pin.SE3, moments: Array, where: str) -> pin.Inertia:
-    """Return an inertia about a link's frame; a negative mass is refused.
-
-    Args:
-        mass: Mass [kg].
-        place: Centre of mass, and axes of the moments, in the link.
-        moments: Inertia matrix about the centre of mass [kg*m^2], shape (3, 3).
-    """
+    """Return an inertia about a link's frame; see ``Tree.body``."""
     if mass < 0.0:
         raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
     return inertia(mass, place.translation, place.rotation @ moments @ place.rotation.T)
@@ -232,32 +280,6 @@ def _principal(moments: Array) -> tuple[Array, Flags, Flags]:
     principal = np.asarray(np.linalg.eigvalsh(moments), dtype=np.float64)
     slack = TRIANGLE * np.abs(principal).max(axis=-1) + NOTHING
     return principal, principal[..., 0] < -slack, principal[..., :2].sum(axis=-1) < principal[..., 2] - slack
-
-
-def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple[tuple[Mimic, ...], tuple[str, ...]]:
-    """Return the couplings whose leaders exist, and a note on each of the others."""
-    leaders = {mimic.joint: mimic.of for mimic in mimics}
-    kept, orphans = [], []
-    if twice := [joint for joint, count in Counter(mimic.joint for mimic in mimics).items() if count > 1]:
-        raise ModelError(f"joint '{twice[0]}' follows other joints twice", expected="one coupling for each joint")
-    for mimic in mimics:
-        if mimic.of not in joints:
-            close = choices(mimic.of, joints)[1]
-            meant = f"; '{close}' does" if close else ""
-            orphans.append(f"joint '{mimic.joint}' mimics '{mimic.of}', which does not exist{meant}")
-            continue
-        if joints[mimic.of] not in ("revolute", "prismatic"):
-            raise ModelError(
-                f"joint '{mimic.joint}' mimics '{mimic.of}', which is {joints[mimic.of]}",
-                expected="a leader with one coordinate",
-            )
-        chain, last = {mimic.joint: None}, mimic.joint
-        while (last := leaders.get(last, "")) and last not in chain:
-            chain[last] = None
-        if last:
-            raise ModelError(f"joint '{mimic.joint}' mimics itself: {' -> '.join([*chain, last])}")
-        kept.append(mimic)
-    return tuple(kept), tuple(orphans)
 
 
 def from_z(axis: Array) -> Array:

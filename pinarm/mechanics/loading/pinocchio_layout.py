@@ -31,8 +31,8 @@ from pinarm.input.xml_text import tree_of
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loading.model_tree import Tree
 from pinarm.mechanics.loading.pinocchio_model import BASE
-from pinarm.mechanics.loading.urdf.reader import urdf_tree
-from pinarm.mechanics.loading.urdf.writer import CHAINS
+from pinarm.mechanics.loading.urdf import urdf_tree
+from pinarm.mechanics.loading.urdf_writer import CHAINS
 from pinarm.records import Record
 
 if TYPE_CHECKING:

@@ -8,16 +8,15 @@ axes (``J.x``, ``J.y``), then turns (``J.angle``), so that its turns are counted
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from msgspec import field
 
 from pinarm.arrays import Array
-from pinarm.errors import ModelError, listed
+from pinarm.errors import ModelError, listed, several
 from pinarm.input.xml_text import is_foreign, tree_of
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.forces.force_element import ForceElement
@@ -25,20 +24,14 @@ from pinarm.mechanics.forces.joint_forces import CREEP
 from pinarm.mechanics.loading.model_tree import (
     LIGHTEST,
     Bounds,
-    Mimic,
     Tree,
     TreeJoint,
     Z,
     check_unique,
     from_z,
-    with_held,
 )
-from pinarm.mechanics.loading.urdf.reader import urdf_tree
+from pinarm.mechanics.loading.urdf import urdf_tree
 from pinarm.records import ValueRecord, replace
-
-if TYPE_CHECKING:
-    from pinarm.mechanics.couplings.kinds import CouplingDefinition
-    from pinarm.mechanics.loops.kinds import Loop
 
 BASE = "root"
 """Name of the joint that is added where ``base: floating`` frees a model that its file fixes to the ground."""
@@ -65,17 +58,13 @@ class RobotModel(ValueRecord, frozen=True):
     Attributes:
         model: Pinocchio's model; joints depth-first, limits that are not given are infinite.
         friction: Dry friction of joints with one coordinate, by name, which sticks [N*m or N].
-        gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
     """
 
     model: pin.Model
     xml: str
-    forces: Mapping[str, ForceElement] = field(default_factory=dict)
-    friction: Mapping[str, float] = field(default_factory=dict)
-    mimics: tuple[Mimic, ...] = ()
-    loops: Mapping[str, Loop] = field(default_factory=dict)
-    couplings: Mapping[str, CouplingDefinition] = field(default_factory=dict)
-    gravity: Array | None = None
+    tree: Tree
+    forces: Mapping[str, ForceElement] = {}
+    friction: Mapping[str, float] = {}
     notes: tuple[str, ...] = ()
 
 
@@ -91,71 +80,67 @@ def build_model(
             sticks. That of ball joints is regularised in any case. Infinite: there is no dry friction.
     """
     xml, tree = _read(xml, name)
-    tree = _with_base(tree, base)
-    if creep == np.inf:
-        tree = replace(tree, joints=[replace(joint, friction=0.0) for joint in tree.joints])
+    if base is not None:
+        _set_base(tree, base)
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
-    model = _assembled(tree)
+    parts = [part for joint in tree.joints for part in _parts(joint)]
+    model = _assembled(tree, parts)
     _require_weighable(model)
-    forces = _passive(model, tree, creep)
-    notes = [
-        *(f"{defect}; taken as written" for defect in tree.defects),
-        *tree.notes,
-        *_massless(model),
-        *_said(tree, creep),
-    ]
-    sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
-    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.couplings, tree.gravity, tuple(notes))
+    moving = [*zip(_moving(parts), list(model.joints)[1:], strict=True)]
+    rubbing = [part for part, _ in moving if part.friction and creep != np.inf]
+    sticking = {} if creep else {part.name: part.friction for part in rubbing if part.kind != "ball"}
+    regularised = {part.name: part.friction for part in rubbing if part.name not in sticking}
+    tree.remark("closing loops of the tree of joints", *tree.loops)
+    notes = (
+        *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes,
+        *(f"{what}: {several(names)}" for what, names in tree.remarks.items()),
+        *_massless(model), *_said(tree, regularised, creep or CREEP),
+    )  # fmt: skip
+    return RobotModel(model, xml, tree, _passive(moving, regularised, creep or CREEP), sticking, notes)
+
+
+def _moving(parts: Iterable[TreeJoint]) -> list[TreeJoint]:
+    return [part for part in parts if part.kind != "fixed"]
 
 
 def _read(xml: str, name: str) -> tuple[str, Tree]:
+    """Return the text of a model without elements and attributes of other formats, which have prefixes; its tree."""
     root = tree_of(xml)
-    if any(":" in element.tag or any(map(_is_undeclared, element.attrib)) for element in root.iter()):
-        xml = ElementTree.tostring(_without_prefixes(tree_of(xml)), encoding="unicode")
     try:
-        return xml, _within_reach(with_held(_within_reach(_tree(root, name))))
+        tree = _tree(root, name)
+        tree.keep_known_mimics()
+        _require_reach(tree)
     except ArithmeticError as error:
         problem = f"a number that follows from the model is beyond all numbers ({error})"
         raise ModelError(problem, hint="sizes and masses below 1e50") from None
-
-
-def _is_undeclared(name: str) -> bool:
-    return is_foreign(name) and not name.startswith("xmlns:")
-
-
-def _without_prefixes(root: ElementTree.Element) -> ElementTree.Element:
-    """Remove elements and attributes of other formats, which may have prefixes that are not declared."""
+    foreign = False
     for element in root.iter():
-        element[:] = [child for child in element if not is_foreign(child.tag)]
-        for key in [key for key in element.attrib if is_foreign(key)]:
+        own = [child for child in element if not is_foreign(child.tag)]
+        keys = [key for key in element.attrib if is_foreign(key) and not key.startswith("xmlns:")]
+        foreign, element[:] = foreign or bool(keys) or len(own) < len(element), own
+        for key in keys:
             del element.attrib[key]
-    return root
+    return ElementTree.tostring(root, encoding="unicode") if foreign else xml, tree
 
 
-def _within_reach(tree: Tree) -> Tree:
-    """Return the tree if its frames and centres of mass are within ``FARTHEST``, its masses within ``HEAVIEST``.
-
-    Moments of inertia and coefficients of joints are within ``LARGEST``.
-    """
-    ends = {name: getattr(loop, "between", ()) for name, loop in tree.loops.items()}
-    frames = {frame: f"loop '{name}'" for name, tied in ends.items() for frame in tied}
+def _require_reach(tree: Tree) -> None:
+    """Raise where frames or centres of mass are beyond ``FARTHEST``, masses beyond ``HEAVIEST``, others ``LARGEST``."""
     for joint in tree.joints:
         where = f"joint '{joint.name}'"
         for place in (joint.placement, joint.offset):
-            _require_small(frames.get(joint.child, where), "distance", place.translation, FARTHEST, "m")
+            frame = f"loop '{joint.made_for}'" if joint.made_for in tree.loops else where
+            _require_small(frame, "distance", place.homogeneous, FARTHEST, "m")
         for what in ("stiffness", "damping", "armature"):
             _require_small(where, what, getattr(joint, what), LARGEST, "")
     for name, body in tree.links.items():
         _require_small(f"link '{name}'", "centre of mass", body.lever, FARTHEST, "m")
         _require_small(f"link '{name}'", "mass", body.mass, HEAVIEST, "kg")
         _require_small(f"link '{name}'", "largest moment of inertia", body.inertia, LARGEST, "kg*m^2")
-    return tree
 
 
 def _require_small(where: str, what: str, values: Array | float, most: float, measured: str) -> None:
-    size = float(np.abs(values).max())
-    if size > most:
+    if not (size := float(np.abs(values).max())) <= most:  # or it is no number
         raise ModelError(
             f"{where}: its {what} is {size:g} {measured}".rstrip(),
             expected=f"at most {most:g} {measured}".rstrip(),
@@ -167,11 +152,11 @@ def _tree(root: ElementTree.Element, name: str) -> Tree:
     if name and root.tag != "sdf":
         raise ModelError(f"the file is no SDF, of which one could ask for the model '{name}'", hint="no key 'model'")
     if root.tag == "mujoco":
-        from pinarm.mechanics.loading.mjcf.reader import mjcf_tree  # not paid for by others
+        from pinarm.mechanics.loading.mjcf import mjcf_tree  # not paid for by others
 
         return mjcf_tree(root)
     if root.tag == "sdf":
-        from pinarm.mechanics.loading.sdf.reader import sdf_tree
+        from pinarm.mechanics.loading.sdf import sdf_tree
 
         return sdf_tree(root, name)
     if root.tag != "robot":
@@ -181,36 +166,31 @@ def _tree(root: ElementTree.Element, name: str) -> Tree:
     return urdf_tree(root)
 
 
-def _with_base(tree: Tree, base: Base | None) -> Tree:
-    """Return the tree with its root fixed or floating.
+def _set_base(tree: Tree, base: Base) -> None:
+    """Fix the root of a tree, or let it float.
 
     A root without mass that carries floating joints stands for the ground: what these carry is held, or floats already.
     """
-    if base is None:
-        return tree
-    afloat = [joint.name for joint in tree.joints if joint.parent == tree.root and joint.kind == "floating"]
-    if tree.links[tree.root].mass:
-        afloat = []
+    stands = not tree.links[tree.root].mass
+    afloat = [joint.name for joint in tree.joints if stands and joint.parent == tree.root and joint.kind == "floating"]
     if base == "fixed":
-        joints = (replace(joint, kind="fixed") if joint.name in afloat else joint for joint in tree.joints)
-        return replace(tree, joints=tuple(joints))
-    if afloat:
-        if standing := _standing(tree):
-            raise ModelError(
-                f"base: floating: '{tree.root}' lets {listed('joint', afloat)} float already, and carries "
-                f"{listed('joint', standing)} too",
-                expected="a root without other joints",
-                hint="without 'base: floating' the model is as its file has it",
-            )
-        return tree
-    ground = "ground" if tree.root == "world" else "world"
-    free = TreeJoint(BASE, "floating", ground, tree.root, pin.SE3.Identity(), made_for="base: floating")
-    return replace(tree, links={ground: pin.Inertia.Zero(), **tree.links}, joints=(free, *tree.joints))
+        tree.joints = [replace(joint, kind="fixed") if joint.name in afloat else joint for joint in tree.joints]
+    elif not afloat:
+        ground = "ground" if tree.root == "world" else "world"
+        free = TreeJoint(BASE, "floating", ground, tree.root, pin.SE3.Identity(), made_for="base: floating")
+        tree.links, tree.joints = {ground: pin.Inertia.Zero(), **tree.links}, [free, *tree.joints]
+    elif standing := _standing(tree):
+        raise ModelError(
+            f"base: floating: '{tree.root}' lets {listed('joint', afloat)} float already, and carries "
+            f"{listed('joint', standing)} too",
+            expected="a root without other joints",
+            hint="without 'base: floating' the model is as its file has it",
+        )
 
 
 def _standing(tree: Tree) -> list[str]:
-    first = dict[str, str]()
-    heavy = dict[str, None]()
+    """Return the joints of the root, floating ones left out, that carry a mass."""
+    first, heavy = dict[str, str](), dict[str, None]()
     for joint in tree.joints:
         first[joint.child] = first.get(joint.parent, joint.name)
         if joint.child in tree.links and tree.links[joint.child].mass:
@@ -218,12 +198,11 @@ def _standing(tree: Tree) -> list[str]:
     return [joint.name for joint in tree.joints if joint.name in heavy and joint.kind != "floating"]
 
 
-def _assembled(tree: Tree) -> pin.Model:
+def _assembled(tree: Tree, parts: list[TreeJoint]) -> pin.Model:
     model = pin.Model()
     model.name = tree.name
-    simple = [part for joint in tree.joints for part in _parts(joint)]
-    check_unique(tree.root, simple)
-    count = sum(3 if joint.kind == "ball" else 1 for joint in simple if joint.kind != "fixed")
+    check_unique(tree.root, parts)
+    count = sum(3 if joint.kind == "ball" else 1 for joint in _moving(parts))
     if not count:
         raise ModelError(
             "the model has no joint that moves",
@@ -235,7 +214,7 @@ def _assembled(tree: Tree) -> pin.Model:
     frames = {tree.root: model.addFrame(pin.Frame(tree.root, 0, 0, pin.SE3.Identity(), pin.FrameType.BODY))}
     model.frames[frames[tree.root]].inertia = tree.links[tree.root]
     model.appendBodyToJoint(0, tree.links[tree.root], pin.SE3.Identity())
-    for joint in simple:
+    for joint in parts:
         frame = _add(model, joint, frames[joint.parent])
         place = model.frames[frame].placement * joint.offset
         carrier = model.frames[frame].parentJoint
@@ -299,39 +278,32 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
         )
 
 
-def _rubbing(tree: Tree) -> list[TreeJoint]:
-    parts = (part for joint in tree.joints for part in _parts(joint))
-    return [part for part in parts if part.friction and part.kind != "fixed"]
-
-
-def _passive(model: pin.Model, tree: Tree, creep: float | None) -> dict[str, ForceElement]:
+def _passive(
+    moving: list[tuple[TreeJoint, pin.JointModel]], regularised: Mapping[str, float], creep: float
+) -> dict[str, ForceElement]:
     """Return springs, damping and regularised friction of the joints as elements: Pinocchio does not apply them."""
-    parts = {part.name: part for joint in tree.joints for part in _parts(joint)}
-    of = [(parts[model.names[made.id]], made) for made in model.joints[1:]]
-    if not any(joint.damping or joint.friction or joint.stiffness for joint, _ in of):
+    if not (regularised or any(part.damping or part.stiffness for part, _ in moving)):
         return {}
     from pinarm.mechanics.forces.joint_forces import BallSpring, DryFriction, SpringDamper
 
-    rows = [joint for joint, made in of for _ in range(made.nv)]
-    damping, friction = (np.array([getattr(joint, key) for joint in rows]) for key in ("damping", "friction"))
-    regularised = [creep is not None or joint.kind == "ball" for joint in rows]
-    damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction * regularised)
+    rows = [part for part, joint in moving for _ in range(joint.nv)]
+    damping = np.array([part.damping for part in rows])
+    friction = np.array([regularised.get(part.name, 0.0) for part in rows])
+    damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction)
     forces: dict[str, ForceElement] = {}
     if len(damped):
         none = np.zeros(len(damped))
         forces["joint damping"] = SpringDamper(damped, damped, none, damping[damped], none)
     if len(rubbed):
-        forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep or CREEP))
-    sprung = [(joint, made) for joint, made in of if joint.stiffness]
-    if single := [(made.idx_q, made.idx_v, joint.stiffness, joint.rest) for joint, made in sprung if made.nv == 1]:
+        forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep))
+    sprung = [(part, joint) for part, joint in moving if part.stiffness]
+    if single := [(joint.idx_q, joint.idx_v, part.stiffness, part.rest) for part, joint in sprung if joint.nv == 1]:
         q, v, stiffness, rest = (np.array(values) for values in zip(*single, strict=True))
         forces["joint springs"] = SpringDamper(q, v, stiffness, np.zeros(len(v)), rest)
-    balls = {
-        f"spring of {joint.name}": BallSpring(made.idx_q, made.idx_v, joint.stiffness)
-        for joint, made in sprung
-        if made.nv == 3
-    }
-    return {**forces, **balls}
+    for part, joint in sprung:
+        if joint.nv == 3:
+            forces[f"spring of {part.name}"] = BallSpring(joint.idx_q, joint.idx_v, part.stiffness)
+    return forces
 
 
 def _require_weighable(model: pin.Model) -> None:
@@ -356,16 +328,15 @@ def _massless(model: pin.Model) -> Iterator[str]:
         yield f"nothing beyond {listed('joint', names)} has a mass"
 
 
-def _said(tree: Tree, creep: float | None) -> Iterator[str]:
-    rubbed = [joint.name for joint in _rubbing(tree) if creep or joint.kind == "ball"]
-    if rubbed:
-        slow = creep or CREEP
+def _said(tree: Tree, regularised: Mapping[str, float], creep: float) -> Iterator[str]:
+    if regularised:
         yield (
-            f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {slow:g}), v in rad/s or m/s: "
-            f"a joint that ought to stick under a load creeps, with {slow:g} atanh(load / F)"
+            f"dry friction F of {listed('joint', [*regularised])} is regularised, "
+            f"F tanh(v / {creep:g}), v in rad/s or m/s: a joint that ought to stick under a load creeps, "
+            f"with {creep:g} atanh(load / F)"
         )
-    several = [joint for joint in tree.joints if joint.kind in ("ball", "planar", "floating")]
-    if limited := [joint.name for joint in several if joint.bounds != Bounds()]:
+    several_ways = [joint for joint in tree.joints if joint.kind in ("ball", "planar", "floating")]
+    if limited := [joint.name for joint in several_ways if joint.bounds != Bounds()]:
         yield f"limits of {listed('joint', limited)} are not watched: they have several coordinates"
 
 

@@ -55,7 +55,7 @@ def closures_of(
     Args:
         kinds: Kind of all of them, or name of the closure -> its kind.
     """
-    from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS
+    from pinarm.mechanics.loops.kinds import LOOP_KINDS
 
     pairs = closing_frames(model, loops)
     if not pairs:
@@ -75,7 +75,7 @@ def closures_of(
             )
         if any(loop.name == name for loop in loops):
             raise InputError(f"there is a loop joint '{name}' already", expected="a name of its own")
-    return [LOWER_KINDS[kind](between=pairs[name]).bind(model, name) for name, kind in named.items()]
+    return [LOOP_KINDS[kind](between=pairs[name]).bind(model, name) for name, kind in named.items()]
 
 
 def proposals(model: pin.Model, loops: Sequence[LoopJoint]) -> Iterator[str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable, Mapping
+from typing import Annotated, get_args
 
 import msgspec
 import numpy as np
@@ -114,6 +115,11 @@ class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
 
 LoopJointKind = LowerKind | Helical | Universal | Rod | Rolling | KnifeEdge
 """Any loop joint. A new one is a class here or in ``lower_pairs``, and one entry here."""
+
+LOOP_KINDS: Mapping[str, Callable[..., LoopJointKind]] = {
+    str(kind.__struct_config__.tag): kind for kind in get_args(LoopJointKind)
+}
+"""Loop joints by the name that files call them by."""
 
 Loop = LoopJointKind | Cable
 """Whatever closes a loop: a joint between two links, or a cable."""

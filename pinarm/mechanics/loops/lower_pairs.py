@@ -217,11 +217,6 @@ class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_
 LowerKind = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Planar | PointOnLine | Pin | PointOnPlane
 """Kinds that need at most an axis. A new one is one class above and one entry here."""
 
-LOWER_KINDS: Mapping[str, type[LowerDefinition]] = {
-    str(kind.__struct_config__.tag): kind for kind in get_args(LowerKind)
-}
-"""These kinds by the name that files call them by."""
-
 
 class Helical(LoopDefinition, frozen=True, tag_field="kind", tag="screw", kw_only=True):
     """Frame 2 slides along an axis by ``lead`` per turn about it.

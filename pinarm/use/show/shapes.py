@@ -19,7 +19,7 @@ from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
 from pinarm.input.yaml.schema import FARTHEST
-from pinarm.mechanics.loading.values import placement_of
+from pinarm.mechanics.loading.values import Part, placement_of
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _visual(
     if geometry is None or len(geometry) == 0:
         raise ModelError("a visual has no geometry")
     element, node, material = geometry[0], int(frame.parentJoint), visual.find("material")
-    placement = frame.placement * placement_of(visual.find("origin"), "a visual")
+    placement = frame.placement * placement_of(Part.of("a visual", visual.find("origin")))
     painted = _colour(material) or (palette.get(material.get("name", "")) if material is not None else None)
     if element.tag == "mesh":
         scale = tuple(float(x) for x in _numbers(element.get("scale", "1 1 1"), 3))

@@ -117,8 +117,8 @@ def test_gravity_is_that_of_the_file_unless_the_mechanism_says_otherwise(tmp_pat
     assert Mechanism.load(tmp_path / "m.xml").model.gravity.linear.tolist() == [0.0, 3.0, -4.0]
     assert Mechanism.load(tmp_path / "m.xml", values={"gravity": "none"}).gravity == 0.0
     off = build_model(model(body(HINGE + SPHERE), before='<option><flag gravity="disable"/></option>'))
-    assert off.gravity.tolist() == [0.0, 0.0, 0.0]
-    assert build_model(model(body(HINGE + SPHERE))).gravity.tolist() == [0.0, 0.0, -9.81]
+    assert off.tree.gravity.tolist() == [0.0, 0.0, 0.0]
+    assert build_model(model(body(HINGE + SPHERE))).tree.gravity.tolist() == [0.0, 0.0, -9.81]
 
 
 def test_flags_switch_forces_off():
@@ -139,10 +139,10 @@ def test_a_coupling_by_an_equality_counts_from_the_references():
     """polycoef relates the ways from the references: q1 - ref1 = c0 + c1 (q2 - ref2)."""
     two = body('<joint name="a" ref="90"/>' + SPHERE), body('<joint name="b" type="slide" ref="0.5"/>' + SPHERE, "c")
     equality = '<equality><joint joint1="a" joint2="b" polycoef="0.1 3"/></equality>'
-    mimic = build_model(model(*two, before=equality)).mimics[0]
+    mimic = build_model(model(*two, before=equality)).tree.mimics[0]
     assert (mimic.joint, mimic.of, mimic.multiplier) == ("a", "b", 3.0)
     assert mimic.offset == pytest.approx(0.1 + np.pi / 2 - 3.0 * 0.5, abs=1e-15)
-    assert build_model(model(*two, before=equality.replace("joint1", 'active="false" joint1'))).mimics == ()
+    assert build_model(model(*two, before=equality.replace("joint1", 'active="false" joint1'))).tree.mimics == []
 
 
 def mass_matrix(robot):
@@ -267,7 +267,7 @@ def test_an_orientation_takes_the_place_of_that_of_a_class_but_not_of_two_points
         ('<joint name="j" springdamper="0.1 0"/>' + SPHERE, "joint 'j': springdamper='0.1 0' is not read"),
         (SPHERE + body('<freejoint name="f"/>' + SPHERE, "c"),
          "body 'c': a free joint stands alone, in a body of the world"),
-        (HINGE + '<geom size="-1"/>', "body 'b': geom '': size='-1'"),
+        (HINGE + '<geom size="-1"/>', "body 'b': geom: size='-1'"),
         (HINGE + '<inertial pos="0 0 0" mass="1" diaginertia="1 1 9"/>',
          "body 'b': no body has principal moments of inertia 1, 1, 9 kg*m^2: each is at most the sum of the other two"),
         ('<joint name="j" axs="1 0 0"/>' + SPHERE, "<joint> 'j' has no attribute 'axs'"),

@@ -75,7 +75,7 @@ CLOSED = """<sdf version="1.7"><model name="m">
 
 @pytest.mark.parametrize("text", [CONNECTED, CLOSED])
 def test_places_of_loop_joints_are_not_beyond_all_lengths(text):
-    assert set(build_model(text.format(place="1")).loops) == {"c"}
+    assert set(build_model(text.format(place="1")).tree.loops) == {"c"}
     assert "loop 'c': its distance is 1e+60 m" in refusal(text.format(place="1e60")).message
 
 

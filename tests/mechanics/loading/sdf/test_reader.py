@@ -186,7 +186,7 @@ def test_springs_damping_friction_and_mimics():
     assert robot.friction == {"j": 0.3}
     spring = robot.forces["joint springs"]
     assert (spring.stiffness.tolist(), spring.rest.tolist()) == ([4.0], [0.5])
-    (mimic,) = robot.mimics
+    (mimic,) = robot.tree.mimics
     assert (mimic.joint, mimic.of, mimic.multiplier) == ("k", "j", 2.0)
     assert mimic.offset == pytest.approx(0.1 - 2 * 0.3)
 
@@ -225,7 +225,7 @@ PHYSICS = "<physics type='ode'><gravity>0 0 -{}</gravity></physics>"
 def test_gravity_is_where_its_version_has_it(version, inside, down, note):
     """sdf/1.4/physics.sdf to sdf/1.6/world.sdf of SDFormat, its default too."""
     robot = build_model(world_of(inside, version))
-    assert robot.gravity.tolist() == [0.0, 0.0, -down]
+    assert robot.tree.gravity.tolist() == [0.0, 0.0, -down]
     assert note in " ".join(robot.notes)
 
 
@@ -310,7 +310,7 @@ def test_the_model_of_a_world_is_the_one_that_moves_or_that_is_named():
     ground = '<model name="ground"><static>true</static><link name="floor"/></model><include><uri>sun</uri></include>'
     alone, beside = in_world("", ""), in_world("", ground)
     assert_same(beside, alone, "a")
-    assert "not read, beside the model 'm': model ground" in build_model(beside).notes
+    assert "not read, beside the model 'm': ground" in build_model(beside).notes
     two = in_world("", f'<model name="n">{"".join(ARM)}</model>')
     with pytest.raises(ModelError, match="the file has 2 models") as caught:
         build_model(two)
@@ -324,9 +324,9 @@ def test_the_model_of_a_world_is_the_one_that_moves_or_that_is_named():
 
 @pytest.mark.parametrize(
     ("inside", "note"),
-    [("<mass>0.001</mass>", "no inertia/ixx, inertia/iyy, inertia/izz, and by the format 1 kg*m^2"),
+    [("<mass>0.001</mass>", "no ixx, iyy, izz, and by the format 1 kg*m^2"),
 
-     ("", "no mass, inertia/ixx, inertia/iyy, inertia/izz, and by the format 1 kg and 1 kg*m^2")],
+     ("", "no mass, ixx, iyy, izz, and by the format 1 kg and 1 kg*m^2")],
 )  # fmt: skip
 def test_what_the_format_completes_of_an_inertia_is_told(inside, note):
     notes = build_model(sdf(f'<link name="a"><inertial>{inside}</inertial></link>', joint("j", "world", "a"))).notes

@@ -66,7 +66,7 @@ def test_a_parallelogram_of_each_extension(tmp_path, name):
     assert run["B"].values == pytest.approx(-angle, abs=1e-12)
     weight = 2 * 2.0 * 0.5 + 3.0  # heights of crank and rocker grow half as fast as that of the coupler
     assert run["joint.A.effort"].values == pytest.approx(-weight * 9.81 * np.sin(angle), abs=1e-10)
-    assert any("closing loops of the tree of joints: joint D" in note for note in run.notes())
+    assert any("closing loops of the tree of joints: D" in note for note in run.notes())
 
 
 def test_a_coupling_holds_sums_of_joints_from_where_the_ways_part(tmp_path):
@@ -77,7 +77,7 @@ def test_a_coupling_holds_sums_of_joints_from_where_the_ways_part(tmp_path):
     robot = build_model(text)
     (tmp_path / ".pinarm-root").touch()
     (tmp_path / "m.urdf").write_text(text)
-    assert robot.couplings["K"].weights == {"T": 1.0, "B": 1.0, "A": 1.0, "C": -2.0}
+    assert robot.tree.couplings["K"].weights == {"T": 1.0, "B": 1.0, "A": 1.0, "C": -2.0}
     [row] = [one for one in Mechanism.load(tmp_path / "m.urdf").constraints if one.name == "K"]
     q = dict(zip(robot.model.names[1:], (0.1, 0.2, 0.3, 0.35), strict=True))
     weights = dict(zip(robot.model.names[1:], row.coordinate.weights, strict=True))

@@ -90,7 +90,7 @@ def test_limits_of_nothing_are_unknown_and_noted(chain):
     assert (model.lowerPositionLimit.tolist(), model.upperPositionLimit.tolist()) == ([-1.0, -np.inf], [2.0, np.inf])
     assert (model.effortLimit.tolist(), model.velocityLimit.tolist()) == ([3.0, np.inf], [4.0, np.inf])
     for kind in ("position", "effort", "velocity"):
-        assert f"{kind} limits of 0 or less, or none, are taken for unknown: joint unknown" in robot.notes
+        assert f"{kind} limits of 0 or less, or none, are taken for unknown: unknown" in robot.notes
 
 
 def test_a_quaternion_says_an_orientation(chain):
@@ -116,7 +116,7 @@ def coupled(chain, *mimics):
 def test_joints_that_mimic_others_are_read(chain):
     robot = build_model(coupled(
         chain, ("b", '<mimic joint="a" multiplier="-2.5" offset="0.3"/>'), ("c", '<mimic joint="b"/>')))  # fmt: skip
-    assert robot.mimics == (Mimic("b", "a", -2.5, 0.3), Mimic("c", "b", 1.0, 0.0))
+    assert robot.tree.mimics == [Mimic("b", "a", -2.5, 0.3), Mimic("c", "b", 1.0, 0.0)]
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_defects_are_taken_as_written_where_that_is_asked_for(chain):
     xml = coupled(chain, ("b", '<mimic joint="d"/>')).replace('ixx="0.1"', 'ixx="-0.1"', 1)
     robot = build_model(xml, defects="noted")
     assert robot.model.inertias[1].inertia[0, 0] == pytest.approx(-0.1)
-    assert robot.mimics == ()
+    assert robot.tree.mimics == []
     assert "joint 'b' mimics 'd', which does not exist; taken as written" in robot.notes
     assert any(note.startswith("link 'a_link': a principal moment of inertia is negative") for note in robot.notes)
     assert "say 'defects: noted'" in refusal(xml).hint

@@ -6,7 +6,7 @@ import pytest
 from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer, placements_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
-from pinarm.mechanics.loading.urdf.variants import model_variants
+from pinarm.mechanics.loading.urdf_variants import model_variants
 
 TEXT = """<robot name="crane">
   <link name="base"><inertial><mass value="7"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>

@@ -29,7 +29,7 @@ from pinarm.mechanics.geometry.model_variants import (
 )
 from pinarm.mechanics.joints import UNIVERSE
 from pinarm.mechanics.loading.model_tree import LIGHTEST, Tree, impossible
-from pinarm.mechanics.loading.urdf.reader import urdf_tree
+from pinarm.mechanics.loading.urdf import urdf_tree
 
 DRAWN = ("visual", "collision")
 """Parts of links that only pictures show."""

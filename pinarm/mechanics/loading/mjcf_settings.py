@@ -1,4 +1,4 @@
-"""Names of MJCF, settings of a whole model (units, conventions, default classes), and readers of its attributes.
+"""Names of MJCF, settings of a whole model (units, conventions, default classes), and placements by its attributes.
 
 The names are those of MuJoCo 4.0.0 (``mj_printSchema``), and older ones that it dropped.
 """
@@ -6,19 +6,18 @@ The names are those of MuJoCo 4.0.0 (``mj_printSchema``), and older ones that it
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, unit
-from pinarm.errors import ModelError, choices
+from pinarm.errors import ModelError
 from pinarm.input.xml_text import format_names
-from pinarm.input.yaml.schema import LARGEST
 from pinarm.mechanics.loading.model_tree import from_z
-from pinarm.mechanics.loading.values import numbers, rotation, word
+from pinarm.mechanics.loading.values import ZERO, Part, known, rotation
 
 ACTUATORS = (
     "general", "motor", "position", "velocity", "intvelocity", "orientation", "pid", "damper", "cylinder", "muscle",
@@ -92,74 +91,41 @@ ORIENTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 """Attributes that say an orientation -> how many numbers they have."""
 
 
-SWITCHES = ("gravity", "passive", "spring", "damper", "frictionloss", "constraint", "equality")
-"""Flags that are read."""
-
-NO, YES = ("false", "true"), ("true", "false")
-"""Words of a switch, the default first."""
-
-
-@dataclass(frozen=True)
 class Settings:
-    """The ``<compiler>`` and ``<option>`` sections, as far as they affect the motion of rigid bodies.
+    """The ``<compiler>`` and ``<option>`` sections and default classes, as far as they affect rigid bodies.
 
     Attributes:
-        angle: Unit of angles [rad]: 1, or pi/180.
-        sequence: Axes of Euler angles: lower case about body axes, upper case about fixed axes.
-        limits_by_range: Whether a range is a limit without ``limited="true"`` (``autolimits``).
-        source: Source of inertias (``inertiafromgeom``): ``false``: inertials, ``true``: geoms, ``auto``: inertials
-            where given, else geoms.
-        least_mass: Lower bound of the mass of every body [kg].
-        least_inertia: Lower bound of the principal moments of every body [kg*m^2].
-        balances: Whether moments that no body can have are replaced by their mean (``balanceinertia``).
-        fuses: Whether bodies that do not move become part of the world (``fusestatic``), which has no mass.
-        total_mass: Total to which all masses are scaled [kg]; 0 for no scaling.
-        gravity: Gravity field [m/s^2], world axes, shape (3,).
-        off: The disabled ones of ``SWITCHES``.
+        off: Flags of features that are switched off.
+        classes: Default class -> kind of element -> its attributes.
     """
 
-    angle: float
-    sequence: str
-    limits_by_range: bool
-    source: str
-    groups: tuple[float, float]
-    least_mass: float
-    least_inertia: float
-    balances: bool
-    fuses: bool
-    total_mass: float
-    gravity: Array
-    off: frozenset[str]
-    classes: Mapping[str, Mapping[str, Attributes]] = field(repr=False)
-
-    @classmethod
-    def of(cls, model: Element) -> Settings:
-        compiler, option = (_merged(model.findall(tag)) for tag in ("compiler", "option"))
-        flags = _merged(model.findall("option/flag"))
-        if compiler.get("coordinate", "local") != "local":
+    def __init__(self, model: Element) -> None:
+        self.compiler = Part.of("<compiler>", *model.findall("compiler"))
+        self.option = Part.of("<option>", *model.findall("option"))
+        flags = Part.of("<flag>", *model.findall("option/flag")).texts
+        self.off = {name for name, text in flags.items() if text == "disable"}
+        self.classes = _classes(model)
+        if self.compiler.texts.get("coordinate", "local") != "local":
             raise ModelError("the model has global coordinates", expected='<compiler coordinate="local"/>')
-        sequence = compiler.get("eulerseq", "xyz")
+        sequence = self.compiler.texts.get("eulerseq", "xyz")
         if len(sequence) != 3 or not set(sequence.lower()) <= set("xyz"):
             raise ModelError(f"eulerseq is '{sequence}'", expected="three of x, y, z")
 
-        def chosen(key: str, words: Sequence[str]) -> str:
-            return word(compiler.get(key), words, f"<compiler>: {key}")
+    @cached_property
+    def angle(self) -> float:
+        """Unit of angles [rad]."""
+        return math.radians(1.0) if self.compiler.word("angle", ("degree", "radian")) == "degree" else 1.0
 
-        first, last = numbers_in(compiler, "inertiagrouprange", "<compiler>", 2, (0.0, 5.0))
-        least_mass, least_inertia, total = (
-            number_in(compiler, key, "<compiler>", 0.0) for key in ("boundmass", "boundinertia", "settotalmass")
-        )
-        return cls(
-            angle=math.pi / 180.0 if chosen("angle", ("degree", "radian")) == "degree" else 1.0, sequence=sequence,
-            limits_by_range=chosen("autolimits", YES) == "true", source=chosen("inertiafromgeom", ("auto", *YES)),
-            groups=(first, last), least_mass=least_mass, least_inertia=least_inertia,
-            balances=chosen("balanceinertia", NO) == "true", total_mass=max(0.0, total),
-            fuses=chosen("fusestatic", NO) == "true",
-            gravity=numbers_in(option, "gravity", "<option>", 3, (0.0, 0.0, -9.81)),
-            off=frozenset(name for name in SWITCHES if flags.get(name) == "disable"), classes=_classes(model),
-        )  # fmt: skip
+    @cached_property
+    def limits_by_range(self) -> bool:
+        """Whether a range is a limit without ``limited="true"``."""
+        return self.compiler.word("autolimits", ("true", "false")) == "true"
 
-    def attributes(self, element: Element, childclass: str, kind: str = "") -> Attributes:
+    def switched(self, key: str) -> bool:
+        """Return whether a switch of the compiler is on, which is off where it is not given."""
+        return self.compiler.word(key, ("false", "true")) == "true"
+
+    def part(self, element: Element, childclass: str, where: str, kind: str = "") -> Part:
         """Return the attributes of an element, with those of its default class where it has none.
 
         Args:
@@ -167,46 +133,46 @@ class Settings:
             kind: Name of such elements in default classes; the element's tag if empty.
         """
         name = element.get("class", childclass)
-        if name not in self.classes:
-            expected, hint = choices(name, self.classes)
-            raise ModelError(f"there is no default class '{name}'", expected=expected, hint=hint)
-        return _overridden(self.classes[name].get(kind or element.tag, {}), element.attrib)
+        above = self.classes[known(name, self.classes, f"there is no default class '{name}'")]
+        return Part(_overridden(above.get(kind or element.tag, {}), element.attrib), where)
 
-    def placement(self, attributes: Attributes, where: str) -> pin.SE3:
+    def placement(self, part: Part) -> pin.SE3:
         """Return the placement from ``pos`` and one of the ``ORIENTATIONS``."""
-        return pin.SE3(self._rotation(attributes, where), numbers_in(attributes, "pos", where, 3, (0.0, 0.0, 0.0)))
+        return pin.SE3(self._rotation(part), part.numbers("pos", 3, ZERO))
 
-    def shape_placement(self, attributes: Attributes, where: str) -> tuple[pin.SE3, float | None]:
+    def shape_placement(self, part: Part) -> tuple[pin.SE3, float | None]:
         """Return the placement of a geom or site, and half of the length that ``fromto`` gives it.
 
         With ``fromto`` it lies in the middle, its z from the second point to the first, whatever the orientation of
         its class.
         """
-        if "fromto" not in attributes:
-            return self.placement(attributes, where), None
-        if "pos" in attributes:
-            raise ModelError(f"{where}: its place is given by pos and fromto", expected="one of them, in its class too")
-        if attributes.get("type", "sphere") == "sphere":
-            raise ModelError(f"{where}: a sphere has no fromto", expected="a capsule, cylinder, ellipsoid or box")
-        ends = numbers_in(attributes, "fromto", where, 6)
+        if "fromto" not in part.texts:
+            return self.placement(part), None
+        if "pos" in part.texts:
+            raise ModelError(
+                f"{part.where}: its place is given by pos and fromto", expected="one of them, in its class too"
+            )
+        if part.texts.get("type", "sphere") == "sphere":
+            raise ModelError(f"{part.where}: a sphere has no fromto", expected="a capsule, cylinder, ellipsoid or box")
+        ends = part.numbers("fromto", 6)
         back = ends[:3] - ends[3:]
         if not (length := float(np.linalg.norm(back))):
-            raise ModelError(f"{where}: fromto='{attributes['fromto'][:60]}' has no length")
+            raise ModelError(f"{part.where}: fromto='{part.texts['fromto'][:60]}' has no length")
         return pin.SE3(from_z(back / length), (ends[:3] + ends[3:]) / 2), length / 2
 
-    def _rotation(self, attributes: Attributes, where: str) -> Array:
+    def _rotation(self, part: Part) -> Array:
         """Return an orientation, which is given once at most, as a matrix, shape (3, 3)."""
-        ways = [key for key in ORIENTATIONS if key in attributes]
+        ways = [key for key in ORIENTATIONS if key in part.texts]
         if len(ways) > 1:
-            raise ModelError(f"{where}: its orientation is given by {' and '.join(ways)}", expected="one of them")
+            raise ModelError(f"{part.where}: its orientation is given by {' and '.join(ways)}", expected="one of them")
         if not ways:
             return np.eye(3)
         way = ways[0]
-        values = numbers_in(attributes, way, where, ORIENTATIONS[way])
+        values = part.numbers(way, ORIENTATIONS[way])
         if way == "euler":
             return self._euler(values)
         if not values[:3].any() and not (way == "quat" and values.any()):
-            raise ModelError(f"{where}: {way}='{attributes[way]}' has no direction")
+            raise ModelError(f"{part.where}: {way}='{part.texts[way]}' has no direction")
         if way == "quat":
             return rotation(*values)
         if way == "axisangle":
@@ -216,42 +182,17 @@ class Settings:
         x, second = unit(values[:3]), unit(values[3:]) if values[3:].any() else np.zeros(3)
         y = second - (x @ second) * x
         if np.linalg.norm(y) < 1e-9:
-            raise ModelError(f"{where}: the axes of xyaxes='{attributes[way]}' are parallel")
+            raise ModelError(f"{part.where}: the axes of xyaxes='{part.texts[way]}' are parallel")
         y /= np.linalg.norm(y)
         return np.array([x, y, np.cross(x, y)]).T
 
     def _euler(self, angles: Array) -> Array:
+        """Return turns in the ``eulerseq``: lower case about body axes, upper case about fixed axes."""
         turn = np.eye(3)
-        for letter, angle in zip(self.sequence, angles, strict=True):
+        for letter, angle in zip(self.compiler.texts.get("eulerseq", "xyz"), angles, strict=True):
             step = pin.exp3(np.eye(3)["xyz".index(letter.lower())] * angle * self.angle)
             turn = turn @ step if letter.islower() else step @ turn
         return turn
-
-
-def numbers_in(
-    attributes: Attributes, key: str, where: str, count: int, default: Sequence[float] | None = None
-) -> Array:
-    """Return an attribute with ``count`` finite numbers, shape (count,)."""
-    return numbers(attributes.get(key), count, f"{where}: {key}", default, most=LARGEST)
-
-
-def number_in(attributes: Attributes, key: str, where: str, default: float | None = None) -> float:
-    """Return an attribute that is one number."""
-    return float(numbers_in(attributes, key, where, 1, None if default is None else (default,))[0])
-
-
-def known(name: str, names: Iterable[str], what: str, where: str) -> str:
-    """Return a name that is one of those of the model's joints, bodies or sites."""
-    names = [*names]
-    if name not in names:
-        expected, hint = choices(name, names)
-        raise ModelError(f"{where}: there is no {what} '{name}'", expected=expected, hint=hint)
-    return name
-
-
-def _merged(elements: Sequence[Element]) -> dict[str, str]:
-    """Return the attributes of several elements; later ones take precedence."""
-    return {key: value for element in elements for key, value in element.attrib.items()}
 
 
 def _overridden(above: Attributes, own: Attributes) -> Attributes:

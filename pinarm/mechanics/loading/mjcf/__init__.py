@@ -1,1 +1,0 @@
-"""Reader of MJCF models, with the equalities that close loops."""

@@ -1,1 +1,0 @@
-"""Reader of SDF models, with the loops that they may have."""

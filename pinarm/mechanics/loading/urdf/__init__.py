@@ -1,1 +1,0 @@
-"""Reader and writer of URDF models."""
