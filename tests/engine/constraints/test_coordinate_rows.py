@@ -10,7 +10,7 @@ from pinarm.mechanics.coordinates import Distance, PointCoordinate, Rotation, ro
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
-from pinarm.mechanics.loops.lower_pairs import LOWER_KINDS, Helical, loop_coordinates
+from pinarm.mechanics.loops.lower_pairs import Cylindrical, Helical, Planar, loop_coordinates
 from pinarm.mechanics.rotors import GearedRotor
 
 ARM = (
@@ -33,7 +33,7 @@ def coordinates(model):
     found += [Rotation(body=LAST, about="y", relative_to=SWING).bind(model, joints)]
     found += [Distance(between=(SWING, LAST)).bind(model, joints), coordinate_at(model, 0)]
     found += [PointCoordinate(point=LAST, along=(1.0, 2.0, -0.5)).bind(model, joints)]
-    kinds = [kind(between=(SWING, LAST)) for name, kind in LOWER_KINDS.items() if name in ("cylindrical", "planar")]
+    kinds = [kind(between=(SWING, LAST)) for kind in (Cylindrical, Planar)]
     for definition in (*kinds, Helical(between=(SWING, LAST), lead=0.3)):
         found += loop_coordinates(model, [definition.bind(model, "L")]).values()
     return [*found, *(GearedRotor("gear", found[k], rotor=joints["last"]) for k in (0, 6, -1))]
