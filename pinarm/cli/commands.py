@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from pinarm.cli.options import (
     DPI,
@@ -27,8 +27,8 @@ from pinarm.cli.options import (
     sources,
     workers,
 )
-from pinarm.cli.streams import progress, say
-from pinarm.errors import InputError, NumericsError, PinarmError, choices, printable
+from pinarm.cli.streams import progress
+from pinarm.errors import InputError, NumericsError, PinarmError, choices
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -36,13 +36,24 @@ if TYPE_CHECKING:
     from pinarm.use.facade import Scenario
     from pinarm.use.output import Destination
 
+T = TypeVar("T")
+
 OK, MISSED, BAD_INPUT = 0, 1, 2
 
 
-class Command(NamedTuple):
-    """A command: what runs it and returns its exit code, what it does, options, examples with semicolons between."""
+class Answer(NamedTuple):
+    """Answer of a command: data for machines, text, exit code, and mistakes in some of its files."""
 
-    call: Callable[[Namespace], int]
+    data: Mapping[str, object]
+    text: str
+    code: int = OK
+    mistakes: Sequence[PinarmError] = ()
+
+
+class Command(NamedTuple):
+    """A command: what runs it, what it does, options, examples with semicolons between."""
+
+    call: Callable[[Namespace], Answer]
     text: str
     options: Sequence[Option]
     examples: str
@@ -51,7 +62,7 @@ class Command(NamedTuple):
 COMMANDS: dict[str, Command] = {}
 """Commands by name."""
 
-Call = Callable[[Namespace], int]
+Call = Callable[[Namespace], Answer]
 
 
 def command(text: str, examples: str, *options: Option) -> Callable[[Call], Call]:
@@ -76,14 +87,21 @@ def pairs_of(texts: Sequence[str], expected: str) -> dict[str, str]:
     return pairs
 
 
-def show(options: Namespace, data: Mapping[str, object], *texts: str) -> None:
-    """Print what a command found: as JSON for machines, or as text."""
-    if options.json:
-        from pinarm.use.store.files import json_text
-
-        print(json_text(data))
-    else:
-        print("\n".join(map(printable, texts)))
+def each_file(
+    options: Namespace, paths: Iterable[Path], read: Callable[[Path], T]
+) -> tuple[list[tuple[Path, T]], list[tuple[Path, PinarmError]]]:
+    """Return what is read of each file, and the mistakes in the others."""
+    known, mistakes = list[tuple[Path, T]](), list[tuple[Path, PinarmError]]()
+    for path in paths:
+        progress(f"check {path}")
+        try:
+            known.append((path, read(path)))
+        except PinarmError as error:
+            if options.traceback:
+                raise
+            mistakes.append((path, error))
+    progress("")
+    return known, mistakes
 
 
 @contextmanager
@@ -120,12 +138,11 @@ NEW_TEXT = (
     arg("source", metavar="TEMPLATE|MODEL", help=NEW_TEXT, complete=sources),
     output("folder (default: TEMPLATE, or that of MODEL); files that exist are kept"),
 )
-def _new(options: Namespace) -> int:
+def _new(options: Namespace) -> Answer:
     from pinarm.use.start.new import new
 
     folder = new(options.source, options.output)
-    show(options, {"folder": str(folder)}, f"written to {folder}")
-    return OK
+    return Answer({"folder": str(folder)}, f"written to {folder}")
 
 
 @command(
@@ -142,7 +159,7 @@ def _new(options: Namespace) -> int:
     workers("processes for the runs of find and sensitivity (default: none but this one)"),
     VALUES,
 )
-def _run(options: Namespace) -> int:
+def _run(options: Namespace) -> Answer:
     import time
 
     from pinarm.use.progress import shown_by
@@ -155,10 +172,8 @@ def _run(options: Namespace) -> int:
         result = scenario.verified() if options.verify else scenario.run()
         timing = {"solve [s]": time.perf_counter() - begin}
         save(result, target.folder, plots=options.plots, dpi=options.dpi, timing=timing)
-    show(options, {**result.summary(), "folder": str(target.folder)}, report(result), str(target))
-    if result.missed:
-        return MISSED
-    return NumericsError.exit_code if result.no_bound else OK
+    code = MISSED if result.missed else NumericsError.exit_code if result.no_bound else OK
+    return Answer({**result.summary(), "folder": str(target.folder)}, f"{report(result)}\n{target}", code)
 
 
 @command(
@@ -167,34 +182,20 @@ def _run(options: Namespace) -> int:
     arg("paths", nargs="+", type=Path, metavar="PATH", help="scenario files, or folders of them"),
     VALUES,
 )
-def _check(options: Namespace) -> int:
-    from pinarm.use.study.answers.check import Finding, check, plain, verdicts
+def _check(options: Namespace) -> Answer:
+    from pinarm.use.study.answers.check import check, plain, verdicts
     from pinarm.use.study.run import scenario_files
 
-    findings: list[Finding] = []
-    failures: list[PinarmError] = []
-    for path in scenario_files(*options.paths):
-        progress(f"check {path}")
-        try:
-            findings += check(path, options.values)
-        except PinarmError as error:
-            if options.traceback:
-                raise
-            failures.append(error)
-    progress("")
-    if options.json:
-        show(options, {"findings": [plain(finding) for finding in findings], "errors": list(map(str, failures))})
-    elif findings or not failures:
-        print(verdicts(findings))
-    for failure in failures:
-        say(f"error: {failure}")
-    if failures:
-        return max(failure.exit_code for failure in failures)
-    return OK if all(finding.ok for finding in findings) else MISSED
+    checked, mistakes = each_file(options, scenario_files(*options.paths), lambda path: check(path, options.values))
+    findings, errors = [finding for _, some in checked for finding in some], [error for _, error in mistakes]
+    data = {"findings": [plain(finding) for finding in findings], "errors": [*map(str, errors)]}
+    missed = OK if all(finding.ok for finding in findings) else MISSED
+    code = max((error.exit_code for error in errors), default=missed)
+    return Answer(data, verdicts(findings) if findings or not errors else "", code, errors)
 
 
 @command("read and check input only", "scenarios", arg("paths", nargs="+", type=Path, metavar="PATH"), VALUES)
-def _validate(options: Namespace) -> int:
+def _validate(options: Namespace) -> Answer:
     from pinarm.use.study.run import input_files
 
     paths = [file for path in options.paths for file in input_files(path)]
@@ -202,24 +203,13 @@ def _validate(options: Namespace) -> int:
         names = ", ".join(map(str, options.paths))
         expected = "files ending in .yaml, with a 'problem:', a 'robot:' or 'planar:'"
         raise InputError(f"there are no scenarios and no mechanism files in {names}", expected=expected)
-    mistakes = []
-    for path in paths:
-        try:
-            verdict = _validated(path, options.values)
-        except PinarmError as error:
-            if options.traceback:
-                raise
-            mistakes.append((path, error))
-        else:
-            if not options.json:
-                print(f"{path}: {verdict}")
+    read, mistakes = each_file(options, paths, lambda path: _validated(path, options.values))
     entries = [{"file": str(path), "error": str(error)} for path, error in mistakes]
-    counts = f"{len(paths)} scenarios and mechanism files, {len(mistakes)} with mistakes"
-    if options.json or any(path.is_dir() for path in options.paths):
-        show(options, {"mistakes": entries, "files": len(paths)}, counts)
-    for _, mistake in mistakes:
-        say(f"error: {mistake}")
-    return BAD_INPUT if mistakes else OK
+    lines = [f"{path}: {verdict}" for path, verdict in read]
+    if any(path.is_dir() for path in options.paths):
+        lines.append(f"{len(paths)} scenarios and mechanism files, {len(mistakes)} with mistakes")
+    code, errors = BAD_INPUT if mistakes else OK, [error for _, error in mistakes]
+    return Answer({"mistakes": entries, "files": len(paths)}, "\n".join(lines), code, errors)
 
 
 def _validated(path: Path, values: Sequence[str]) -> str:
@@ -265,30 +255,20 @@ AT_TEXT = "instant of its numbers, such as t='1.5 s' or max (default: where the 
     LANG,
     VALUES,
 )
-def _explain(options: Namespace) -> int:
-    from pinarm.use.study.explain import explain, isolate
+def _explain(options: Namespace) -> Answer:
+    from pinarm.use.study.explain import equations, explain, isolate
 
     if options.equations or options.small is not None:
-        return _equations(options)
-    if options.wanted:
-        isolation = isolate(options.path, options.wanted, options.values, at=options.at)
-        show(options, isolation.summary() if options.json else {}, str(isolation))
-        return OK
-    explained = explain(options.path, options.values)
-    show(options, explained.summary() if options.json else {}, str(explained))
-    if options.draw is not None:
-        explained.draw(options.draw, dpi=options.dpi, graph=options.graph)
-        print(f"written to {options.draw}", file=sys.stderr if options.json else sys.stdout)
-    return OK
-
-
-def _equations(options: Namespace) -> int:
-    from pinarm.use.study.explain import equations
-
-    small = None if options.small is None else pairs_of(options.small, "NAME=VALUE, such as theta='90 deg'")
-    written = equations(options.path, options.values, small=small)
-    show(options, written.summary() if options.json else {}, str(written))
-    return OK
+        small = None if options.small is None else pairs_of(options.small, "NAME=VALUE, such as theta='90 deg'")
+        known: Any = equations(options.path, options.values, small=small)
+    elif options.wanted:
+        known = isolate(options.path, options.wanted, options.values, at=options.at)
+    else:
+        known = explain(options.path, options.values)
+        if options.draw is not None:
+            known.draw(options.draw, dpi=options.dpi, graph=options.graph)
+            return Answer(known.summary(), f"{known}\nwritten to {options.draw}")
+    return Answer(known.summary() if options.json else {}, str(known))
 
 
 @command(
@@ -299,12 +279,11 @@ def _equations(options: Namespace) -> int:
     LANG,
     VALUES,
 )
-def _lab(options: Namespace) -> int:
+def _lab(options: Namespace) -> Answer:
     from pinarm.use.study.lab import lab
 
     file = lab(options.path, options.output, options.values)
-    show(options, {"file": str(file)}, f"written to {file}")
-    return OK
+    return Answer({"file": str(file)}, f"written to {file}")
 
 
 LIKE_TEXT = "part of a name or of a meaning, such as force"
@@ -317,7 +296,7 @@ LIKE_TEXT = "part of a name or of a meaning, such as force"
     arg("--like", default="", metavar="TEXT", help=LIKE_TEXT, complete=names),
     VALUES,
 )
-def _quantities(options: Namespace) -> int:
+def _quantities(options: Namespace) -> Answer:
     import msgspec
 
     from pinarm.use.study.quantities import quantities
@@ -325,15 +304,13 @@ def _quantities(options: Namespace) -> int:
     known = quantities(options.path, options.values, like=options.like)
     if not known:
         texts = (f"{entry.name} {entry.meaning}" for entry in quantities(options.path, options.values))
-        words = {word for text in texts for word in re.findall(r"\w{3,}", text)}
-        alike = {word for word in words if word[0].casefold() == options.like[0].casefold()}
+        words = re.findall(r"\w{3,}", " ".join(texts))
         raise InputError(
             f"nothing that can be asked has '{options.like}' in its name or meaning",
             expected="part of a name or of a meaning, such as force",
-            hint=choices(options.like, alike)[1],
+            hint=choices(options.like, [word for word in words if word[0].casefold() == options.like[0].casefold()])[1],
         )
-    show(options, {"quantities": msgspec.to_builtins([entry._asdict() for entry in known])}, str(known))
-    return OK
+    return Answer({"quantities": msgspec.to_builtins([entry._asdict() for entry in known])}, str(known))
 
 
 OVER_TEXT = "such as arguments.m_A='0.1:0.5:41 kg', '1, 2, 3 kg' or 'normal(0.25, 0.01) kg'; several are combined"
@@ -363,7 +340,7 @@ MANY: dict[str, Any] = {"action": "append", "default": []}
     flag("--parquet", "write the table as Parquet too"),
     VALUES,
 )
-def _sweep(options: Namespace) -> int:
+def _sweep(options: Namespace) -> Answer:
     from pinarm.use.progress import progress_bar
     from pinarm.use.study.sweep.sweep import sweep
     from pinarm.use.study.sweep.table import report, require_parquet
@@ -387,8 +364,8 @@ def _sweep(options: Namespace) -> int:
             progress=bar,
         )
         swept.save(target.folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
-    show(options, {**swept.summary(), "folder": str(target.folder)}, report(swept), str(target))
-    return NumericsError.exit_code if swept.errors else OK
+    code = NumericsError.exit_code if swept.errors else OK
+    return Answer({**swept.summary(), "folder": str(target.folder)}, f"{report(swept)}\n{target}", code)
 
 
 @command(
@@ -400,14 +377,13 @@ def _sweep(options: Namespace) -> int:
     DPI,
     VALUES,
 )
-def _tradeoff(options: Namespace) -> int:
+def _tradeoff(options: Namespace) -> Answer:
     from pinarm.use.study.tradeoff import report, tradeoff
 
     with work(options, "trade-off") as (scenario, target, _):
         trade = tradeoff(scenario)
         trade.save(target.folder, plots=options.plots, dpi=options.dpi)
-    show(options, {**trade.summary(), "folder": str(target.folder)}, report(trade), str(target))
-    return OK
+    return Answer({**trade.summary(), "folder": str(target.folder)}, f"{report(trade)}\n{target}")
 
 
 LIST: dict[str, Any] = {"action": "extend", "nargs": "+", "default": []}
@@ -431,7 +407,7 @@ PLOT_TEXT = "plot these beside it, or nothing (default: the outputs)"
     arg("--speed", type=float, default=1.0, help="of the video, relative to real time"),
     LANG,
 )
-def _replay(options: Namespace) -> int:
+def _replay(options: Namespace) -> Answer:
     from pinarm.use.show.replay import chromium
     from pinarm.use.study.restore import restore
 
@@ -445,8 +421,7 @@ def _replay(options: Namespace) -> int:
     else:
         shown.save(target)
     data = {"file": str(target), "bytes": target.stat().st_size, "notes": shown.notes}
-    show(options, data, *(f"note: {note}" for note in shown.notes), f"written to {target}")
-    return OK
+    return Answer(data, "\n".join([*(f"note: {note}" for note in shown.notes), f"written to {target}"]))
 
 
 def _replay_file(options: Namespace) -> Path:
@@ -480,14 +455,13 @@ FORMS = (
     flag("--equations", "add the equations of the mechanism in letters; needs SymPy"),
     LANG,
 )
-def _report(options: Namespace) -> int:
+def _report(options: Namespace) -> Answer:
     from pinarm.use.report.report import report
 
     folder = options.results[0] if len(options.results) == 1 else Path()
     target: Path = options.output or folder / "report.html"
     report(options.results, target, title=options.title, student=options.student, equations=options.equations)
-    show(options, {"file": str(target), "bytes": target.stat().st_size}, f"written to {target}")
-    return OK
+    return Answer({"file": str(target), "bytes": target.stat().st_size}, f"written to {target}")
 
 
 @command(
@@ -495,12 +469,11 @@ def _report(options: Namespace) -> int:
     "mechanism > mechanism.schema.json",
     arg("of", nargs="?", choices=["scenario", "mechanism"], default="scenario"),
 )
-def _schema(options: Namespace) -> int:
+def _schema(options: Namespace) -> Answer:
     from pinarm.use.scenario.json_schema import schema
     from pinarm.use.store.files import json_text
 
-    print(json_text(schema(options.of)))
-    return OK
+    return Answer(known := schema(options.of), json_text(known))
 
 
 @command(
@@ -508,18 +481,16 @@ def _schema(options: Namespace) -> int:
     "-o pinarm-examples",
     output("folder (default: pinarm-examples); files that exist are left as they are", default=Path("pinarm-examples")),
 )
-def _examples(options: Namespace) -> int:
+def _examples(options: Namespace) -> Answer:
     from pinarm.use.start.new import examples
 
     folder = examples(options.output)
-    show(options, {"folder": str(folder)}, f"written to {folder}")
-    return OK
+    return Answer({"folder": str(folder)}, f"written to {folder}")
 
 
 @command("test this installation: versions, and every kind of problem", "")
-def _selftest(options: Namespace) -> int:
+def _selftest(options: Namespace) -> Answer:
     from pinarm.use.study.answers.selftest import selftest
 
     outcome = selftest()
-    show(options, outcome.summary(), str(outcome))
-    return OK if outcome.passed else MISSED
+    return Answer(outcome.summary(), str(outcome), OK if outcome.passed else MISSED)

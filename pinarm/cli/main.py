@@ -18,17 +18,17 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
 from pinarm import __version__
-from pinarm.cli.commands import COMMANDS, pairs_of
+from pinarm.cli.commands import COMMANDS, OK, Answer, pairs_of
 from pinarm.cli.options import COMMON
 from pinarm.cli.streams import flush_output, give_up, open_streams, say, unwritable
-from pinarm.errors import NumericsError, PinarmError, fault, of_interrupt
+from pinarm.errors import NumericsError, PinarmError, fault, of_interrupt, printable
 from pinarm.input.roots import file_root
 from pinarm.language import writing
 
 if TYPE_CHECKING:
     from types import FrameType
 
-OK, NUMERICS_FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 3, 4, 130, 143
+NUMERICS_FAILED, FAULT, INTERRUPTED, TERMINATED = 3, 4, 130, 143
 
 EXAMPLES = """examples:
   python -m pinarm new four_bar && python -m pinarm run four_bar/scenario.yaml
@@ -108,7 +108,8 @@ def _ended(arguments: Sequence[str]) -> int:
             file_root(options.root, pairs_of(options.packages, "--package NAME=DIR")),
             writing(getattr(options, "lang", "")),
         ):
-            code = int(options.command(options))
+            answer: Answer = options.command(options)
+        _show(answer, as_json=options.json)
         flush_output()
     except BrokenPipeError:  # the reader of our output has seen enough
         give_up(sys.stdout)
@@ -121,7 +122,18 @@ def _ended(arguments: Sequence[str]) -> int:
         known = unwritable(error) if isinstance(error, OSError) else error
         say(f"error: {known}")
         return _keep_partial(known, options)
-    return code
+    return answer.code
+
+
+def _show(answer: Answer, *, as_json: bool) -> None:
+    if as_json:
+        from pinarm.use.store.files import json_text
+
+        print(json_text(answer.data))
+    elif answer.text:
+        print(printable(answer.text))
+    for mistake in answer.mistakes:
+        say(f"error: {mistake}")
 
 
 def _complete(line: str) -> None:

@@ -132,12 +132,11 @@ class Document(ValueRecord, frozen=True):
     def assigned(self, name: str, value: Any, option: Location) -> Document:
         """Return the document with the value at a path (see ``steps_of``) replaced; missing keys are created."""
         holder = data = _copy(self.data)
-        path: Path_ = ()
-        *parents, last = steps_of(name, data, option)
-        for key in parents:
-            path = (*path, step_into(holder, key, option, create=True))
-            holder = holder[path[-1]]
-        path = (*path, step_into(holder, last, option, create=True))
+        path = tuple(steps_of(name, data, option))
+        for key in path[:-1]:
+            if isinstance(holder, dict) and holder.get(key) is None:
+                holder[key] = {}
+            holder = holder[key]
         holder[path[-1]] = value
         made = {path[:k]: option for k in range(1, len(path))}
         places, keys = (
@@ -233,37 +232,36 @@ def plain_data(data: Any, depth: int = 0) -> Any:
 def _merged(data: Any, changes: Any, place: Location) -> Any:
     if not isinstance(changes, dict) or not isinstance(data, dict | list):
         return changes
-    merged = data.copy()
+    merged: Any = data.copy()
     for key, value in changes.items():
-        step: Any = step_into(data, key, place, create=False)
-        inner = data.get(step) if isinstance(data, dict) else data[step]
-        merged[step] = _merged(inner, value, place)
+        step: Any = _index(data, key, place) if isinstance(data, list) else key
+        merged[step] = _merged(data.get(step) if isinstance(data, dict) else data[step], value, place)
     return merged
 
 
-def step_into(data: Any, key: str, option: Location, *, create: bool) -> str | int:
-    """Return the key or index by which to step into ``data``; with ``create`` a missing key becomes an empty map."""
-    if isinstance(data, list):
-        if re.fullmatch(r"-?[0-9]{1,9}", key) and -len(data) <= int(key) < len(data):
-            return int(key) % len(data)
-        raise InputError(f"'{key}' is not an index of this list", expected=f"0 to {len(data) - 1}").at(option)
-    if not isinstance(data, dict):
-        raise InputError(f"'{key}' cannot be reached: the path leads through a plain value").at(option)
-    if create:
-        data.setdefault(key, {})
-    return key
-
-
-def steps_of(path: str, data: Any, place: Location) -> list[str]:
-    """Return the keys and indices, as texts, by which a path leads through data; unknown steps stay as written."""
-    parts, steps = _parts(path, place), list[str]()
+def steps_of(path: str, data: Any, place: Location) -> list[str | int]:
+    """Return the keys and indices by which a path leads through data; keys that are not there stay as written."""
+    parts, steps = _parts(path, place), list[str | int]()
     if len(parts) > MAX_DEPTH:
         raise InputError(f"the path '{path[:SHOWN_LETTERS]}...' has {len(parts)} steps", expected=LEVELS).at(place)
     while parts:
-        step, parts = _next(parts, data, steps, place)
+        if not isinstance(data, dict | list):
+            message = f"'{parts[0][0]}' cannot be reached: the path leads through a plain value"
+            raise InputError(message).at(place)
+        count = 1 if isinstance(data, list) else _length(parts, data, steps, place)
+        step: Any = ".".join(text for text, _ in parts[:count])
+        if isinstance(data, list):
+            step = _index(data, step, place)
+        inner = data[step] if isinstance(data, list) else data.get(step)
+        data, parts = {} if inner is None else inner, parts[count:]
         steps.append(step)
-        data = _inner(data, step)
     return steps
+
+
+def _index(data: list[Any], step: str, place: Location) -> int:
+    if re.fullmatch(r"-?[0-9]{1,9}", step) and -len(data) <= int(step) < len(data):
+        return int(step) % len(data)
+    raise InputError(f"'{step}' is not an index of this list", expected=f"0 to {len(data) - 1}").at(place)
 
 
 def argument_of(path: str) -> str:
@@ -272,9 +270,9 @@ def argument_of(path: str) -> str:
     return ".".join(rest) if first == "arguments" else ""
 
 
-def joined(steps: list[str]) -> str:
+def joined(steps: Iterable[str | int]) -> str:
     """Return the path of steps, in quotes where they have dots."""
-    return ".".join(f'"{step}"' if "." in step else step for step in steps)
+    return ".".join(f'"{step}"' if "." in str(step) else str(step) for step in steps)
 
 
 def _parts(path: str, place: Location) -> list[tuple[str, bool]]:
@@ -289,30 +287,21 @@ def _parts(path: str, place: Location) -> list[tuple[str, bool]]:
     return parts
 
 
-def _next(
-    parts: list[tuple[str, bool]], data: Any, before: list[str], place: Location
-) -> tuple[str, list[tuple[str, bool]]]:
-    """Return the first step of a path through data, and the parts behind it."""
+def _length(parts: list[tuple[str, bool]], data: dict[str, Any], before: list[str | int], place: Location) -> int:
+    """Return how many parts of a path are its next key in a map."""
     (first, quoted), *rest = parts
-    if quoted or not isinstance(data, dict) or first in data:
-        return first, rest
+    if quoted or first in data:
+        return 1
     for count in range(2, len(parts) + 1):
-        joint = ".".join(text for text, _ in parts[:count])
-        if joint in data and not any(quoted for _, quoted in parts[:count]):
-            return joint, parts[count:]
+        if ".".join(text for text, _ in parts[:count]) in data and not any(quoted for _, quoted in parts[:count]):
+            return count
     if rest and (dotted := [str(key) for key in data if str(key).startswith(f"{first}.")]):
         raise InputError(
             f"there is no key '{first}' here, but keys that begin with it and a dot",
             expected=", ".join(joined([*before, key]) for key in dotted[:SHOWN_KEYS]),
             hint=QUOTED,
         ).at(place)
-    return first, rest
-
-
-def _inner(data: Any, step: str) -> Any:
-    if isinstance(data, list):
-        return data[int(step)] if re.fullmatch(r"-?[0-9]{1,9}", step) and -len(data) <= int(step) < len(data) else None
-    return data.get(step) if isinstance(data, dict) else None
+    return 1
 
 
 def varied(document: Document, values: Values, declared: Callable[[str], str] = lambda path: "") -> Document:
@@ -361,8 +350,8 @@ def require_unit(value: Measured, known: str, path: str) -> None:
 def value_at(data: Any, path: str) -> Any:
     """Return the value at a path of plain data; ``None`` where there is none."""
     try:
-        for key in steps_of(path, data, Location(path)):
-            data = data[step_into(data, key, Location(path), create=False)]
+        for step in steps_of(path, data, Location(path)):
+            data = data[step]
     except (InputError, KeyError):
         return None
     return data

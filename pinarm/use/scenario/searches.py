@@ -258,6 +258,6 @@ def _near(scenario: Scenario, path: str) -> str:
     arguments, places = scenario.mechanism.arguments, scenario.document.places
     if path in arguments:
         return f"arguments.{path}"
-    known = [joined([*map(str, steps)]) for steps in places if steps and steps[0] not in ("find", "expect")]
+    known = [joined(steps) for steps in places if steps and steps[0] not in ("find", "expect")]
     near = choices(path, [*known, *(f"arguments.{name}" for name in arguments)])[1]
     return near if near != path else ""

@@ -51,7 +51,7 @@ class KeyTree(NamedTuple):
         """Yield the paths below a place, which holds some data, that begin with a prefix and are one step longer."""
         for name in dict.fromkeys((*_children(data), *self.known(at))):
             place, inner = (*at, name), _children(data).get(name)
-            path = joined([*map(str, place)])
+            path = joined(place)
             if prefix.startswith(f"{path}."):
                 yield from self.further(prefix, inner, place)
             elif path.startswith(prefix):

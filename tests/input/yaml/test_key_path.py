@@ -15,15 +15,15 @@ PLACE = Location("--set")
 @pytest.mark.parametrize(
     ("path", "steps"),
     [
-        ('motion."tcp.y".0', ["motion", "tcp.y", "0"]),
+        ('motion."tcp.y".0', ["motion", "tcp.y", 0]),
         ("motion.tcp.x.value", ["motion", "tcp.x", "value"]),
-        ("motion.tcp.y.0.a.b", ["motion", "tcp.y", "0", "a.b"]),
+        ("motion.tcp.y.0.a.b", ["motion", "tcp.y", 0, "a.b"]),
         ("a.b", ["a", "b"]),
         ('"a.b"', ["a.b"]),
         ('motion."new.key"', ["motion", "new.key"]),
     ],
 )
-def test_steps(path: str, steps: list[str]) -> None:
+def test_steps(path: str, steps: list[str | int]) -> None:
     assert steps_of(path, DATA, PLACE) == steps
 
 
