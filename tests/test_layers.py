@@ -22,7 +22,7 @@ FLOOR_PLAN = {
     "errors": "",
     "language": "",
     "arrays": "",
-    "input": "numbers units roots xml_text formulas yaml csv_tables xacro robots",
+    "input": "units roots xml_text formulas yaml csv_tables xacro",
     "mechanics": "geometry joints laws limited_states motors coordinates control rotors ball_joints loops "
     "forces couplings loading friction points perturbation planar_drawing description",
     "engine": "series labelled_array kernel integration constraints dynamics mesh_inertias "
@@ -31,7 +31,7 @@ FLOOR_PLAN = {
     "equilibria inverse linear recorded forward",
     "use": "progress result workers cases assessments scenario accuracy output show store method mechanism "
     "facade start letters study report",
-    "cli": "options streams commands main",
+    "cli": "options commands main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""
 

@@ -24,10 +24,10 @@ from pinarm.cli.options import (
     keys,
     names,
     output,
+    progress,
     sources,
     workers,
 )
-from pinarm.cli.streams import progress
 from pinarm.errors import InputError, NumericsError, PinarmError, choices
 
 if TYPE_CHECKING:

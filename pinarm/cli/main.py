@@ -10,18 +10,18 @@ from __future__ import annotations
 
 import argparse
 import gc
+import io
 import os
 import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TextIO
 
 from pinarm import __version__
 from pinarm.cli.commands import COMMANDS, OK, Answer, pairs_of
 from pinarm.cli.options import COMMON
-from pinarm.cli.streams import flush_output, give_up, open_streams, say, unwritable
-from pinarm.errors import NumericsError, PinarmError, fault, of_interrupt, printable
+from pinarm.errors import InputError, NumericsError, PinarmError, fault, of_interrupt, printable
 from pinarm.input.roots import file_root
 from pinarm.language import writing
 
@@ -66,20 +66,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     if "_ARGCOMPLETE" in os.environ:
         _complete(os.environ.get("COMP_LINE", ""))
-    open_streams()
+    _open_streams()
     try:
         code = _ended(words)
         return TERMINATED if terminated and code == INTERRUPTED else code
     except KeyboardInterrupt:
         pass
     except MemoryError as error:
-        say(f"error: this machine has not enough memory for it ({error})")
+        _say(f"error: this machine has not enough memory for it ({error})")
         return NUMERICS_FAILED
     except Exception as error:
         if not of_interrupt(error):
             _report_fault(error)
             return FAULT
-    say("terminated (SIGTERM)" if terminated else "interrupted")
+    _say("terminated (SIGTERM)" if terminated else "interrupted")
     return TERMINATED if terminated else INTERRUPTED
 
 
@@ -88,7 +88,7 @@ def _report_fault(error: Exception) -> None:
     import traceback
 
     lines = traceback.format_exception(error, limit=-INNERMOST)
-    say(
+    _say(
         f"{''.join(lines)}error: pinarm {__version__} has a fault: {fault(error)}\n"
         "  expected: an answer, or a message on what to change in the input\n"
         "  try: please report it, with the lines above and the input files"
@@ -102,7 +102,7 @@ def _ended(arguments: Sequence[str]) -> int:
         try:
             options = _parser(arguments).parse_args(arguments)
         except SystemExit:  # help has been printed, or what is wrong with the arguments
-            flush_output()
+            _flush_output()
             raise
         with (
             file_root(options.root, pairs_of(options.packages, "--package NAME=DIR")),
@@ -110,17 +110,17 @@ def _ended(arguments: Sequence[str]) -> int:
         ):
             answer: Answer = options.command(options)
         _show(answer, as_json=options.json)
-        flush_output()
+        _flush_output()
     except BrokenPipeError:  # the reader of our output has seen enough
-        give_up(sys.stdout)
+        _give_up(sys.stdout)
         return OK
     except (PinarmError, OSError) as error:
         if options.traceback:
             raise
         with suppress(PinarmError, BrokenPipeError):
-            flush_output()
-        known = unwritable(error) if isinstance(error, OSError) else error
-        say(f"error: {known}")
+            _flush_output()
+        known = _unwritable(error) if isinstance(error, OSError) else error
+        _say(f"error: {known}")
         return _keep_partial(known, options)
     return answer.code
 
@@ -133,7 +133,7 @@ def _show(answer: Answer, *, as_json: bool) -> None:
     elif answer.text:
         print(printable(answer.text))
     for mistake in answer.mistakes:
-        say(f"error: {mistake}")
+        _say(f"error: {mistake}")
 
 
 def _complete(line: str) -> None:
@@ -175,7 +175,48 @@ def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
         try:
             with np.errstate(all="ignore"):  # that it is not finite has been told
                 partial.save(folder / "partial", plots=False)
-            say(f"  kept: {len(partial)} rows in {folder / 'partial'}")
+            _say(f"  kept: {len(partial)} rows in {folder / 'partial'}")
         except PinarmError as second:
-            say(f"  not kept: {second}")
+            _say(f"  not kept: {second}")
     return error.exit_code
+
+
+def _open_streams() -> None:
+    """Let no character of a name be an error, and no closed stream."""
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115  (as long as the process)
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # With PYTHONUNBUFFERED, what cannot be written would fail within argparse, which passes over it.
+            stream.reconfigure(errors="replace", write_through=False)
+
+
+def _flush_output() -> None:
+    """Write what has been printed, while its failure can still be told."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError as error:
+            _give_up(stream)
+            if stream is sys.stdout:
+                raise error if isinstance(error, BrokenPipeError) else _unwritable(error) from None
+
+
+def _unwritable(error: OSError) -> InputError:
+    """Return the error of a file or stream that the system refuses, in words."""
+    what = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else "the output"
+    return InputError(f"{what}: {error.strerror or error}")
+
+
+def _give_up(stream: TextIO) -> None:
+    """Send what is still to be written to the null device, so that the interpreter does not fail over it at its end."""
+    with open(os.devnull, "w") as null:
+        os.dup2(null.fileno(), stream.fileno())
+
+
+def _say(text: str) -> None:
+    """Print text on stderr, where there is room for it: the exit code says the rest."""
+    try:
+        print(printable(text), file=sys.stderr, flush=True)
+    except OSError:
+        _give_up(sys.stderr)

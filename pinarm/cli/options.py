@@ -1,13 +1,14 @@
-"""Options that several commands share, and how a shell completes them."""
+"""Options that several commands share, how a shell completes them, and how far a command is."""
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace, _ActionsContainer
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pinarm.errors import PinarmError
+from pinarm.errors import PinarmError, printable
 
 Option = Callable[[_ActionsContainer], None]
 """Adds an option to a parser."""
@@ -55,7 +56,7 @@ def sources(prefix: str, **_: object) -> list[str]:
     """Return completions of the source of ``new``: templates, folders and model files."""
     from argcomplete.completers import FilesCompleter
 
-    from pinarm.input.robots import ENDINGS
+    from pinarm.input.roots import ENDINGS
     from pinarm.use.start.new import templates
 
     files = FilesCompleter([ending[1:] for ending in (*ENDINGS, ".yaml")])(prefix)
@@ -128,3 +129,9 @@ COMMON = (
     flag("--json", "print JSON for machines"),
 )
 """Options of all commands."""
+
+
+def progress(text: str) -> None:
+    """Show on a terminal how far a command is, in place of what was there."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{printable(text)}", end="", file=sys.stderr, flush=True)

@@ -21,9 +21,8 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import massive
 from pinarm.errors import Place, nowhere
 from pinarm.input.formulas.expressions import Expression
-from pinarm.input.numbers import decimal
 from pinarm.input.roots import file_root, root_of
-from pinarm.input.units import Unit
+from pinarm.input.units import Unit, decimal
 from pinarm.input.xacro.expander import expand_columns
 from pinarm.mechanics.ball_joints import Ball, positions_of
 from pinarm.mechanics.coordinates import Coordinate, coordinate_of

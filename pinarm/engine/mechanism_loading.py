@@ -16,8 +16,7 @@ from pinarm.engine.model_source import RobotReader, numeric, read_robot, robot_o
 from pinarm.errors import InputError, Key, Place, nowhere, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
-from pinarm.input.numbers import argument_word
-from pinarm.input.units import Unit
+from pinarm.input.units import Unit, argument_word
 from pinarm.input.xacro.expander import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document, Values, varied
 from pinarm.input.yaml.schema import (

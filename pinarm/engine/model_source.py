@@ -14,18 +14,19 @@ import msgspec
 import pinocchio as pin
 
 from pinarm.errors import Location, ModelError
-from pinarm.input.numbers import decimal
-from pinarm.input.robots import ENDINGS, is_floating
-from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import (
+    ENDINGS,
     NO_PACKAGES,
     Packages,
     contained_file,
     contained_path,
     file_root,
+    is_floating,
     packages_around,
     root_of,
 )
+from pinarm.input.roots import robot as robot_file
+from pinarm.input.units import decimal
 from pinarm.input.xacro.expander import check_declared, expand
 from pinarm.input.xml_text import MAX_BYTES, Element, UnknownName, location_of, read, resolve_includes, tree_of
 from pinarm.mechanics.description import Gravity, MechanismDescription

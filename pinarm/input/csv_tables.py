@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from pinarm.errors import InputError, Location, PinarmError, choices
-from pinarm.input.numbers import decimal
 from pinarm.input.roots import Stamp, similar_file
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import Unit, decimal, unit
 from pinarm.input.yaml.schema import LARGEST
 from pinarm.records import Record
 

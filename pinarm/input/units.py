@@ -1,8 +1,11 @@
-"""Units: text in, SI out, and the dimension checked on the way.
+"""Units and decimal numbers: text in, SI out, and the dimension checked on the way.
 
 Angles count as dimensionless, so that ``N*m/rad`` is ``N*m`` and ``rad/s`` is ``1/s``. Hertz is a unit of frequencies
 only: as a speed it would read as rad/s and be wrong by 2 pi; write ``rpm`` or ``rev/s``. ``1/min`` is left out on
 purpose: it counts turns in catalogues, in ``V*min`` and ``N*m*min`` too.
+
+Numbers have ASCII digits. Python's own ``float`` takes Arabic and full-width digits too, and ``1_0`` for 10: in a table
+or a model these are mistakes.
 """
 
 from __future__ import annotations
@@ -13,7 +16,6 @@ from fractions import Fraction
 from functools import lru_cache
 
 from pinarm.errors import UnitError, choices
-from pinarm.input.numbers import leading_number
 from pinarm.records import Record
 
 Exponent = Fraction | int
@@ -240,3 +242,44 @@ def half_last_digit(text: str) -> float:
     if not 0.0 < half < math.inf:
         raise UnitError(f"the last digit of '{text}' is beyond all numbers")
     return half
+
+
+DECIMAL = r"[+-]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?+"
+"""Pattern of a decimal number. Its repetitions never give back what they took, so that no text takes quadratic time."""
+
+_LEADING = re.compile(DECIMAL)
+
+
+def decimal(text: str) -> float:
+    """Return the number that a text is, with or without blanks around it; also ``inf`` and ``nan``."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"not a decimal number: {text[:40]!r}")
+    return float(text)
+
+
+def is_decimal(text: str | None) -> bool:
+    """Return whether a text is what ``decimal`` reads."""
+    try:
+        decimal(text or "")
+    except ValueError:
+        return False
+    return True
+
+
+def is_whole(text: str) -> bool:
+    """Return whether a text is a whole number: ASCII digits, with a sign or without."""
+    return re.fullmatch("[+-]?[0-9]+", text) is not None
+
+
+def leading_number(text: str) -> tuple[str, str] | None:
+    """Return the number that a text begins with and the rest, without blanks around; ``None`` where there is none."""
+    text = text.strip()
+    match = _LEADING.match(text)
+    return (match[0], text[match.end() :].lstrip()) if match else None
+
+
+def argument_word(value: object) -> str | None:
+    """Return the word that a value of a model's argument is: ``right_``, ``true``; ``None`` for a number."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) and leading_number(value) is None else None

@@ -9,8 +9,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, Key, ModelError, UnitError, within
-from pinarm.input.numbers import argument_word
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import Unit, argument_word, unit
 from pinarm.input.yaml.schema import Acceleration, AnyQuantity, Deferred, InputStruct, Level, Measured, Positive
 from pinarm.mechanics.joints import AXES, Direction, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from pinarm.errors import ModelError
-from pinarm.input.robots import is_floating, robot, robots
+from pinarm.input.roots import is_floating, robot, robots
 from pinarm.use.mechanism import Mechanism
 
 LOADERS = {

@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError, PinarmError
-from pinarm.input.robots import robot
+from pinarm.input.roots import robot
 
 ROOT = Path(pinarm.__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "panda_drawing.yaml"

@@ -19,8 +19,7 @@ from msgspec import Struct
 from pinarm.errors import InputError, Location, ModelError, PinarmError, choices
 from pinarm.input.formulas.grammar import MANY
 from pinarm.input.roots import contained_file
-from pinarm.input.xacro.arithmetic import Expressions, entry
-from pinarm.input.xacro.columns import Rows, require_unmarked
+from pinarm.input.xacro.arithmetic import Expressions, Rows, entry, require_unmarked
 from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_TEXT, Element, bound, location_of, read, tree_of
 
 MAX_STEPS = 200_000

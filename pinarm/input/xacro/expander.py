@@ -16,7 +16,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.errors import InputError, ModelError, PinarmError, choices
 from pinarm.input.roots import contained_file
-from pinarm.input.xacro.columns import MARK, Column, NotByRows, Rows, column, joined
+from pinarm.input.xacro.arithmetic import MARK, Column, NotByRows, Rows, column, joined
 from pinarm.input.xacro.evaluation import Evaluator, Scope, Unevaluated
 from pinarm.input.xml_text import MAX_BYTES, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT, Element, bound, read, tree_of
 from pinarm.records import ValueRecord

@@ -16,8 +16,7 @@ import msgspec
 import numpy as np
 
 from pinarm.errors import InputError, PinarmError, UnitError, within
-from pinarm.input.numbers import DECIMAL
-from pinarm.input.units import DIMENSIONLESS, HERTZ, Unit, read_quantity, unit
+from pinarm.input.units import DECIMAL, DIMENSIONLESS, HERTZ, Unit, read_quantity, unit
 
 StructT = TypeVar("StructT", bound=msgspec.Struct)
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 import msgspec
 
 from pinarm.errors import InputError, PinarmError, choices
-from pinarm.input.numbers import leading_number
+from pinarm.input.units import leading_number
 from pinarm.input.yaml.schema import InputStruct, convert
 
 Keys = tuple[str | int, ...]

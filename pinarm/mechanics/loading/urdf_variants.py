@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
-from pinarm.input.numbers import decimal
+from pinarm.input.units import decimal
 from pinarm.input.xml_text import tree_of
 from pinarm.input.yaml.schema import FARTHEST, HEAVIEST, LARGEST
 from pinarm.mechanics.geometry.model_variants import (

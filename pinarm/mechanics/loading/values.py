@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, unit
 from pinarm.errors import ModelError, choices
-from pinarm.input.numbers import decimal
+from pinarm.input.units import decimal
 from pinarm.mechanics.loading.model_tree import inertia
 
 ZERO, X = (0.0, 0.0, 0.0), np.array([1.0, 0.0, 0.0])

@@ -21,7 +21,7 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.roots import contained_file, file_root, root_of
-from pinarm.input.xacro.columns import Column, Rows, joined
+from pinarm.input.xacro.arithmetic import Column, Rows, joined
 from pinarm.input.xacro.expander import Expander
 from pinarm.mechanics.forces.joint_forces import SpringDamper
 from pinarm.mechanics.joints import Joint

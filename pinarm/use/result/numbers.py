@@ -18,8 +18,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, PinarmError, UnitError, choices, require_name, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
-from pinarm.input.numbers import DECIMAL, is_whole
-from pinarm.input.units import ANGLES, Unit, read_quantity
+from pinarm.input.units import ANGLES, DECIMAL, Unit, is_whole, read_quantity
 from pinarm.input.yaml.schema import AnyQuantity, Measured
 from pinarm.records import Record, ValueRecord, replace
 from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_figure, stands_alone

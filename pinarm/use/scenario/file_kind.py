@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pinarm.errors import InputError, Key, Location, ModelError
-from pinarm.input.robots import ENDINGS
+from pinarm.input.roots import ENDINGS
 from pinarm.input.yaml.document import Document, Values
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import KINDS, problem_class
@@ -41,7 +41,7 @@ def refuse_folder(path: Path) -> None:
 def _is_robot(path: Path) -> bool:
     if str(path) != path.name or path.suffix in (".yaml", ".yml"):
         return False
-    from pinarm.input.robots import robots
+    from pinarm.input.roots import robots
 
     try:
         return path.name in robots()

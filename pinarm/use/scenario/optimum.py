@@ -18,7 +18,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.errors import IntegrationError
 from pinarm.records import replace
 from pinarm.use.result.numbers import Condition
-from pinarm.use.scenario.search_runs import Run, Runs
+from pinarm.use.scenario.roots import Run, Runs
 
 DIFFERENCE = 1e-4
 """Half width of a difference, of the scaled unknowns: slopes err by its square, and by the error of runs over it."""

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, S
 import msgspec
 
 from pinarm.errors import InputError, within
-from pinarm.input.numbers import argument_word
-from pinarm.input.units import read_quantity, unit
+from pinarm.input.units import argument_word, read_quantity, unit
 from pinarm.input.yaml.schema import Deferred, InputStruct, Measured
 from pinarm.language import Language
 from pinarm.mechanics.description import Gravity

@@ -27,8 +27,7 @@ from pinarm.use.result.result import Result
 from pinarm.use.result.section import Cell, Section, SectionTable
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.optimum import FURTHER, Optimum
-from pinarm.use.scenario.roots import FoundValues, find_root
-from pinarm.use.scenario.search_runs import Run, Runs
+from pinarm.use.scenario.roots import FoundValues, Run, Runs, find_root
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities

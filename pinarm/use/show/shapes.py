@@ -16,8 +16,8 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
 from pinarm.errors import InputError, ModelError, PinarmError
-from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
+from pinarm.input.units import decimal, is_decimal
 from pinarm.input.yaml.schema import FARTHEST
 from pinarm.mechanics.loading.values import Part, placement_of
 from pinarm.records import ValueRecord

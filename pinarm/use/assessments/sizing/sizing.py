@@ -13,9 +13,8 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, within
-from pinarm.input.numbers import decimal, is_whole
 from pinarm.input.roots import contained_file, root_of
-from pinarm.input.units import DIMENSIONLESS, Unit, unit
+from pinarm.input.units import DIMENSIONLESS, Unit, decimal, is_whole, unit
 from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, current_folder, number
 from pinarm.records import Record, replace
 from pinarm.use.assessments.sizing.catalogue import GREATEST, SMALLEST, Motor, read_catalogue

@@ -28,8 +28,7 @@ from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Location
 from pinarm.input.csv_tables import split_heading, table
-from pinarm.input.numbers import DECIMAL, is_whole, leading_number
-from pinarm.input.units import MAX_QUANTITY, unit
+from pinarm.input.units import DECIMAL, MAX_QUANTITY, is_whole, leading_number, unit
 from pinarm.use.cases.case import Value
 
 MOST = 10_000_000

@@ -19,8 +19,7 @@ from pinarm.arrays import Array
 from pinarm.engine.labelled_array import dataframe
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, require_name
-from pinarm.input.numbers import DECIMAL
-from pinarm.input.units import unit
+from pinarm.input.units import DECIMAL, unit
 from pinarm.input.yaml.document import Document
 from pinarm.use.cases.case import OPEN, WORTH
 from pinarm.use.output import whole_folder

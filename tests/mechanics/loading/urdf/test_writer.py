@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError, ModelError
-from pinarm.input.robots import robots
+from pinarm.input.roots import robots
 from pinarm.use.mechanism import Mechanism
 from pinarm.use.study.restore import restore
 
