@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import pinocchio as pin
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.model_source import RobotReader, numeric, read_robot, robot_of_model
+from pinarm.engine.model_source import numeric, read_robot
 from pinarm.errors import InputError, Key, Place, nowhere, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
@@ -43,8 +42,12 @@ if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.model_tree import Mimic
     from pinarm.mechanics.loops.loop_joints import CableLoop
-    from pinarm.mechanics.points import Payload, PointDefinition
+    from pinarm.mechanics.points import Payload
     from pinarm.mechanics.rotors import Drive, DriveTrain
+
+
+DefinitionT = TypeVar("DefinitionT")
+BoundT = TypeVar("BoundT")
 
 
 def mechanism_document(file: Path) -> Document:
@@ -73,14 +76,17 @@ def mechanism_of_model(model: pin.Model, keys: Mapping[str, Any]) -> Mechanism:
     if taken := sorted(keys.keys() & {"robot", "planar"}):
         raise InputError(f"{', '.join(taken)}: the model is given already", expected="other keys of a mechanism file")
     data = {"pinarm": 1, "robot": "model.urdf", "gravity": gravity_words(model), **keys}
-    document = Document.of_data(data, "mechanism")
-    (description, plain, _), read = _validated(document, {}, nowhere), partial(robot_of_model, model)
-    return _build(description, plain, Path(), {}, {}, document.locating, nowhere, read)
+    return _described(Document.of_data(data, "mechanism"), Path(), {}, model=model)
+
+
+def mechanism_of_data(data: Mapping[str, Any], acted: Sequence[str] = ()) -> Mechanism:
+    """Return the mechanism of plain data, such as a mechanism file has; its paths start in the current folder."""
+    return _described(Document.of_data(data, "mechanism"), Path(), {}, acted=acted)
 
 
 def read_mechanism(
     path: str | Path, arguments: Mapping[str, float | str] | None = None, *,
-    gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] | None = None,
+    gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] = MappingProxyType({}),
     changes: Document | None = None, locate: Place = nowhere, acted: Sequence[str] = (),
 ) -> Mechanism:  # fmt: skip
     """Load a mechanism as a scenario asks for it.
@@ -88,16 +94,12 @@ def read_mechanism(
     Args:
         path: As in ``Mechanism.load``.
         locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the scenario.
+        acted: Coordinates along which something acts that the mechanism file does not say.
     """
     document = mechanism_document(Path(path))
     if changes is not None:
         document = document.merged(changes)
-    return _described(document, Path(path).parent, arguments or {}, gravity, payloads or {}, locate, acted)
-
-
-def mechanism_of_data(data: Mapping[str, Any], acted: Sequence[str] = ()) -> Mechanism:
-    """Return the mechanism of plain data, such as a mechanism file has; its paths start in the current folder."""
-    return _described(Document.of_data(data, "mechanism"), Path(), {}, acted=acted)
+    return _described(document, Path(path).parent, arguments or {}, gravity, payloads, locate, acted)
 
 
 def _described(
@@ -108,13 +110,42 @@ def _described(
     payloads: Mapping[str, Payload] = MappingProxyType({}),
     locate: Place = nowhere,
     acted: Sequence[str] = (),
+    model: pin.Model | None = None,
 ) -> Mechanism:
-    """Return the mechanism that a document describes; see ``read_mechanism``."""
+    """Return the mechanism that a document describes; see ``read_mechanism``.
+
+    Args:
+        model: Pinocchio's model of the mechanism; ``None`` where the document names a file or has a drawing.
+    """
     here = document.locating if document.places else lambda *at: locate("mechanism")
     description, data, arguments = _validated(document, arguments, locate)
     if gravity is not None:
         description = replace(description, gravity=gravity)
-    return _build(description, data, folder, arguments, payloads, here, locate, acted=acted)
+    units, given = arguments_of(description, arguments, here, locate)
+    key = "planar" if description.planar else "robot"
+    with here(key), naming_arguments(locate), naming_arguments(here, description.arguments):
+        robot, texts, source = read_robot(description, data, folder, given, model)
+    with naming_arguments(here):
+        check_declared(units, texts)
+    units |= {name: value.unit for name, value in description.parameters.items() if value.unit}
+    resolved = {name: float(value) for name, value in description.parameters.items()} | dict(numeric(texts))
+    binding = _Binding(robot, description, key, here)
+    model, carried = binding.loaded(robot.model, payloads, locate)
+    model.gravity.linear = gravity_vector(description.gravity, robot.tree.gravity)
+    model, parts = binding.parts_with_rotors(model, acted)
+    constraints = binding.constraints(model, parts)
+    frictions = binding.frictions(model, parts.joints, constraints)
+    slipping = [friction.coupling for friction in frictions if friction.replaces]  # belts that friction alone ties
+    symbols = binding.symbols()
+    binding.add_armatures(model, parts.joints)
+    return Mechanism(
+        description.title or model.name, model, robot.xml, parts.joints, parts.balls, parts.coordinates,
+        tuple(tie for tie in constraints if tie not in slipping), dict(description.drives),
+        binding.forces(model, parts), symbols, resolved,
+        {name: units[name].si for name in resolved if name in units}, description, source, carried,
+        (*robot.notes, *proposals(model, only_joints(parts.loops))), frictions, tuple(description.control),
+        here if description.control or symbols else nowhere,
+    )  # fmt: skip
 
 
 def _validated(
@@ -137,40 +168,6 @@ def _validated(
     return replace(description, parameters=own, symbols=symbols), data, others
 
 
-def _build(
-    description: MechanismDescription, data: Mapping[str, Any], folder: Path,
-    arguments: Mapping[str, float | str], payloads: Mapping[str, Payload], here: Place, caller: Place,
-    read: RobotReader = read_robot, acted: Sequence[str] = (),
-) -> Mechanism:  # fmt: skip
-    """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
-    units, given = arguments_of(description, arguments, here, caller)
-    key = "planar" if description.planar else "robot"
-    with here(key), naming_arguments(caller), naming_arguments(here, description.arguments):
-        robot, texts, source = read(description, data, folder, given)
-    parameters = description.parameters
-    resolved = {**{name: float(value) for name, value in parameters.items()}, **dict(numeric(texts))}
-    with naming_arguments(here):
-        check_declared(units, texts)
-    units |= {name: value.unit for name, value in parameters.items() if value.unit}
-    model, carried = loaded(marked(robot.model, description.points, here), description.payloads, payloads, here, caller)
-    model.gravity.linear = gravity_vector(description.gravity, robot.tree.gravity)
-    reading = _Reading(robot, description, key, here)
-    model, parts, counters = reading.movable(model, acted)
-    constraints = reading.constraints(model, parts, counters)
-    frictions = reading.frictions(model, parts.joints, constraints)
-    slipping = [friction.coupling for friction in frictions if friction.replaces]  # belts that friction alone ties
-    symbols = reading.symbols()
-    reading.mount_drives(model, parts.joints)
-    return Mechanism(
-        description.title or model.name, model, robot.xml, parts.joints, parts.balls, parts.coordinates,
-        tuple(tie for tie in constraints if tie not in slipping), dict(description.drives),
-        reading.forces(model, parts), symbols, resolved,
-        {name: units[name].si for name in resolved if name in units}, description, source, carried,
-        (*robot.notes, *proposals(model, only_joints(parts.loops))), frictions, tuple(description.control),
-        here if description.control or symbols else nowhere,
-    )  # fmt: skip
-
-
 def acted_along(forces: Iterable[Any], control: Iterable[Any]) -> list[str]:
     """Return the names of coordinates along which definitions of forces act, and of what controllers need."""
     along = [name for force in forces if (name := getattr(force, "coordinate", None)) is not None]
@@ -178,15 +175,20 @@ def acted_along(forces: Iterable[Any], control: Iterable[Any]) -> list[str]:
 
 
 class NamedParts(Record, frozen=True):
-    """Joints with one coordinate, ball joints, joints that close loops and cables, and coordinates, by name."""
+    """Joints with one coordinate, ball joints, joints that close loops and cables, and coordinates, by name.
+
+    Attributes:
+        counted: Angles whose turns a joint counts, as the positions of links tell them.
+    """
 
     joints: dict[str, Joint]
     balls: dict[str, Ball]
     loops: list[LoopJoint | CableLoop]
     coordinates: dict[str, Coordinate]
+    counted: dict[str, Coordinate]
 
 
-class _Reading(Record, frozen=True):
+class _Binding(Record, frozen=True):
     """A mechanism file beside its model, whose drawing or file ``key`` names; ``here`` gives errors their place."""
 
     robot: RobotModel
@@ -194,56 +196,83 @@ class _Reading(Record, frozen=True):
     key: str
     here: Place
 
-    def movable(self, model: pin.Model, acted: Sequence[str]) -> tuple[pin.Model, NamedParts, list[Constraint]]:
-        """Return the model with joints that count turns, and with rotors; its parts, and what ties the counters.
+    def loaded(
+        self, model: pin.Model, payloads: Mapping[str, Payload], caller: Place
+    ) -> tuple[pin.Model, dict[str, Payload]]:
+        """Return the model with the points of the file and the payloads of file and caller, and these by name."""
+        carried: dict[str, Payload] = {}
+        if self.description.points or self.description.payloads or payloads:
+            from pinarm.mechanics.points import with_payloads, with_points
+        for name, point in self.description.points.items():
+            with self.here("points", name):
+                model = with_points(model, [(name, point)])
+        for place, given in ((self.here, self.description.payloads), (caller, payloads)):
+            for name, payload in given.items():
+                with place("payloads", name):
+                    if name in carried:
+                        raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
+                    model, carried[name] = with_payloads(model, [payload]), payload
+        return model, carried
 
-        ``acted`` are coordinates along which something acts that the mechanism file does not say.
-        """
-        parts = self.parts(model)
+    def parts_with_rotors(self, model: pin.Model, acted: Sequence[str]) -> tuple[pin.Model, NamedParts]:
+        """Return the model with joints that count turns, and with rotors; and its parts."""
+        parts = self.parts(model, ())
         if angles := self.counted_angles(model, parts, acted):
             from pinarm.mechanics.rotors import with_counters
 
             model = with_counters(model, angles)
-            parts = self.parts(model)
-        parts, counters = _counting(model, parts, angles)
-        if (geared := self.with_rotors(model, parts.coordinates)) is not model:
-            model = geared
-            parts, counters = _counting(model, self.parts(model), angles)
-        return model, parts, counters
+            parts = self.parts(model, angles)
+        self.check_drives(model, parts)
+        if turning := {name: drive for name, drive in self.description.drives.items() if drive.turns_rotor}:
+            from pinarm.mechanics.rotors import with_rotors
 
-    def parts(self, model: pin.Model) -> NamedParts:
+            with self.here("drives"):
+                model = with_rotors(model, turning, parts.coordinates)
+            parts = self.parts(model, angles)
+        return model, parts
+
+    def parts(self, model: pin.Model, angles: Sequence[str]) -> NamedParts:
         joints, balls = joints_of(model), balls_of(model)
-        self.check_start(joints, balls)
-        turns = ball_coordinates(model, balls)
-        loops = self.loops(model)
-        if self.description.closures:
-            from pinarm.mechanics.loops.closing_frames import closures_of
-
-            with self.here("closures"):
-                loops += closures_of(model, self.description.closures, only_joints(loops))
-        turns |= self.loop_coordinates(model, only_joints(loops), {*joints, *turns})
-        with self.here("coordinates"):
-            coordinates = {**coordinates_of(model, joints, self.description.coordinates, turns), **turns}
-        return NamedParts(joints, balls, loops, coordinates)
-
-    def check_start(self, joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> None:
         known = positions_of(joints, balls)
         for name, value in self.description.start.items():
             with self.here("start", Key(name)):
                 measured = unit_of(name, known)
             with self.here("start", name):
                 check_unit(value, measured)
+        loops = self.bound("loops", self.robot.tree.loops, lambda loop, name: loop.bind(model, name))
+        if self.description.closures:
+            from pinarm.mechanics.loops.closing_frames import closures_of
 
-    def loops(self, model: pin.Model) -> list[LoopJoint | CableLoop]:
-        drawn = self.robot.tree.loops
+            with self.here("closures"):
+                loops += closures_of(model, self.description.closures, only_joints(loops))
+        turns = ball_coordinates(model, balls)
+        turns |= self.loop_coordinates(model, only_joints(loops), {*joints, *turns})
+        with self.here("coordinates"):
+            coordinates = {**coordinates_of(model, joints, self.description.coordinates, turns), **turns}
+        counted = {angle: coordinates[angle] for angle in angles}
+        for angle in angles:
+            from pinarm.mechanics.rotors import counter_name
+
+            coordinates[angle] = sum_of(model, joints, [counter_name(angle)])
+        return NamedParts(joints, balls, loops, coordinates, counted)
+
+    def bound(
+        self, key: str, of_model: Mapping[str, DefinitionT], bind: Callable[[DefinitionT, str], BoundT]
+    ) -> list[BoundT]:
+        """Bind the definitions that the model has, and those that the mechanism file has under a key."""
         with self.here(self.key):
-            loops: list[LoopJoint | CableLoop] = [loop.bind(model, name) for name, loop in drawn.items()]
-        for name, loop in self.description.loops.items():
-            with self.here("loops", name):
-                if name in drawn:
-                    raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
-                loops.append(loop.bind(model, name))
-        return loops
+            bound = [bind(definition, name) for name, definition in of_model.items()]
+        own: Mapping[str, DefinitionT] = getattr(self.description, key)
+        for name, definition in own.items():
+            with self.here(key, name):
+                if name in of_model or (key == "couplings" and name in self.loop_names):
+                    raise InputError(f"the model has a loop or coupling '{name}' already", expected="a name of its own")
+                bound.append(bind(definition, name))
+        return bound
+
+    @property
+    def loop_names(self) -> set[str]:
+        return {*self.robot.tree.loops, *self.description.loops}
 
     def loop_coordinates(
         self, model: pin.Model, loops: Sequence[LoopJoint], known: Container[str]
@@ -272,24 +301,28 @@ class _Reading(Record, frozen=True):
         names = [*description.turns, *acted_along(description.forces.values(), description.control), *acted]
         return [name for name in dict.fromkeys(names) if name in known and known[name].wraps]
 
-    def with_rotors(self, model: pin.Model, coordinates: Mapping[str, Coordinate]) -> pin.Model:
-        """Return the model with a joint for the rotor of every drive that turns one of its own; itself without any."""
-        turning = {name: drive for name, drive in self.description.drives.items() if drive.turns_rotor}
-        if not turning:
-            return model
-        from pinarm.mechanics.rotors import with_rotors
+    def check_drives(self, model: pin.Model, parts: NamedParts) -> None:
+        mounted: dict[str, str] = {}
+        for name, drive in self.description.drives.items():
+            driven, key = drive.coordinate, "joint" if drive.joint else "along"
+            with self.here("drives", name), within(key):
+                if drive.joint:
+                    joint_of(parts.joints, driven)
+                elif coordinate_of(model, parts.coordinates, driven) and driven in parts.joints:
+                    raise InputError(f"'{driven}' is a joint", expected=f"joint: {driven}")
+                if driven in mounted:
+                    raise InputError(
+                        f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
+                        expected="one drive at each joint",
+                    )
+            mounted[driven] = name
 
-        for name, drive in turning.items():
-            if drive.joint:
-                with self.here("drives", name), within("joint"):
-                    joint_of(joints_of(model), drive.joint)
-                continue
-            with self.here("drives", name), within("along"):
-                coordinate_of(model, coordinates, drive.along)
-                if drive.along in joints_of(model):
-                    raise InputError(f"'{drive.along}' is a joint", expected=f"joint: {drive.along}")
-        with self.here("drives"):
-            return with_rotors(model, turning, coordinates)
+    def add_armatures(self, model: pin.Model, joints: Mapping[str, Joint]) -> None:
+        """Add the rotors that are no joints of their own to those that they drive."""
+        armature: Any = model.armature
+        for drive in self.description.drives.values():
+            if not drive.turns_rotor:
+                armature[joints[drive.joint].v] += drive.armature
 
     def trains(self, coordinates: Mapping[str, Coordinate]) -> Iterator[tuple[str, Drive, DriveTrain]]:
         for name, drive in self.description.drives.items():
@@ -298,30 +331,13 @@ class _Reading(Record, frozen=True):
 
                 yield name, drive, DriveTrain.of(name, drive, coordinates[drive.coordinate])
 
-    def constraints(
-        self, model: pin.Model, parts: NamedParts, counters: Sequence[Constraint]
-    ) -> tuple[Constraint, ...]:
-        joints, coordinates = parts.joints, parts.coordinates
-        mimics = [_mimic_coupling(mimic, joints, model) for mimic in self.robot.tree.mimics]
-        trains = self.trains(coordinates)
-        geared = [tie for _, drive, train in trains for tie in train.ties(drive, joints, coordinates)]
-        return (*mimics, *parts.loops, *self.couplings(model, joints), *counters, *geared)
-
-    def couplings(self, model: pin.Model, joints: Mapping[str, Joint]) -> list[JointRelation]:
-        robot = self.robot
-        with self.here(self.key):
-            couplings: list[JointRelation] = [
-                definition.bind(joints, model, name) for name, definition in robot.tree.couplings.items()
-            ]
-        for name, definition in self.description.couplings.items():
-            with self.here("couplings", name):
-                if name in self.description.loops or name in robot.tree.loops:
-                    said = f"the coupling '{name}' has the name of a loop joint"
-                    raise InputError(said, expected="a name of its own")
-                if name in robot.tree.couplings:
-                    raise InputError(f"the model has a coupling '{name}' already", expected="a name of its own")
-                couplings.append(definition.bind(joints, model, name))
-        return couplings
+    def constraints(self, model: pin.Model, parts: NamedParts) -> tuple[Constraint, ...]:
+        joints, coordinates, tree = parts.joints, parts.coordinates, self.robot.tree
+        mimics = [_mimic_coupling(mimic, joints, model) for mimic in tree.mimics]
+        couplings = self.bound("couplings", tree.couplings, lambda coupling, name: coupling.bind(joints, model, name))
+        counters = [_counter(angle, angle_of_links, joints) for angle, angle_of_links in parts.counted.items()]
+        geared = [tie for _, drive, train in self.trains(coordinates) for tie in train.ties(drive, joints, coordinates)]
+        return (*mimics, *parts.loops, *couplings, *counters, *geared)
 
     def frictions(
         self, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[Constraint]
@@ -331,14 +347,12 @@ class _Reading(Record, frozen=True):
             return ()
         from pinarm.mechanics.friction.definition import Friction
 
+        of_model = {name: Friction(constant=value) for name, value in robot.friction.items()}
         others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | JointRelation)]
         contacts: list[FrictionContact] = []
-        for name, definition in description.friction.items():
+        for name in dict.fromkeys((*description.friction, *of_model)):
             with self.here("friction", name):
-                contacts.extend(definition.bind(name, model, joints, others))
-        for name, friction in robot.friction.items():
-            if name not in description.friction:
-                contacts.extend(Friction(constant=friction).bind(name, model, joints, ()))
+                contacts.extend((description.friction.get(name) or of_model[name]).bind(name, model, joints, others))
         return tuple(contacts)
 
     def symbols(self) -> dict[str, Expression]:
@@ -347,22 +361,6 @@ class _Reading(Record, frozen=True):
             with self.here("symbols", name):
                 symbols[name] = Expression.parse(text)
         return symbols
-
-    def mount_drives(self, model: pin.Model, joints: Mapping[str, Joint]) -> None:
-        mounted: dict[str, str] = {}
-        armature: Any = model.armature
-        for name, drive in self.description.drives.items():
-            driven, key = drive.coordinate, "joint" if drive.joint else "along"
-            with self.here("drives", name), within(key):
-                joint = joint_of(joints, driven) if drive.joint else None
-                if driven in mounted:
-                    raise InputError(
-                        f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
-                        expected="one drive at each joint",
-                    )
-            mounted[driven] = name
-            if joint is not None and not drive.turns_rotor:
-                armature[joint.v] += drive.armature
 
     def forces(self, model: pin.Model, parts: NamedParts) -> dict[str, ForceElement]:
         forces = dict(self.robot.forces)
@@ -383,18 +381,11 @@ class _Reading(Record, frozen=True):
         return forces
 
 
-def _counting(model: pin.Model, parts: NamedParts, angles: Sequence[str]) -> tuple[NamedParts, list[Constraint]]:
-    """Return parts of a model with counters whose coordinates are those of the counters, and what ties these."""
-    if not angles:
-        return parts, []
+def _counter(angle: str, coordinate: Coordinate, joints: Mapping[str, Joint]) -> Constraint:
+    """Return what ties the joint that counts the turns of an angle."""
     from pinarm.mechanics.rotors import GearedRotor, counter_name
 
-    ties: list[Constraint] = [
-        GearedRotor(f"turns of {angle}", parts.coordinates[angle], rotor=parts.joints[counter_name(angle)])
-        for angle in angles
-    ]
-    counted: dict[str, Coordinate] = {angle: sum_of(model, parts.joints, [counter_name(angle)]) for angle in angles}
-    return replace(parts, coordinates={**parts.coordinates, **counted}), ties
+    return GearedRotor(f"turns of {angle}", coordinate, rotor=joints[counter_name(angle)])
 
 
 def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:
@@ -468,36 +459,6 @@ def _argument(name: str, value: float | str, expected: Unit | None) -> float | s
         return float(kind.read(value, bare=unitless))
     except InputError as error:
         raise type(error)(f"the argument {name}: {error.message}", expected=error.expected, hint=error.hint) from None
-
-
-def loaded(
-    model: pin.Model, own: Mapping[str, Payload], given: Mapping[str, Payload], here: Place, caller: Place
-) -> tuple[pin.Model, dict[str, Payload]]:
-    """Return the model with the payloads of its file and of the caller, and all of them by name."""
-    carried: dict[str, Payload] = {}
-    if not own and not given:
-        return model, carried
-    from pinarm.mechanics.points import with_payloads
-
-    for place, payloads in ((here, own), (caller, given)):
-        for name, payload in payloads.items():
-            with place("payloads", name):
-                if name in carried:
-                    raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
-                model, carried[name] = with_payloads(model, [payload]), payload
-    return model, carried
-
-
-def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Place) -> pin.Model:
-    """Return the model with the points of its mechanism file."""
-    if not points:
-        return model
-    from pinarm.mechanics.points import with_points
-
-    for name, point in points.items():
-        with here("points", name):
-            model = with_points(model, [(name, point)])
-    return model
 
 
 def _mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:

@@ -8,11 +8,10 @@ is written into the model as ``<inertial>``, so that a saved result needs no mes
 from __future__ import annotations
 
 import base64
-import copy
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -34,20 +33,14 @@ MEMORY, SECONDS = 1_000_000_000, 10
 MEMORY_PER_BYTE, SECONDS_PER_BYTE = 60, 1e-6
 """Additional memory [bytes] and processor time [s] for each byte of mesh or model."""
 
-KEPT = ("compiler", "default", "asset", "worldbody")
-"""Sections that inertias depend on."""
+KEPT = {"default", "asset", "mesh", "worldbody", "body", "frame", "geom", "inertial"}
+"""Elements that inertias depend on."""
 
-IDLE = ("light", "camera")
-"""Elements without mass that may refer to bodies by their names, which are others here."""
-
-FILES = ("meshdir", "assetdir", "strippath", "texturedir")
-"""Attributes of the compiler about files: these are given under names of their own."""
-
-SCALING = ("settotalmass", "boundmass", "boundinertia")
-"""Attributes of the compiler that change all masses: they are applied, or refused, where the model is read."""
-
-ALIGNING = ("alignfree", "align")
-"""Attributes that move the frames of free bodies to their centres of mass: here frames are where the file has them."""
+CONVENTIONS = {
+    "angle", "eulerseq", "coordinate", "inertiafromgeom", "inertiagrouprange", "balanceinertia", "exactmeshinertia",
+    "convexhull",
+}  # fmt: skip
+"""Attributes of the compiler that they depend on; those that change all masses are applied where the model is read."""
 
 COMPILER = """
 import base64, json, sys
@@ -79,19 +72,20 @@ def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
     Those that have one keep it, unless ``inertiafromgeom`` is true.
     """
     model = ElementTree.fromstring(xml)
-    named = copy.deepcopy(model)
-    bodies = [*model.iter("body")]
-    for k, body in enumerate(named.iter("body")):
+    said = {key: value for section in model.findall("compiler") for key, value in section.attrib.items()}
+    bare = _kept(model)
+    files = _mesh_files(bare, said, path, root)
+    for k, body in enumerate(bare.iter("body")):
         body.set("name", f"body_{k}")
-    files = _bare(named, path, root)
-    compiled = _compiled(ElementTree.tostring(named, encoding="unicode"), files)
-    replaced = _compiler(model).get("inertiafromgeom") == "true"
-    for compiler in model.findall("compiler"):
-        compiler.attrib.pop("inertiafromgeom", None)
-    for k, body in enumerate(bodies):
+    conventions = {key: value for key, value in said.items() if key in CONVENTIONS}
+    bare.insert(0, Element("compiler", {**conventions, "fusestatic": "false"}))
+    compiled = _compiled(ElementTree.tostring(bare, encoding="unicode"), files)
+    for section in model.findall("compiler"):
+        section.attrib.pop("inertiafromgeom", None)
+    for k, body in enumerate(model.iter("body")):
         mass, *numbers = compiled.get(f"body_{k}", [0.0])
         given = [*_own(body, "inertial")]
-        if mass and any(True for _ in _own(body, "geom")) and (replaced or not given):
+        if mass and any(True for _ in _own(body, "geom")) and (not given or said.get("inertiafromgeom") == "true"):
             for holder, inertial in given:
                 holder.remove(inertial)
             pos, quat, moments = (" ".join(map(repr, part)) for part in (numbers[:3], numbers[3:7], numbers[7:]))
@@ -108,37 +102,25 @@ def _own(holder: Element, tag: str) -> Iterator[tuple[Element, Element]]:
             yield from _own(child, tag)
 
 
-def _compiler(model: Element) -> dict[str, str]:
-    return {key: value for section in model.findall("compiler") for key, value in section.attrib.items()}
+def _kept(element: Element) -> Element:
+    """Return a copy with what inertias depend on."""
+    copy = Element(element.tag, {key: value for key, value in element.attrib.items() if key != "material"})
+    copy.text, copy.tail = element.text, element.tail  # lines in messages of the compiler
+    copy.extend(_kept(child) for child in element if child.tag in KEPT and child.get("type") != "hfield")
+    return copy
 
 
-def _bare(model: Element, path: Path, root: Path) -> dict[str, bytes]:
-    """Leave in a model what inertias depend on; return the content of its mesh files by their new names."""
-    compiler = _compiler(model)
-    folder = compiler.get("meshdir", compiler.get("assetdir", ""))
-    for section in [section for section in model if section.tag not in KEPT]:
-        model.remove(section)
-    for section in model.findall("compiler"):
-        for key in (*FILES, *SCALING):
-            section.attrib.pop(key, None)
-        section.set("fusestatic", "false")
-    for element in [*model.iter()]:
-        for key in ("material", *ALIGNING):
-            element.attrib.pop(key, None)
-        for idle in [child for child in element if child.tag in IDLE or child.get("type") == "hfield"]:
-            element.remove(idle)
-    files: dict[str, bytes] = {}
-    for asset in model.iter("asset"):
-        for other in [other for other in asset if other.tag != "mesh"]:
-            asset.remove(other)
-        for mesh in asset:
-            if file := mesh.get("file"):
-                file = Path(file).name if compiler.get("strippath") == "true" else file
-                mesh.set("name", mesh.get("name") or Path(file).stem)
-                path_of_mesh = contained_file(path.parent.absolute() / folder / file, root)
-                name = f"mesh_{len(files)}{path_of_mesh.suffix}"
-                files[name] = _content(path_of_mesh, MOST_BYTES - sum(map(len, files.values())))
-                mesh.set("file", name)
+def _mesh_files(model: Element, compiler: Mapping[str, str], path: Path, root: Path) -> dict[str, bytes]:
+    """Return the content of mesh files by new names, which take the place of theirs in a model."""
+    folder, files = compiler.get("meshdir", compiler.get("assetdir", "")), dict[str, bytes]()
+    for mesh in model.iterfind("asset/mesh"):
+        if file := mesh.get("file"):
+            file = Path(file).name if compiler.get("strippath") == "true" else file
+            mesh.set("name", mesh.get("name") or Path(file).stem)
+            content = contained_file(path.parent.absolute() / folder / file, root)
+            name = f"mesh_{len(files)}{content.suffix}"
+            files[name] = _content(content, MOST_BYTES - sum(map(len, files.values())))
+            mesh.set("file", name)
     return files
 
 

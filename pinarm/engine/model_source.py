@@ -8,7 +8,7 @@ from contextlib import suppress
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import pinocchio as pin
@@ -34,9 +34,6 @@ from pinarm.mechanics.loading.model_tree import MeshMass
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
 from pinarm.records import ValueRecord, replace
 
-if TYPE_CHECKING:
-    from pinarm.mechanics.planar_drawing import PlanarDrawing
-
 MESH_MASSES = "masses of meshes are those of MuJoCo's compiler"
 """Note on a model with masses from meshes."""
 
@@ -60,98 +57,77 @@ class Source(ValueRecord, frozen=True):
     packages: Packages = NO_PACKAGES
 
 
-def robot_of_model(
-    model: pin.Model,
+def read_robot(
     description: MechanismDescription,
     data: Mapping[str, Any],
     folder: Path,
     arguments: Mapping[str, float | str],
+    model: pin.Model | None = None,
 ) -> tuple[RobotModel, Mapping[str, str], Source]:
-    """Return the model of a mechanism that is made of a ``pin.Model``, by way of its URDF text; see ``read_robot``."""
-    from pinarm.mechanics.loading.urdf_writer import written
+    """Return the model of a mechanism, the texts of all its arguments, and where it was read from.
 
+    Args:
+        model: Pinocchio's model, which is read by way of its URDF text, in place of a file or a drawing.
+    """
+    build = partial(build_model, base=description.base, creep=description.slip_velocity, name=description.model)
+    if model is None and description.planar is None:
+        return _of_file(description, data, folder, arguments, build)
     check_declared(arguments, {})
-    text, defects = written(model), description.defects or "noted"
-    robot = build_model(text.urdf, base=description.base, defects=defects, creep=description.slip_velocity)
-    source = Source(data, folder, folder / description.robot, description.base, defects, pin.Model(model))
-    return replace(robot, notes=(*robot.notes, *text.notes)), {}, source
+    if description.planar is None:
+        from pinarm.mechanics.loading.urdf_writer import written
+
+        text, defects = written(model), description.defects or "noted"
+        robot = build(text.urdf, defects=defects)
+        source = Source(data, folder, folder / description.robot, description.base, defects, pin.Model(model))
+        return replace(robot, notes=(*robot.notes, *text.notes)), {}, source
+    from pinarm.mechanics.planar_drawing import expanded  # not paid for by others
+
+    drawing, defects = expanded(description.planar), description.defects or "refused"
+    robot, down = build(drawing.urdf, defects=defects), Gravity(direction="-y")
+    robot.tree.loops, robot.tree.gravity = drawing.loops, down.vector()
+    said = {key: value for key, value in data.items() if key != "planar"}
+    loops = {**msgspec.to_builtins(drawing.loops), **data.get("loops", {})}
+    plain = {"gravity": {"direction": down.direction}, **said, "loops": loops}
+    return robot, {}, Source(plain, folder, folder / "mechanism.yaml", description.base, defects)
 
 
-def read_robot(
-    description: MechanismDescription, data: Mapping[str, Any], folder: Path, arguments: Mapping[str, float | str]
+def _of_file(
+    description: MechanismDescription,
+    data: Mapping[str, Any],
+    folder: Path,
+    arguments: Mapping[str, float | str],
+    build: Callable[..., RobotModel],
 ) -> tuple[RobotModel, Mapping[str, str], Source]:
-    """Return the model of a mechanism, the texts of all its arguments, and where it was read from."""
-    if description.planar is not None:
-        check_declared(arguments, {})
-        return _drawn(description, description.planar, data, folder)
-    defects: Defects
+    defects, base, packages = description.defects or "noted", description.base, NO_PACKAGES
     if description.robot.endswith(ENDINGS):
-        root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
+        root, defects = root_of(folder / "mechanism.yaml"), description.defects or "refused"
         path = contained_file((folder / description.robot).absolute(), root)
         named = {
             name: contained_path((folder / place).absolute(), root) for name, place in description.packages.items()
         }
-        packages: Packages = {**packages_around(path, root), **named}
+        packages = {**packages_around(path, root), **named}
     else:
-        path, defects = robot_file(description.robot), description.defects or "noted"
-        root, base = path.parent, description.base or ("floating" if is_floating(path) else None)
-        packages = NO_PACKAGES
+        path = robot_file(description.robot)
+        root, base = path.parent, base or ("floating" if is_floating(path) else None)
     with file_root(None, packages):
         expansion = expand(path, arguments, root=root)
-    build = partial(build_model, base=base, defects=defects, creep=description.slip_velocity, name=description.model)
+    notes, build = [f"xacro: {warning}" for warning in expansion.warnings], partial(build, base=base, defects=defects)
     xml = resolve_includes(expansion.xml, path, root)
     try:
-        robot = _built(xml, path, root, build)
+        try:
+            robot = build(xml)
+        except MeshMass:
+            if find_spec("mujoco") is None:
+                raise
+            from pinarm.engine.mesh_inertias import with_mesh_inertias
+
+            robot = build(with_mesh_inertias(xml, path, root))
+            notes.insert(0, MESH_MASSES)
     except ModelError as error:
         raise error.at(_place(error, path)) from None
-    notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
-    return (
-        replace(robot, notes=notes),
-        expansion.arguments,
-        Source(data, folder, path, base, defects, packages=packages),
-    )
+    source = Source(data, folder, path, base, defects, packages=packages)
+    return replace(robot, notes=(*robot.notes, *notes)), expansion.arguments, source
 
-
-def _built(xml: str, path: Path, root: Path, build: Callable[[str], RobotModel]) -> RobotModel:
-    """Return the model of a text; where masses come from meshes, with those of MuJoCo's compiler if it is installed."""
-    try:
-        return build(xml)
-    except MeshMass:
-        if find_spec("mujoco") is None:
-            raise
-    from pinarm.engine.mesh_inertias import with_mesh_inertias
-
-    robot = build(with_mesh_inertias(xml, path, root))
-    return replace(robot, notes=(*robot.notes, MESH_MASSES))
-
-
-def _drawn(
-    description: MechanismDescription, drawing: PlanarDrawing, data: Mapping[str, Any], folder: Path
-) -> tuple[RobotModel, Mapping[str, str], Source]:
-    """Return the model of a planar drawing, with gravity in its plane; the source is that of the expansion."""
-    from pinarm.mechanics.planar_drawing import expanded  # not paid for by others
-
-    model, defects = expanded(drawing), description.defects or "refused"
-    down = Gravity(direction="-y")
-    robot = build_model(model.urdf, base=description.base, defects=defects, creep=description.slip_velocity)
-    loops = {**msgspec.to_builtins(model.loops), **data.get("loops", {})}
-    said = {key: value for key, value in data.items() if key != "planar"}
-    source = Source(
-        {"gravity": {"direction": down.direction}, **said, "loops": loops},
-        folder,
-        folder / "mechanism.yaml",
-        description.base,
-        defects,
-    )
-    robot.tree.loops, robot.tree.gravity = model.loops, down.vector()
-    return robot, {}, source
-
-
-RobotReader = Callable[
-    [MechanismDescription, Mapping[str, Any], Path, Mapping[str, float | str]],
-    tuple[RobotModel, Mapping[str, str], Source],
-]
-"""Reader of the model of a mechanism; see ``read_robot``."""
 
 _NAMED = r"(link|joint|body) '([^']+)'"
 
