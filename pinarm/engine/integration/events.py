@@ -1,10 +1,10 @@
 """Events: instants at which a watched value crosses zero on the dense output, and turns near zero.
 
-Each value is interpolated by a Chebyshev polynomial on a step, or on parts of it, all of whose roots are computed: a
-coordinate that is linear in q is such a polynomial, and none of its crossings is missed, however close they are. Where
-a value turns near zero, whether it crosses is a decision with a margin and an error: the error of one step, times the
-number of steps so far, times the sensitivity of the margin, since errors of steps add up. Where the motion is unstable,
-errors grow beyond that; a second solution shows it.
+Each value is interpolated by a Chebyshev polynomial on a step, or on parts of it. Where its slope vanishes the value
+turns; between two turns it is monotonic, and crosses zero where its signs differ: none of the crossings of the
+polynomial is missed, however close they are. Where a value turns near zero, whether it crosses is a decision with a
+margin and an error: the error of one step, times the number of steps so far, times the sensitivity of the margin, since
+errors of steps add up. Where the motion is unstable, errors grow beyond that; a second solution shows it.
 """
 
 from __future__ import annotations
@@ -12,18 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Crossing, Solution, Turn, Watch
-from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.records import Record
-
-if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Step
 
 MOST_SECANTS = 400
 """Steps to a crossing: a fourth of them halve the bracket, which takes less than 100 halvings to rounding."""
@@ -48,7 +44,7 @@ LEAST_PART, MOST_STATES = 2.0**-24, 500_000
 looked at for them in one step."""
 
 BESIDE = 1e-3
-"""Part of a step up to which roots outside of it are told from those within: one at an end may be on either side."""
+"""Part of a step up to which turns outside of it are told from those within: one at an end may be on either side."""
 
 NEGLIGIBLE = 1e-14
 """Size of the last coefficients of a series that are rounding, over the largest; they would disturb its roots."""
@@ -58,14 +54,7 @@ REACHED, DIGITS = 1e-13, 1e-15
 difference, relative to the numbers."""
 
 SAME_PLACE = 1e-4
-"""Imaginary part of roots of a series, or of its slope, that is rounding."""
-
-BENDS = 0.01
-"""Part of the range of a value in a step by which it may be nearer to 0 between ``FINE`` even places than at them; of a
-parabola it is a tenth of that."""
-
-FINE = 33
-"""Places at which a series is looked at for turns: four to eight between two nodes."""
+"""Imaginary part of roots of the slope of a series that is rounding."""
 
 CLEAR = 10.0
 """Margin of a turn over its error from which on it is skipped where an earlier one was nearer."""
@@ -79,13 +68,15 @@ class WithinStep(Record, frozen=True):
     end: Array
 
     @property
-    def step(self) -> Step:
-        return self.solution.steps[self.index]
+    def times(self) -> tuple[float, float, float]:
+        """Start, length and end of the step [s]."""
+        steps, k = self.solution.steps, self.index
+        return float(steps.t[k]), float(steps.h[k]), float(steps.until[k])
 
     @property
     def slack(self) -> float:
         """Rounding of instants [s]."""
-        return SAME_INSTANT * max(abs(self.step.t), abs(self.step.h))
+        return SAME_INSTANT * max(map(abs, self.times[:2]))
 
     def evaluate(self, function: Callable[[Array, Array, Array], Any], t: Sequence[float] | Array) -> Any:
         """Return the values of a function of the states at instants t [s], shape (n,)."""
@@ -121,18 +112,41 @@ def states_at_nodes(solution: Solution, index: Indices, parts: Array, end: Array
 def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
     """Return in which steps, from ``first`` on, a watched value may cross zero or turn near it.
 
-    Bounds on its Chebyshev series decide. y is the state at the end of the last step, projected onto the constraints.
+    y is the state at the end of the last step, projected onto the constraints.
     """
     indices = np.arange(first, len(solution.steps))
     if len(indices) < 2:  # what would be computed here is computed again to locate them
         return indices
     states = states_at_nodes(solution, indices, np.tile([0.0, 1.0], (len(indices), 1)), y)
-    kept = np.ones(len(indices), dtype=bool)
+    calm = np.ones(len(indices), dtype=bool)
     for number, watch in enumerate(watches):
-        values = watch.value(*states).reshape(len(indices), -1)
-        kept &= _is_one_sided(series_of(values)) & (resolved(values) if watch.loaded else True)
-        kept &= ~may_turn(solution, watch, number, values, indices)
-    return np.asarray(indices[~kept])
+        calm &= _is_calm(solution, (number, watch), watch.value(*states).reshape(len(indices), -1), indices)
+    return np.asarray(indices[~calm])
+
+
+def _is_calm(solution: Solution, watched: tuple[int, Watch], values: Array, index: Indices) -> Flags:
+    """Return in which steps a value surely keeps its sign, and does not turn nearer to 0 than before, shape (m,).
+
+    Bounds on the Chebyshev series of its values at the nodes, shape (m, k), decide.
+    """
+    number, watch = watched
+    series = series_of(values)
+    calm = _is_one_sided(series) & (resolved(series) if watch.loaded else True)
+    if watch.decides:
+        rest = np.abs(series[:, 1:]).sum(axis=1)
+        near = _is_near(solution, number, np.abs(series[:, 0]) - rest, index)
+        varies = rest > NEGLIGIBLE * np.abs(series[:, 0]) + DIGITS * (watch.level or 0.0)
+        calm &= ~(near & varies & ~_is_one_sided(series @ _to_slope(values.shape[-1] // 2).T))
+        calm &= not watch.loaded or index > 0
+    return np.asarray(calm)
+
+
+def _is_near(solution: Solution, number: int, least: Array, index: Indices) -> Flags:
+    """Return in which steps a value of a least size may be less certain to keep its sign than at any turn before."""
+    known = solution.nearest.get(number)
+    if known is None:
+        return np.ones(len(index), dtype=bool)
+    return np.asarray(least < np.maximum(abs(known.margin), CLEAR * known.error * (index + 1.0) / (known.step + 1.0)))
 
 
 def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y: Array) -> bool:
@@ -143,26 +157,30 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     positive. y is the state at the end of the step, projected onto the constraints.
     """
     within = WithinStep(solution, index, y)
-    step, crossings, turns = within.step, list[tuple[float, int]](), list[Turn]()
+    (begun, h, until), crossings, turns = within.times, list[tuple[float, int]](), list[Turn]()
     latest, states = math.inf, within.at_nodes(np.array([[0.0, 1.0]]))
     for number, watch in enumerate(watches):
-        for part in _parts(within, watch, watch.value(*states)):
-            start, length = step.t + step.h * part.low, step.h * (part.high - part.low)
+        values = watch.value(*states)
+        if not np.isfinite(values).all() or _is_calm(solution, (number, watch), values[None], np.array([index]))[0]:
+            continue
+        for part in _parts(within, watch, values):
+            start, end = begun + h * part.low, begun + h * part.high
             if start > latest + within.slack:
                 break
             if not part.resolved:
-                solution.unresolved.append((start, start + length))
-            near = [turn for turn in turns_in(within, watch, number, part) if within.counts(watch, turn.t)]
+                solution.unresolved.append((start, end))
+            places, signs = _extremes(part.values)
+            near = [turn for turn in _turns(within, number, watch, part, places, signs) if within.counts(watch, turn.t)]
             turns += near
-            for instant in _instants(within, watch, part, near):
+            for instant in _instants(within, watch, part, places, near):
                 if watch.level is not None and _stays(solution, watch, (number, instant), crossings, turns):
                     continue
                 crossings.append((instant, number))
                 latest = min(latest, instant) if watch.stops else latest
     located, stop = _until_stop(crossings, watches, within.slack)
-    if stop is not None or step.until >= solution.intervals[-1].end:
-        end, last = step.until if stop is None else stop, {number: instant for instant, number in located}
-        reached = (k for k, watch in enumerate(watches) if _reaches(within, watch, last.get(k, step.t), end))
+    if stop is not None or until >= solution.intervals[-1].end:
+        end, last = until if stop is None else stop, {number: instant for instant, number in located}
+        reached = (k for k, watch in enumerate(watches) if _reaches(within, watch, last.get(k, begun), end))
         located, stop = _until_stop([*crossings, *((end, k) for k in reached)], watches, within.slack)
     _note_nearest(solution, turns, math.inf if stop is None else stop, located[-1][1] if located else -1)
     for instant, number in located:
@@ -171,22 +189,6 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y
     if stop is not None:
         solution.steps.until[index] = stop
     return stop is not None
-
-
-def _instants(within: WithinStep, watch: Watch, part: StepPart, turns: Sequence[Turn]) -> Iterator[float]:
-    """Yield when a watched value comes to 0 in a part of a step [s], but for where it only leaves its start."""
-    step = within.step
-    start, length = step.t + step.h * part.low, step.h * (part.high - part.low)
-    for low, high, above in _brackets(part.values, watch, turns):
-        bracket = start + length * low, start + length * high
-        instant = _refined(within, watch, bracket, above=above) if low < high else bracket[0]
-        if instant is None or not within.counts(watch, instant):
-            continue
-        if start == watch.begins:
-            since = within.evaluate(watch.value, start + np.array([0.0, 0.5, 1.0]) * (instant - start))
-            if np.abs(since).max() <= LEFT * np.abs(part.values).max() + ROUNDED:
-                continue
-        yield instant
 
 
 class StepPart(NamedTuple):
@@ -208,7 +210,7 @@ def _parts(within: WithinStep, watch: Watch, values: Array) -> list[StepPart]:
     """
     parts, ends, known, left = list[StepPart](), np.array([[0.0, 1.0]]), values[None], MOST_STATES
     while len(ends):
-        seen = resolved(known) | (not watch.loaded) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
+        seen = resolved(series_of(known)) | (not watch.loaded) | (ends[:, 1] - ends[:, 0] <= LEAST_PART)
         kept = seen | (left <= 0)
         parts += map(StepPart, *ends[kept].T.tolist(), known[kept], seen[kept].tolist())
         low, high = ends[~kept].T
@@ -219,66 +221,80 @@ def _parts(within: WithinStep, watch: Watch, values: Array) -> list[StepPart]:
     return sorted(parts, key=lambda part: part.low)
 
 
-def _until_stop(
-    crossings: Sequence[tuple[float, int]], watches: Sequence[Watch], slack: float
-) -> tuple[list[tuple[float, int]], float | None]:
-    """Return the crossings up to the one that stops the integration, which comes last, and its instant.
+def _extremes(values: Array) -> tuple[Array, Array]:
+    """Return where the series of values at the nodes is extreme, in [0, 1], and 1 of minima, -1 of maxima."""
+    series = series_of(values)
+    slope = _to_slope(len(values) // 2) @ series
+    significant = np.flatnonzero(np.abs(slope) > NEGLIGIBLE * np.abs(series).max())
+    if not len(significant):
+        return np.zeros(0), np.zeros(0)
+    roots = chebyshev.chebroots(slope[: significant[-1] + 1])
+    real = np.sort(roots.real[(np.abs(roots.imag) < SAME_PLACE) & (np.abs(roots.real) < 1.0 + 2.0 * BESIDE)])
+    real = real.clip(-1.0, 1.0)
+    return 0.5 + 0.5 * real, np.sign(chebyshev.chebval(real, chebyshev.chebder(slope)))
 
-    Of those that stop within ``slack`` [s] it is that of the first watched value. Other crossings at that instant
-    count, even if rounding puts them after it.
+
+def _turns(
+    within: WithinStep, number: int, watch: Watch, part: StepPart, places: Array, signs: Array
+) -> Iterator[Turn]:
+    """Yield where a watched value turns in a part of a step, if it may be near 0 there, in order of time.
+
+    A value that depends on loads is decided at the start of a motion, too: it must not be negative there.
     """
-    crossings = sorted(crossings)
-    stops = [(instant, number) for instant, number in crossings if watches[number].stops]
-    if not stops:
-        return crossings, None
-    first = stops[0][0]
-    instant, stopping = min((stop for stop in stops if stop[0] <= first + slack), key=lambda stop: stop[1])
-    before = [(min(t, instant), number) for t, number in crossings if not watches[number].stops and t <= first + slack]
-    return [*before, (instant, stopping)], instant
+    if not watch.decides:
+        return
+    if watch.level is None:  # crossings in one direction count
+        places, signs = (x[watch.direction * signs <= 0.0] for x in (places, signs))
+    if within.index == 0 and part.low == 0.0:
+        places, signs = (x[places > BESIDE] for x in (places, signs))
+        if watch.loaded:
+            places, signs = np.append(0.0, places), np.append(1.0, signs)
+    solution, (start, h, _), series = within.solution, within.times, series_of(part.values)
+    rounding = 0.0 if watch.level is None else REACHED * float(np.abs(part.values).max()) + DIGITS * watch.level
+    near = _is_near(
+        solution, number, np.abs(chebyshev.chebval(2.0 * places - 1.0, series)), np.full(len(places), within.index)
+    )
+    for place, sign in zip(places[near].tolist(), signs[near].tolist(), strict=True):
+        where = part.low + (part.high - part.low) * place
+        t = start + where * h
+        margin = float(within.evaluate(watch.margin or watch.value, [t])[0])
+        wrong = solution.begun_with + solution.method.step_error(solution, within.index) * (within.index + where)
+        error = wrong * within.evaluate(watch.sensitivity, [t]) if wrong and watch.sensitivity else 0.0
+        yield Turn(number, within.index, t, place, sign, margin, error + rounding)
 
 
-def _is_one_sided(series: Array) -> Flags:
-    """Return for which series one sign is certain: ``|c_0| > sum |c_k|``."""
-    return np.asarray((1.0 - NEAR) * np.abs(series[..., 0]) > np.abs(series[..., 1:]).sum(axis=-1))
+def _instants(
+    within: WithinStep, watch: Watch, part: StepPart, places: Array, turns: Sequence[Turn]
+) -> Iterator[float]:
+    """Yield when a watched value comes to 0 in a part of a step [s], but for where it only leaves its start."""
+    begun, h, _ = within.times
+    start, length = begun + h * part.low, h * (part.high - part.low)
+    for low, high, above in _brackets(part.values, watch, places, turns):
+        bracket = start + length * low, start + length * high
+        instant = _refined(within, watch, bracket, above=above) if low < high else bracket[0]
+        if instant is None or not within.counts(watch, instant):
+            continue
+        if start == watch.begins:
+            since = within.evaluate(watch.value, start + np.array([0.0, 0.5, 1.0]) * (instant - start))
+            if np.abs(since).max() <= LEFT * np.abs(part.values).max() + ROUNDED:
+                continue
+        yield instant
 
 
-def resolved(values: Array) -> Flags:
-    """Return for which rows of values at the nodes the Chebyshev series shows their signs; shape (m,).
-
-    Its last coefficients are the error: of a value that is far from 0 they may be larger than where it may cross 0.
-    """
-    series = np.abs(series_of(values))
-    rest, error, size = series[:, 1:].sum(axis=1), series[:, -2:].max(axis=1), series.max(axis=1)
-    one_sign = (error <= CONVERGED * size) & (series[:, 0] > rest + FAR * error)
-    return np.asarray((series[:, 0] > FAR * rest) | one_sign | (error <= EXACT * size))
-
-
-def _roots(series: Array, size: float) -> Array:
-    """Return the roots of a Chebyshev series without its coefficients that are rounding of a size."""
-    significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * size)
-    return chebyshev.chebroots(series[: significant[-1] + 1]) if len(significant) else np.zeros(0)
-
-
-def _brackets(values: Array, watch: Watch, turns: Sequence[Turn] = ()) -> list[tuple[float, float, bool]]:
+def _brackets(values: Array, watch: Watch, places: Array, turns: Sequence[Turn]) -> list[tuple[float, float, bool]]:
     """Return intervals in [0, 1], each with one zero crossing, and whether the values are positive before it.
 
-    Where they turn back at 0 both ends are the place of the turn; the crossings just before and behind it are none.
+    ``places`` are those where the values, given at the nodes, are extreme. Where they turn back at 0 both ends are the
+    place of the turn; the crossings just before and behind it are none.
     """
     series, touches = series_of(values), [turn for turn in turns if turn.is_open and watch.level is not None]
-    if not np.isfinite(series).all() or (_is_one_sided(series) and not touches):
-        return []
-    size = np.abs(series).max()
-    roots = _roots(series, size)
-    real = np.sort(0.5 + 0.5 * roots.real[np.abs(roots.imag) < SAME_PLACE])
-    here = np.clip(real[(real > -BESIDE) & (real < 1.0 + BESIDE)], 0.0, 1.0)
-    bounds = np.concatenate([[0.0], 0.5 * (here[1:] + here[:-1]), [1.0]])
+    size, bounds = np.abs(series).max(), np.concatenate([[0.0], places[(places > 0.0) & (places < 1.0)], [1.0]])
     between = chebyshev.chebval(2.0 * bounds - 1.0, series)
     between[0], between[-1] = values[0], values[-1]
     above = between >= 0.0
     rounded = np.abs(between) <= (NEGLIGIBLE * size if watch.level is None else REACHED * size + DIGITS * watch.level)
-    for turn in (turn for turn in touches if turn.passes):
-        rounded[1:-1] |= (here[:-1] <= turn.place) & (turn.place <= here[1:])
-    for k in np.flatnonzero(rounded[1:-1]) + 1:  # two roots of a value that only touches 0 have rounding between them
+    rounded |= np.isin(bounds, [turn.place for turn in touches if turn.passes])
+    for k in np.flatnonzero(rounded[1:-1]) + 1:  # a value that only touches 0 has rounding there
         above[k] = above[k - 1]
     brackets = [(bounds[k], bounds[k + 1], above[k]) for k in range(len(bounds) - 1) if above[k] != above[k + 1]]
     brackets += [(turn.place, turn.place, turn.sign > 0.0) for turn in touches]
@@ -291,18 +307,38 @@ def _refined(within: WithinStep, watch: Watch, bracket: tuple[float, float], *, 
     The crossing may lie before the bracket by the rounding of the series. At the end of a step the state is closed,
     and its value counts. ``above`` tells whether the value is positive before the crossing.
     """
-    low, high = bracket
+    (low, high), (begun, _, until) = bracket, within.times
 
     def value(*t: float) -> list[float]:
         return [x or math.ulp(0.0) for x in within.evaluate(watch.value, t).tolist()]
 
-    begins = within.step.t
-    first, at_low, at_high = value(begins, low, high)  # together: at the end of an interval, what is before its jumps
+    first, at_low, at_high = value(begun, low, high)  # together: at the end of an interval, what is before its jumps
     if (at_low > 0.0) != above and (first > 0.0) == above:
-        low, high, at_low, at_high = begins, low, first, at_low
+        low, high, at_low, at_high = begun, low, first, at_low
     if (at_low > 0.0) == (at_high > 0.0):
-        return high if (at_low > 0.0) == above and high >= within.step.until else None
+        return high if (at_low > 0.0) == above and high >= until else None
     return _sign_change(lambda t: value(t)[0], (low, high), (at_low, at_high))
+
+
+def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:
+    """Return the first instant behind the change of sign within a bracket, to rounding.
+
+    By secants, of which the value at an end that stays is halved each time (the Illinois algorithm; Dowell and Jarratt,
+    A modified regula falsi method for computing the root of an equation, BIT 11, 1971), with some bisections.
+    """
+    (low, high), (at_low, at_high), stayed = bracket, at_ends, 0
+    least = math.ulp(max(abs(low), abs(high)))
+    for count in range(MOST_SECANTS):
+        if high - low <= least:
+            break
+        secant = high - at_high * (high - low) / (at_high - at_low)
+        t = 0.5 * (low + high) if count % 4 == 3 else min(max(secant, low + least), high - least)
+        here = value(t)
+        if (here > 0.0) == (at_low > 0.0):
+            low, at_low, at_high, stayed = t, here, at_high / (2.0 if stayed > 0 else 1.0), 1
+        else:
+            high, at_high, at_low, stayed = t, here, at_low / (2.0 if stayed < 0 else 1.0), -1
+    return high
 
 
 def _stays(
@@ -335,101 +371,28 @@ def _reaches(within: WithinStep, watch: Watch, start: float, end: float) -> bool
     if watch.level is None or not start < end:
         return False
     middle, last = within.evaluate(watch.value, [0.5 * (start + end), end])
-    soon = SAME_INSTANT * max(abs(end), abs(within.step.h)) / (end - start)
+    soon = SAME_INSTANT * max(abs(end), abs(within.times[1])) / (end - start)
     rounding = (REACHED + soon) * abs(middle) + DIGITS * watch.level
     there = abs(last) <= rounding < abs(middle) and watch.passes(positive=middle > 0.0)
     return bool(there) and within.counts(watch, end)
 
 
-def _sign_change(value: Callable[[float], float], bracket: tuple[float, float], at_ends: tuple[float, float]) -> float:
-    """Return the first instant behind the change of sign within a bracket, to rounding.
+def _until_stop(
+    crossings: Sequence[tuple[float, int]], watches: Sequence[Watch], slack: float
+) -> tuple[list[tuple[float, int]], float | None]:
+    """Return the crossings up to the one that stops the integration, which comes last, and its instant.
 
-    By secants, of which the value at an end that stays is halved each time (the Illinois algorithm; Dowell and Jarratt,
-    A modified regula falsi method for computing the root of an equation, BIT 11, 1971), with some bisections.
+    Of those that stop within ``slack`` [s] it is that of the first watched value. Other crossings at that instant
+    count, even if rounding puts them after it.
     """
-    (low, high), (at_low, at_high), stayed = bracket, at_ends, 0
-    least = math.ulp(max(abs(low), abs(high)))
-    for count in range(MOST_SECANTS):
-        if high - low <= least:
-            break
-        secant = high - at_high * (high - low) / (at_high - at_low)
-        t = 0.5 * (low + high) if count % 4 == 3 else min(max(secant, low + least), high - least)
-        here = value(t)
-        if (here > 0.0) == (at_low > 0.0):
-            low, at_low, at_high, stayed = t, here, at_high / (2.0 if stayed > 0 else 1.0), 1
-        else:
-            high, at_high, at_low, stayed = t, here, at_low / (2.0 if stayed < 0 else 1.0), -1
-    return high
-
-
-def may_turn(solution: Solution, watch: Watch, number: int, values: Array, indices: Indices) -> Flags:
-    """Return in which steps a watched value may turn nearer to 0 than ever, or so near that it may be 0, shape (m,).
-
-    Values at the nodes have the shape (m, k), indices of the steps the shape (m,).
-    """
-    if not watch.decides:
-        return np.zeros(len(values), dtype=bool)
-    fine = values @ _to_fine(values.shape[-1] // 2).T
-    rates, spread = np.diff(fine, axis=1), np.ptp(fine, axis=1)
-    sizes, least = np.abs(rates), np.abs(fine).min(axis=1)
-    inside = (rates[:, :-1] * rates[:, 1:] <= 0.0).any(axis=1)
-    at_ends = (sizes[:, 0] < 0.5 * sizes[:, 1]) | (sizes[:, -1] < 0.5 * sizes[:, -2])
-    varies = spread > NEGLIGIBLE * np.abs(fine).max(axis=1) + DIGITS * (watch.level or 0.0)
-    turning = ((inside | at_ends) & varies) | ((indices == 0) & watch.loaded)
-    known = solution.nearest.get(number)
-    if known is None:
-        return np.asarray(turning)
-    states = solution.begun_with + known.step * (indices + 1.0)
-    errors = known.error / known.state * states if known.state else np.inf
-    near = least - BENDS * spread < np.maximum(abs(known.margin), CLEAR * errors)
-    return np.asarray(turning & near)
-
-
-def turns_in(within: WithinStep, watch: Watch, number: int, part: StepPart) -> list[Turn]:
-    """Return where a watched value turns in a part of a step, if it may be near 0 there, in order of time.
-
-    A value that depends on loads is decided at the start of a motion, too: it must not be negative there.
-    """
-    if (
-        not watch.decides
-        or not may_turn(within.solution, watch, number, part.values[None], np.array([within.index]))[0]
-    ):
-        return []
-    places, signs = _extremes(part.values)
-    if watch.level is None:  # crossings in one direction count
-        places, signs = (x[watch.direction * signs <= 0.0] for x in (places, signs))
-    if within.index == 0 and part.low == 0.0:
-        places, signs = (x[places > BESIDE] for x in (places, signs))
-        if watch.loaded:
-            places, signs = np.append(0.0, places), np.append(1.0, signs)
-    rounding = 0.0 if watch.level is None else REACHED * float(np.abs(part.values).max()) + DIGITS * watch.level
-    step, solution, turns = within.step, within.solution, list[Turn]()
-    for place, sign in zip(places.tolist(), signs.tolist(), strict=True):
-        where = part.low + (part.high - part.low) * place
-        t, added = step.t + where * step.h, step_error(solution, within.index)
-        margin = float(within.evaluate(watch.margin or watch.value, [t])[0])
-        wrong = solution.begun_with + added * (within.index + where)
-        error = wrong * within.evaluate(watch.sensitivity, [t]) if wrong and watch.sensitivity else 0.0
-        turns.append(Turn(number, t, place, sign, margin, error + rounding, wrong, added))
-    return turns
-
-
-def _extremes(values: Array) -> tuple[Array, Array]:
-    """Return where the series of values at the nodes is extreme, in [0, 1], and 1 of minima, -1 of maxima."""
-    series = series_of(values)
-    slope = np.asarray(chebyshev.chebder(series), dtype=np.float64)
-    roots = _roots(slope, np.abs(series).max())
-    real = np.sort(roots.real[(np.abs(roots.imag) < SAME_PLACE) & (np.abs(roots.real) < 1.0 + 2.0 * BESIDE)])
-    real = real.clip(-1.0, 1.0)
-    return 0.5 + 0.5 * real, np.sign(chebyshev.chebval(real, chebyshev.chebder(slope)))
-
-
-def step_error(solution: Solution, index: int) -> float:
-    """Return the error of a step, relative to ``size + |y|``: the tolerance, or what two half steps change."""
-    method = solution.method
-    if not isinstance(method, FixedStep):
-        return method.tolerance
-    return method.error(solution, solution.steps[index], min(solution.size, 1.0))
+    crossings = sorted(crossings)
+    stops = [(instant, number) for instant, number in crossings if watches[number].stops]
+    if not stops:
+        return crossings, None
+    first = stops[0][0]
+    instant, stopping = min((stop for stop in stops if stop[0] <= first + slack), key=lambda stop: stop[1])
+    before = [(min(t, instant), number) for t, number in crossings if not watches[number].stops and t <= first + slack]
+    return [*before, (instant, stopping)], instant
 
 
 def _note_nearest(solution: Solution, turns: Sequence[Turn], stop: float, stopping: int) -> None:
@@ -442,6 +405,22 @@ def _note_nearest(solution: Solution, turns: Sequence[Turn], stop: float, stoppi
         cut_off = turn.watch == stopping and turn.passes
         if (turn.t <= stop or cut_off) and (known is None or turn.doubt > known.doubt):
             solution.nearest[turn.watch] = turn
+
+
+def _is_one_sided(series: Array) -> Flags:
+    """Return for which series one sign is certain: ``|c_0| > sum |c_k|``."""
+    return np.asarray((1.0 - NEAR) * np.abs(series[..., 0]) > np.abs(series[..., 1:]).sum(axis=-1))
+
+
+def resolved(series: Array) -> Flags:
+    """Return for which Chebyshev series, shape (m, n + 1), the signs are certain; shape (m,).
+
+    Their last coefficients are the error: of a value that is far from 0 they may be larger than where it may cross 0.
+    """
+    sizes = np.abs(series)
+    rest, error, size = sizes[:, 1:].sum(axis=1), sizes[:, -2:].max(axis=1), sizes.max(axis=1)
+    one_sign = (error <= CONVERGED * size) & (sizes[:, 0] > rest + FAR * error)
+    return np.asarray((sizes[:, 0] > FAR * rest) | one_sign | (error <= EXACT * size))
 
 
 @cache
@@ -461,6 +440,6 @@ def _to_series(parts: int) -> Array:
 
 
 @cache
-def _to_fine(parts: int) -> Array:
-    """Return the matrix from values at the nodes to those at ``FINE`` even places of the step."""
-    return np.asarray(chebyshev.chebvander(np.linspace(-1.0, 1.0, FINE), 2 * parts) @ _to_series(parts))
+def _to_slope(parts: int) -> Array:
+    """Return the matrix from the coefficients of a series to those of its slope, shape (n, n + 1)."""
+    return np.asarray(chebyshev.chebder(np.eye(2 * parts + 1)))

@@ -14,9 +14,11 @@ import numpy as np
 from msgspec import Struct, field
 
 from pinarm.arrays import Array, Flags, Indices, distinct
-from pinarm.records import ValueRecord, replace
+from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
     from pinarm.engine.integration.methods.stiff import Radau
     from pinarm.engine.kernel.library import Flow
@@ -45,6 +47,10 @@ StepsOver = Callable[[Array, Array, Array], bool]
 """``(t, q, v) -> bool``: whether a step may have stepped over a piece of a load, so that its error estimate missed it.
 
 t, q and v are states along the step, its ends included, shapes (n,), (n, nq) and (n, nv)."""
+
+
+PASSED = 1e12
+"""Error of a step that may have stepped over a piece of a load, so that it is rejected."""
 
 
 class SampleTimes(Protocol):
@@ -111,9 +117,7 @@ class Interval(ValueRecord, frozen=True):
         end = min(self.sampling.next(t), self.end) if self.sampling else self.end
         if self.knots and (knot := bisect_right(self.knots, t)) < len(self.knots):
             end = min(end, self.knots[knot])
-        if (t, end) == (self.start, self.end):
-            return self
-        return replace(self, start=t, end=end)
+        return self if (t, end) == (self.start, self.end) else replace(self, start=t, end=end)
 
     def of_step(self, start: float) -> Acceleration:
         """Return the acceleration that an accepted step used, by its start [s]."""
@@ -155,97 +159,34 @@ class Count(Struct):
     stepped_over: int = 0
 
 
-class Doubt(ValueRecord, frozen=True):
-    """A sign that a method or its step was a poor choice; of several of one kind the largest is printed."""
+class Steps(Record, frozen=True):
+    """Accepted steps of a motion in order of time, column by column.
 
-    kind: str
-    size: float
-    text: str
-
-
-Column = np.ndarray[tuple[Any, ...], np.dtype[Any]]
-"""An array whose rows are numbers of any kind."""
-
-
-class Step(NamedTuple):
-    """An accepted step: start, length and end [s], state at the start, slopes at its stages, index of its interval.
-
-    The end is ``t + h`` to rounding, or earlier where an event ended the step.
+    Attributes:
+        t: Starts [s], shape (n,).
+        h: Lengths [s].
+        until: Ends [s]: ``t + h`` to rounding, or earlier where an event ended the step.
+        y: States at the starts, shape (n, nq + nv).
+        slopes: Slopes at the stages of each, shape (n, stages, nq + nv).
+        work: Evaluations, rejected and floored steps up to the end of each, shape (n, 3).
     """
 
-    t: float
-    h: float
-    until: float
-    y: Array
-    slopes: Array
-    interval: int
-
-
-class StepTable(Struct, eq=False):
-    """The accepted steps of a motion, in order of time; columns are valid until further steps are added."""
-
-    _count: int = 0
-    _storage: tuple[Column, ...] = (np.empty((0, 3)), *3 * (np.empty((0, 0)),), np.empty((0, 3), np.intp))
+    t: Array = np.empty(0)
+    h: Array = np.empty(0)
+    until: Array = np.empty(0)
+    y: Array = np.empty((0, 0))
+    slopes: Array = np.empty((0, 0, 0))
+    work: Indices = np.empty((0, 3), np.intp)
 
     def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, index: int) -> Step:
-        t, h, until = self.times[index].tolist()
-        return Step(t, h, until, self.y[index], self.slopes[index], int(self.interval[index]))
+        return len(self.t)
 
     @property
-    def times(self) -> Array:
-        """Starts, lengths and ends [s], shape (n, 3)."""
-        return self._storage[0][: self._count]
+    def columns(self) -> list[NDArray[Any]]:
+        return [self.t, self.h, self.until, self.y, self.slopes, self.work]
 
-    @property
-    def t(self) -> Array:
-        return self.times[:, 0]
-
-    @property
-    def h(self) -> Array:
-        return self.times[:, 1]
-
-    @property
-    def until(self) -> Array:
-        return self.times[:, 2]
-
-    @property
-    def y(self) -> Array:
-        return self._storage[1][: self._count]
-
-    @property
-    def slopes(self) -> Array:
-        return self._storage[2][: self._count]
-
-    @property
-    def interval(self) -> Indices:
-        return self._storage[3][: self._count].astype(np.intp, copy=False)
-
-    @property
-    def work(self) -> Indices:
-        """Evaluations, rejected and floored steps up to the end of each step, shape (n, 3)."""
-        return self._storage[4][: self._count]
-
-    def extend(self, times: Array, y: Array, slopes: Array, interval: int, work: Indices) -> None:
-        """Add n steps of one interval; the other arguments are rows of the columns."""
-        rows, end = (times, y, slopes, np.full(len(times), interval), work), self._count + len(times)
-        if end > len(self._storage[0]) or not self._count:
-            room = max(2 * self._count, end)
-            known, self._storage = self._storage, tuple(np.empty((room, *x.shape[1:]), x.dtype) for x in rows)
-            for k in range(len(rows) if self._count else 0):
-                self._storage[k][: self._count] = known[k][: self._count]
-        for stored, x in zip(self._storage, rows, strict=True):
-            stored[self._count : end] = x
-        self._count = end
-
-    def some(self, index: Indices) -> StepTable:
-        """Return some of the steps, to be read only."""
-        return StepTable(len(index), tuple(column[index] for column in self._storage))
-
-    def truncate(self, count: int) -> None:
-        self._count = min(count, len(self))
+    def some(self, index: Indices | slice) -> Steps:
+        return Steps(*(column[index] for column in self.columns))
 
 
 class Crossing(ValueRecord, frozen=True):
@@ -301,23 +242,17 @@ class Watch(ValueRecord, frozen=True):
 class Turn(NamedTuple):
     """Where a watched value turns, or is decided at the start of a motion.
 
-    Attributes:
-        t: When [s].
-        place: Where in its part of the step, from 0 to 1.
-        sign: 1 where the value is least, -1 where it is greatest.
-        margin: Its margin there; see ``Watch.margin``.
-        state: Error of the states there, relative to ``size + |y|``.
-        step: Error that one step adds to it.
+    ``step`` is the index of the step, ``place`` where in its part of the step, from 0 to 1; ``sign`` is 1 where the
+    value is least, -1 where it is greatest; ``margin`` is that of the watch there, with its ``error``.
     """
 
     watch: int
+    step: int
     t: float
     place: float
     sign: float
     margin: float
     error: float
-    state: float
-    step: float
 
     @property
     def is_open(self) -> bool:
@@ -344,23 +279,44 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         unresolved: Parts of steps in which a watched value varies with loads faster than it is looked at [s].
         begun_with: Error of the state at its start, relative to ``size + |y|``.
         nearest: Index of a watch -> the turn at which it is the least certain whether its value comes to 0.
+        steps: The accepted steps; valid until further ones are added.
     """
 
     method: Method
     manifold: Manifold
     intervals: Sequence[Interval]
-    steps: StepTable = field(default_factory=StepTable)
     crossings: list[Crossing] = []
     count: Count = field(default_factory=Count)
     final: Array | None = None
     unresolved: list[tuple[float, float]] = []
     begun_with: float = 0.0
     nearest: dict[int, Turn] = {}
+    steps: Steps = Steps()
+    _room: Steps = Steps()
     _known: Flags = field(default_factory=lambda: np.zeros(0, bool))
     """Mask of the steps with a dense output; it is longer than the number of steps."""
     _terms: Array = field(default_factory=lambda: np.empty(0))
     """Terms r of polynomials ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``, x from 0 to 1 over each step,
     shape (n, d, nq + nv)."""
+
+    def add(self, added: Steps) -> None:
+        begin, end = len(self.steps), len(self.steps) + len(added)
+        if end > len(self._room):
+            room = max(2 * begin, end)
+            self._room = Steps(*(np.empty((room, *column.shape[1:]), column.dtype) for column in added.columns))
+            if begin:
+                self._fill(slice(begin), self.steps)
+        self._fill(slice(begin, end), added)
+        self.steps = self._room.some(slice(end))
+
+    def _fill(self, rows: slice, steps: Steps) -> None:
+        for room, column in zip(self._room.columns, steps.columns, strict=True):
+            room[rows] = column
+
+    def owners(self, index: Indices) -> Indices:
+        """Return the indices of the intervals of steps, both of shape (n,)."""
+        starts = np.array([interval.start for interval in self.intervals])
+        return np.asarray(starts.searchsorted(self.steps.t[index], side="right") - 1)
 
     @property
     def end(self) -> float:
@@ -403,7 +359,7 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
 
     def truncate(self, count: int) -> None:
         """Keep the first steps, and their cost; without any, the cost of those that go is kept."""
-        self.steps.truncate(count)
+        self.steps = self.steps.some(slice(count))
         self._known[count:] = False
         if count:
             self.count.evaluations, self.count.rejected, self.count.floored = self.steps.work[-1].tolist()
@@ -423,9 +379,8 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
         """Compute the dense output of those steps that have none yet, interval by interval."""
         if len(self._known) < len(self.steps):
             self._known = np.append(self._known, np.zeros(2 * len(self.steps) - len(self._known), bool))
-        missing = index[~self._known[index]]
-        missing = np.bincount(missing).nonzero()[0]
-        owners = self.steps.interval[missing]
+        missing = distinct(index[~self._known[index]])
+        owners = self.owners(missing)
         for number in distinct(owners).tolist():
             some = missing[owners == number]
             terms = self.method.dense_output(self.intervals[number], self.manifold, self.steps.some(some))
@@ -435,9 +390,95 @@ class Solution(Struct, eq=False, dict=True, weakref=True):
             self._terms[some], self._known[some] = terms, True
 
 
+class Stepper:
+    """A method while it integrates one motion: the present state, and steps from it one at a time.
+
+    ``steps_over`` tells whether a step may have stepped over a piece of a load: it is rejected, or counted where steps
+    have one length.
+    """
+
+    variable = True
+    interval: Interval
+    """What is left of an interval, in which steps need not end."""
+
+    def __init__(self, solution: Solution, steps_over: StepsOver | None) -> None:
+        self.solution, self.steps_over = solution, steps_over
+        self.manifold, self.count = solution.manifold, solution.count
+        self.y = np.zeros(solution.manifold.nq + solution.manifold.nv)
+
+    @property
+    def finite(self) -> bool:
+        """Whether the slopes computed last are finite."""
+        raise NotImplementedError
+
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Begin an interval in a state."""
+        raise NotImplementedError
+
+    def first(self, h: float) -> float:
+        """Return the first step of an interval [s]; h is the one that came next in the interval before, or 0."""
+        raise NotImplementedError
+
+    def attempt(self, t: float, h: float) -> float:
+        """Compute a step from the present state; return its error over the tolerance, NaN where it fails."""
+        raise NotImplementedError
+
+    def along(self, t: float, h: float) -> tuple[Array, Array]:
+        """Return instants and states along the step, its ends included, shapes (k,) and (k, nq + nv)."""
+        raise NotImplementedError
+
+    def retry(self, h: float, error: float) -> float:
+        """Return the next step to try after one of an error that was rejected [s]."""
+        raise NotImplementedError
+
+    def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
+        """Move to the end t of the step; return its slopes and the next step [s]."""
+        raise NotImplementedError
+
+    def take(self, t: float, h: float, tries: int) -> tuple[float, float]:
+        """Try a step of length h from t [s], or what is left of the interval; add it to the solution if accepted.
+
+        Return the time that is reached and the next step [s]. Steppers that take many steps at once try at most
+        ``tries``.
+        """
+        end = self.interval.end
+        last = t + 1.01 * h >= end
+        taken = end - t if last else h
+        error = self.attempt(t, taken)
+        if error <= 1.0 and self.steps_over and self._steps_over(self.steps_over, t, taken):
+            error = PASSED if self.variable else error
+            self.count.stepped_over += not self.variable
+        if not error <= 1.0:  # NaN included
+            self.count.rejected += 1
+            return t, self.retry(taken, error)
+        y, until = self.y.copy(), end if last else t + taken
+        slopes, following = self.accept(until, taken, error)
+        starts, lengths, ends = np.array([[t], [taken], [until]])
+        work = np.array([[self.count.evaluations, self.count.rejected, self.count.floored]])
+        self.solution.add(Steps(starts, lengths, ends, y[None], slopes[None], work))
+        return until, max(h, following) if last else following
+
+    def _steps_over(self, steps_over: StepsOver, t: float, h: float) -> bool:
+        instants, states = self.along(t, h)
+        return steps_over(instants, states[:, : self.manifold.nq], states[:, self.manifold.nq :])
+
+    def settled(self, t: float) -> bool:
+        """Project the present state onto the constraints; return whether there are any."""
+        if self.interval.settle is None:
+            return False
+        nq = self.manifold.nq
+        self.y[:] = np.concatenate(self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
+        return True
+
+
+def waves(x: Array, count: int) -> Array:
+    """Return ``x, x (1 - x), x (1 - x) x ...`` at places x, shape (n,), as an array of shape (n, count)."""
+    factors = np.empty((len(x), count))
+    factors[:, ::2], factors[:, 1::2] = x[:, None], 1.0 - x[:, None]
+    return np.asarray(np.multiply.accumulate(factors, axis=1))
+
+
 def interpolated(base: Array, terms: Array, x: Array) -> Array:
     """Return states of m polynomials, see ``Solution._terms``, at x of shape (m,), before they are projected."""
-    factors = np.empty(terms.shape[:2])  # x, x (1 - x), x (1 - x) x, ...
-    factors[:, ::2], factors[:, 1::2] = x[:, None], 1.0 - x[:, None]
-    y = np.vecmat(np.multiply.accumulate(factors, axis=1), terms)
-    return np.asarray(np.where(x[:, None] == 0.0, base, base + y))  # terms of a step that failed may be infinite
+    y = base + np.vecmat(waves(x, terms.shape[1]), terms)
+    return np.asarray(np.where(x[:, None] == 0.0, base, y))  # terms of a step that failed may be infinite

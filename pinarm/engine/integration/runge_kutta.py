@@ -8,12 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.records import Record
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Steps
 
 SAFETY, GAIN, SLOWEST, FASTEST = 0.8, 0.8, 1 / 3, 6.0
 """Safety factor, gain of the step controller, and bounds of the factor by which a step changes.
@@ -26,9 +29,6 @@ LOST, HUGE = 0.1, 1e300
 
 TINY = 1e-300
 """Smallest error in powers and quotients, which keeps them finite."""
-
-PASSED = 1e12
-"""Error assigned to a step that may have stepped over a piece of a load, so that it is rejected."""
 
 SHORTEST = 16.0
 """Smallest step, in units in the last place of t: in shorter ones ``t + c h`` of some stage equals t."""
@@ -158,17 +158,17 @@ def first_step(
     return float(min(100.0 * h0, h1))
 
 
-def dense_terms(tableau: Tableau, rates: Rates, t: Array, h: Array, y: Array, slopes: Array) -> Array:
+def dense_terms(tableau: Tableau, rates: Rates, steps: Steps) -> Array:
     """Return the terms r of polynomials over n steps, see ``Solution``; Hairer, Norsett, Wanner, section II.6.
 
     ``r_0 = y_new - y``, ``r_1 = h k_0 - r_0``, ``r_2 = 2 r_0 - h (k_0 + k_s)``; the higher ones are ``h dense_d @ k``
     over all stages, those of ``dense_a`` included. Shape (n, d, nq + nv).
     """
     s = tableau.stages + 1
-    known = np.empty((len(h), s + len(tableau.dense_c), y.shape[1]))
-    known[:, :s] = slopes
-    stages(tableau.dense_rows, rates, t, h, y, known)
-    known *= h[:, None, None]
+    known = np.empty((len(steps), s + len(tableau.dense_c), steps.y.shape[1]))
+    known[:, :s] = steps.slopes
+    stages(tableau.dense_rows, rates, steps.t, steps.h, steps.y, known)
+    known *= steps.h[:, None, None]
     change, first, last = tableau.b @ known[:, : s - 1], known[:, 0], known[:, s - 1]
     lowest = np.stack([change, first - change, 2 * change - first - last], axis=1)
     return np.concatenate([lowest, tableau.dense_d @ known], axis=1)

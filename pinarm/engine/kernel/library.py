@@ -169,8 +169,8 @@ class PairStructure(ctypes.Structure):
     """The coefficients of an embedded Runge-Kutta pair."""
 
     _fields_ = [
-        *_fields(SIZE, "stages estimates dense_stages dense_terms order"),
-        *_fields(POINTER, "a b c error dense_a dense_c dense_d"),
+        *_fields(SIZE, "stages estimates order"),
+        *_fields(POINTER, "a b c error"),
     ]
 
 

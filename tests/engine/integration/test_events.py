@@ -85,7 +85,7 @@ def test_what_is_crossed_at_the_instant_of_a_stop_is_recorded_whichever_comes_fi
         solution = oscillator(2.0, watches)
         *others, last = solution.crossings
         assert watches[last.watch].stops and len(others) == 1
-        assert others[0].t <= last.t == solution.steps[-1].until
+        assert others[0].t <= last.t == solution.steps.until[-1]
         assert last.t == pytest.approx(np.arcsin(level), abs=1e-9)
 
 

@@ -1,26 +1,21 @@
 """The methods of integration that scenarios may choose, by name.
 
-A new method is a module beside these with a class and its stepper, which join ``Method`` and ``Stepper``, and an entry
-in ``METHODS``. The names in files, their JSON Schema, the tests of order and of events, the search for a tolerance and
+A new method is a module beside these with a class, which joins ``Method``, and its ``Stepper``, and an entry in
+``METHODS``. The names in files, their JSON Schema, the tests of order and of events, the search for a tolerance and
 the trade-off follow the table. A module is imported when a method of it is made: a run loads the one that it uses.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal
 
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Method
-    from pinarm.engine.integration.methods.explicit import AdaptiveStepper, FixedStepper
-    from pinarm.engine.integration.methods.stiff import RadauStepper
 
     MethodName = str
-
-Stepper: TypeAlias = "AdaptiveStepper | FixedStepper | RadauStepper"
-"""A method during the integration of one motion: the present state, and its buffers."""
 
 Setting = Literal["tolerance", "step"]
 """The key of ``accuracy`` that decides the error of a method."""

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Sequence
 from functools import cache, partial
 
 import numpy as np
 
-from pinarm.arrays import Array, distinct
-from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold, Solution, Step, StepTable
+from pinarm.arrays import Array, Flags, distinct
+from pinarm.engine.integration.integrator import Interval, Manifold, Solution, Stepper, Steps, StepsOver, waves
 from pinarm.engine.integration.runge_kutta import (
     DOP853,
     DOPRI5,
@@ -37,15 +38,7 @@ from pinarm.engine.integration.runge_kutta import (
     shrinkage,
     stages,
 )
-from pinarm.engine.kernel.library import (
-    ControlStructure,
-    CourseStructure,
-    Flow,
-    PairStructure,
-    contiguous,
-    library,
-    pointer,
-)
+from pinarm.engine.kernel.library import ControlStructure, CourseStructure, Flow, PairStructure, library, pointer
 from pinarm.errors import MethodError
 from pinarm.records import ValueRecord, replace
 
@@ -58,7 +51,7 @@ STIFF = 0.3
 """Share of steps at the stability limit from which a motion is reported as stiff for an explicit method."""
 
 LIMITED = "stiff"
-"""Kind of the doubt on stiffness, with which its note begins."""
+"""Beginning of the note on stiffness."""
 
 SAMPLE = 40
 """Number of fixed steps that are repeated as two half steps to estimate their error."""
@@ -72,13 +65,31 @@ PASSED_LOADS = "steps go past whole pieces of a load"
 COARSE = 1e-3
 """Error of a fixed step, relative to ``size + |y|``, from which it is reported as too large."""
 
-
 FEWEST, MOST = 16, 512
 """Most steps of the first call, and of later ones: each may take twice as many as one that was full. An event that ends
 the motion makes the steps after it useless, and memory is taken for all of them."""
 
 
-class Adaptive(ValueRecord, frozen=True):
+class _Explicit:
+    """What follows from the coefficients of a method."""
+
+    tableau: Tableau
+    subdivisions = 4
+    tangent = True
+
+    @property
+    def name(self) -> str:
+        return self.tableau.name
+
+    @property
+    def order(self) -> int:
+        return self.tableau.order
+
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> Array:
+        return dense_terms(self.tableau, partial(interval.slopes, manifold, steps.t), steps)
+
+
+class Adaptive(_Explicit, ValueRecord, frozen=True):
     """An embedded Runge-Kutta pair with variable steps.
 
     Step: ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``, ``y + h sum_i b_i k_i``, with ``f = (velocity(q, v), a)``. With
@@ -96,76 +107,57 @@ class Adaptive(ValueRecord, frozen=True):
 
     tolerance: float
     tableau: Tableau = DOP853
-    subdivisions = 4
-    tangent = True
     remedy = "a wider tolerance"
 
-    @property
-    def name(self) -> str:
-        return self.tableau.name
+    def stepper(self, solution: Solution, steps_over: StepsOver | None) -> Stepper:
+        return AdaptiveStepper(self, solution, steps_over)
 
-    @property
-    def order(self) -> int:
-        return self.tableau.order
-
-    def stepper(self, manifold: Manifold, count: Count) -> AdaptiveStepper:
-        return AdaptiveStepper(self, manifold, count)
-
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> Array:
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> Array:
         """Return the terms of the dense output, or of polynomials through eight shorter steps where these are better.
 
         Once the fast part of a motion has died away a step may go far beyond the limit of stability before its end
         shows it: within, the stages blow up the rest of that part, and spoil the dense output. Those of eighths of the
         step do not. The defect ``h (f(u) - u')`` of u in the middle of the step chooses.
         """
-        terms, rates = self._terms(interval, manifold, steps)
-        scale = self.tolerance * (interval.size + np.abs(steps.y).max(axis=1))
+        rates = partial(interval.slopes, manifold, steps.t)
+        terms = dense_terms(self.tableau, rates, steps)
         defects = _defects(terms, rates, steps)
+        scale = self.tolerance * (interval.size + np.abs(steps.y).max(axis=1))
         if len(poor := (defects > DEFECT * scale).nonzero()[0]):
             some = steps.some(poor)
-            slopes_of = partial(interval.slopes, manifold, some.t)
-            others = _through_parts(self.tableau, slopes_of, some, terms[poor])
-            better = _defects(others, slopes_of, some) < CLEARLY * defects[poor]
+            rates = partial(interval.slopes, manifold, some.t)
+            others = _through_parts(self.tableau, rates, some, terms[poor])
+            better = _defects(others, rates, some) < CLEARLY * defects[poor]
             terms[poor[better]] = others[better]
         return terms
 
-    def _terms(self, interval: Interval, manifold: Manifold, steps: StepTable) -> tuple[Array, Rates]:
-        """Return the terms of the dense output, and the rates in the steps."""
-        arrays = steps.t, steps.h, steps.y, steps.slopes
-        if interval.compiled is not None:
-            values = _compiled_terms(self.tableau, interval.compiled, *arrays)
-            if np.isfinite(values).all():
-                return values, partial(interval.slopes, manifold, steps.t)
-            # Rows that the library cannot solve for in a further stage are solved for by singular values.
-            interval = replace(interval, compiled=None)
-        rates = partial(interval.slopes, manifold, steps.t)
-        return dense_terms(self.tableau, rates, *arrays), rates
+    def step_error(self, solution: Solution, index: int) -> float:
+        return self.tolerance
 
-    def diagnose(self, solution: Solution) -> list[Doubt]:
-        """Return a note where the stability limit, not the error, keeps steps short.
+    def diagnose(self, solutions: Sequence[Solution]) -> list[str]:
+        """Return a note where the stability limit, not the error, keeps steps of solutions short."""
+        steps = [solution.steps for solution in solutions if solution.steps]
+        share = sum(np.count_nonzero(self._limited(some)) for some in steps) / max(1, sum(map(len, steps)))
+        if share < STIFF:
+            return []
+        return [
+            f"{LIMITED}: on {share:.0%} of the steps {self.name} is limited by stability, not by accuracy; "
+            "accuracy.method: stiff takes longer steps"
+        ]
+
+    def _limited(self, steps: Steps) -> Flags:
+        """Return which steps the stability limits.
 
         The last stage and the end of the step share their time, so ``|k_s - k_(s-1)| / |y_new - Y_(s-1)|`` estimates
         the dominant eigenvalue: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2, eq. (2.26).
         """
-        steps, tableau = solution.steps, self.tableau
-        if not steps:
-            return []
-        h, slopes, s = steps.h, steps.slopes, tableau.stages
-        apart = h[:, None] * np.vecmat(tableau.b - tableau.a[-1], slopes[:, :s])
-        last = slopes[:, s] - slopes[:, s - 1]
-        change, size = h * np.sqrt(np.vecdot(last, last)), np.sqrt(np.vecdot(apart, apart))
-        limited = change > tableau.stability * np.maximum(size, TINY)
-        share = np.count_nonzero(limited) / len(limited)
-        if share < STIFF:
-            return []
-        text = (
-            f"{LIMITED}: on {share:.0%} of the steps {self.name} is limited by stability, not by accuracy; "
-            "accuracy.method: stiff takes longer steps"
-        )
-        return [Doubt(LIMITED, share, text)]
+        tableau, slopes = self.tableau, steps.slopes
+        apart = np.vecmat(tableau.b - tableau.a[-1], slopes[:, :-1])
+        change, size = np.linalg.norm(slopes[:, -1] - slopes[:, -2], axis=1), np.linalg.norm(apart, axis=1)
+        return np.asarray(change > tableau.stability * np.maximum(size, TINY / steps.h))
 
 
-def _through_parts(tableau: Tableau, rates: Rates, steps: StepTable, terms: Array) -> Array:
+def _through_parts(tableau: Tableau, rates: Rates, steps: Steps, terms: Array) -> Array:
     """Return terms of polynomials with the ends and their slopes of others, nearest to the ends of shorter steps."""
     h, y, ends = steps.h / PARTS, steps.y, list[Array]()
     slopes = np.empty((len(h), tableau.stages + 1, y.shape[1]))
@@ -174,13 +166,12 @@ def _through_parts(tableau: Tableau, rates: Rates, steps: StepTable, terms: Arra
         y = stages(tableau.rows, rates, steps.t + part * h, h, y, slopes)
         slopes[:, 0] = slopes[:, -1]
         ends.append(y - steps.y)
-    x = np.arange(1.0, PARTS) / PARTS
-    waves = np.cumprod([x if k % 2 == 0 else 1.0 - x for k in range(terms.shape[1])], axis=0).T
-    rest = np.stack(ends, axis=1) - waves[:, :3] @ terms[:, :3]
-    return np.concatenate([terms[:, :3], np.linalg.pinv(waves[:, 3:]) @ rest], axis=1)
+    basis = waves(np.arange(1.0, PARTS) / PARTS, terms.shape[1])
+    rest = np.stack(ends, axis=1) - basis[:, :3] @ terms[:, :3]
+    return np.concatenate([terms[:, :3], np.linalg.pinv(basis[:, 3:]) @ rest], axis=1)
 
 
-def _defects(terms: Array, rates: Rates, steps: StepTable) -> Array:
+def _defects(terms: Array, rates: Rates, steps: Steps) -> Array:
     """Return the largest defect ``h (f(u) - u')`` of polynomials u in the middle of each step, shape (n,)."""
     change, slope = middle(terms)
     defects = steps.h[:, None] * rates(steps.t + 0.5 * steps.h, steps.y + change) - slope
@@ -192,7 +183,7 @@ def dopri5(tolerance: float) -> Adaptive:
     return Adaptive(tolerance, DOPRI5)
 
 
-class FixedStep(ValueRecord, frozen=True):
+class FixedStep(_Explicit, ValueRecord, frozen=True):
     """Steps of fixed length, whatever the error; each interval is divided evenly into steps of at most ``step``.
 
     With ``RK4`` the classical method: ``y + h (k_1 + 2 k_2 + 2 k_3 + k_4) / 6``, order 4, dense output the cubic
@@ -209,68 +200,54 @@ class FixedStep(ValueRecord, frozen=True):
 
     step: float
     tableau: Tableau = RK4
-    subdivisions = 4
-    tangent = True
     tolerance = 0.0
     remedy = "a shorter accuracy.step, or an adaptive method"
 
-    @property
-    def name(self) -> str:
-        return self.tableau.name
+    def stepper(self, solution: Solution, steps_over: StepsOver | None) -> Stepper:
+        return FixedStepper(self, solution, steps_over)
 
-    @property
-    def order(self) -> int:
-        return self.tableau.order
-
-    def stepper(self, manifold: Manifold, count: Count) -> FixedStepper:
-        return FixedStepper(self, manifold, count)
-
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> Array:
-        rates = partial(interval.slopes, manifold, steps.t)
-        return dense_terms(self.tableau, rates, steps.t, steps.h, steps.y, steps.slopes)
-
-    def diagnose(self, solution: Solution) -> list[Doubt]:
+    def diagnose(self, solutions: Sequence[Solution]) -> list[str]:
         """Return notes where a step and its two halves differ, or where steps may have stepped over a load."""
-        error, t, size = 0.0, 0.0, min(solution.size, 1.0)
-        for index in distinct(np.linspace(0, len(solution.steps) - 1, SAMPLE).astype(int)):
-            step = solution.steps[index]
-            difference = self.error(solution, step, size)
-            if not difference <= error:  # NaN included
-                error, t = difference, step.t
-        over = solution.count.stepped_over
-        past = f"step too large: {over} {PASSED_LOADS}; {self.remedy}"
-        stepped_over = [Doubt("stepped over", over, past)] if over else []
-        if error < COARSE:
-            return stepped_over
-        text = (
-            f"step too large: at t = {t:.6g} s a step of {self.name} over {self.step:g} s errs by {error:.1e}, "
-            f"relative to {size:.3g} + |y|; {self.remedy}"
-        )
-        return [*stepped_over, Doubt("step too large", error if error < np.inf else np.inf, text)]
+        over, notes, worst = sum(solution.count.stepped_over for solution in solutions), list[str](), (0.0, 0.0, 0.0)
+        for solution in solutions:
+            for index in distinct(np.linspace(0, len(solution.steps) - 1, SAMPLE).astype(int)).tolist():
+                error = self.step_error(solution, index)
+                if not error <= worst[0]:  # NaN included
+                    worst = error, float(solution.steps.t[index]), min(solution.size, 1.0)
+        if over:
+            notes.append(f"step too large: {over} {PASSED_LOADS}; {self.remedy}")
+        if not worst[0] < COARSE:
+            notes.append(
+                f"step too large: at t = {worst[1]:.6g} s a step of {self.name} over {self.step:g} s errs by "
+                f"{worst[0]:.1e}, relative to {worst[2]:.3g} + |y|; {self.remedy}"
+            )
+        return notes
 
-    def error(self, solution: Solution, step: Step, size: float) -> float:
+    def step_error(self, solution: Solution, index: int) -> float:
         """Return the largest difference between a step and its two halves, relative to ``size + |y|``.
 
-        For order p it is the error of the step up to a factor ``1 - 2^-p``.
+        For order p it is the error of the step up to a factor ``1 - 2^-p``; the size is that of the motion, at most 1.
         """
-        interval, tableau, half = solution.intervals[step.interval], self.tableau, 0.5 * step.h
-        rates = partial(replace(interval, acceleration=interval.of_step(step.t)).slope, solution.manifold)
-        y, slopes = step.y.copy(), np.empty((tableau.stages + 1, len(step.y)))
-        slopes[0] = rates(step.t, y)
+        steps, tableau, size = solution.steps, self.tableau, min(solution.size, 1.0)
+        t, begun = float(steps.t[index]), steps.y[index]
+        interval, half = solution.intervals[solution.owners(np.array([index]))[0]], 0.5 * float(steps.h[index])
+        rates = partial(replace(interval, acceleration=interval.of_step(t)).slope, solution.manifold)
+        y, slopes = begun.copy(), np.empty((tableau.stages + 1, len(begun)))
+        slopes[0] = rates(t, y)
         for k in range(2):
-            y = stages(tableau.rows, rates, step.t + k * half, half, y, slopes)
+            y = stages(tableau.rows, rates, t + k * half, half, y, slopes)
             slopes[0] = slopes[-1]
-        whole = step.y + step.h * (tableau.b @ step.slopes[: tableau.stages])
+        whole = begun + 2.0 * half * (tableau.b @ steps.slopes[index, : tableau.stages])
         return float((np.abs(whole - y) / (size + np.abs(y))).max(initial=0.0)) if size else 0.0
 
 
-class ExplicitStepper:
-    """The stepper of an explicit method in Python: the present state, and slopes and end of the last attempt."""
+class ExplicitStepper(Stepper):
+    """The stepper of an explicit method in Python: slopes and end of the last attempt."""
 
-    def __init__(self, tableau: Tableau, manifold: Manifold, count: Count) -> None:
-        n = manifold.nq + manifold.nv
-        self.tableau, self.manifold, self.count = tableau, manifold, count
-        self.y, self.new, self.slopes = np.zeros(n), np.zeros(n), np.zeros((tableau.stages + 1, n))
+    def __init__(self, tableau: Tableau, solution: Solution, steps_over: StepsOver | None) -> None:
+        super().__init__(solution, steps_over)
+        self.tableau, self.new = tableau, np.zeros_like(self.y)
+        self.slopes = np.zeros((tableau.stages + 1, len(self.y)))
 
     @property
     def finite(self) -> bool:
@@ -310,24 +287,26 @@ class ExplicitStepper:
 
     def settle(self, t: float) -> bool:
         """Project the state onto the constraints and update its slope; return whether there are constraints."""
-        if self.interval.settle is None:
-            return False
-        nq = self.manifold.nq
-        self.y[:] = np.concatenate(self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
-        self.slopes[0] = self._rates(t, self.y)
-        return True
+        if self.settled(t):
+            self.slopes[0] = self._rates(t, self.y)
+            return True
+        return False
 
 
 class AdaptiveStepper(ExplicitStepper):
     """The stepper of an embedded pair."""
 
-    def __init__(self, method: Adaptive, manifold: Manifold, count: Count) -> None:
-        super().__init__(method.tableau, manifold, count)
+    def __init__(self, method: Adaptive, solution: Solution, steps_over: StepsOver | None) -> None:
+        super().__init__(method.tableau, solution, steps_over)
         self.tolerance, self.order = method.tolerance, method.tableau.error_order + 1
         self.ceiling, self.floored = FASTEST, False
+        self.compiled: CompiledSteps | None = None
 
-    def compiled(self, solution: Solution) -> CompiledSteps:
-        return CompiledSteps(solution, self)
+    def take(self, t: float, h: float, tries: int) -> tuple[float, float]:
+        if self.interval.compiled is None or self.steps_over is not None:
+            return super().take(t, h, tries)
+        self.compiled = self.compiled or CompiledSteps(self)
+        return self.compiled.take(t, h, tries)
 
     def first(self, h: float) -> float:
         if h:
@@ -352,21 +331,18 @@ class AdaptiveStepper(ExplicitStepper):
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
         slopes = self.move(t)
         grown = h * growth(error, self.order, self.ceiling)
-        if self.floored:
-            grown = max(grown, self.interval.floor())
         self.ceiling = FASTEST
-        return slopes, grown
+        return slopes, max(grown, self.interval.floor()) if self.floored else grown
 
 
 class FixedStepper(ExplicitStepper):
     """The stepper of a method with fixed steps."""
 
-    def __init__(self, method: FixedStep, manifold: Manifold, count: Count) -> None:
-        super().__init__(method.tableau, manifold, count)
-        self.longest, self.h = method.step, 0.0
+    variable = False
 
-    def compiled(self, solution: Solution) -> None:
-        """Return nothing: the library knows methods with variable steps."""
+    def __init__(self, method: FixedStep, solution: Solution, steps_over: StepsOver | None) -> None:
+        super().__init__(method.tableau, solution, steps_over)
+        self.longest, self.h = method.step, 0.0
 
     def first(self, h: float) -> float:
         """Return the step that divides the interval evenly; raise where nobody can wait for the steps."""
@@ -392,26 +368,18 @@ class FixedStepper(ExplicitStepper):
         return self.move(t), self.h
 
 
-def _kernel() -> ctypes.PyDLL:
-    compiled = library()
-    assert compiled is not None, "a motion is compiled"
-    return compiled
-
-
 @cache
 def _pair_of(tableau: Tableau) -> tuple[PairStructure, list[Array]]:
     """Return the coefficients of a pair for the library, and the arrays that they point to."""
-    names = ("a", "b", "c", "error", "dense_a", "dense_c", "dense_d")
-    arrays = [contiguous(getattr(tableau, name)) for name in names]
-    counts = tableau.stages, len(tableau.error), len(tableau.dense_c), len(tableau.dense_d)
-    return PairStructure(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays
+    arrays = [np.ascontiguousarray(x, np.float64) for x in (tableau.a, tableau.b, tableau.c, tableau.error)]
+    return PairStructure(tableau.stages, len(tableau.error), tableau.error_order + 1, *map(pointer, arrays)), arrays
 
 
 class CompiledSteps:
-    """The steps of ``AdaptiveStepper``, many in one call."""
+    """The steps of ``AdaptiveStepper`` in compiled code, many in one call."""
 
-    def __init__(self, solution: Solution, stepper: AdaptiveStepper) -> None:
-        self.solution, self.stepper = solution, stepper
+    def __init__(self, stepper: AdaptiveStepper) -> None:
+        self.stepper, self.pair = stepper, _pair_of(stepper.tableau)[0]
         self._make_room(FEWEST)
 
     def _make_room(self, room: int) -> None:
@@ -428,59 +396,41 @@ class CompiledSteps:
         places = self.stepper.y, self._scratch, *self.times, self.rejections, self.floored, self.states, self.slopes
         self.course = CourseStructure(*5 * [0.0], 0, room, 0, 0, 0, *map(pointer, places))
 
-    def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Take as many steps in a span as there is room for; see ``SingleSteps.take``."""
-        flow, course, stepper = span.compiled, self.course, self.stepper
-        assert flow is not None
-        course.t, course.h, course.start, course.end = t, h, span.start, span.end
+    def take(self, t: float, h: float, tries: int) -> tuple[float, float]:
+        """Take as many steps in an interval as there is room for; see ``Stepper.take``."""
+        course, stepper, compiled = self.course, self.stepper, library()
+        interval, flow = stepper.interval, stepper.interval.compiled
+        assert flow is not None and compiled is not None
+        course.t, course.h, course.start, course.end = t, h, interval.start, interval.end
         course.ceiling, course.tries = stepper.ceiling, tries
         course.written = course.rejected = course.handed = 0
         flow.ready()
         self.slopes[0, 0] = stepper.slopes[0]
         control = ControlStructure(
-            stepper.tolerance, span.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
+            stepper.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
         )
-        _kernel().pair_steps(*map(ctypes.byref, (_pair_of(stepper.tableau)[0], flow.structure, control, course)))
+        compiled.pair_steps(*map(ctypes.byref, (self.pair, flow.structure, control, course)))
         stepper.slopes[:], stepper.ceiling = self.slopes[course.written], course.ceiling
-        self._add(index, flow)
-        self._settle(flow, span)
-        return course.t, course.h
-
-    def _add(self, index: int, flow: Flow) -> None:
-        """Add the steps that the library has written to the solution, and their cost."""
-        count, written, stages = self.solution.count, self.course.written, self.stepper.tableau.stages
-        steps, rejections, floored = np.arange(1, written + 1), self.rejections[:written], self.floored[:written]
-        work = np.stack([stages * (steps + rejections) + flow.settles * steps, rejections, floored.cumsum()], axis=1)
-        work += [count.evaluations, count.rejected, count.floored]
-        self.solution.steps.extend(self.times[:, :written].T, self.states[:written], self.slopes[:written], index, work)
-        count.evaluations += stages * (written + self.course.rejected) + flow.settles * written
-        count.rejected += self.course.rejected
-        count.floored += int(floored.sum())
-
-    def _settle(self, flow: Flow, span: Interval) -> None:
-        """Let the motion know which states have been settled, let it settle the last one, and make more room."""
-        course = self.course
+        self._add(flow)
         settled = course.written - course.handed
         if flow.settles and settled:
             flow.advanced(self.times[2, :settled].tolist())
         if course.handed:
-            self.stepper.settle(course.t)
+            stepper.settle(course.t)
             if self.floored[course.written - 1]:
-                course.h = max(course.h, span.floor())
+                course.h = max(course.h, interval.floor())
         if course.written == course.room < MOST:
             self._make_room(2 * course.room)
+        return course.t, course.h
 
-
-def _compiled_terms(tableau: Tableau, flow: Flow, t: Array, h: Array, y: Array, slopes: Array) -> Array:
-    """Return the terms of the dense output of n steps, shape (n, d, nq + nv); see ``runge_kutta.dense_terms``."""
-    arrays = list(map(contiguous, (t, h, y, slopes)))
-    scratch = np.empty((tableau.stages + 2 + len(tableau.dense_c), y.shape[1]))
-    values = np.empty((len(y), 3 + len(tableau.dense_d), y.shape[1]))
-    size = 1 if flow.changes else len(y)
-    for begin in range(0, len(y), size):
-        flow.within(float(t[begin]))
-        some = [x[begin : begin + size] for x in arrays]
-        addresses = (ctypes.c_void_p(pointer(x)) for x in (*some, scratch, values[begin:]))
-        parts = map(ctypes.byref, (_pair_of(tableau)[0], flow.structure))
-        _kernel().pair_terms(*parts, ctypes.c_ssize_t(size), *addresses)
-    return values
+    def _add(self, flow: Flow) -> None:
+        """Add the steps that the library has written to the solution, and their cost."""
+        count, written, stages = self.stepper.count, self.course.written, self.stepper.tableau.stages
+        steps, rejections, floored = np.arange(1, written + 1), self.rejections[:written], self.floored[:written]
+        work = np.stack([stages * (steps + rejections) + flow.settles * steps, rejections, floored.cumsum()], axis=1)
+        work += [count.evaluations, count.rejected, count.floored]
+        starts, lengths, ends = self.times[:, :written]
+        self.stepper.solution.add(Steps(starts, lengths, ends, self.states[:written], self.slopes[:written], work))
+        count.evaluations += stages * (written + self.course.rejected) + flow.settles * written
+        count.rejected += self.course.rejected
+        count.floored += int(floored.sum())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -11,11 +12,12 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from pinarm.arrays import Array, Complex
+from pinarm.engine.integration.integrator import Stepper, waves
 from pinarm.engine.integration.runge_kutta import first_step
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Count, Doubt, Interval, Manifold, Solution, StepTable
+    from pinarm.engine.integration.integrator import Interval, Manifold, Solution, Steps, StepsOver
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
 """Tolerance above which a number of stages is used. Many stages take long steps: at tight tolerances they save most of
@@ -51,8 +53,7 @@ class RadauTableau:
         forth: Rows of the inverse of the eigenvector matrix, shape (m, s).
         back: Eigenvectors, those of complex pairs doubled, shape (s, m).
         error: Weights of ``Z_i = Y_i - y`` in the error estimate, shape (s,).
-        powers: Values at the stages to coefficients of x, x^2 ... x^s, shape (s, s).
-        terms: Values at the stages to the terms of ``DenseOutput``, shape (s, s).
+        terms: From values at the stages to the terms of a dense output, see ``Solution``, shape (s, s).
     """
 
     c: Array
@@ -62,7 +63,6 @@ class RadauTableau:
     forth: Complex
     back: Complex
     error: Array
-    powers: Array
     terms: Array
 
 
@@ -83,22 +83,10 @@ def radau(s: int) -> RadauTableau:
     chosen = np.concatenate([np.flatnonzero(np.abs(values.imag) < 1e-9), np.flatnonzero(values.imag > 1e-9)])
     pairs = np.where(np.arange(len(chosen)), 2.0, 1.0)
     weights = -np.linalg.solve(basis.T, legendre.legvander(-1.0, s - 1)[0]) / values[chosen[0]].real
-    powers = np.asarray(np.linalg.inv(c[:, None] ** np.arange(1, s + 1)), float)
     back, forth = vectors[:, chosen] * pairs, np.linalg.inv(vectors)[chosen]
-    return RadauTableau(c, a, inverse, values[chosen], forth, back, weights @ inverse, powers, _terms(powers))
-
-
-def _terms(coefficients: Array) -> Array:
-    """Return r_0, r_1 ... of ``x (r_0 + (1 - x) (r_1 + x (r_2 + ...)))`` from the coefficients of x, x^2 ..., rows."""
-    left, terms = coefficients, list[Array]()
-    while len(left):
-        if len(terms) % 2:
-            terms.append(left[0])
-            left = left[1:]
-        else:
-            terms.append(left.sum(axis=0))
-            left = -left[:0:-1].cumsum(axis=0)[::-1]
-    return np.array(terms)
+    return RadauTableau(
+        c, a, inverse, values[chosen], forth, back, weights @ inverse, np.asarray(np.linalg.inv(waves(c, s)), float)
+    )
 
 
 class Radau(ValueRecord, frozen=True):
@@ -133,14 +121,17 @@ class Radau(ValueRecord, frozen=True):
     def order(self) -> int:
         return 2 * self.stages - 1
 
-    def stepper(self, manifold: Manifold, count: Count) -> RadauStepper:
-        return RadauStepper(self, manifold, count)
+    def stepper(self, solution: Solution, steps_over: StepsOver | None) -> Stepper:
+        return RadauStepper(self, solution, steps_over)
 
-    def dense_output(self, interval: Interval, manifold: Manifold, steps: StepTable) -> Array:
+    def step_error(self, solution: Solution, index: int) -> float:
+        return self.tolerance
+
+    def dense_output(self, interval: Interval, manifold: Manifold, steps: Steps) -> Array:
         """Return the terms of the collocation polynomial: ``terms @ Z``."""
         return radau(self.stages).terms @ steps.slopes
 
-    def diagnose(self, solution: Solution) -> list[Doubt]:
+    def diagnose(self, solutions: Sequence[Solution]) -> list[str]:
         """Return nothing: its steps are neither limited by stability nor unchecked."""
         return []
 
@@ -150,13 +141,14 @@ def radau_of(tolerance: float) -> Radau:
     return Radau(tolerance, next(stages for above, stages in STAGES if tolerance > above))
 
 
-class RadauStepper:
+class RadauStepper(Stepper):
     """The stepper of Radau IIA; ``z`` holds the stages less the state, ``Z_i = Y_i - y``, shape (s, nq + nv)."""
 
-    def __init__(self, method: Radau, manifold: Manifold, count: Count) -> None:
-        n, s = manifold.nq + manifold.nv, method.stages
-        self.tableau, self.tolerance, self.manifold, self.count = radau(s), method.tolerance, manifold, count
-        self.y, self.slope, self.new = np.zeros(n), np.zeros(n), np.zeros(n)
+    def __init__(self, method: Radau, solution: Solution, steps_over: StepsOver | None) -> None:
+        super().__init__(solution, steps_over)
+        n, s = len(self.y), method.stages
+        self.tableau, self.tolerance = radau(s), method.tolerance
+        self.slope, self.new = np.zeros(n), np.zeros(n)
         self.z, self.last_z, self.last_h = np.zeros((s, n)), np.zeros((s, n)), 0.0
         self.jacobian: Array | None = None
         self.fresh, self.h = False, 0.0
@@ -165,9 +157,6 @@ class RadauStepper:
         self.iterations, self.rate, self.promise, self.ceiling = 0, 0.0, 1.0, FASTEST
         self.exponent = -1.0 / (s + 1)
         self.before = (0.0, 1.0)
-
-    def compiled(self, solution: Solution) -> None:
-        """Return nothing: the library knows explicit methods; rates are computed by it."""
 
     @property
     def finite(self) -> bool:
@@ -227,7 +216,7 @@ class RadauStepper:
         """
         tableau, scale = self.tableau, self.tolerance * (self.interval.size + np.abs(self.y))
         x = 1.0 + tableau.c * h / self.last_h if self.last_h else tableau.c
-        self.z = (x[:, None] ** np.arange(1, len(x) + 1)) @ (tableau.powers @ self.last_z) - self.last_z[-1]
+        self.z = waves(x, len(x)) @ (tableau.terms @ self.last_z) - self.last_z[-1]
         before, self.promise = 0.0, max(self.promise, 1e-16) ** 0.8
         times, inverse = t + tableau.c * h, tableau.inverse / h
         for k in range(ITERATIONS):
@@ -285,8 +274,7 @@ class RadauStepper:
         self.before, self.ceiling = (h, max(error, 1e-2)), FASTEST
         self.last_z, self.last_h = z, h
         self.y[:nq], self.y[nq:] = self.manifold.project(self.new[:nq]), self.new[nq:]
-        if self.interval.settle is not None:
-            self.y[:] = np.concatenate(self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
+        self.settled(t)
         self.t, self.slope = t, self.rates(t, self.y)
         self.fresh = False
         if self.rate > CONTRACTION:

@@ -85,36 +85,3 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
         }
     }
 }
-
-/* The terms of one step, from its slopes and those of the further stages: section II.6;
- * r_0 = y_new - y, r_1 = h k_0 - r_0, r_2 = 2 r_0 - h (k_0 + k_s), and h dense_d k. */
-static void terms_of(const pair *p, const flow *f, double h, const double *slopes, double *terms) {
-    const ptrdiff_t s = p->stages, n = f->n, all = s + 1 + p->dense_stages;
-    double *change = terms, *second = terms + n, *third = terms + 2 * n;
-    memset(terms, 0, (size_t)((3 + p->dense_terms) * n) * sizeof *terms);
-    for (ptrdiff_t j = 0; j < s; j++)
-        add_scaled(n, h * p->b[j], slopes + j * n, change);
-    for (ptrdiff_t k = 0; k < n; k++) {
-        const double first = h * slopes[k], last = h * slopes[s * n + k];
-        second[k] = first - change[k];
-        third[k] = 2.0 * change[k] - first - last;
-    }
-    for (ptrdiff_t i = 0; i < p->dense_terms; i++)
-        for (ptrdiff_t j = 0; j < all; j++)
-            add_scaled(n, h * p->dense_d[i * all + j], slopes + j * n, terms + (3 + i) * n);
-}
-
-void pair_terms(const pair *p, const flow *f, ptrdiff_t m, const double *starts, const double *lengths,
-                const double *states, const double *slopes, double *scratch, double *terms) {
-    const ptrdiff_t s = p->stages, n = f->n, all = s + 1 + p->dense_stages;
-    double *at = scratch, *k = scratch + n;
-    for (ptrdiff_t i = 0; i < m; i++) {
-        const double *y = states + i * n;
-        copy((s + 1) * n, slopes + i * (s + 1) * n, k);
-        for (ptrdiff_t j = 0; j < p->dense_stages; j++) {
-            stage(n, s + 1 + j, lengths[i], p->dense_a + j * all, y, k, at);
-            f->rates(f->system, starts[i] + p->dense_c[j] * lengths[i], at, k + (s + 1 + j) * n);
-        }
-        terms_of(p, f, lengths[i], k, terms + i * (3 + p->dense_terms) * n);
-    }
-}

@@ -10,8 +10,6 @@ from msgspec import Struct, field
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.events import step_error
-from pinarm.engine.integration.methods.explicit import LIMITED, STIFF
 from pinarm.engine.motion.outcome import Decision
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
@@ -20,7 +18,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Doubt, Solution
+    from pinarm.engine.integration.integrator import Solution
     from pinarm.engine.motion.segmented.stop_shares import StopShares
 
 
@@ -159,7 +157,7 @@ class SegmentedMotion(Record, frozen=True):
         work.evaluations += count.evaluations
         work.rejected += count.rejected
         work.floored += count.floored
-        work.state_error += steps * step_error(solution, steps - 1) if steps else 0.0
+        work.state_error += steps * solution.method.step_error(solution, steps - 1) if steps else 0.0
 
     def consider(self, decision: Decision) -> None:
         known = self.decisions.get(decision.what)
@@ -209,17 +207,14 @@ class SegmentedMotion(Record, frozen=True):
         )
 
     def diagnose(self) -> list[str]:
-        """Return doubts about the choice of the integrator: a stiff motion, where a good part of all steps is."""
+        """Return doubts about the choice of the integrator."""
         solutions = [segment.solution for segment in self.segments]
-        doubts = [
-            (doubt, len(solution.steps)) for solution in solutions for doubt in solution.method.diagnose(solution)
+        methods = {id(solution.method): solution.method for solution in solutions}
+        return [
+            note
+            for key, method in methods.items()
+            for note in method.diagnose([solution for solution in solutions if id(solution.method) == key])
         ]
-        limited = sum(steps for doubt, steps in doubts if doubt.kind == LIMITED)
-        seldom = limited < STIFF * sum(len(solution.steps) for solution in solutions)
-        worst: dict[str, Doubt] = {}
-        for doubt, _ in doubts:
-            worst[doubt.kind] = max(worst.get(doubt.kind, doubt), doubt, key=lambda doubt: doubt.size)
-        return [doubt.text for doubt in worst.values() if not (seldom and doubt.kind == LIMITED)]
 
 
 def _opened(motion: CompletedStates, holding: Flags, rubbing: Flags) -> CompletedStates:

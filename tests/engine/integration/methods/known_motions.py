@@ -8,7 +8,7 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Manifold, Solution
+from pinarm.engine.integration.integrator import Manifold, Solution, Steps
 
 PLANE = Manifold(2, 2)
 ECCENTRICITY = 0.1
@@ -58,7 +58,7 @@ def turned():
 def equal_steps(method, interval, manifold, q, v, n):
     """Return the solution of n equal steps of any method, and its last state."""
     solution, h = Solution(method, manifold, [interval]), (interval.end - interval.start) / n
-    stepper = method.stepper(manifold, solution.count)
+    stepper = method.stepper(solution, None)
     stepper.begin(interval, np.concatenate([q, v]))
     for k in range(n):
         t = interval.start + k * h
@@ -67,7 +67,7 @@ def equal_steps(method, interval, manifold, q, v, n):
             if not np.isfinite(stepper.attempt(t, h)):
                 raise ArithmeticError("the iteration does not converge")
         y, (slopes, _) = stepper.y.copy(), stepper.accept(t + h, h, 1.0)
-        solution.steps.extend(np.array([[t, h, t + h]]), y[None], slopes[None], 0, np.zeros((1, 3)))
+        solution.add(Steps(*np.array([[t], [h], [t + h]]), y[None], slopes[None], np.zeros((1, 3))))
     return solution, stepper.y.copy()
 
 
