@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from pinarm.errors import InputError, Key, Location, ModelError
-from pinarm.input.roots import ENDINGS
-from pinarm.input.yaml.document import Document, Values
+from pinarm.input.roots import ENDINGS, robots
+from pinarm.input.yaml.document import Document
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import KINDS, problem_class
 
 MOST = 12
 """Number of files of a folder that a message lists."""
 
+GIVEN = "mechanism.yaml"
+"""Name in a scenario of a mechanism that was given as an object: the file that a result writes it to."""
+
 
 def is_mechanism(data: Any) -> bool:
     """Tell whether the content of a file is that of a mechanism file."""
-    return (
-        isinstance(data, dict) and ("robot" in data or "planar" in data) and not {"problem", "mechanism"} & data.keys()
-    )
+    return isinstance(data, dict) and bool({"robot", "planar"} & data.keys()) and not {"problem", "mechanism"} & {*data}
 
 
 def refuse_folder(path: Path) -> None:
@@ -39,12 +40,8 @@ def refuse_folder(path: Path) -> None:
 
 
 def _is_robot(path: Path) -> bool:
-    if str(path) != path.name or path.suffix in (".yaml", ".yml"):
-        return False
-    from pinarm.input.roots import robots
-
     try:
-        return path.name in robots()
+        return str(path) == path.name and path.suffix not in (".yaml", ".yml") and path.name in robots()
     except ModelError:  # the package is not installed
         return False
 
@@ -75,30 +72,6 @@ def refuse_mechanism(path: Path, data: Any) -> None:
         ).at(Location(str(path)))
 
 
-def refuse_keys_of_mechanism(values: Values, keys: Collection[str]) -> None:
-    """Refuse other values at keys that mechanism files have, and no scenario, whose ``keys`` these are."""
-    for text in values if isinstance(values, Iterable) else ():  # what is none is refused where values are read
-        path = str(text).partition("=")[0].strip()
-        first = path.partition(".")[0]
-        if first not in keys and (place := map_in_mechanism_file(first)) is not None:
-            error = InputError(f"'{first}' is a key of mechanism files", expected="a path in the scenario")
-            error.hint = f"changes.{place}{path}"
-            raise error.at(Location(path))
-
-
-def map_in_mechanism_file(key: str) -> str | None:
-    """Return the path to the map of a mechanism file that has a key; ``None`` where none has."""
-    if key in MechanismDescription.__struct_fields__:
-        return ""
-    from pinarm.mechanics.planar_drawing import PlanarDrawing
-
-    return "planar." if key in PlanarDrawing.__struct_fields__ else None
-
-
-GIVEN = "mechanism.yaml"
-"""Name in a scenario of a mechanism that was given as an object: the file that a result writes it to."""
-
-
 def refuse_changes(data: Mapping[str, Any]) -> None:
     """Refuse changes of a mechanism that was given as an object: it is what it is."""
     for key in ("arguments", "gravity", "payloads", "changes"):
@@ -120,17 +93,25 @@ def refuse_misplaced_keys(document: Document, keys: Collection[str], *at: str) -
     """
     data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
     problem: Mapping[str, Any] = data["problem"] if isinstance(data.get("problem"), dict) else {}
-    kind = str(problem.get("kind"))
-    keys_of_kind = _keys(kind) if kind in KINDS else ()
+    keys_of_kind = _keys(str(problem.get("kind")))
     own, others = (keys_of_kind, keys) if at else (keys, keys_of_kind)
-    elsewhere = {name for other in KINDS for name in _keys(other)} if at and problem.keys() - own else set[str]()
-    for key in [key for key in (problem if at else data) if key not in own and key not in elsewhere]:
-        if key in others:
+    known = {key for kind in KINDS for key in _keys(kind)} if at else {*own}
+    for key in (key for key in (problem if at else data) if key not in own):
+        place, outer = document.locate((*at, Key(key))), _map_in_mechanism_file(key)
+        if key in others and (place.line or outer is None):
             owner = "scenario" if at else "problem"
             expected = f"'{key}:' beside 'problem:', not below it" if at else f"'{key}:' below 'problem:', indented"
-            error = InputError(f"'{key}' is a key of the {owner}", expected=expected)
-            raise error.at(document.locate((*at, Key(key))))
-        _refuse_key_of_mechanism(document, key, *at)
+            raise InputError(f"'{key}' is a key of the {owner}", expected=expected).at(place)
+        if key not in known and outer is not None:
+            file = data.get("mechanism")
+            home = file if isinstance(file, str) and "." in file else "a mechanism file"
+            change = f"{{planar: {{{key}: ...}}}}" if outer else f"{{{key}: ...}}"
+            path = place.source.removeprefix("--set ").partition("=")[0]  # where an option has the key
+            raise InputError(
+                f"'{key}' is a key of mechanism files",
+                expected=f"'{key}:' in {home}, or in 'changes:' of the scenario, beside 'problem:'",
+                hint=f"changes: {change}" if place.line else f"changes.{outer}{path}",
+            ).at(place)
     drives = problem.get("drives")
     for index, drive in enumerate(drives if at and isinstance(drives, list) else ()):
         if isinstance(drive, dict):
@@ -142,19 +123,14 @@ def refuse_misplaced_keys(document: Document, keys: Collection[str], *at: str) -
             ).at(document.locate(("problem", "drives", index)))
 
 
-def _refuse_key_of_mechanism(document: Document, key: str, *at: str) -> None:
-    outer = map_in_mechanism_file(key)
-    if outer is None:
-        return
-    file = document.data.get("mechanism")
-    change = f"{{{key}: ...}}" if not outer else f"{{{outer.rstrip('.')}: {{{key}: ...}}}}"
-    raise InputError(
-        f"'{key}' is a key of mechanism files",
-        expected=f"'{key}:' in {file if isinstance(file, str) and '.' in file else 'a mechanism file'}, or in "
-        f"'changes:' of the scenario, beside 'problem:'",
-        hint=f"changes: {change}",
-    ).at(document.locate((*at, Key(key))))
+def _map_in_mechanism_file(key: str) -> str | None:
+    """Return the path to the map of a mechanism file that has a key; ``None`` where none has."""
+    if key in MechanismDescription.__struct_fields__:
+        return ""
+    from pinarm.mechanics.planar_drawing import PlanarDrawing
+
+    return "planar." if key in PlanarDrawing.__struct_fields__ else None
 
 
 def _keys(kind: str) -> tuple[str, ...]:
-    return (*problem_class(kind).__struct_encode_fields__, "kind")
+    return (*problem_class(kind).__struct_encode_fields__, "kind") if kind in KINDS else ()

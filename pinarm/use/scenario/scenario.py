@@ -43,7 +43,6 @@ from pinarm.use.scenario.file_kind import (
     GIVEN,
     refuse_changes,
     refuse_folder,
-    refuse_keys_of_mechanism,
     refuse_mechanism,
     refuse_misplaced_keys,
     refuse_model,
@@ -60,9 +59,6 @@ if TYPE_CHECKING:
 
 KEYS = ScenarioFile.__struct_encode_fields__
 """Keys of scenario files."""
-
-SAVED = "mechanism.yaml"
-"""Name of the mechanism file that is saved beside the scenario in the folder of a result."""
 
 PERTURBED = "initial", "loads", "motion", "hold", "over", "velocity", "acceleration"
 """Keys of problems whose numbers have other last digits where the mechanism has."""
@@ -102,7 +98,9 @@ class Scenario(Record, frozen=True):
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
         refuse_mechanism(Path(path), document.data)
         document = _with_digits(document)
-        return cls.of(_varied(document, folder, values) if values else document, folder)
+        if values:
+            document = varied(document, values, partial(declared_unit, document.data, folder))
+        return cls.of(document, folder)
 
     @classmethod
     def of(cls, document: Document, folder: Path) -> Self:
@@ -159,7 +157,7 @@ class Scenario(Record, frozen=True):
 
     def varied_document(self, values: Values) -> Document:
         """Return its document with other values, which is not validated; see ``varied``."""
-        return _varied(self.document, self.folder, values)
+        return varied(self.document, values, partial(declared_unit, self.document.data, self.folder))
 
     def restated(self, data: Mapping[str, Any]) -> Self:
         """Return the scenario of other plain data in the same place, such as ``Result.data``."""
@@ -247,21 +245,21 @@ class Scenario(Record, frozen=True):
         try:
             return contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
         except InputError as error:
-            if (self.folder / "summary.json").is_file() and (self.folder / SAVED).is_file():
-                error.hint = f"mechanism: {SAVED}, which was saved beside it; or {error.hint}"
+            if (self.folder / "summary.json").is_file() and (self.folder / GIVEN).is_file():
+                error.hint = f"mechanism: {GIVEN}, which was saved beside it; or {error.hint}"
             raise
 
     def number_at(self, path: str) -> Measured:
         """Return the number that a path leads to, as ``varied`` takes it: of the scenario, or else of its mechanism."""
-        part, _, rest = path.partition(".")
         if (argument := argument_of(path)) in self.mechanism.arguments:
             number = Measured(self.mechanism.arguments[argument])
             own = self.content.arguments.get(argument)
             number.unit = own.unit if own is not None and own.unit else self.mechanism.argument_units.get(argument)
             return number
         value = value_at(self.document.data, path)
-        if value is None and part == "changes":
-            value = value_at(self._file_data(), rest)
+        if value is None and path.startswith("changes."):
+            file = _mechanism_file(self.document.data, self.folder) or self.mechanism.source.data
+            value = value_at(file, path.removeprefix("changes."))
         try:
             return Measured.read(value)
         except InputError:
@@ -272,8 +270,8 @@ class Scenario(Record, frozen=True):
     def unit_at(self, path: str) -> str:
         """Return the unit of the number at a path, in the scenario or else its mechanism; empty where it has none."""
         written = written_unit(self.document.data, path)
-        if path.startswith("changes.") and not written:
-            written = declared_unit(self.document.data, self.folder, path)
+        if path.startswith("changes."):
+            return written or declared_unit(self.document.data, self.folder, path)
         name = argument_of(path)
         declared = self.mechanism.description.written_unit(name) if name else ""
         if written and declared and unit(written) != unit(declared):
@@ -282,13 +280,6 @@ class Scenario(Record, frozen=True):
                 expected=f"numbers with their unit, such as '1, 2, 3 {written}'",
             )
         return written or declared
-
-    def _file_data(self) -> Mapping[str, Any]:
-        """Return the content of the mechanism file, a drawing included, which a mechanism itself has expanded."""
-        if self.given is not None or not Path(self.content.mechanism).suffix:
-            return self.mechanism.source.data
-        file = contained_file((self.folder / self.content.mechanism).absolute(), root_of(self.folder), {})
-        return dict(mechanism_document(file).data)
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
@@ -551,27 +542,28 @@ def _with_digits(document: Document) -> Document:
     return replace(document, data={**document.data, "expect": written})
 
 
-def _varied(document: Document, folder: Path, values: Values) -> Document:
-    """Return the scenario in a document with other values; what it does not say itself, its mechanism file may."""
-    refuse_keys_of_mechanism(values, ScenarioFile.__struct_fields__)
-    return varied(document, values, partial(declared_unit, document.data, folder))
-
-
 def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
     """Return the unit that a scenario's mechanism file has at a path below ``arguments`` or ``changes``, if any."""
-    part, _, rest = path.partition(".")
-    wanted = data.get("mechanism")
-    if part not in ("arguments", "changes") or not isinstance(wanted, str) or not Path(wanted).suffix:
+    if path.startswith("changes."):
+        return written_unit(_mechanism_file(data, folder), path.removeprefix("changes."))
+    if not path.startswith("arguments."):
         return ""
+    file, name = _mechanism_file(data, folder), argument_of(path)
+    declared = file.get("arguments")
+    unit_of_model = str(declared.get(name, "")) if isinstance(declared, dict) else ""
+    return unit_of_model or written_unit(file, f"parameters.{name}")
+
+
+def _mechanism_file(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """Return the content of the mechanism file of a scenario, a drawing included; empty where there is no such file."""
+    wanted = data.get("mechanism")
+    if not isinstance(wanted, str) or not Path(wanted).suffix:
+        return {}
     try:
         file = mechanism_document(contained_file((folder / wanted).absolute(), root_of(folder), {})).data
     except InputError:  # whoever needs the mechanism says what is wrong with it
-        return ""
-    if part == "changes":
-        return written_unit(file, rest)
-    declared, name = file.get("arguments") if isinstance(file, dict) else None, argument_of(path)
-    unit_of_model = str(declared.get(name, "")) if isinstance(declared, dict) else ""
-    return unit_of_model or written_unit(file, f"parameters.{name}")
+        return {}
+    return file if isinstance(file, dict) else {}
 
 
 def _content(document: Document) -> ScenarioFile:
