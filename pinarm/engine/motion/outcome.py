@@ -26,14 +26,6 @@ class SolvedMotion:
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
         raise NotImplementedError
 
-    def rests(self) -> Sequence[Array]:
-        """Return where joints with friction come to rest, for an instant too, interval by interval, shapes (m,).
-
-        The ends of an interval are among them. Efforts have a band there that they do not have beside it; a motion in
-        which they have none returns nothing.
-        """
-        return ()
-
     def steps(self) -> Array:
         """Return where the steps of an integrator end [s], ascending, shape (n,): short where the motion changes."""
         return np.empty(0)
@@ -51,15 +43,12 @@ class SolvedMotion:
 
 
 class RelayedMotion(SolvedMotion):
-    """A motion whose rests, steps, knots and jumps are those of another one."""
+    """A motion whose steps, knots and jumps are those of another one."""
 
     @property
     def relayed(self) -> SolvedMotion:
         """The other motion."""
         raise NotImplementedError
-
-    def rests(self) -> Sequence[Array]:
-        return self.relayed.rests()
 
     def steps(self) -> Array:
         return self.relayed.steps()

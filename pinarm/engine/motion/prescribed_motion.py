@@ -14,7 +14,7 @@ from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.kinematics.singular import running
-from pinarm.engine.motion.known_motion import rest_notes, rests_between, slips_between, with_efforts
+from pinarm.engine.motion.known_motion import rest_notes, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.standstill import (
     STANDSTILL,
@@ -37,9 +37,6 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.singular_passage import SingularPassage
     from pinarm.engine.statics.actuation import Actuation
-
-PER_TURN, LOOKS = 8.0, (257, 16385)
-"""Velocities that are looked at while a law turns by a radian, as ``s''/s'`` tells, and the least and most of them."""
 
 KINEMATIC = "the problem is kinematic and asks for no forces"
 
@@ -245,13 +242,6 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
     def positions(self, t: Array) -> Array:
         return positions_by_interval(self, self.cuts, t)
 
-    def rests(self) -> list[Array]:
-        """Return where joints with friction come to rest; see ``SolvedMotion``.
-
-        How close the velocities are looked at follows from the laws, whatever rows have been solved.
-        """
-        return [self._rests(low, high) for low, high in pairwise(self.cuts)]
-
     def knots(self) -> Array:
         """Return the points of laws of coordinates, of loads, and of profiles of cams; see ``SolvedMotion``."""
         known, laws = self.prescription, [*self.prescription.motion.laws]
@@ -295,23 +285,6 @@ class PrescribedMotion(SolvedMotion, Record, frozen=True):
         grid = Grid(t[order], way, (0, len(t)))
         states, back = self.prescription.motion.follow(grid, self._near(grid)), np.argsort(order)
         return states.q[back, joint.q], states.v[back, joint.v], states.a[back, joint.v]
-
-    def _rests(self, start: float, end: float) -> Array:
-        """Return instants of rest and slip reversal on one interval, and both its ends, shape (m,)."""
-        ends = np.array([start, end])
-        grid = Grid(ends, (start, end), (0, 2))
-        sizes = np.array([law_size(law, grid) for law in self.prescription.motion.laws]).reshape(-1, 2)
-        moving = sizes[sizes[:, 0] > 0.0]
-        if start == end or not len(moving):
-            return ends
-        turns = abs(end - start) * float((moving[:, 1] / moving[:, 0]).max())
-        t = np.linspace(start, end, int(np.clip(PER_TURN * turns, *LOOKS)))
-        return rests_between(lambda t: self._slips(t, grid.cuts), t)
-
-    def _slips(self, t: Array, cuts: tuple[float, ...]) -> tuple[Array, Array]:
-        grid = Grid(t, cuts, (0, len(t)))
-        run = self.prescription.moving(grid, self._near(grid))
-        return slips_between(self.prescription.mechanism, run.q, run.v, self.pace)
 
 
 class _Way(MotionLaw, frozen=True):

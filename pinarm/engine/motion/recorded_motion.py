@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.known_motion import rest_notes, rests_between, slips_between, with_efforts
+from pinarm.engine.motion.known_motion import rest_notes, with_efforts
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.standstill import (
     STANDSTILL,
@@ -50,9 +49,6 @@ if TYPE_CHECKING:
 
 DEGREE = 5
 """Degree of the spline: its accelerations err by ``O(h^4)`` for rows h apart."""
-
-LOOKS = 4
-"""Places between two rows at which velocities are looked at for those of rest."""
 
 NEAR, MARGIN = 2, 4.0
 """Rows to both sides whose errors count at a row, as an error passes through zero, and by how much it may be above the
@@ -293,26 +289,6 @@ class SplinedMotion(SolvedMotion):
 
     def positions(self, t: Array) -> Array:
         return self.spline.at(t)[0]
-
-    def rests(self) -> Sequence[Array]:
-        """Return where joints with friction come to rest; see ``SolvedMotion``.
-
-        The velocity of the spline, of degree 4 between two rows, is looked at in ``LOOKS`` places there.
-        """
-        return [self._rests(low, high) for low, high in pairwise(self.cuts)]
-
-    def _rests(self, low: float, high: float) -> Array:
-        """Return instants of rest and slip reversal on one interval, and both its ends, shape (m,)."""
-        inside = self.t[(self.t > low) & (self.t < high)]
-        bounds = np.array([low, *inside, high])
-        parts = np.arange(LOOKS) / LOOKS
-        looks = (bounds[:-1, None] + np.diff(bounds)[:, None] * parts).ravel()
-        return rests_between(self._slips, np.append(looks, high))
-
-    def _slips(self, t: Array) -> tuple[Array, Array]:
-        """Return the slips of the k joints with friction, and the errors of the spline, both of shape (n, k)."""
-        q, v, _ = self.spline.at(t)
-        return slips_between(self.recording.mechanism, q, v, self.spline.paces(t))
 
 
 def consistency(mechanism: Mechanism, rows: RecordedRows) -> dict[str, float]:

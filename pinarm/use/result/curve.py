@@ -1,9 +1,9 @@
-"""Functions of a run as Chebyshev polynomials on pieces of it, and their integrals, percentiles, extremes and zeros.
+"""Functions of a run as Chebyshev polynomials on pieces of it.
 
-Each number begins with the same first pieces, and halves those in which the polynomials do not tell it: a number does
-not depend on the numbers that were asked before. Pieces are halved at places where the run may bend or jump, such as
-points of laws and ends of steps, if there are any inside. Known values, such as rows, lie on the polynomials, or their
-pieces are halved.
+Each number of a function begins with the same first pieces, and halves those in which the polynomials do not tell it: a
+number does not depend on the numbers that were asked before. Pieces are halved at places where the run may bend or
+jump, such as points of laws and ends of steps, if there are any inside. Known values, such as rows, lie on the
+polynomials, or their pieces are halved.
 
 Coefficients of smooth functions fall geometrically, those of a kink as 1/n², those of a jump as 1/n, and those of a
 pole not at all. So the last coefficients are the error of the polynomial.
@@ -44,9 +44,6 @@ _DENSE: Array = np.cos(np.outer(np.linspace(0.0, np.pi, 65), _ORDERS))
 RESOLVED = 1e-8
 """Largest of the last coefficients, relative to how far the values vary: then an extreme of the polynomial is in the
 place of that of the function to 1e-8 of the piece, and the value there is the extreme to the square of it."""
-
-CUSP = 4.0
-"""Error of the polynomial relative to its estimate at the root of |x|, whose coefficients fall as n^-1.5."""
 
 KINK, SMOOTH = 3.0, 50.0
 """Error of the integral over half the width and the last coefficients, which 96 % of kinks, corners of roots and jumps
@@ -106,11 +103,6 @@ class Pieces(Record, frozen=True):
     def some(self, places: Indices | Flags) -> Pieces:
         return Pieces(*(getattr(self, name)[places] for name in self.__struct_fields__))
 
-    def joined(self, other: Pieces) -> Pieces:
-        every = [np.concatenate([getattr(x, name) for x in (self, other)]) for name in self.__struct_fields__]
-        order = np.lexsort((every[1], every[0]))
-        return Pieces(*(part[order] for part in every))
-
     @cached_property
     def coefficients(self) -> Array:
         return np.asarray(np.einsum("np,mpk->mnk", TO_COEFFICIENTS, self.f))
@@ -140,21 +132,21 @@ class Pieces(Record, frozen=True):
         return np.asarray(0.5 * self.width[:, None] * self.tail * np.where(head > 0.0, np.minimum(KINK, falls), KINK))
 
     @property
-    def resolved(self) -> Flags:
-        """Whether the values vary, and the last coefficients have fallen to where the polynomial is the function."""
-        return np.asarray(np.maximum(self.tail, self.off / DEGREE) < RESOLVED * np.ptp(self.f, axis=1))
-
-    @property
-    def constant(self) -> Flags:
+    def flat(self) -> Flags:
         """Whether the values differ by rounding only, shape (m, k)."""
         return np.asarray((np.ptp(self.f, axis=1) <= FLAT * np.abs(self.f).max(axis=1)) & (self.off <= 0.0))
 
-    def largest(self, sign: float) -> Array:
-        """Return upper bounds of the polynomials times a sign, shape (m, k).
+    @property
+    def known(self) -> Flags:
+        """Whether the polynomial is the function: it is flat, or the last coefficients have fallen, shape (m, k)."""
+        return np.asarray(self.flat | (np.maximum(self.tail, self.off / DEGREE) < RESOLVED * np.ptp(self.f, axis=1)))
+
+    def largest(self, sign: float = 1.0) -> Array:
+        """Return upper bounds of the first polynomials times a sign, shape (m,).
 
         Between the points of a dense grid they rise by an eighth of the second difference; twice that is allowed for.
         """
-        values = sign * np.einsum("dn,mnk->mdk", _DENSE, self.coefficients)
+        values = sign * self.coefficients[:, :, 0] @ _DENSE.T
         return np.asarray(values.max(axis=1) + 0.25 * np.abs(np.diff(values, 2, axis=1)).max(axis=1))
 
     def at(self, piece: Indices, t: Array) -> Array:
@@ -170,9 +162,13 @@ class Pieces(Record, frozen=True):
         middle, half = 0.5 * (self.low[piece] + self.high[piece]), 0.5 * self.width[piece]
         return np.asarray(middle + half * real[np.abs(real) <= 1.0])
 
+    def turns(self, piece: int) -> Array:
+        """Return where the first polynomial of a piece has extremes; none where it is flat."""
+        return self.low[:0] if self.flat[piece, 0] else self.zeros(piece, slope=True)
+
     def below(self, value: float) -> float:
         """Return the length on which the first polynomials are below a value."""
-        least, most = -self.largest(-1.0)[:, 0], self.largest(1.0)[:, 0]
+        least, most = -self.largest(-1.0), self.largest()
         length = np.where(most < value, self.width, 0.0)
         for k in np.flatnonzero((least < value) & (value <= most)).tolist():
             bounds = np.concatenate([[self.low[k]], self.zeros(k, level=value), [self.high[k]]])
@@ -183,7 +179,7 @@ class Pieces(Record, frozen=True):
     def percentile(self, share: float) -> float:
         from scipy.optimize import brentq
 
-        turns = [self.at(np.full(len(t), k), t)[:, 0] for k in range(len(self)) if len(t := self.zeros(k, slope=True))]
+        turns = [self.at(np.full(len(t), k), t)[:, 0] for k in range(len(self)) if len(t := self.turns(k))]
         values = np.concatenate([self.f[:, :, 0].ravel(), *turns])
         low, high, wanted = float(values.min()), float(values.max()), share * float(self.width.sum())
         if low == high or self.below(low) >= wanted:  # at rest rounding of the polynomials is below all their values
@@ -199,40 +195,26 @@ class Span(Record, frozen=True):
     Attributes:
         number: Its number.
         bounds: Where it is cut into the first pieces, ends included.
-        points: Where functions may bend within the first pieces, such as points of laws; integrals are cut there.
-        steps: Where they may bend a little, such as ends of steps.
-        jumps: Places among bounds and points at which functions may jump.
+        cuts: Where functions may bend within the first pieces, such as points of laws and ends of steps, ascending.
+        jumps: Places among bounds and cuts at which functions may jump.
         t: Where values are known, ascending, shape (n,).
         f: The values, shape (n, k).
     """
 
     number: int
     bounds: Array
-    points: Array
-    steps: Array
+    cuts: Array
     jumps: Array
     t: Array
     f: Array
-
-    @cached_property
-    def cuts(self) -> Array:
-        """Where pieces are halved."""
-        return distinct(np.concatenate([self.points, self.steps]))
-
-    @cached_property
-    def gaps(self) -> Array:
-        """Distances of known values, shape (n,)."""
-        return np.gradient(self.t) if len(self.t) > 1 else np.full(len(self.t), np.inf)
 
     @property
     def length(self) -> float:
         return float(self.bounds[-1] - self.bounds[0])
 
     def after(self, begin: float) -> Span:
-        known = self.t >= begin
-        later = {name: t[t > begin] for name in ("points", "steps", "jumps") for t in [getattr(self, name)]}
-        bounds = np.append(begin, self.bounds[self.bounds > begin])
-        return replace(self, bounds=bounds, **later, t=self.t[known], f=self.f[known])
+        bounds, known = np.append(begin, self.bounds[self.bounds > begin]), self.t >= begin
+        return replace(self, bounds=bounds, t=self.t[known], f=self.f[known])
 
     def divisible(self, width: Array) -> Flags:
         ends = np.abs(self.bounds[[0, -1]]).max()
@@ -246,35 +228,52 @@ class Span(Record, frozen=True):
         t[:, -1] = high - beside * np.isin(high, self.jumps)
         return t
 
+    def middle(self, low: float, high: float) -> float:
+        """Return where a piece is halved: where functions may bend next to the middle, else there."""
+        middle = 0.5 * (low + high)
+        inside = self.cuts[np.searchsorted(self.cuts, low, "right") : np.searchsorted(self.cuts, high, "left")]
+        inside = inside[self.divisible(inside - low) & self.divisible(high - inside)]
+        return float(inside[np.abs(inside - middle).argmin()]) if len(inside) else middle
+
 
 class Curve(Struct, eq=False, dict=True):
     """Functions of a run.
 
     Attributes:
-        values: Evaluates them.
+        source: Evaluates them.
         spans: The intervals that have a length.
+        function: What is computed of the values, elementwise.
     """
 
-    values: Values
+    source: Values
     spans: Sequence[Span]
+    function: Callable[[Array], Array] = np.asarray
     _kept: dict[tuple[int, float, float], Array] = {}
 
     @cached_property
     def span(self) -> dict[int, Span]:
         return {span.number: span for span in self.spans}
 
+    def values(self, spots: Spots) -> list[Array]:
+        return [self.function(f) for f in self.source(spots)] if spots else []
+
     def after(self, begin: float) -> Curve:
         later = [span for span in self.spans if span.bounds[-1] > begin]
-        return Curve(self.values, [span if span.bounds[0] >= begin else span.after(begin) for span in later])
+        later = [span if span.bounds[0] >= begin else span.after(begin) for span in later]
+        return Curve(self.source, later, self.function, self._kept)
 
-    def first(self, *, fine: bool) -> Pieces:
-        """Return the pieces with which a number begins; finer ones are cut at all points where functions may bend."""
-        ends = [distinct(np.append(span.bounds, span.points)) if fine else span.bounds for span in self.spans]
-        interval = np.repeat([span.number for span in self.spans], [len(bounds) - 1 for bounds in ends])
-        low, high = (np.concatenate([bounds[part] for bounds in ends]) for part in (slice(-1), slice(1, None)))
-        return self.pieces(interval, low, high)
+    def of(self, function: Callable[[Array], Array]) -> Curve:
+        """Return a function of the functions; states at which these are known are not solved again."""
+        spans = [replace(span, f=function(span.f)) for span in self.spans]
+        return Curve(self.source, spans, lambda f: function(self.function(f)), self._kept)
 
-    def pieces(self, interval: Indices, low: Array, high: Array) -> Pieces:
+    def first(self, spans: Sequence[Span]) -> Pieces:
+        """Return the pieces of some intervals with which a number begins."""
+        interval = np.repeat([span.number for span in spans], [len(span.bounds) - 1 for span in spans])
+        low, high = (np.concatenate([span.bounds[part] for span in spans]) for part in (slice(-1), slice(1, None)))
+        return self._pieces(interval, low, high)
+
+    def _pieces(self, interval: Indices, low: Array, high: Array) -> Pieces:
         """Return the pieces between bounds, each of shape (m,).
 
         Raises:
@@ -284,30 +283,28 @@ class Curve(Struct, eq=False, dict=True):
         for number in distinct(interval).tolist():
             own = interval == number
             t[own] = self.span[number].nodes(low[own], high[own])
-        f = self._evaluated(interval, t)
+        keys = [*zip(interval.tolist(), low.tolist(), high.tolist(), strict=True)]
+        lacking = {key: (key[0], nodes) for key, nodes in zip(keys, t, strict=True) if key not in self._kept}
+        for key, f in zip(lacking, self.source([*lacking.values()]) if lacking else (), strict=True):
+            self._kept[key] = f.reshape(DEGREE + 1, -1)
+        f = self.function(np.array([self._kept[key] for key in keys]))
         infinite = ~np.isfinite(f).all(axis=2)
         if infinite.any():
             raise Endless(float(t[infinite][0]))
         pieces = Pieces(interval, low, high, t, f, np.zeros((len(low), f.shape[2])))
         return replace(pieces, off=self._off(pieces))
 
-    def _evaluated(self, interval: Indices, t: Array) -> Array:
-        keys = [*zip(interval.tolist(), t[:, 0].tolist(), t[:, -1].tolist(), strict=True)]
-        lacking = {key: (key[0], nodes) for key, nodes in zip(keys, t, strict=True) if key not in self._kept}
-        for key, f in zip(lacking, self.values([*lacking.values()]) if lacking else (), strict=True):
-            self._kept[key] = f.reshape(DEGREE + 1, -1)
-        return np.array([self._kept[key] for key in keys])
-
     def _off(self, pieces: Pieces) -> Array:
         """Return the largest distance of known values within pieces from the polynomials, shape (m, k)."""
         off = np.zeros_like(pieces.off)
         for number in distinct(pieces.interval).tolist():
             span, own = self.span[number], np.flatnonzero(pieces.interval == number)
+            gaps = np.gradient(span.t) if len(span.t) > 1 else np.full(len(span.t), np.inf)
             begin = np.searchsorted(span.t, pieces.low[own], "right")
             count = np.maximum(np.searchsorted(span.t, pieces.high[own], "left") - begin, 0)
             piece = np.repeat(own, count)
             known = np.arange(len(piece)) + np.repeat(begin - np.cumsum(count) + count, count)
-            tells = pieces.width[piece] > CLOSE * span.gaps[known]
+            tells = pieces.width[piece] > CLOSE * gaps[known]
             piece, known = piece[tells], known[tells]
             if len(piece):
                 np.maximum.at(off, piece, np.abs(pieces.at(piece, span.t[known]) - span.f[known]))
@@ -318,21 +315,20 @@ class Curve(Struct, eq=False, dict=True):
         return np.array([self.span[number].divisible(width) for number, width in each], bool)
 
     def halves(self, pieces: Pieces) -> Pieces:
-        """Return both parts of pieces, in the order of these: cut where functions may bend next to the middle."""
-        middle = 0.5 * (pieces.low + pieces.high)
-        for k, (number, low, high) in enumerate(zip(pieces.interval.tolist(), pieces.low, pieces.high, strict=True)):
-            span = self.span[number]
-            inside = span.cuts[np.searchsorted(span.cuts, low, "right") : np.searchsorted(span.cuts, high, "left")]
-            inside = inside[span.divisible(inside - low) & span.divisible(high - inside)]
-            if len(inside):
-                middle[k] = inside[np.abs(inside - middle[k]).argmin()]
+        """Return both parts of pieces, in the order of these."""
+        each = zip(pieces.interval.tolist(), pieces.low.tolist(), pieces.high.tolist(), strict=True)
+        middle = np.array([self.span[number].middle(low, high) for number, low, high in each])
         low, high = np.stack([pieces.low, middle], 1).ravel(), np.stack([middle, pieces.high], 1).ravel()
-        return self.pieces(pieces.interval.repeat(2), low, high)
+        return self._pieces(pieces.interval.repeat(2), low, high)
 
     def refined(self, pieces: Pieces, poor: Indices) -> Pieces:
+        """Return pieces of which some are halved, in the order of the run."""
         kept = np.ones(len(pieces), bool)
         kept[poor] = False
-        return pieces.some(kept).joined(self.halves(pieces.some(poor)))
+        both = pieces.some(kept), self.halves(pieces.some(poor))
+        every = [np.concatenate([getattr(part, name) for part in both]) for name in pieces.__struct_fields__]
+        order = np.lexsort((every[1], every[0]))
+        return Pieces(*(part[order] for part in every))
 
     def heights(self, number: int, t: Array) -> Array:
         (f,) = self.values([(number, t)])

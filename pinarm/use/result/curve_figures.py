@@ -27,9 +27,8 @@ from pinarm.use.result import curve_numbers
 from pinarm.use.result.curve import Endless
 from pinarm.use.result.row_lookup import Lookup
 
-PIECES, PER_STEP = 600, 2
-"""Pieces of 17 states that the integrals of a run may take in halving, and those for each of its intervals and steps: a
-kink takes 70, and between two steps a motion is a polynomial. The error that is left is told."""
+FIGURES = ("mean", "rms", "integral", "peak")
+"""Names of figures; percentages are figures too."""
 
 ROUNDING = 4e-16
 """Of a sum of a few hundred terms, relative to their sum."""
@@ -58,6 +57,12 @@ def is_figure(name: str) -> bool:
     return name in FIGURES or _percentage(name) is not None
 
 
+def _percentage(name: str) -> float | None:
+    matched = _PERCENTILE.fullmatch(name)
+    share = float(matched[1]) if matched else None
+    return share if share is not None and share <= 100.0 else None
+
+
 def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
     """Return a figure of a quantity over a run.
 
@@ -75,7 +80,16 @@ def figure(run: Lookup, quantity: str, name: str) -> CurveFigure:
     if np.isnan(values).any() or (share is not None and np.isinf(values).any()):
         raise InputError(f"{quantity} is not finite everywhere: it has no {name}")
     try:
-        value, error = FIGURES[name](run, quantity) if share is None else _percentile(run, quantity, share)
+        if name == "peak":
+            row, error = run.extreme("largest", quantity)
+            value = abs(float(row[quantity].values[0]))
+        elif not run.length:
+            value, error = {"rms": abs(float(values[0])), "integral": 0.0}.get(name, float(values[0])), 0.0
+        elif share is None:
+            value, error = _of_integrals(run, quantity, name)
+        else:
+            value, error = curve_numbers.percentile(run.curve_of(quantity), share / 100.0, run.most_pieces)
+            error += ROUNDING * abs(value)
     except Endless as pole:
         raise InputError(f"{quantity} has no {name}: {pole.message}", expected=pole.expected) from None
     if not np.isfinite(error):
@@ -104,12 +118,6 @@ def figure_unit(quantities: Quantities, quantity: str, name: str) -> Unit | None
     return unit * quantities.trajectory.unit if unit is not None and name == "integral" else unit
 
 
-def _percentage(name: str) -> float | None:
-    matched = _PERCENTILE.fullmatch(name)
-    share = float(matched[1]) if matched else None
-    return share if share is not None and share <= 100.0 else None
-
-
 def integrals(
     run: Lookup, integrand: Callable[[Quantities], Array], least: float = 1.0, of: Sequence[str] = ()
 ) -> tuple[Array, Array]:
@@ -121,41 +129,31 @@ def integrals(
         least: Size of functions that are not to be told from 0.
         of: The quantities of which they are functions, where these may be formulas.
     """
-    run.require_few_points()
-    most = PIECES + PER_STEP * (len(run.intervals) + sum(map(len, run.steps)))
-    total, error = curve_numbers.integrals(run.curve(integrand, of), least, most)
+    total, error = curve_numbers.integrals(run.curve(integrand, of), least, run.most_pieces)
     return total, error + ROUNDING * np.abs(total)
 
 
-def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
-    """Return the integrals of x/c and (x/c)², their errors, both of shape (2,), and c, the largest |x| of the rows.
+def _of_integrals(run: Lookup, quantity: str, name: str) -> tuple[float, float]:
+    """Return mean, rms or integral, and its error, by the integrals of x/c and (x/c)².
 
-    That may be one beside a pole, and all else small.
+    c is the largest of the sizes of x in the rows. That may be one beside a pole, and all else small.
     """
-    rows = np.abs(run.quantities[quantity].values)
+    rows, t = np.abs(run.quantities[quantity].values), run.run.grid.t
     scale = float(rows[np.isfinite(rows)].max(initial=0.0)) or 1.0
 
     def powers(rows: Quantities) -> Array:
         x = rows[quantity].values / scale
         return np.stack([x, x * x], axis=1)
 
-    return *(integrals(run, powers, least=0.0, of=[quantity]) if run.length else np.zeros((2, 2))), scale
+    total, error = integrals(run, powers, least=0.0, of=[quantity])
+    if name == "rms":
+        root, left = (float(total[1]) / run.length) ** 0.5, float(error[1]) / run.length
+        return scale * root, scale * (0.5 * left / root if root else left**0.5)
+    per = float(np.sign(t[-1] - t[0])) if name == "integral" else 1.0 / run.length
+    return scale * float(total[0]) * per, scale * float(error[0]) * abs(per)
 
 
-def _mean(run: Lookup, quantity: str) -> tuple[float, float]:
-    (first, _), (error, _), scale = _moments(run, quantity)
-    return (scale * first / run.length, scale * error / run.length) if run.length else _single(run, quantity)
-
-
-def _rms(run: Lookup, quantity: str) -> tuple[float, float]:
-    (_, second), (_, error), scale = _moments(run, quantity)
-    if not run.length:
-        return abs(_single(run, quantity)[0]), 0.0
-    root, left = (second / run.length) ** 0.5, error / run.length
-    return scale * root, scale * (0.5 * left / root if root else left**0.5)
-
-
-def rms_values(run: Lookup, quantities: Sequence[str], scales: Array) -> tuple[Array, Array]:
+def rms_values(run: Lookup, quantities: Sequence[str], scales: Array, least: float = 1.0) -> tuple[Array, Array]:
     """Return the rms values of several quantities by one quadrature, and their errors, both of shape (k,).
 
     Args:
@@ -172,36 +170,3 @@ def rms_values(run: Lookup, quantities: Sequence[str], scales: Array) -> tuple[A
     total, error = (part / run.length for part in integrals(run, squares, of=quantities))
     root = np.sqrt(np.maximum(total, 0.0))
     return scales * root, scales * np.where(root**2 > error, 0.5 * error / np.maximum(root, 1e-300), np.sqrt(error))
-
-
-def _integral(run: Lookup, quantity: str) -> tuple[float, float]:
-    (first, _), (error, _), scale = _moments(run, quantity)
-    t = run.run.grid.t
-    return scale * first * float(np.sign(t[-1] - t[0])), scale * error
-
-
-def _peak(run: Lookup, quantity: str) -> tuple[float, float]:
-    row, error = run.extreme("largest", quantity)
-    return abs(float(row[quantity].values[0])), error
-
-
-def _single(run: Lookup, quantity: str) -> tuple[float, float]:
-    return float(run.quantities[quantity].values[0]), 0.0
-
-
-def _percentile(run: Lookup, quantity: str, share: float) -> tuple[float, float]:
-    """Return the value below which x is for a share of the run [%], and its error."""
-    if not run.length:
-        return _single(run, quantity)
-    run.require_few_points()
-    value, error = curve_numbers.percentile(run.curve_of(quantity), share / 100.0)
-    return value, error + ROUNDING * abs(value)
-
-
-FIGURES: dict[str, Callable[[Lookup, str], tuple[float, float]]] = {
-    "mean": _mean,
-    "rms": _rms,
-    "integral": _integral,
-    "peak": _peak,
-}
-"""Name -> function that returns the figure and the error of its quadrature [SI]. Percentages are figures too."""

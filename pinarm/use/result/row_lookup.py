@@ -12,12 +12,12 @@ import numpy as np
 from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.names import OPERATORS, Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, within
 from pinarm.input.yaml.schema import in_si
 from pinarm.records import Record, replace
-from pinarm.use.result.curve import DEGREE, Curve, Endless, Span, Spots
-from pinarm.use.result.curve_numbers import Peak, crossings, higher, highest, looked_at, zeros, zeros_of_angle
+from pinarm.use.result.curve import BESIDE, Curve, Endless, Span, Spots
+from pinarm.use.result.curve_numbers import Peak, crossings, highest, looked_at, zeros, zeros_of_angle
 from pinarm.use.result.measures import ZERO, natural_sizes
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ ascending."""
 DECIDED = 1e-6
 """Relative difference between an extreme among other instants and solved alone from which on rounding decides it."""
 
+MARKS = ("steps", "knots", "jumps")
+"""Methods of a motion that tell where it may bend or jump within intervals."""
+
 SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
 
@@ -57,22 +60,16 @@ STEPS_IN_PIECE, MOST_PIECES = 16, 256
 """Steps of an integrator, which are short where the motion changes quickly, from one cut of an interval to the next;
 and such pieces of an interval at most."""
 
-MOST_JUMPS, BESIDE = 10_000, 1e-8
-"""Jumps of loads up to which quantities are looked at on both sides of each, and how far before it, as a part of the
-time since the one before."""
+PIECES, PER_CUT = 600, 2
+"""Pieces of 17 states that an integral or a percentile may take in halving, and those for each interval, step and point
+of a law: a kink takes 70, and between two steps a motion is a polynomial. The error that is left is told."""
 
 KEPT, TOGETHER = 20, 100_000
 """Sets of states that are kept, as several quantities begin with the same points; velocities of states that are solved
 together at most, and five times of those that are kept."""
 
-MOST_STATES = 20_000_000
-"""Velocities of the states that are looked at between the points of laws at most, those for one integral."""
-
 MOST_SWITCHES = 100
 """Places of a run at which formulas switch at most: of more, as of a sawtooth, each tooth is seen as it is."""
-
-BAND_ENDS = (".effort.lower", ".effort.upper")
-"""Last words of the ends of a band of efforts."""
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
@@ -141,21 +138,18 @@ class Lookup(Record, frozen=True):
         return sum(abs(end - start) for start, end, _ in self.intervals)
 
     @cached_property
-    def steps(self) -> list[Array]:
-        return self._within(self.motion.steps() if self.motion else np.empty(0))
+    def _marks(self) -> dict[str, list[Array]]:
+        """Ends of steps, points of laws and jumps of loads, interval by interval, each ascending."""
+        known = {name: getattr(self.motion, name)() if self.motion else np.empty(0) for name in MARKS}
+        return {
+            name: [t[(t > min(start, end)) & (t < max(start, end))] for start, end, _ in self.intervals]
+            for name, t in known.items()
+        }
 
-    @cached_property
-    def jumps(self) -> list[Array]:
-        """Where loads jump, interval by interval, each ascending; none where these are many."""
-        jumps = self.motion.jumps() if self.motion else np.empty(0)
-        return self._within(jumps if len(jumps) <= MOST_JUMPS else jumps[:0])
-
-    @cached_property
-    def knots(self) -> list[Array]:
-        return self._within(self.motion.knots() if self.motion else np.empty(0))
-
-    def _within(self, t: Array) -> list[Array]:
-        return [t[(t > min(start, end)) & (t < max(start, end))] for start, end, _ in self.intervals]
+    @property
+    def most_pieces(self) -> int:
+        """Most pieces that an integral or a percentile may halve."""
+        return PIECES + PER_CUT * (len(self.intervals) + sum(len(t) for parts in self._marks.values() for t in parts))
 
     @cached_property
     def _wide(self) -> list[int]:
@@ -163,24 +157,11 @@ class Lookup(Record, frozen=True):
 
     def _bounds(self, interval: int) -> Array:
         """Return where an interval is cut into its first pieces: evenly, and at ends of steps."""
-        (start, end, _), ends = self.intervals[interval], self.steps[interval]
+        (start, end, _), ends = self.intervals[interval], self._marks["steps"][interval]
         pieces = min(-(-len(ends) // STEPS_IN_PIECE), MOST_PIECES)
         cuts = ends[np.arange(1, pieces) * len(ends) // pieces] if pieces > 1 else ends[:0]
         parts = PARTS if len(self._wide) <= MOST_INTERVALS else 1
         return distinct(np.append(np.linspace(min(start, end), max(start, end), parts + 1), cuts))
-
-    def require_few_points(self) -> None:
-        """Raise where laws have more points than can be looked between.
-
-        Raises:
-            InputError: They have.
-        """
-        points, most = sum(map(len, self.knots)), MOST_STATES // ((DEGREE + 1) * self._width)
-        if points > most:
-            raise InputError(
-                f"laws and profiles have {points} points in this run: it cannot be looked between all",
-                expected=f"at most {most}, as in a shorter run",
-            )
 
     # States and functions of them
 
@@ -237,30 +218,31 @@ class Lookup(Record, frozen=True):
             function: The functions.
             of: The quantities of which they are functions, where these may be formulas.
         """
-        rows, spots = function(self.quantities), [spot for spot in self._points if len(spot[1])]
+        rows, spots = function(self.quantities), self._points
         known = {interval: (t, f) for (interval, t), f in zip(spots, self.heights(function, spots), strict=True)}
         switches, spans = [self.switches(name) for name in of], list[Span]()
         for k in self._wide:
-            own, here = self.intervals[k][2], distinct(np.concatenate([np.empty(0), *(each[k] for each in switches)]))
+            here, own = np.concatenate([np.empty(0), *(each[k] for each in switches)]), self.intervals[k][2]
             t, f = self.run.grid.t[own], rows[own]
             if k in known:
                 t, f = (np.concatenate(pair) for pair in zip((t, f), known[k], strict=True))
             f = f.reshape(len(t), -1) if len(t) else np.empty((0, rows.shape[-1] if rows.ndim > 1 else 1))
             finite = np.isfinite(f).all(axis=1)
             t, first = np.unique(t[finite], return_index=True)
-            bounds, jumps = distinct(np.append(self._bounds(k), here)), distinct(np.append(self.jumps[k], here))
-            points = distinct(np.append(self.knots[k], self.jumps[k]))
-            spans.append(Span(k, bounds, points, self.steps[k], jumps, t, f[finite][first]))
+            steps, knots, jumps = (self._marks[name][k] for name in MARKS)
+            bounds, cuts = distinct(np.append(self._bounds(k), here)), distinct(np.concatenate([steps, knots, jumps]))
+            spans.append(Span(k, bounds, cuts, distinct(np.append(jumps, here)), t, f[finite][first]))
         return Curve(lambda spots: self.heights(function, spots), spans)
 
     @cached_property
     def _points(self) -> list[tuple[int, Array]]:
+        """Points of laws, and both sides of jumps: functions are known there as they are at rows."""
         points = list[tuple[int, Array]]()
         for k in self._wide:
-            jumps = self.jumps[k]
-            before = jumps - BESIDE * np.diff(jumps, prepend=min(self.intervals[k][:2]))
-            points.append((k, distinct(np.concatenate([self.knots[k], jumps, before]))))
-        return points
+            knots, jumps, ends = self._marks["knots"][k], self._marks["jumps"][k], self.intervals[k][:2]
+            before = jumps - BESIDE * max(map(abs, ends))
+            points.append((k, distinct(np.concatenate([knots, jumps, before]))))
+        return [spot for spot in points if len(spot[1])]
 
     def switches(self, name: str) -> list[Array]:
         """Return where formulas behind a name go from one smooth part to another, interval by interval, ascending.
@@ -359,8 +341,9 @@ class Lookup(Record, frozen=True):
 
     def _is_told_to_half_a_turn(self, along: str, value: float) -> bool:
         """Tell whether a value may be that of an angle that jumps from 180 to -180 deg."""
-        unit = self.quantities[along].unit
-        return unit is not None and unit.text == "rad" and abs(value) <= np.pi
+        series = self.quantities[along]
+        sizes = np.abs([value, *series.values[series.known].tolist()])
+        return series.unit is not None and series.unit.text == "rad" and bool(sizes.max() <= np.pi)
 
     def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Spot:
         """Return the place that is meant among those found: by occurrence, then by side."""
@@ -443,15 +426,12 @@ class Lookup(Record, frozen=True):
         word, signs = _EXTREMES[which]
         lacks, series = f"{name} has no {word}", self.quantities[name]
         slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
-        places = self._rests if self._has_bands and not _plain(name) else []
-        peak = self.highest_of(self.curve_of(name), series.values, signs, lacks, slack, places)
+        peak = self.highest_of(self.curve_of(name), series.values, signs, lacks, slack)
         row = self._row(peak.interval, peak.place)
         self._require_reproduced(peak, float(_height(row[name].values, signs)[0]), row[name].unit, lacks)
         return peak, row
 
-    def highest_of(
-        self, curve: Curve, values: Array, signs: Sequence[float], lacks: str, slack: float, places: Spots = ()
-    ) -> Peak:
+    def highest_of(self, curve: Curve, values: Array, signs: Sequence[float], lacks: str, slack: float) -> Peak:
         """Return the largest height of a curve.
 
         Args:
@@ -460,7 +440,6 @@ class Lookup(Record, frozen=True):
             signs: Signs of its values, of which heights are the larger ones.
             lacks: That there is no largest value, in words.
             slack: Difference of heights that is rounding, where it is more than that of the largest.
-            places: Where it may jump besides, for an instant only.
         """
         heights = _height(values, signs)
         try:
@@ -469,11 +448,9 @@ class Lookup(Record, frozen=True):
                 raise Endless(float(self.run.grid.t[endless.argmax()]))
             slack = max(slack, PLATEAU * float(np.abs(finite).max()))
             best = int((heights >= finite.max() - slack).argmax())
-            sign = next(sign for sign in signs if sign * values[best] == heights[best])
-            place = self._interval_of(best), float(self.run.grid.t[best])
-            row = top = Peak(float(heights[best]), *place, sign=sign)
+            row = top = Peak(float(heights[best]), self._interval_of(best), float(self.run.grid.t[best]))
             for sign in signs:
-                top = highest(curve, sign, higher(curve, sign, top, places), slack)
+                top = highest(curve, sign, top, slack)
         except Endless as pole:
             run = self.run
             raise InputError(
@@ -498,14 +475,6 @@ class Lookup(Record, frozen=True):
                 f"{self.run.unit}, as next to a singular position",
                 expected="its value at a place, or a percentage such as @ p95",
             )
-
-    @property
-    def _has_bands(self) -> bool:
-        return any(name.endswith(BAND_ENDS) for name in self.run.columns)
-
-    @cached_property
-    def _rests(self) -> list[tuple[int, Array]]:
-        return [*enumerate(self.motion.rests())] if self.motion else []
 
     def _interval_of(self, row: int) -> int:
         return next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= row < rows.stop)
@@ -535,8 +504,3 @@ def _switch(rows: Quantities, name: str, k: int) -> Array:
 
 def _height(values: Array, signs: Sequence[float]) -> Array:
     return np.asarray(np.max([sign * values.astype(float) for sign in signs], axis=0))
-
-
-def _plain(name: str) -> bool:
-    """Tell whether a name is that of a quantity with words, no symbol, formula or end of a band."""
-    return "." in name and not set(name) & OPERATORS and not name.endswith(BAND_ENDS)
