@@ -42,7 +42,6 @@ from pinarm.mechanics.friction.contact import (
     several,
     sizes,
     slip_rows,
-    slip_rows_at,
     unit_vectors,
 )
 from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -144,13 +143,7 @@ class JointFriction(ForceElement):
 
     def slips(self, q: Array, v: Array) -> Array:
         """Return the slips [rad/s or m/s] in states, shapes (.., nq) and (.., nv), as an array of shape (.., k)."""
-        return np.asarray(np.matvec(self._rows_at(q), v))
-
-    def _rows_at(self, q: Array) -> Array:
-        if q.ndim == 1:
-            return slip_rows_at(self.closure.model, self.contacts, q)
-        rows = slip_rows(self.closure.model, self.contacts, q.reshape(-1, q.shape[-1]))
-        return np.asarray(rows.reshape(*q.shape[:-1], *rows.shape[1:]))
+        return np.asarray(np.matvec(slip_rows(self.closure.model, self.contacts, q), v))
 
     def solution(self, t: float, q: Array, v: Array) -> FrictionSolution:
         """Return the friction in a state, of stuck joints too."""
@@ -191,16 +184,7 @@ class JointFriction(ForceElement):
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add ``J^T f`` of the joints that slip."""
         if self.direction.any():
-            tau += np.vecmat(self.friction(t, q, v), self._rows_at(q))
-
-    def potential_energy(self, q: Array) -> Array:
-        return np.zeros(q.shape[:-1])
-
-    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the heat, ``- f . u``."""
-        if not self.direction.any():
-            return np.zeros(q.shape[:-1])
-        return np.asarray(-(self.friction(t, q, v) * self.slips(q, v)).sum(axis=-1))
+            tau += np.vecmat(self.friction(t, q, v), slip_rows(self.closure.model, self.contacts, q))
 
     def laws(self) -> list[MotionLaw]:
         return list(self.prescribed.laws)
@@ -293,7 +277,7 @@ class JointFriction(ForceElement):
         """Return the velocity nearest to v in which some slips are at rest, shape (nv,)."""
         model, rows = self.closure.model, self.rows.rows(self.rows.state(q))
         target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.zeros(len(still))])
-        split = Decomposition.of(np.vstack([rows, slip_rows_at(model, self.contacts, q)[still]]))
+        split = Decomposition.of(np.vstack([rows, slip_rows(model, self.contacts, q)[still]]))
         mass = mass_matrix(model, q)
         return solve(split, mass, mass @ v, target)
 
@@ -307,7 +291,7 @@ class JointFriction(ForceElement):
     def _standing(self, groups: Sequence[SlipGroup], q: Array) -> Iterator[Coordinate]:
         """Yield coordinates that stand still if and only if groups do: of joints, or sums of joints."""
         free = self._possible_motions(q)
-        slips = slip_rows_at(self.closure.model, self.contacts, q) @ free
+        slips = slip_rows(self.closure.model, self.contacts, q) @ free
         for group in groups:
             first, members = slips[group.first], list(group.members)
             apart = np.abs(slips[members] - np.outer(group.ratios, first)).max()

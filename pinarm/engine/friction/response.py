@@ -26,7 +26,7 @@ from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.couplings.coupling import JointRelation, left_open
-from pinarm.mechanics.friction.contact import FrictionContact, slip_drifts, slip_rows_at
+from pinarm.mechanics.friction.contact import FrictionContact, slip_drifts, slip_rows
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 DRIVEN = 1e-9
@@ -102,7 +102,7 @@ class SlipEquation:
             closure, model = self.closure, self.closure.model
             state = closure.state(q, v)
             split, mass = closure.split(closure.rows(state)), mass_matrix(model, q)
-            slips = slip_rows_at(model, self.contacts, q)
+            slips = slip_rows(model, self.contacts, q)
             free = slips @ split.free
             accelerations = split.free @ solved_positive(split.free.T @ mass @ split.free, free.T)
             self._last[:] = [_InState(

@@ -78,10 +78,6 @@ class CarriedLoads:
         k, m, _ = response.shape
         return cls(wrench, response, np.zeros(0), np.zeros((0, m)), np.zeros((k, 0, 6)))
 
-    @property
-    def constant(self) -> bool:
-        return not self.response.any() and not (self.rate.any() and self.fold.any())
-
     def at(self, f: Array) -> Array:
         wrench = self.wrench + np.vecmat(f, self.response)
         return np.asarray(wrench + np.vecmat(np.abs(self.distances(f)), self.fold))
@@ -168,26 +164,27 @@ class Slipping:
     def roots(self) -> list[Array] | None:
         """All roots f, shape (k,), where normal forces are along lines; ``None`` where they are not known.
 
-        With signs of the distances g and of the normal forces (1) is linear: ``f + s (levers sign (n + R f) + c) = 0``.
+        With signs of the distances g and of the normal forces (1) is linear: ``f + s (mu sign (n + R f) + c) = 0``.
         """
         loads, constant, k = self.loads, self.constant.copy(), len(self.mu)
-        kinks, normals, levers = len(loads.distance), [np.zeros((0, 1 + k + len(loads.distance)))], [np.zeros((k, 0))]
+        kinks, normals, owners = len(loads.distance), [np.zeros((0, 1 + k + len(loads.distance)))], list[int]()
         for i in self._rubbing:
             bearing = self.contacts[i].bearing
             along = bearing.along_lines(np.vstack([loads.wrench[i], loads.response[i], loads.fold[i]]))
             if along is None:
                 return None
             normals.append(along)
-            levers.append(self.mu[i] * np.outer(np.arange(k) == i, bearing.levers))
+            owners += [i] * len(along)
             constant[i] += self.mu[i] * bearing.preload
         terms, roots = np.vstack(normals), list[Array]()
+        resisting = (self.direction * self.mu)[:, None] * np.equal.outer(np.arange(k), np.array(owners))
         if kinks + len(terms) > SIGNS:
             return None
         for signs in map(np.array, product([1.0, -1.0], repeat=kinks + len(terms))):
             folds = terms[:, 1 + k :] * signs[:kinks]
             first = np.append(loads.distance, terms[:, 0] + folds @ loads.distance)
             rate = np.vstack([loads.rate, terms[:, 1 : 1 + k] + folds @ loads.rate])
-            signed = self.direction[:, None] * np.hstack(levers) * signs[kinks:]
+            signed = resisting * signs[kinks:]
             matrix = np.eye(k) + signed @ rate[kinks:]
             if np.linalg.cond(matrix) > 1.0 / SAME:  # it may have infinitely many
                 return None

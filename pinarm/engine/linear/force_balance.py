@@ -35,7 +35,7 @@ from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.friction.contact import FrictionContact, slip_rows_at
+from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
@@ -177,7 +177,7 @@ class ForceBalance(Record, frozen=True):
         """Return the forces at a configuration, shape (nq,)."""
         own, driven, rows = self.mechanism.closure.size, self.closure.size, self.closure.rows(self.closure.state(q))
         v = self._velocity(rows)
-        slips = slip_rows_at(self.mechanism.model, self.contacts, q)
+        slips = slip_rows(self.mechanism.model, self.contacts, q)
         stuck = at_rest(self.contacts, slips @ v, v)
         rows, slipping, f = np.vstack([rows, slips[stuck]]), slips[~stuck], np.zeros(len(stuck))
         split = Decomposition.of(rows, np.append(self.closure.reach, np.ones(len(rows) - driven)))

@@ -131,7 +131,7 @@ def _loads(run: Trajectory, contacts: Sequence[FrictionContact]) -> Array:
             wrench = contact.transmitted(reactions.links, reactions.joints, lam)
             normals = np.matvec(contact.bearing.parts, wrench[..., None, :])
             try:
-                loads[:, k] = length(normals) @ contact.bearing.levers + contact.bearing.preload
+                loads[:, k] = length(normals).sum(axis=-1) + contact.bearing.preload
             except FloatingPointError:
                 raise InputError(
                     f"the friction of {contact.name} has a kink here: a normal force of its bearing is 0",

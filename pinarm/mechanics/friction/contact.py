@@ -35,7 +35,7 @@ STRAIGHT = 1e-11
 
 
 class Bearing(Record, frozen=True):
-    """The load of one joint: ``N = sum_p lever_p |P_p w| + preload`` for the wrench ``w = [F; M]`` that it transmits.
+    """The load of one joint: ``N = sum_p |P_p w| + preload`` for the wrench ``w = [F; M]`` that it transmits.
 
     With a the joint's axis, F and M the force and the moment that the joint transmits, and an index n for what is
     normal to the axis:
@@ -57,18 +57,16 @@ class Bearing(Record, frozen=True):
     reaction for which there is no size has no friction.
 
     Attributes:
-        levers: [m], or 1 for guides; shape (p,).
-        parts: P, from wrenches to normal forces, shape (p, 3, 6).
+        parts: P, from wrenches to normal forces [N] times their levers, which are radii [m] or 1; shape (p, 3, 6).
         preload: [N*m or N].
     """
 
-    levers: Array
     parts: Array
     preload: float = 0.0
 
     @classmethod
-    def none(cls, preload: float = 0.0) -> Bearing:
-        return cls(np.zeros(0), np.zeros((0, 3, 6)), preload)
+    def none(cls) -> Bearing:
+        return cls(np.zeros((0, 3, 6)))
 
     @classmethod
     def journal(
@@ -83,13 +81,8 @@ class Bearing(Record, frozen=True):
             span: Distance between two journals [m]; one journal where it is 0.
             preload: Normal force that is always there [N].
         """
-        parts = _radial(axis, span)
-        levers = [radius] * len(parts)
-        if thrust_radius:
-            thrust = np.zeros((3, 6))
-            thrust[0, :3] = axis
-            parts, levers = [*parts, thrust], [*levers, thrust_radius]
-        return cls(np.array(levers), np.array(parts), radius * preload)
+        thrust = [_component(axis, thrust_radius)] if thrust_radius else []
+        return cls(np.array([*(radius * part for part in _radial(axis, span)), *thrust]), radius * preload)
 
     @classmethod
     def guide(cls, axis: Array, radius: float = 0.0, span: float = 0.0, preload: float = 0.0) -> Bearing:
@@ -101,23 +94,18 @@ class Bearing(Record, frozen=True):
             span: Distance between two guides [m]; one where it is 0.
             preload: Normal force that is always there [N].
         """
-        parts = _radial(axis, span)
-        if radius:
-            key = np.zeros((3, 6))
-            key[0, 3:] = axis / radius
-            parts = [*parts, key]
-        return cls(np.ones(len(parts)), np.array(parts), preload)
+        key = [_component(np.concatenate([np.zeros(3), axis]), 1.0 / radius)] if radius else []
+        return cls(np.array([*_radial(axis, span), *key]), preload)
 
     @classmethod
     def ball(cls, radius: float, preload: float = 0.0) -> Bearing:
         """Return a ball in its socket, which slips at its radius [m] under the whole force."""
-        return cls(np.array([radius]), np.eye(3, 6)[None], radius * preload)
+        return cls(radius * np.eye(3, 6)[None], radius * preload)
 
     @classmethod
     def thread(cls, axis: Array, lever: float) -> Bearing:
-        part = np.zeros((1, 3, 6))
-        part[0, 0, :3] = axis
-        return cls(np.array([lever]), part)
+        """Return what is loaded by the force along an axis, times a lever."""
+        return cls(_component(axis, lever)[None])
 
     @classmethod
     def along(cls, lever: float) -> Bearing:
@@ -126,18 +114,18 @@ class Bearing(Record, frozen=True):
 
     def load(self, wrench: Array) -> Array:
         """Return N of wrenches, shape (.., 6), as an array of shape (..)."""
-        return np.asarray(self._normal(wrench) @ self.levers + self.preload)
+        return np.asarray(self.most(wrench) + self.preload)
+
+    def most(self, wrench: Array) -> Array:
+        """Return the most by which adding wrenches, shape (.., 6), can change N, shape (..)."""
+        return np.asarray(np.sqrt((np.matvec(self.parts, wrench[..., None, :]) ** 2).sum(axis=-1)).sum(axis=-1))
 
     def slope(self, wrench: Array) -> Array:
         """Return the gradient of N, shape (.., 6); 0 of a normal force that vanishes."""
         normals = np.matvec(self.parts, wrench[..., None, :])
-        size = np.sqrt((normals**2).sum(axis=-1))
-        shares = np.divide(self.levers, size, out=np.zeros_like(size), where=size > 0.0)
-        return np.asarray(np.einsum("...p,...pi,pij->...j", shares, normals, self.parts))
-
-    def most(self, wrench: Array) -> Array:
-        """Return the most by which adding wrenches, shape (.., 6), can change N, shape (..)."""
-        return np.asarray(self._normal(wrench) @ self.levers)
+        size = np.sqrt((normals**2).sum(axis=-1, keepdims=True))
+        ways = np.divide(normals, size, out=np.zeros_like(normals), where=size > 0.0)
+        return np.asarray(np.einsum("...pi,pij->...j", ways, self.parts))
 
     def along_lines(self, wrenches: Array) -> Array | None:
         """Return normal forces with signs where those of k wrenches, shape (k, 6), are along one line in each part.
@@ -151,9 +139,12 @@ class Bearing(Record, frozen=True):
             return None
         return np.asarray(np.matvec(normals, lines[:, 0]))
 
-    def _normal(self, wrench: Array) -> Array:
-        """Return the normal forces [N], shape (.., p)."""
-        return np.asarray(np.sqrt((np.matvec(self.parts, wrench[..., None, :]) ** 2).sum(axis=-1)))
+
+def _component(row: Array, lever: float) -> Array:
+    """Return the part of one component of a wrench, or of its force, times a lever, shape (3, 6)."""
+    part = np.zeros((3, 6))
+    part[0, : len(row)] = lever * row
+    return part
 
 
 def _radial(axis: Array, span: float) -> list[Array]:
@@ -188,11 +179,6 @@ class FrictionLaw(ValueRecord, frozen=True):
     static_constant: float
     viscous: float = 0.0
     stribeck: float = 0.0
-
-    @classmethod
-    def plain(cls, constant: float) -> FrictionLaw:
-        """Return the law of a friction that neither load nor speed changes."""
-        return cls(0.0, 0.0, constant, constant)
 
     def slipping(self, speed: Array | float) -> tuple[Array, Array]:
         """Return ``mu(u)`` and ``c(u) + viscous u``, each of the shape of the speeds u >= 0."""
@@ -280,11 +266,6 @@ class FrictionContact(Record, frozen=True):
         return self.coupling is not None and self.coupling.kind == "belt"
 
     @property
-    def row_is_constant(self) -> bool:
-        """Whether J is the same in all configurations."""
-        return isinstance(self.slip, LinearCoordinate)
-
-    @property
     def standing(self) -> LinearCoordinate | None:
         """Sum of joint coordinates, the largest weight 1, that stands still where the slip is 0, if J is constant."""
         if not isinstance(self.slip, LinearCoordinate):
@@ -327,28 +308,28 @@ def _turned_back(turn: Array, wrench: Array) -> Array:
     return np.concatenate([vecmat(wrench[:, :3], turn), vecmat(wrench[:, 3:], turn)], axis=1)
 
 
-def slip_rows_at(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
-    """Return J of all contacts at a configuration, shape (nq,), as an array of shape (k, nv)."""
-    return np.asarray(slip_rows(model, contacts, q[None])[0])
-
-
 def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
-    """Return J of all contacts at configurations, shape (n, nq), as an array of shape (n, k, nv)."""
-    if all(contact.row_is_constant for contact in contacts):
+    """Return J of all contacts at configurations, shape (.., nq), as an array of shape (.., k, nv)."""
+    if _constant(contacts):
         fixed = _constant_rows(model, tuple(contacts))
-        return np.broadcast_to(fixed, (len(q), *fixed.shape))
-    states = (Kinematics.at(model, row) for row in q)
+        return np.broadcast_to(fixed, (*q.shape[:-1], *fixed.shape))
+    states = (Kinematics.at(model, row) for row in q.reshape(-1, q.shape[-1]))
     rows = [[contact.slip.row(state) for contact in contacts] for state in states]
-    return np.array(rows).reshape(len(q), len(contacts), model.nv)
+    return np.array(rows).reshape(*q.shape[:-1], len(contacts), model.nv)
 
 
 def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array, v: Array) -> Array:
     """Return J' v of all contacts in states, shapes (n, nq) and (n, nv), as an array of shape (n, k)."""
-    if all(contact.row_is_constant for contact in contacts):
+    if _constant(contacts):
         return np.zeros((len(q), len(contacts)))
     states = (Kinematics.at(model, *row) for row in zip(q, v, strict=True))
     drifts = [[contact.slip.drift(state) for contact in contacts] for state in states]
     return np.array(drifts).reshape(len(q), len(contacts))
+
+
+def _constant(contacts: Sequence[FrictionContact]) -> bool:
+    """Return whether J is the same in all configurations."""
+    return all(isinstance(contact.slip, LinearCoordinate) for contact in contacts)
 
 
 @lru_cache(maxsize=16)  # asked at every evaluation of an equation of motion
@@ -362,18 +343,17 @@ def _constant_rows(model: pin.Model, contacts: tuple[FrictionContact, ...]) -> A
 
 def same_joint(contacts: Sequence[FrictionContact]) -> Flags:
     """Return a mask of the pairs of contacts that are components of one slip, shape (k, k)."""
-    return _same_names(tuple(contact.name for contact in contacts))[0]
+    return _same_names(tuple(contact.name for contact in contacts))
 
 
 def several(contacts: Sequence[FrictionContact]) -> Flags:
     """Return a mask of the contacts whose slip has several components, shape (k,)."""
-    return _same_names(tuple(contact.name for contact in contacts))[1]
+    return np.asarray(same_joint(contacts).sum(axis=1) > 1)
 
 
 @lru_cache(maxsize=16)  # asked at every evaluation of an equation of motion
-def _same_names(names: tuple[str, ...]) -> tuple[Flags, Flags]:
-    same = np.array([[name == other for other in names] for name in names], dtype=bool).reshape(len(names), len(names))
-    return same, same.sum(axis=1) > 1
+def _same_names(names: tuple[str, ...]) -> Flags:
+    return np.array([[name == other for other in names] for name in names], dtype=bool).reshape(len(names), len(names))
 
 
 def sizes(contacts: Sequence[FrictionContact], x: Array) -> Array:
@@ -385,7 +365,5 @@ def sizes(contacts: Sequence[FrictionContact], x: Array) -> Array:
 
 def unit_vectors(contacts: Sequence[FrictionContact], x: Array) -> Array:
     """Return ``x / |x|`` joint by joint, 0 where x is, of the shape of x, (.., k)."""
-    if not several(contacts).any():
-        return np.sign(x)
     length = sizes(contacts, x)
     return np.divide(x, length, out=np.zeros_like(x), where=length > 0.0)

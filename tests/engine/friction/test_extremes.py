@@ -15,7 +15,7 @@ from pinarm.mechanics.friction.contact import Bearing, FrictionLaw
 def held(slips, pull, limits, mu=None, weight=0.0, coupling=0.0):
     """One mass of 1 kg under a pull, with joints of given slips; the last carries ``weight + coupling f_0``."""
     k, slips = len(limits), np.array(slips)[:, None]
-    laws = [FrictionLaw.plain(limit) for limit in limits]
+    laws = [FrictionLaw(0.0, 0.0, limit, limit) for limit in limits]
     bearings = [Bearing.none() for _ in limits]
     wrench, response = np.zeros((k, 6)), np.zeros((k, k, 6))
     if mu is not None:

@@ -22,7 +22,7 @@ def shared(pull, mu, coupling):
 
     The pull acts along the guide, on a mass of 1 kg.
     """
-    guide = SimpleNamespace(name="joint.guide", law=FrictionLaw.plain(CONSTANT), bearing=Bearing.none())
+    guide = SimpleNamespace(name="joint.guide", law=FrictionLaw(0.0, 0.0, CONSTANT, CONSTANT), bearing=Bearing.none())
     thread = Bearing.thread(np.eye(3)[0], 1.0)
     gear = SimpleNamespace(name="coupling.gear", law=FrictionLaw(mu, mu, 0.0, 0.0), bearing=thread)
     wrench, response = np.zeros((2, 6)), np.zeros((2, 2, 6))
