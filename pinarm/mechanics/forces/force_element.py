@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Mapping, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices, distinct
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -38,9 +37,7 @@ class Pieces(Record, frozen=True):
     period: float = math.inf
 
     def passed(self, w: Array) -> bool:
-        """Return whether values go further than the narrowest piece among them is wide.
-
-        Stages of a step that goes no further than that are in every piece that it touches, or next to it.
+        """Return whether a whole piece is between values: no stage of a step may have been in it.
 
         Args:
             w: Values along a step, its ends included, shape (n,).
@@ -48,23 +45,12 @@ class Pieces(Record, frozen=True):
         low, high = float(w.min()), float(w.max())
         if high - low > self.period:
             return True
-        turn = 0.0 if self.period == math.inf else self.period * math.floor(low / self.period)
-        first = np.searchsorted(self._bounds, low - turn, side="right")
-        last = np.searchsorted(self._bounds, high - turn)
-        return bool(first < last and high - low > self._widths[first : last + 1].min())
-
-    @cached_property
-    def _bounds(self) -> Array:
-        around = self.bounds
+        bounds = self.bounds
         if self.period < math.inf:
-            around = np.concatenate([[0.0], around, self.period + np.array([0.0, *around]), [2.0 * self.period]])
-        around = distinct(around)
-        return around[np.diff(around, prepend=-math.inf) > SLIVER * (1.0 + np.abs(around))]
-
-    @cached_property
-    def _widths(self) -> Array:
-        """Widths of the pieces below, between and above the bounds, shape (k + 1,)."""
-        return np.diff(self._bounds, prepend=-math.inf, append=math.inf)
+            turn = self.period * math.floor(low / self.period)
+            bounds = turn + np.concatenate([bounds, self.period + bounds])
+        inside = bounds[(bounds > low) & (bounds < high)]
+        return bool(len(inside) > 1 and inside[-1] - inside[0] > SLIVER * (1.0 + abs(inside[-1])))
 
 
 class Edge(NamedTuple):

@@ -31,7 +31,7 @@ torque is turned by any load: such a gear never locks.
 
 from __future__ import annotations
 
-from math import atan, cos, sin, tan
+from math import atan, cos, sin, tan, tanh
 
 import numpy as np
 
@@ -103,25 +103,16 @@ class ThreadGeometry(ValueRecord, frozen=True):
         return Transmission(known.carrier, known.first, known.second, known.point, wrench, single=single)
 
 
-def belt_friction(coupling: Coupling, law: FrictionLaw) -> FrictionContact:
-    """Return the friction of a belt on its wheels."""
-    known = coupling.transmission
+def belt_grip(coupling: Coupling, law: FrictionLaw) -> tuple[FrictionLaw, CoupledSlip]:
+    """Return the law of a belt's pull on its wheels, and its slip."""
+    known, wheels = coupling.transmission, coupling.coordinate
     if not isinstance(known, Strands) or not known.pretension:
         raise InputError(f"without a pretension the belt '{coupling.name}' has no grip", expected="its pretension")
-
-    def grip(mu: float) -> float:
-        return 2.0 * known.pretension * float(np.tanh(0.5 * mu * known.wrap))
-
-    pull = replace(
-        law,
-        mu=0.0,
-        static_mu=0.0,
-        constant=law.constant + grip(law.mu),
-        static_constant=law.static_constant + grip(law.static_mu),
-    )
-    radius, wheels = 1.0 / abs(known.difference), coupling.coordinate
+    slipping, resting = (2.0 * known.pretension * tanh(0.5 * mu * known.wrap) for mu in (law.mu, law.static_mu))
+    constants = {"constant": law.constant + slipping, "static_constant": law.static_constant + resting}
+    radius = 1.0 / abs(known.difference)
     slip = CoupledSlip(wheels.unit, radius * wheels.weights, wheels.places, known.scaled(radius))
-    return FrictionContact(f"coupling.{coupling.name}", unit("N"), pull, Bearing.none(), slip, coupling)
+    return replace(law, mu=0.0, static_mu=0.0, **constants), slip
 
 
 class CamSlip(Record, frozen=True):
@@ -152,30 +143,27 @@ class CamSlip(Record, frozen=True):
         return self.cam.opposite(links, touch, effort * touch.tangent)
 
 
-def cam_friction(cam: CamCoupling, pin: float, law: FrictionLaw, *, shared: bool) -> FrictionContact:
-    """Return the friction of a cam and its follower.
+def part_of_roller(cam: CamCoupling, pin: float) -> float:
+    """Return the friction of a cam's contact per normal force and mu: that of the pin of its roller, or 1.
 
     Args:
         pin: Radius of the pin of its roller [m]; 0 where it has none.
-        shared: See ``FrictionContact``.
     """
     if cam.contact is None:
         raise InputError(
             f"where the cam '{cam.name}' touches its follower is not known", expected="a cam with its roller or face"
         )
-    surface, part = cam.contact.follower, 1.0
-    if surface.radius:
-        if not 0.0 < pin < surface.radius:
-            with within("radius"):
-                raise InputError(
-                    f"friction of the roller of '{cam.name}' needs the radius of its pin",
-                    expected=f"a radius below that of the roller, {surface.radius:g} m",
-                )
-        part = pin / surface.radius
-    elif pin:
+    radius = cam.contact.follower.radius
+    if radius and not 0.0 < pin < radius:
+        with within("radius"):
+            raise InputError(
+                f"friction of the roller of '{cam.name}' needs the radius of its pin",
+                expected=f"a radius below that of the roller, {radius:g} m",
+            )
+    if pin and not radius:
         with within("radius"):
             raise InputError(f"the follower of '{cam.name}' has no roller, and no pin", expected="no radius")
-    return FrictionContact(f"coupling.{cam.name}", unit("N"), law, Bearing.along(part), CamSlip(cam), cam, shared)
+    return pin / radius if radius else 1.0
 
 
 class GearSlip(Record, frozen=True):
@@ -311,13 +299,8 @@ def _integral(begins: Array, ends: Array) -> float:
     return float((ends * np.abs(ends) - begins * np.abs(begins)).sum() / 2.0)
 
 
-def tooth_friction(coupling: Coupling, teeth: int, law: FrictionLaw, *, shared: bool) -> FrictionContact:
-    """Return the friction of the teeth of a gear or of a rack and its pinion.
-
-    Args:
-        coupling: The gear, or the rack.
-        shared: See ``FrictionContact``.
-    """
+def tooth_friction(coupling: Coupling, teeth: int) -> tuple[Bearing, CoupledSlip]:
+    """Return the load of the teeth of a gear or of a rack and its pinion, and their mean slip."""
     known = coupling.transmission
     if not isinstance(known, ToothContact) or not known.surfaces.pressure_angle:
         raise InputError(
@@ -332,14 +315,6 @@ def tooth_friction(coupling: Coupling, teeth: int, law: FrictionLaw, *, shared: 
         weights[joint.v] = mesh.mean_distance * rate
     couple = np.concatenate([np.zeros(3), mesh.mean_distance * known.surfaces.line])
     acting = Transmission(known.carrier, known.first, known.second, known.point, -couple)
-    slip = CoupledSlip(RADIAN, weights, coupling.coordinate.places, acting)
     pressing = known.wrench[:3] + known.folds[0][1][:3]
-    return FrictionContact(
-        f"coupling.{coupling.name}",
-        unit("N"),
-        law,
-        Bearing.along(float(np.linalg.norm(pressing))),
-        slip,
-        coupling,
-        shared,
-    )
+    slip = CoupledSlip(RADIAN, weights, coupling.coordinate.places, acting)
+    return Bearing.along(float(np.linalg.norm(pressing))), slip

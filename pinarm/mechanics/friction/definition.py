@@ -17,12 +17,13 @@ from pinarm.mechanics.ball_joints import balls_of
 from pinarm.mechanics.coordinates import LinearCoordinate, PairCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
 from pinarm.mechanics.couplings.transmissions import ToothContact
-from pinarm.mechanics.friction.contact import Bearing, CoupledSlip, FrictionContact, FrictionLaw
+from pinarm.mechanics.friction.contact import Bearing, CoupledSlip, FrictionContact, FrictionLaw, Slip
 from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.geometry.pairs import LowerPair, TiedFrames
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import Thread
+from pinarm.records import replace
 
 SLIPS = {"revolute": RADIAN, "pin": RADIAN, "prismatic": METRE}
 """Kinds of loop joints that have friction, and the unit of what they leave free."""
@@ -126,6 +127,7 @@ class Friction(InputStruct, frozen=True):
     def bind(
         self, name: str, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[LoopJoint | JointRelation]
     ) -> tuple[FrictionContact, ...]:
+        """Return the friction of a joint of the tree, a loop joint or a coupling, by its name."""
         known, balls = {constraint.name: constraint for constraint in constraints}, balls_of(model)
         if name in joints:
             joint = joints[name]
@@ -139,9 +141,19 @@ class Friction(InputStruct, frozen=True):
             expected, hint = choices(name, [*joints, *balls, *known])
             raise InputError(f"there is no joint '{name}' with friction", expected=expected, hint=hint)
         constraint = known[name]
-        if isinstance(constraint, LoopJoint):
-            return self._of_loop(constraint)
-        return (self._of_coupling(constraint) if isinstance(constraint, Coupling) else self._of_cam(constraint),)
+        return self._of_loop(constraint) if isinstance(constraint, LoopJoint) else (self._of_coupling(constraint),)
+
+    def _contact(
+        self,
+        of: int | LoopJoint | JointRelation,
+        name: str,
+        measured: Unit,
+        bearing: Bearing,
+        slip: Slip,
+        part: str = "",
+    ) -> FrictionContact:
+        shared = self.undetermined == "minimum_norm"
+        return FrictionContact(name, _effort(measured), self._law(measured), bearing, slip, of, shared, part)
 
     def _of_joint(
         self, model: pin.Model, name: str, index: int, v: int, measured: Unit, bearing: Bearing, part: str = ""
@@ -150,8 +162,7 @@ class Friction(InputStruct, frozen=True):
         weights = np.zeros(model.nv)
         weights[v] = 1.0
         slip = LinearCoordinate(measured, weights, np.full(model.nv, model.joints[index].idx_q, dtype=np.intp))
-        law = self._law(measured)
-        return FrictionContact(f"joint.{name}", _effort(measured), law, bearing, slip, index, self._shared, part)
+        return self._contact(index, f"joint.{name}", measured, bearing, slip, part)
 
     def _socket(self, name: str) -> Bearing:
         self._check_sizes("a ball joint")
@@ -160,21 +171,28 @@ class Friction(InputStruct, frozen=True):
         radius = self._given_radius(f"mu of the ball joint '{name}' needs the radius of its ball")
         return Bearing.ball(radius, float(self.preload))
 
-    def _of_coupling(self, coupling: Coupling) -> FrictionContact:
-        """Return the friction of a screw between two joints, of a worm and its wheel, of teeth, or of a belt."""
-        if coupling.kind == "belt":
-            from pinarm.mechanics.friction.coupling_friction import belt_friction
+    def _of_coupling(self, relation: JointRelation) -> FrictionContact:
+        """Return the friction of a screw between two joints, of a worm and its wheel, of teeth, a belt, or a cam."""
+        from pinarm.mechanics.friction import coupling_friction
 
+        name = f"coupling.{relation.name}"
+        if not isinstance(relation, Coupling):
+            from pinarm.mechanics.couplings.cam import CamCoupling
+
+            assert isinstance(relation, CamCoupling)
+            self._check_sizes("a cam")
+            part = coupling_friction.part_of_roller(relation, float(self.radius or 0.0))
+            return self._contact(relation, name, METRE, Bearing.along(part), coupling_friction.CamSlip(relation))
+        if relation.kind == "belt":
             self._check_sizes("a belt")
-            return belt_friction(coupling, self._law(METRE))
+            law, slip = coupling_friction.belt_grip(relation, self._law(METRE))
+            return replace(self._contact(relation, name, METRE, Bearing.none(), slip), law=law)
         if self.teeth is not None:
-            from pinarm.mechanics.friction.coupling_friction import tooth_friction
-
             self._check_sizes("teeth")
-            return tooth_friction(coupling, self.teeth, self._law(METRE), shared=self._shared)
-        return self._of_thread(coupling)
+            return self._contact(relation, name, METRE, *coupling_friction.tooth_friction(relation, self.teeth))
+        return self._contact(relation, name, METRE, *self._of_thread(relation))
 
-    def _of_thread(self, coupling: Coupling) -> FrictionContact:
+    def _of_thread(self, coupling: Coupling) -> tuple[Bearing, Slip]:
         from pinarm.mechanics.friction.coupling_friction import ThreadGeometry
 
         self._check_sizes("a screw" if coupling.kind == "screw" else "a worm")
@@ -197,16 +215,7 @@ class Friction(InputStruct, frozen=True):
                 expected="a gear without the geometry of its teeth",
             )
         slip = CoupledSlip(coupling.coordinate.unit, along, places, thread.acting(coupling.transmission))
-        bearing, law = Bearing.along(thread.lever / wheel), self._law(METRE)
-        return FrictionContact(f"coupling.{coupling.name}", unit("N"), law, bearing, slip, coupling, self._shared)
-
-    def _of_cam(self, cam: JointRelation) -> FrictionContact:
-        from pinarm.mechanics.couplings.cam import CamCoupling
-        from pinarm.mechanics.friction.coupling_friction import cam_friction
-
-        assert isinstance(cam, CamCoupling)
-        self._check_sizes("a cam")
-        return cam_friction(cam, float(self.radius or 0.0), self._law(METRE), shared=self._shared)
+        return Bearing.along(thread.lever / wheel), slip
 
     def _check_sizes(self, part: str) -> None:
         unused = sorted({key for keys in SIZES.values() for key in keys if getattr(self, key)}.difference(SIZES[part]))
@@ -223,52 +232,40 @@ class Friction(InputStruct, frozen=True):
 
     def _of_loop(self, loop: LoopJoint) -> tuple[FrictionContact, ...]:
         """Return the components of the friction of a loop joint, with their directions in the first frame."""
-        nothing, axis = np.zeros(3), loop.pair.axis if isinstance(loop.pair, LowerPair) else np.zeros(3)
-        if isinstance(loop.pair, LowerPair) and isinstance(loop.pair.rotation, Thread):
-            return self._of_screw(loop, axis, loop.pair.rotation.pitch)
-        if loop.kind == "cylindrical":
+        pair, none = loop.pair, np.zeros(3)
+        axis = pair.axis if isinstance(pair, LowerPair) else none
+        if isinstance(pair, LowerPair) and isinstance(pair.rotation, Thread):
+            from pinarm.mechanics.friction.coupling_friction import ThreadGeometry
+
+            self._check_sizes("a screw")
+            radius = self._given_radius(THREAD.format(loop.name))
+            thread = ThreadGeometry(radius, pair.rotation.pitch, float(self.flank))
+            turning, sliding = thread.along
+            rows, measured, bearing = {"": (sliding * axis, turning * axis)}, METRE, Bearing.thread(axis, thread.lever)
+        elif loop.kind == "cylindrical":
             self._check_sizes("a cylindrical joint")
             need = f"friction of the cylindrical joint '{loop.name}' needs the radius at which it slips"
-            rows = {"tangential": (nothing, self._given_radius(need) * axis), "axial": (axis, nothing)}
+            rows, measured = {"tangential": (none, self._given_radius(need) * axis), "axial": (axis, none)}, METRE
             guide = Bearing.guide(axis, 0.0, float(self.span or 0.0), float(self.preload))
-            return self._components(loop, rows, METRE, guide if self.mu or self.static_mu else Bearing.none())
-        if loop.kind == "spherical":
-            rows = {part: (nothing, about) for part, about in zip("xyz", np.eye(3), strict=True)}
-            return self._components(loop, rows, RADIAN, self._socket(loop.name))
-        if loop.kind not in SLIPS:
+            bearing = guide if self.mu or self.static_mu else Bearing.none()
+        elif loop.kind == "spherical":
+            rows, measured = {part: (none, about) for part, about in zip("xyz", np.eye(3), strict=True)}, RADIAN
+            bearing = self._socket(loop.name)
+        elif loop.kind in SLIPS:
+            measured = SLIPS[loop.kind]
+            rows = {"": (none, axis) if measured == RADIAN else (axis, none)}
+            bearing = self._bearing(axis, turns=measured == RADIAN)
+        else:
             raise InputError(
                 f"the loop joint '{loop.name}' is of the kind {loop.kind}",
                 expected=f"one of {', '.join(SLIPS)}, cylindrical, spherical, screw",
             )
-        turns = SLIPS[loop.kind] == RADIAN
-        row = (nothing, axis) if turns else (axis, nothing)
-        return self._components(loop, {"": row}, SLIPS[loop.kind], self._bearing(axis, turns=turns))
-
-    def _of_screw(self, loop: LoopJoint, axis: Array, pitch: float) -> tuple[FrictionContact, ...]:
-        from pinarm.mechanics.friction.coupling_friction import ThreadGeometry
-
-        self._check_sizes("a screw")
-        thread = ThreadGeometry(self._given_radius(THREAD.format(loop.name)), pitch, float(self.flank))
-        turning, sliding = thread.along
-        return self._components(loop, {"": (sliding * axis, turning * axis)}, METRE, Bearing.thread(axis, thread.lever))
-
-    def _components(
-        self, loop: LoopJoint, rows: Mapping[str, tuple[Array, Array]], measured: Unit, bearing: Bearing
-    ) -> tuple[FrictionContact, ...]:
-        """Return the components of a slip, with their directions of translation and rotation in the first frame."""
-        law = self._law(measured)
         slips = {
             part: PairCoordinate(TiedFrames(loop.first, loop.second, LowerPair.row(e, w)), measured, loop.name)
             for part, (e, w) in rows.items()
         }
-        return tuple(
-            FrictionContact(f"loop.{loop.name}", _effort(measured), law, bearing, slip, loop, self._shared, part)
-            for part, slip in slips.items()
-        )
-
-    @property
-    def _shared(self) -> bool:
-        return self.undetermined == "minimum_norm"
+        name = f"loop.{loop.name}"
+        return tuple(self._contact(loop, name, measured, bearing, slip, part) for part, slip in slips.items())
 
     def _law(self, measured: Unit) -> FrictionLaw:
         effort, rate = _effort(measured), measured / unit("s")
