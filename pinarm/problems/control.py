@@ -22,9 +22,8 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.control.controller import Controller, Reader, Signal
-from pinarm.mechanics.control.definition import ControlDefinition
 from pinarm.mechanics.control.function import FunctionControl
-from pinarm.mechanics.control.kinds import PidController
+from pinarm.mechanics.control.kinds import ControlDefinition, PidController
 from pinarm.mechanics.control.motor_control import motor_behind
 from pinarm.mechanics.joints import Joint, effort_unit
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw

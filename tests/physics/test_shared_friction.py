@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.friction import extremes
+from pinarm.engine.friction import complementarity
 from pinarm.errors import InputError
 from pinarm.use.study.restore import restore
 
@@ -106,7 +106,7 @@ def test_a_brake_on_the_drum_leaves_the_rope_to_the_guide(hoist, tmp_path):
 
 def test_ends_that_are_not_known_are_infinite(hoist, tmp_path, monkeypatch):
     """As of many joints that hold one motion."""
-    monkeypatch.setattr(extremes, "MOST", 1)
+    monkeypatch.setattr(complementarity, "MOST", 1)
     result = pinarm.run(hoist(LOCKS))
     for read in (result, restore(result.save(tmp_path / "saved", plots=True))):
         assert (read["coupling.cable.effort.least"].values == -np.inf).all()

@@ -12,9 +12,8 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.friction.complementarity import MARGIN, FrictionBalance, decided
-from pinarm.engine.friction.extremes import Extremes, extreme_frictions, filled
-from pinarm.engine.friction.response import SlipEquation
+from pinarm.engine.friction.complementarity import MARGIN, Extremes, FrictionBalance, decided, extreme_frictions, filled
+from pinarm.engine.friction.slip_equation import SlipEquation
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import FrictionContact, several, sizes, slip_rows, unit_vectors
 

@@ -22,15 +22,16 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.complementarity import (
+    Extremes,
     FrictionBalance,
     FrictionSolution,
     companions,
     decided,
     directions_of,
+    extreme_frictions,
 )
-from pinarm.engine.friction.extremes import Extremes, extreme_frictions
-from pinarm.engine.friction.response import SlipEquation
 from pinarm.engine.friction.slip import Slip, SlipGroup
+from pinarm.engine.friction.slip_equation import SlipEquation
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_at

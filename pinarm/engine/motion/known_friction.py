@@ -21,8 +21,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.constraint_rows import rows_of
 from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.friction.columns import BANDS, EffortBand, bands_of, friction_columns
-from pinarm.engine.friction.response import BearingReactions
-from pinarm.engine.friction.slipping import ROUNDED, CarriedLoads, Slipping
+from pinarm.engine.friction.slip_equation import ROUNDED, BearingReactions, CarriedLoads, Slipping
 from pinarm.engine.motion.standstill import STANDSTILL, Beside, at_rest, leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series

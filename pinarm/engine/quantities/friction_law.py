@@ -13,7 +13,7 @@ from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.columns import BANDS
 from pinarm.engine.friction.joint_friction import INSTANT, REST
-from pinarm.engine.friction.response import BearingReactions
+from pinarm.engine.friction.slip_equation import BearingReactions
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError

@@ -116,7 +116,7 @@ def _under(run: Trajectory, demand: Array, friction: Array, others: Sequence[tup
     if not run.mechanism.frictions:
         return replace(run, lam=run.mechanism.closure.multipliers(run.q, demand))
     from pinarm.engine.friction.columns import friction_columns
-    from pinarm.engine.friction.extremes import held_part
+    from pinarm.engine.friction.complementarity import held_part
 
     def under(friction: Array) -> Trajectory:
         held = demand - _friction_loads(run.mechanism, run.q, friction)

@@ -133,6 +133,13 @@ class Sampling(Record, frozen=True):
     rates: str
 
 
+def rhythm(period: float | None, delay: float) -> str:
+    """Return in words when a controller acts, by its period and delay [s]."""
+    if period is None:
+        return "continuous"
+    return f"sampled every {period:g} s" + (f", with a delay of {delay:g} s" if delay else "")
+
+
 class Controller(AbstractRecord, frozen=True):
     """A controller of one mechanism.
 

@@ -14,8 +14,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, PinarmError, within
 from pinarm.input.yaml.schema import Duration, Pause
-from pinarm.mechanics.control.controller import Controller, Given, Plant, Reader, Sampling
-from pinarm.mechanics.control.definition import rhythm
+from pinarm.mechanics.control.controller import Controller, Given, Plant, Reader, Sampling, rhythm
 
 
 class MeasuredState:

@@ -5,10 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pinarm.engine.friction.complementarity import FrictionBalance, groups_of
-from pinarm.engine.friction.extremes import extreme_frictions
-from pinarm.engine.friction.response import SlipResponse
-from pinarm.engine.friction.slipping import CarriedLoads
+from pinarm.engine.friction.complementarity import FrictionBalance, extreme_frictions, groups_of
+from pinarm.engine.friction.slip_equation import CarriedLoads, SlipResponse
 from pinarm.mechanics.friction.contact import Bearing, FrictionLaw
 
 

@@ -7,9 +7,8 @@ import pytest
 from scipy.optimize import brentq
 
 from pinarm.engine.friction.complementarity import FrictionBalance
-from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slip import SlipGroup
-from pinarm.engine.friction.slipping import CarriedLoads
+from pinarm.engine.friction.slip_equation import CarriedLoads, SlipResponse
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import Bearing, FrictionLaw
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.friction.complementarity import FrictionBalance, decided, groups_of
-from pinarm.engine.friction.response import SlipResponse
-from pinarm.engine.friction.slipping import CarriedLoads
+from pinarm.engine.friction.slip_equation import CarriedLoads, SlipResponse
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import Bearing, FrictionLaw
 

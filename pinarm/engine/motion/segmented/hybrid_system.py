@@ -334,7 +334,7 @@ class HybridSystem(Record, frozen=True):
         contacts = self.rubbing(held)
         if not (shares and any(contact.law.loaded for contact in contacts)):
             return
-        from pinarm.engine.friction.response import BearingReactions
+        from pinarm.engine.friction.slip_equation import BearingReactions
 
         reactions = BearingReactions(contacts, shares.rows, self.dynamics.on(*self.span(t)))
         reactions.require_determined(shares.rows.split_at(q), q)

@@ -16,8 +16,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
-from pinarm.engine.friction.complementarity import FrictionSolution
-from pinarm.engine.friction.extremes import Extremes, filled, held_part, pushing_part
+from pinarm.engine.friction.complementarity import Extremes, FrictionSolution, filled, held_part, pushing_part
 from pinarm.engine.friction.joint_friction import JointFriction
 from pinarm.engine.integration.integrator import Watch
 from pinarm.engine.motion.systems import CompletedStates, System, demand, efforts_of

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pinarm.engine.friction.slipping import CarriedLoads, Slipping
+from pinarm.engine.friction.slip_equation import CarriedLoads, Slipping
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import Bearing
 
