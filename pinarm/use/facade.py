@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
     from pinarm.mechanics.control.function import ControlFunction
     from pinarm.use.assessments.limits import Limits
-    from pinarm.use.assessments.loads.loads import Loads
+    from pinarm.use.assessments.loads import Loads
     from pinarm.use.assessments.path_error import PathError
     from pinarm.use.assessments.response import Response
-    from pinarm.use.assessments.sensitivity.sensitivity import Sensitivity
+    from pinarm.use.assessments.sensitivity import Sensitivity
     from pinarm.use.assessments.shaking import Shaking
-    from pinarm.use.assessments.sizing.sizing import Sizing
+    from pinarm.use.assessments.sizing import Sizing
     from pinarm.use.method.isolation import Isolation
     from pinarm.use.method.torsors import Torsor
     from pinarm.use.scenario.scenario_file import Assessment

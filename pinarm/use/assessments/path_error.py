@@ -27,12 +27,12 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, Location, within
-from pinarm.input.csv_tables import read_columns, read_headings, split_heading
+from pinarm.errors import InputError, within
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Position, Time, current_folder
 from pinarm.records import Record
+from pinarm.use.assessments import measured_columns
 from pinarm.use.result.curve_figures import CurveFigure
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable, numbered
@@ -73,23 +73,10 @@ def read_points(wanted: Mapping[str, Sequence[float]] | str) -> tuple[list[str],
 def _columns(name: str) -> dict[str, list[float]]:
     folder = current_folder() or Path(name).absolute().parent
     path = contained_file((folder / name).absolute(), root_of(folder))
-    headings = {head: split_heading(head) or (head, None) for head in read_headings(str(path))}
-    factors = {head: _factor(axis, text, path, head) for head, (axis, text) in headings.items() if axis in AXES}
-    if not factors:
-        raise InputError(f"the file {path.name} has no column of points", expected="headings such as x [mm], y [mm]")
-    state = path.stat()
-    columns = read_columns(str(path), frozenset(AXES), (state.st_mtime_ns, state.st_size))
-    points = {headings[head][0]: [factor * x for x in columns[head]] for head, factor in factors.items()}
+    points = measured_columns(path, dict.fromkeys(AXES, "mm"))
     if max(map(len, points.values())) > MOST:
         raise InputError(f"the file {path.name} has too many points", expected=f"1 to {MOST}")
     return points
-
-
-def _factor(axis: str, written: str | None, path: Path, heading: str) -> float:
-    if written is not None and unit(written).dimension == METRE.dimension:
-        return unit(written).factor
-    error = InputError(f"the column '{axis}' has no unit of a length", expected=f"{axis} [mm]")
-    raise error.at(Location(path.name, 1, 1, heading))
 
 
 METRE, SECOND, SQUARE = unit("m"), unit("s"), unit("m^2")

@@ -12,7 +12,7 @@ from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE
 from pinarm.engine.series import Series
 from pinarm.language import decimals, in_language, said, told
 from pinarm.records import Record
-from pinarm.use.assessments.loads.load_sets import Action, free_bodies
+from pinarm.use.assessments.loads import Action, free_bodies
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.bodies import placed
 from pinarm.use.show.labels import plain, shown, symbol, unit_text

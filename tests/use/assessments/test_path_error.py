@@ -146,7 +146,7 @@ def test_points_come_from_a_file_that_the_result_keeps(tmp_path: Path, chebyshev
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("x [kg],y [m]\n1,2\n", "no unit of a length"), ("a,b\n1,2\n", "no column of points"),
+    [("x [kg],y [m]\n1,2\n", "no unit of this quantity"), ("a,b\n1,2\n", "no column 'x'"),
      ("x [mm],y [mm]\n", "too short"), ("x [mm]\nnan\n", "finite number is missing"),
      ("x [mm];y [mm]\n1,5;2,5\n", "separated by semicolons")],
 )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.assessments.loads.load_sets import free_bodies
+from pinarm.use.assessments.loads import free_bodies
 
 
 def arrows(figure: Any) -> list[np.ndarray]:

@@ -15,7 +15,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.assessments.sizing.duty import Duty
+from pinarm.use.assessments.duty import Duty
 
 LOAD, SQUARES = 2.5, 1.5
 HEADING = (

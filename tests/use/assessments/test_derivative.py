@@ -9,9 +9,8 @@ import pytest
 
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError
-from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
-from pinarm.use.assessments.sensitivity.sensitivity import LEVEL
-from pinarm.use.assessments.sensitivity.variation import Input
+from pinarm.use.assessments.derivatives import Derivative, Input, derivatives
+from pinarm.use.assessments.sensitivity import LEVEL
 from pinarm.use.cases.case import WORTH, Row
 
 UNTOLD = (np.nan,) * len(WORTH)

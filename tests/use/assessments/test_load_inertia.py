@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 import pinarm
-from pinarm.use.assessments.sizing.duty import duty_of, load_inertia
+from pinarm.use.assessments.duty import duty_of, load_inertia
 
 ROOT = Path(pinarm.__file__).parents[1]
 LINK = (

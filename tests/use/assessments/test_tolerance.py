@@ -3,7 +3,7 @@
 import pytest
 
 from pinarm.errors import InputError, PinarmError
-from pinarm.use.assessments.sensitivity.variation import Tolerance
+from pinarm.use.assessments.derivatives import Tolerance
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,14 @@ import pytest
 
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, InputError
-from pinarm.use.assessments.sensitivity.bands import (
+from pinarm.use.assessments.derivatives import Input
+from pinarm.use.assessments.sensitivity import (
     DistributionName,
     changes_of,
     monte_carlo,
     quantile,
     sobol_indices,
 )
-from pinarm.use.assessments.sensitivity.variation import Input
 from pinarm.use.cases.case import WORTH, Row
 
 UNTOLD = (np.nan,) * len(WORTH)

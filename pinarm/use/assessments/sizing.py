@@ -1,4 +1,24 @@
-"""Sizing of motor and gear: candidates of a catalogue ranked for the cycle of a joint, with reasons of rejection."""
+"""Sizing of motor and gear: candidates of a catalogue ranked for the cycle of a joint, with reasons of rejection.
+
+A catalogue is a CSV file with a line a motor:
+
+
+===========================  =====================================================================================
+``name``                     of the motor
+``stall_torque [N*m]``       continuous torque at standstill
+``rated_torque [N*m]``       continuous torque at the rated speed
+``rated_speed [rpm]``        up to which the peak torque is available as well
+``peak_torque [N*m]``        for a short time
+``max_speed [rpm]``          at which the rated torque is available for a short time, and beyond which none is
+``rotor_inertia [kg*m^2]``   about the motor's axis
+``temperature_rise``         of the winding in continuous duty at the stall torque [K]
+``max_temperature``          of the winding [degC]
+``time_constant [s]``        of the winding's temperature
+``mass [kg]``
+===========================  =====================================================================================
+
+Units in brackets may be others of the same dimension; the two temperatures are plain numbers. Other columns are notes.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +32,14 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices, within
+from pinarm.errors import InputError, Location, choices, within
+from pinarm.input.csv_tables import table
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, decimal, is_whole, unit
 from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, current_folder, number
 from pinarm.records import Record, replace
-from pinarm.use.assessments.sizing.catalogue import GREATEST, SMALLEST, Motor, read_catalogue
-from pinarm.use.assessments.sizing.duty import Duty, Height, Known, duty_of
+from pinarm.use.assessments import measured_columns
+from pinarm.use.assessments.duty import Duty, Height, Known, duty_of
 from pinarm.use.result.curve_figures import CurveFigure, made_a_motion
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered
 
@@ -27,6 +48,77 @@ if TYPE_CHECKING:
     from pinarm.mechanics.rotors import Drive
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
+
+MOST = 10_000
+"""Motors of a catalogue at most."""
+
+SMALLEST, GREATEST = 1e-30, 1e30
+"""Of what a catalogue says of a motor, and of ratios: products of their squares stay numbers."""
+
+UNITS = {
+    "stall_torque": "N*m", "rated_torque": "N*m", "rated_speed": "rpm", "peak_torque": "N*m", "max_speed": "rpm",
+    "rotor_inertia": "kg*m^2", "temperature_rise": "", "max_temperature": "", "time_constant": "s", "mass": "kg",
+}  # fmt: skip
+
+
+class Motor(Record, frozen=True):
+    """A motor; torques in N*m, speeds in rad/s, all else in SI; temperatures in K and degC."""
+
+    name: str
+    stall_torque: float
+    rated_torque: float
+    rated_speed: float
+    peak_torque: float
+    max_speed: float
+    rotor_inertia: float
+    temperature_rise: float
+    max_temperature: float
+    time_constant: float
+    mass: float
+
+    def continuous_torque(self, speed: float) -> float:
+        """Return the torque [N*m] that it gives for ever at a mean speed [rad/s], straight from stall to rated."""
+        slope = (self.stall_torque - self.rated_torque) / self.rated_speed
+        return max(self.stall_torque - slope * speed, 0.0) if speed <= self.max_speed else 0.0
+
+    def short_torque(self, speed: Array) -> Array:
+        """Return the torque [N*m] that it gives for a short time at speeds [rad/s], shape (n,).
+
+        The peak torque up to the rated speed, straight from there to the rated torque at the largest speed, 0 beyond.
+        """
+        share = np.clip((speed - self.rated_speed) / (self.max_speed - self.rated_speed), 0.0, 1.0)
+        torque = self.peak_torque + share * (self.rated_torque - self.peak_torque)
+        return np.where(speed <= self.max_speed, torque, 0.0)
+
+
+def read_catalogue(path: Path) -> list[Motor]:
+    """Return the motors of a catalogue."""
+    heads, below = table(path, path.name)
+    rows = list(below)
+    if not 1 <= len(rows) <= MOST:
+        raise InputError(f"the catalogue {path.name} has {len(rows)} motors", expected=f"1 to {MOST}")
+    columns = measured_columns(path, UNITS, ["name", *UNITS])
+    place = [head.strip() for head in heads].index("name")
+    motors = dict[str, Motor]()
+    for k, (line, row) in enumerate(rows):
+        name, where = row[place].strip() if place < len(row) else "", Location(path.name, line)
+        if name in motors:
+            raise InputError(f"the catalogue has the motor '{name}' twice", expected="names of their own").at(where)
+        for key in UNITS:
+            size, free = columns[key][k], key == "rotor_inertia"
+            if not (SMALLEST <= size <= GREATEST or (free and size == 0.0)):
+                expected = f"a size from {SMALLEST:g} to {GREATEST:g}"
+                raise InputError(f"{key} is {size:g}", expected=expected).at(where)
+        motors[name] = motor = Motor(name, *(columns[key][k] for key in UNITS))
+        for low, high in ORDERED:
+            if not getattr(motor, low) <= getattr(motor, high) or motor.rated_speed == motor.max_speed:
+                expected = f"{low} not above {high}, rated_speed below max_speed"
+                raise InputError(f"{low} is beyond {high}", expected=expected).at(where)
+    return list(motors.values())
+
+
+ORDERED = (("rated_torque", "stall_torque"), ("rated_torque", "peak_torque"), ("rated_speed", "max_speed"))
+"""Pairs of numbers of a motor of which the second is not below the first."""
 
 Ratio = Annotated[float, msgspec.Meta(ge=SMALLEST, le=GREATEST)]
 Safety: Any = number(least=1.0)

@@ -7,7 +7,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.assessments.loads.elements import grade
+from pinarm.use.assessments.elements import grade
 
 ROUNDING = 1e-12
 """Relative: sums of a few terms."""

@@ -1,1 +1,0 @@
-"""Loads of joints: envelopes, rating lives of bearings, bushings, balance of rotors, and sets of loads for FEM."""

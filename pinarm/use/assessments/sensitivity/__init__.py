@@ -1,1 +1,0 @@
-"""Sensitivity of numbers of a run: derivatives, bands from tolerances, and distributions."""

@@ -1,1 +1,0 @@
-"""Sizing a motor and its gear for the effort and motion of one joint."""
