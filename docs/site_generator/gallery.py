@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import pinarm
+from pinarm.use.show.drawings import sketch
 from pinarm.use.show.replay.page import Replay
-from pinarm.use.show.sketch import sketch
 from site_generator.kind_pages import Made
 from site_generator.repository_pages import ROOT
 

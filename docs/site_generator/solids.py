@@ -14,10 +14,9 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import normals
 from pinarm.use.facade import Result
 from pinarm.use.mechanism import Mechanism
-from pinarm.use.show.bodies import connections, placed
+from pinarm.use.show.bodies import Shape, connections, placed, visuals
+from pinarm.use.show.drawings import sketch
 from pinarm.use.show.picture import COLOURS, drawing
-from pinarm.use.show.shapes import Shape, visuals
-from pinarm.use.show.sketch import sketch
 
 SIZE = 4.4
 """Width and height [inch]."""

@@ -142,8 +142,7 @@ class Result(results.Result, frozen=True):
         Raises:
             InputError: The run does not come there.
         """
-        from pinarm.use.show.free_bodies import free_body_diagrams
-        from pinarm.use.show.sketch import sketch
+        from pinarm.use.show.drawings import free_body_diagrams, sketch
 
         return free_body_diagrams(self, at) if forces else sketch(self)
 

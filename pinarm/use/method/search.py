@@ -384,7 +384,7 @@ def connected_groups(mechanism: Mechanism, actions: Actions) -> Flags:
     model, near = mechanism.model, _near(mechanism, actions)
     groups = {frozenset([body]) for body in actions.bodies}
     if len(near) > WHOLE:
-        groups |= {frozenset(map(int, model.subtrees[body])) & near.keys() for body in near}
+        groups |= {frozenset(near.keys() & map(int, model.subtrees[body])) for body in near}
     border = groups if len(near) <= WHOLE else set()
     while border:
         border = {group | {tied} for group in border for body in group for tied in near[body]} - groups

@@ -30,12 +30,11 @@ from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUA
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
-from pinarm.use.show.free_bodies import free_body_diagrams, worst_instants
+from pinarm.use.show.drawings import free_body_diagrams, sketch, worst_instants
 from pinarm.use.show.link_graph import link_graph
 from pinarm.use.show.mechanism_tables import mechanism_tables
 from pinarm.use.show.notebook import ReportTable, frame, part, rounded, sentences, tag, text, unit_text, with_unit
 from pinarm.use.show.plot import graph, plot
-from pinarm.use.show.sketch import sketch
 from pinarm.use.show.terminal import FEW, accuracy_lines, counted, error_lines, ranges
 from pinarm.use.study.answers.check import HEADING, finding_of
 from pinarm.use.study.answers.check import remarks as verdict_remarks

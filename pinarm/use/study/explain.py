@@ -90,7 +90,7 @@ class Explanation:
 
     def sketch(self) -> Picture:
         """Return a drawing of the mechanism in that configuration, with the names of parts, points, joints, loops."""
-        from pinarm.use.show.sketch import structure
+        from pinarm.use.show.drawings import structure
 
         return structure(self.mechanism, self.q, f"mobility {self.mobility.mobility} {self.where}")
 

@@ -11,7 +11,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError, UnitError
 from pinarm.use.report.report import report as document
-from pinarm.use.show.sketch import sketch
+from pinarm.use.show.drawings import sketch
 from pinarm.use.show.terminal import ranges, report
 from pinarm.use.study.answers.check import rows as verdicts
 

@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.use.show.bodies import nodes_of
-from pinarm.use.show.stick_figure import stick_figure
+from pinarm.use.show.scene import stick_figure
 
 FILE = Path(pinarm.__file__).parents[1] / "models" / "bottle_capper" / "mechanism.yaml"
 

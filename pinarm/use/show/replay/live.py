@@ -14,10 +14,9 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, PinarmError
-from pinarm.use.show.bodies import placed
+from pinarm.use.show.bodies import Shape, placed, visuals
 from pinarm.use.show.replay.page import rows_shown
 from pinarm.use.show.scene import scene
-from pinarm.use.show.shapes import Shape, visuals
 
 if TYPE_CHECKING:
     import meshcat

@@ -25,12 +25,12 @@ from pinarm.errors import InputError, as_names
 from pinarm.language import decimals, in_language, said, spoken, told
 from pinarm.records import Record
 from pinarm.use.output import write_file
+from pinarm.use.show.bodies import visuals
 from pinarm.use.show.labels import axis_label, name_label, runs, unicode_label, unit_text
 from pinarm.use.show.meshes import Mesh, thinned
 from pinarm.use.show.replay.arrows import ARROWS, Arrow, arrows_of, traced
 from pinarm.use.show.replay.modes import CYCLE, mode_pictures, require_bare
 from pinarm.use.show.scene import Scene, names_of, scene
-from pinarm.use.show.shapes import visuals
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result

@@ -1,24 +1,27 @@
-"""Drawing of the mechanism with names: start and end of a run in colour, positions in between in grey."""
+"""Drawings of a mechanism: start and end of a run with names, and every body by itself with all its loads to scale."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, distinct
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE
 from pinarm.engine.series import Series
-from pinarm.language import decimals, in_language, said
+from pinarm.language import decimals, in_language, said, told
 from pinarm.mechanics.joints import METRE
 from pinarm.records import Record
+from pinarm.use.assessments.loads import Action, free_bodies
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.bodies import BodyPoint, Connection, placed
-from pinarm.use.show.labels import PLAIN, axis_label, plain, shown, symbol
-from pinarm.use.show.picture import COLOURS, Note, Picture, drawing, label, legend_below, write
-from pinarm.use.show.scene import Scene, names_of, scene
+from pinarm.use.show.labels import PLAIN, axis_label, plain, shown, symbol, unit_text
+from pinarm.use.show.notebook import rounded
+from pinarm.use.show.picture import COLOURS, INK, Note, Picture, drawing, label, legend_below, write
+from pinarm.use.show.scene import Framing, Scene, names_of, scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,44 +29,32 @@ if TYPE_CHECKING:
 
     from pinarm.use.result.result import Result
 
-BETWEEN = 4
-"""Positions between start and end."""
-
-FINE = 600
-"""Rows by which paths are drawn."""
+BETWEEN, FINE = 4, 600
+"""Positions between start and end; rows by which paths are drawn."""
 
 SIZE, INSIDE, LOWEST, EDGE = 5.6, 320.0, 150.0, 32.0
 """Width of the picture [inch]; width and largest height, least height, and margin for names of the drawing [points]."""
 
-FRAME, HEADING, ENTRIES = 42.0, 30.0, 22.0
-"""Height of the numbers below a drawing, of a line of its heading, and of a row of the legend [points]."""
+FRAME, HEADING, ENTRIES, WRAP = 42.0, 30.0, 22.0, 58
+"""Height of the numbers below a drawing, of a line of its heading, of a row of the legend [points]; letters a line."""
 
 POINTS = 72.0
 """Points per inch."""
 
 COIL = np.array([0.0, 0.0, 1.0, *[-1.0, 1.0] * 5, -1.0, 0.0, 0.0])
-"""Corners of a spring: distance from its axis, relative to its half width."""
-
 ALONG = np.array([0.0, 0.15, *np.linspace(0.18, 0.82, 12), 0.85, 1.0])
-"""Places of these corners along the spring, relative to its length."""
+"""Corners of a spring: distances from its axis, relative to its half width, and places along it, to its length."""
 
-WIDE, SLENDER = {"spring": 0.018, "cylinder": 0.011}, 0.13
-"""Half width of springs and of cylinders at most, relative to the extent of the mechanism and to their length."""
-
-BARREL = 0.7
-"""Length of the barrel of a cylinder, relative to the least distance of its ends."""
+WIDE, SLENDER, BARREL = {"spring": 0.018, "cylinder": 0.011}, 0.13, 0.7
+"""Half width of springs and of cylinders at most, relative to the extent of the mechanism and to their length; length
+of the barrel of a cylinder, relative to the least distance of its ends."""
 
 EVEN = 1e-9
 """Component of a unit vector that is rounding."""
 
-WRAP = 58
-"""Letters of a line of the title."""
-
-MOVED = 0.05
-"""Distance of start and end, relative to the extent, from which a point is named at both."""
-
-SAME = 2e-3
-"""Distance of start and end, relative to the extent, up to which they are drawn as one: the width of a line."""
+MOVED, SAME = 0.05, 2e-3
+"""Distance of start and end, relative to the extent, from which a point is named at both, and up to which they are
+drawn as one: the width of a line."""
 
 LINKS, THINNEST = 10.0, 0.35
 """Typical links along the extent above which lines and marks are drawn smaller, and their least relative size."""
@@ -71,11 +62,9 @@ LINKS, THINNEST = 10.0, 0.35
 PATH, GROUND, FAINT = "#8b949e", "#59595f", "#d0d4d9"
 """Colours of paths, of the ground, and of positions in between."""
 
-AXES = (("x", "#d6453d"), ("y", "#3a9d4a"), ("z", "#3569c9"))
-"""Names and colours of the world's axes, as in the replay."""
-
-TRIAD, LETTER = 26.0, 6.0
-"""Length of the axes in the corner, and half the size of their letters, with a margin [points]."""
+AXES, TRIAD, LETTER = (("x", "#d6453d"), ("y", "#3a9d4a"), ("z", "#3569c9")), 26.0, 6.0
+"""Names and colours of the world's axes, as in the replay; length of the axes in the corner, and half the size of
+their letters, with a margin [points]."""
 
 MOUNT = ((0.0, 0.0), (-0.8, -1.2), (0.8, -1.2), (0.0, 0.0))
 """Support of a joint on the ground, in the size of its mark."""
@@ -102,10 +91,11 @@ def sketch(result: Result, *, titled: bool = True) -> Picture:
     places = dict(zip(rows, placed(model, run.q[rows]), strict=True))
     chosen = rows if run.numbered else distinct(np.array([0, len(run) - 1])).tolist()
     poses = [Pose(places[row], _where(result, row), COLOURS[k % len(COLOURS)]) for k, row in enumerate(chosen)]
-    if len(poses) == 2 and not run.numbered and _same(seen, poses):
-        poses = [Pose(poses[0].place, f"{poses[0].label}, {poses[1].label}", COLOURS[0])]
-    tips = [] if run.numbered else seen.figure.tips
-    paths = [tip.path(placed(model, run.q, FINE)) for tip in tips]
+    if len(poses) == 2 and not run.numbered:
+        apart = np.abs(poses[1].place[:, :3] - poses[0].place[:, :3])
+        if apart[..., :3].max() < SAME and apart[..., 3].max() < SAME * seen.framing.size:
+            poses = [Pose(poses[0].place, f"{poses[0].label}, {poses[1].label}", COLOURS[0])]
+    paths = [] if run.numbered else [tip.path(placed(model, run.q, FINE)) for tip in seen.figure.tips]
     between = [place for row, place in places.items() if row not in chosen]
     title = result.content.title or result.name if titled else ""
     return _Sketch(run.mechanism, seen, result.presentation).picture(poses, between, paths, title)
@@ -118,18 +108,17 @@ def structure(mechanism: Mechanism, q: Array, text: str) -> Picture:
 
 
 def _where(result: Result, row: int) -> str:
-    run = result.trajectory
-    scale, measured = shown(result.parameter, result.presentation)
-    value = decimals(f"{run.grid.t[row] / scale:.4g}").replace("-", "−")
+    run, place = result.trajectory, _place(result, float(result.trajectory.grid.t[row]), 4)
     if run.numbered:
-        return said("row {number}", number=value)
+        return said("row {number}", number=place)
+    return f"{said('end' if row else 'start')}{said(': ')}{symbol(run.parameter)} = {place}"
+
+
+def _place(result: Result, t: float, digits: int) -> str:
+    """Return a value of the parameter of a run [SI] as a label, with its unit."""
+    factor, measured = shown(result.parameter, result.presentation)
     unit = {"1": "", "°": "°"}.get(str(measured or "1"), f" {measured}")
-    return f"{said('end' if row else 'start')}{said(': ')}{symbol(run.parameter)} = {plain(value + unit)}"
-
-
-def _same(seen: Scene, poses: Sequence[Pose]) -> bool:
-    apart = np.abs(poses[1].place[:, :3] - poses[0].place[:, :3])
-    return bool(apart[..., :3].max() < SAME and apart[..., 3].max() < SAME * seen.framing.size)
+    return plain(decimals(f"{t / factor:.{digits}g}").replace("-", "−") + unit)
 
 
 class _Sketch:
@@ -236,8 +225,8 @@ class _Sketch:
         size = high - low
         per = float((INSIDE - 2.0 * EDGE) / (size.max() or 1.0))
         room = np.array([INSIDE, max(LOWEST, float(per * size[1]) + 2.0 * EDGE)]) / per
-        (left, bottom), (right, top) = (low + high - room) / 2.0, (low + high + room) / 2.0
-        self.axis.set(xlim=(float(left), float(right)), ylim=(float(bottom), float(top)))
+        (left, bottom), (right, top) = ((low + high - room) / 2.0).tolist(), ((low + high + room) / 2.0).tolist()
+        self.axis.set(xlim=(left, right), ylim=(bottom, top))
         self.axis.set_aspect("equal", adjustable="box")
         self.axis.grid(visible=False)
         names = ["xyz"[k] for direction in self.axes for k in range(3) if direction[k] > 1.0 - EVEN]
@@ -281,30 +270,16 @@ class _Sketch:
         write_beside(self.axis, notes, hidden, per, taken)
 
 
-def round_up(x: float) -> float:
-    """Return the number 1, 2 or 5 times a power of ten next above another."""
-    power = 10.0 ** np.floor(np.log10(x))
-    return float(next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= 0.999 * x))
-
-
 DISTANCES = np.array([5.0, 11.0, 19.0, 28.0, 38.0, 50.0])
 """From a point to the edge of its name [points]."""
 
-BESIDE = 12.0
-"""Distance up to which a name is seen to belong to its point; from farther away a line leads to it [points]."""
-
-CLEAR = 1.5
-"""Room between two names, and between a name and a line that it could cover [points]."""
+BESIDE, CLEAR, DENSE, MOST = 12.0, 1.5, 2.0, 8
+"""Distance up to which a name is seen to belong to its point, from farther away a line leads to it; room between two
+names, and between a name and a line; distance of the sample points of lines [points]; of these a name may cover."""
 
 TURNS = np.deg2rad([45.0, 135.0, -45.0, -135.0, 90.0, 0.0, -90.0, 180.0])
 TOWARDS = np.round(np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1), 15)
 """Directions from a point to its name, the preferred one first, shape (8, 2)."""
-
-DENSE = 2.0
-"""Distance of the sample points of lines [points]."""
-
-MOST = 8
-"""Sample points that a name may cover."""
 
 
 def write_beside(
@@ -367,3 +342,171 @@ def _dense(lines: Sequence[Array]) -> Array:
         places = np.linspace(0.0, along[-1], 1 + int(np.ceil(along[-1] / DENSE)))
         points.append(np.stack([np.interp(places, along, corners[:, k]) for k in (0, 1)], axis=1))
     return np.concatenate(points)
+
+
+ACROSS, HIGH, HEAD, FOOT = 264.0, 216.0, 30.0, 34.0
+"""Size of the panel of a body, height of the heading, and of the scale below [points]."""
+
+LONGEST, ARC, DOT, ROOM = 46.0, 11.0, 3.0, 30.0
+"""Length of the largest force, radius of the arc of a moment, size of marks, and room for names on each side of a
+panel [points]."""
+
+TINY = 1e-9
+"""Size of a force or moment, relative to the largest of all bodies, that is rounding."""
+
+LEAST = 0.05
+"""Extent of a body, relative to that of the mechanism, below which it is drawn as if it had this extent."""
+
+KINDS = {"weight": COLOURS[2], "inertia relief": COLOURS[3], "force": COLOURS[1]}
+"""First words of a load, and their colours; loads of joints and couplings have the first colour."""
+
+LAW = "inertia relief: −m a and −(I α + ω × I ω), at the centre of mass"
+IN_PLANE = "forces in the plane, moments about its normal"
+PROJECTED = "arrows are projections, numbers whole sizes"
+
+INSTANTS = 4
+"""Instants whose free-body diagrams are drawn without being asked for one by one."""
+
+PARTS = (slice(0, 3), slice(3, 6))
+"""Force and moment of a wrench."""
+
+
+class _Panel(NamedTuple):
+    """A body with its loads in the plane of the picture.
+
+    Its outline [m], shape (k, 2) each; where the loads act [m], and their forces [points], shape (n, 2); their names.
+    """
+
+    name: str
+    actions: Sequence[Action]
+    lines: Sequence[Array]
+    points: Array
+    arrows: Array
+    words: Sequence[str]
+
+    def ends(self, per: float) -> Array:
+        """Return the corners of the outline and the tips of the arrows at a scale [points per metre], shape (k, 2)."""
+        return np.concatenate(
+            [*(per * line for line in self.lines), per * self.points, per * self.points + self.arrows]
+        )
+
+
+@in_language
+def free_body_diagrams(result: Result, at: float | str | None = None, *, titled: bool = True) -> Picture:
+    """Return a panel for every body: all that acts on it at one instant, each force as an arrow, to one scale.
+
+    A planar mechanism is seen along its axes, and moments are arcs; in any other arrows are projections.
+
+    Args:
+        result: The run.
+        at: Value of its parameter, in SI or with its unit; the first row where it is left out.
+        titled: Whether the title of the scenario is above it.
+
+    Raises:
+        InputError: The run does not come there.
+    """
+    row, mechanism = result.row_at(at), result.trajectory.mechanism
+    seen = scene(mechanism, result.trajectory.dynamics.forces, result.trajectory.q)
+    framing, place = seen.framing, placed(mechanism.model, row.trajectory.q)[0]
+    bodies, axes = [*free_bodies(row, framing.normal)], framing.axes
+    drawn = np.array([action.wrench for free in bodies if not free.left_out for action in free.actions])
+    force, moment = (np.linalg.norm(drawn.reshape(-1, 6)[:, part], axis=1).max(initial=0.0) for part in PARTS)
+    flat = np.linalg.norm(drawn.reshape(-1, 6)[:, :3] @ axes.T, axis=1).max(initial=0.0)
+    least, per_newton = TINY * np.array([force, max(moment, force * framing.size)]), LONGEST / flat if flat else 0.0
+    units = [result.presentation.scale(Series("", unit, np.zeros(1))) for unit in (NEWTON, NEWTON_METRE)]
+
+    def words(action: Action) -> str:
+        """Return the name of a load with the sizes of its force and moment; empty where both are rounding."""
+        sizes = [float(np.linalg.norm(action.wrench[part])) for part in PARTS]
+        measured = zip(sizes, least, units, strict=True)
+        parts = [
+            f"{rounded(size * factor)} {unit_text(unit)}" for size, none, (factor, unit) in measured if size > none
+        ]
+        return f"{told(action.what)} {said(', ').join(parts)}" if parts else ""
+
+    panels = []
+    for free in bodies:
+        own = [] if free.left_out else [action for action in free.actions if words(action)]
+        if not (own or free.left_out):
+            continue
+        turn, origin = place[free.body, :3, :3], place[free.body, :3, 3]
+        lines = [(stick.points @ turn.T + origin) @ axes.T for stick in seen.figure.lines if stick.node == free.body]
+        points = np.array([action.point for action in own] or [origin]) @ axes.T
+        forces = np.array([action.wrench[:3] for action in own] or [np.zeros(3)]) @ axes.T
+        name = said("{link}: not determined", link=free.link) if free.left_out else free.link
+        panels.append(_Panel(name, own, lines, points, per_newton * forces, [plain(words(action)) for action in own]))
+    where = f"{symbol(result.parameter.name)} = {_place(result, float(row.trajectory.grid.t[0]), 5)}"
+    title = plain(result.content.title or result.name)
+    heading = f"{title}, {where}" if titled else said("Free bodies at {place}", place=where)
+    columns = max(1, min(2, len(panels)))
+    rows = -(-len(panels) // columns)
+    width, height = columns * ACROSS, rows * HIGH + HEAD + FOOT
+    with drawing(width / POINTS, height / POINTS, heading) as picture:
+        picture.set_layout_engine("none")
+        for k, panel in enumerate(panels):
+            corner = (k % columns) / columns, (FOOT + HIGH * (rows - 1 - k // columns)) / height
+            axis = picture.add_axes((*corner, 1.0 / columns, HIGH / height))
+            _panel(axis, panel, framing, float(least[1]))
+        foot = picture.add_axes((0.0, 0.0, 1.0, FOOT / height))
+        foot.set(xlim=(0.0, width), ylim=(0.0, FOOT))
+        foot.set_axis_off()
+        if per_newton:
+            factor, unit = units[0]
+            size = _round_up(0.3 * LONGEST / per_newton * factor)
+            end = 14.0 + per_newton * size / factor
+            _arrow(foot, np.array([14.0, 22.0]), np.array([end, 22.0]), INK)
+            foot.text(end + 8.0, 22.0, decimals(f"{size:g} {unit_text(unit)}"), va="center", fontsize=8)
+        view = said(PROJECTED if framing.normal is None else IN_PLANE)
+        foot.text(14.0, 8.0, f"{view}{said('; ')}{said(LAW)}", va="center", fontsize=6.5, color=GROUND)
+    return picture
+
+
+def worst_instants(result: Result) -> dict[str, float]:
+    """Return the instants of the sets of loads that are asked for, by the first set at each; at most ``INSTANTS``."""
+    tables = result.section("loads").tables if "loads" in result.numbered else ()
+    sets, instants = [table for table in tables if table.name == "sets"], dict[float, str]()
+    for name, at, *_ in (row for table in sets for row in table.rows):
+        instants.setdefault(float(at), str(name))
+    return {name: at for at, name in [*instants.items()][:INSTANTS]}
+
+
+def _panel(axis: Axes, panel: _Panel, framing: Framing, least: float) -> None:
+    """Draw a body with its loads; larger loads choose the places of their names first. Smaller moments have no arc."""
+    largest = float(np.ptp(np.concatenate([*panel.lines, panel.points]), axis=0).max())
+    scales = np.geomspace(ACROSS, 1.0, 120) / max(largest, LEAST * framing.size)
+    page, notes, hidden = np.array([ACROSS, HIGH]), list[tuple[float, Note]](), [*panel.lines]
+    fitting = (per for per in scales.tolist() if (np.ptp(panel.ends(per), axis=0) <= page - 2.0 * ROOM).all())
+    per = next(fitting, float(scales[-1]))
+    ends = panel.ends(per)
+    left, bottom = ((ends.min(axis=0) + ends.max(axis=0) - page) / 2.0 / per).tolist()
+    axis.set(xlim=(left, left + ACROSS / per), ylim=(bottom, bottom + HIGH / per))
+    axis.set_axis_off()
+    axis.text(0.02, 0.97, label(plain(panel.name)), transform=axis.transAxes, fontsize=8, weight="bold", va="top")
+    for line in panel.lines:
+        axis.plot(*line.T, color=PATH, linewidth=2.2)
+    loads = zip(panel.actions, panel.points, panel.arrows, panel.words, strict=False)
+    for action, point, arrow, words in loads:
+        colour = next((colour for start, colour in KINDS.items() if action.what.startswith(start)), COLOURS[0])
+        tip = point + arrow / per
+        axis.plot(*point, "o", color=colour, markersize=DOT, markerfacecolor="white")
+        hidden.append(np.array([point, tip]))
+        moment = 0.0 if framing.normal is None else float(framing.normal @ action.wrench[3:])
+        if abs(moment) > least:
+            turn = np.sign(moment) * np.deg2rad(np.linspace(-60.0, 210.0, 28))
+            hidden.append(point + ARC / per * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+            axis.plot(*hidden[-1].T, color=colour, linewidth=1.1)
+            _arrow(axis, hidden[-1][-4], hidden[-1][-1], colour)
+        _arrow(axis, point, tip, colour)
+        notes.append((float(np.linalg.norm(arrow)), Note(words, tip, colour)))
+    write_beside(axis, [note for _, note in sorted(notes, key=lambda sized: -sized[0])], hidden, per, ())
+
+
+def _arrow(axis: Axes, start: Array, tip: Array, colour: str) -> None:
+    look: dict[str, Any] = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.3, "shrinkA": 0.0, "shrinkB": 0.0}
+    axis.annotate("", (float(tip[0]), float(tip[1])), (float(start[0]), float(start[1])), arrowprops=look)
+
+
+def _round_up(x: float) -> float:
+    """Return the number 1, 2 or 5 times a power of ten next above another."""
+    power = 10.0 ** np.floor(np.log10(x))
+    return float(next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= 0.999 * x))
