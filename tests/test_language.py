@@ -22,9 +22,9 @@ from pinarm.use.report.chapter import REMARK, TITLE
 from pinarm.use.report.given import LABELS
 from pinarm.use.result.measures import COSTS, MEASURES
 from pinarm.use.show.drawings import IN_PLANE, LAW, PROJECTED, sketch
-from pinarm.use.show.plot import ERRORS, OPEN
+from pinarm.use.show.picture import ERRORS, OPEN
 from pinarm.use.show.replay.arrows import ARROWS
-from pinarm.use.show.terminal import report as terminal
+from pinarm.use.show.text import report as terminal
 from pinarm.use.study.answers.check import LOOKS
 from pinarm.use.study.lab import FACTOR_IN, FACTORS, PARTLY, SIGN_IN
 

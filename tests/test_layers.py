@@ -36,7 +36,7 @@ FLOOR_PLAN = {
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""
 
 EXCEPTIONS = {
-    ("use.result.section", "use.show.notebook"): "sections in notebooks, by themselves",
+    ("use.result.section", "use.show.text"): "sections in notebooks, by themselves",
 }
 """Imports that go upwards, inside functions, and why. No circle runs over them either."""
 

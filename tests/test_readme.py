@@ -12,7 +12,7 @@ import pytest
 from code_blocks import PAGES, ROOT, blocks_of
 
 from pinarm import load
-from pinarm.use.show.terminal import report
+from pinarm.use.show.text import report
 from pinarm.use.study.answers.check import check
 
 README = blocks_of(ROOT / "README.md")

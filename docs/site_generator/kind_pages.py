@@ -14,8 +14,8 @@ import yaml
 import pinarm
 from pinarm.use.facade import Result
 from pinarm.use.show.drawings import sketch
-from pinarm.use.show.plot import graph, plot
-from pinarm.use.show.terminal import report
+from pinarm.use.show.picture import graph, plot
+from pinarm.use.show.text import report
 from site_generator.families import Kinds, definitions, families
 from site_generator.key_tables import key_tables, prose
 from site_generator.repository_pages import LANGUAGES, ROOT, shown_block

@@ -163,7 +163,7 @@ def _run(options: Namespace) -> Answer:
     import time
 
     from pinarm.use.progress import shown_by
-    from pinarm.use.show.terminal import report
+    from pinarm.use.show.text import report
     from pinarm.use.store.save import save
 
     begin = time.perf_counter()

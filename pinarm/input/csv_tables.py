@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import math
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
@@ -201,6 +201,39 @@ def read_columns(name: str, names: frozenset[str], stamp: tuple[int, int]) -> di
     if not (numbers and numbers[0]):
         raise _too_short(file)
     return {**dict.fromkeys(heads, array("d")), **dict(zip(read, numbers, strict=True))}
+
+
+def measured_columns(path: Path, units: Mapping[str, str], needed: Collection[str] = ()) -> dict[str, list[float]]:
+    """Return the columns of a CSV file that are known, in SI, by name.
+
+    Args:
+        path: The file, which may be read.
+        units: Names of known columns -> a unit of their quantity; empty for numbers without one.
+        needed: Names that the table must have.
+
+    Raises:
+        InputError: None is there, one that is needed is missing, or a heading has no unit of its quantity.
+    """
+    heads = {(split_heading(head) or (head, ""))[0]: head for head in read_headings(str(path))}
+    for name in needed if units.keys() & heads.keys() else [*needed, *units][:1]:
+        if name not in heads:
+            expected, hint = choices(name, heads)
+            columns = ", ".join(
+                f"{key} [{of}]" if of else key for key, of in {**dict.fromkeys(needed, ""), **units}.items()
+            )
+            message = f"the table {path.name} has no column '{name}', but {expected}"
+            raise InputError(message, expected=f"the columns {columns}", hint=hint).at(Location(path.name, 1))
+    state, factors = path.stat(), dict[str, float]()
+    for name in units.keys() & heads.keys():
+        written = (split_heading(heads[name]) or ("", None))[1]
+        if units[name] and (written is None or unit(written).dimension != unit(units[name]).dimension):
+            error = InputError(
+                f"the heading '{heads[name]}' has no unit of this quantity", expected=f"{name} [{units[name]}]"
+            )
+            raise error.at(Location(path.name, 1, 1, heads[name]))
+        factors[name] = unit(written).factor if written and units[name] else 1.0
+    columns_by_heading = read_columns(str(path), frozenset(units), (state.st_mtime_ns, state.st_size))
+    return {name: [factor * x for x in columns_by_heading[heads[name]]] for name, factor in factors.items()}
 
 
 def _too_short(file: str) -> InputError:

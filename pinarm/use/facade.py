@@ -124,7 +124,7 @@ class Result(results.Result, frozen=True):
                 several.
             against: What runs along the horizontal axis; the run's parameter where it is left out.
         """
-        from pinarm.use.show.plot import graph, graph_named, plot
+        from pinarm.use.show.picture import graph, graph_named, plot
 
         chosen = names or tuple(self.content.outputs)
         drawn = graph_named(self, chosen)
@@ -207,18 +207,19 @@ class Result(results.Result, frozen=True):
     @in_language
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
-        from pinarm.use.show.notebook import (
+        from pinarm.use.show.text import (
             blocks,
             folded,
             frame,
             heading,
             lines,
             picture,
+            ranges,
+            remarks,
             section_html,
             side_by_side,
             table,
         )
-        from pinarm.use.show.terminal import ranges, remarks
 
         first, *rows = ranges(self)
         numbers = [first, *([*row[:2], *map(decimals, row[2:])] for row in rows)]

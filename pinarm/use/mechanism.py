@@ -41,8 +41,8 @@ class Mechanism(mechanism.Mechanism, frozen=True):
 
     def _repr_html_(self) -> str:
         """Return bodies, joints, loops, forces and drives as tables, for notebooks."""
-        from pinarm.use.show.mechanism_tables import mechanism_tables
-        from pinarm.use.show.notebook import blocks, heading
+        from pinarm.use.show.structure import mechanism_tables
+        from pinarm.use.show.text import blocks, heading
 
         return blocks(heading(self.title), *(table.html() for table in mechanism_tables(self)))
 

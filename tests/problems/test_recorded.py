@@ -9,7 +9,7 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import PinarmError
-from pinarm.use.show.terminal import report
+from pinarm.use.show.text import report
 from pinarm.use.study.restore import restore
 
 ROOT = Path(pinarm.__file__).parents[1]

@@ -12,7 +12,7 @@ from pinarm.errors import PinarmError
 from pinarm.records import replace
 from pinarm.use.facade import Scenario
 from pinarm.use.result.number_accuracy import output_scales
-from pinarm.use.show.terminal import report
+from pinarm.use.show.text import report
 from pinarm.use.study.explain import explain
 from pinarm.use.study.restore import restore
 

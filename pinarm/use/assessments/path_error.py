@@ -28,11 +28,11 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
+from pinarm.input.csv_tables import measured_columns
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Position, Time, current_folder
 from pinarm.records import Record
-from pinarm.use.assessments import measured_columns
 from pinarm.use.result.curve_figures import CurveFigure
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable, numbered

@@ -33,12 +33,11 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Location, choices, within
-from pinarm.input.csv_tables import table
+from pinarm.input.csv_tables import measured_columns, table
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, decimal, is_whole, unit
 from pinarm.input.yaml.schema import Efficiency, InputStruct, Pause, current_folder, number
 from pinarm.records import Record, replace
-from pinarm.use.assessments import measured_columns
 from pinarm.use.assessments.duty import Duty, Height, Known, duty_of
 from pinarm.use.result.curve_figures import CurveFigure, made_a_motion
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable, numbered

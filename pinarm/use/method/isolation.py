@@ -182,6 +182,6 @@ class Isolation(Record, frozen=True):
         return {**told, "residual": self.residual}
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.notebook import lines
+        from pinarm.use.show.text import lines
 
         return lines(str(self).split("\n"))

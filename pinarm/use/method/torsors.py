@@ -155,10 +155,10 @@ class Torsor(Record, frozen=True):
         return self.text()
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show import notebook
+        from pinarm.use.show.text import blocks, heading, table
 
-        heading, rows = self._written(None)
-        return notebook.blocks(notebook.heading(heading), notebook.table(rows))
+        words, rows = self._written(None)
+        return blocks(heading(words), table(rows))
 
 
 def _in_basis(parts: Array, turn: Array) -> Array:

@@ -31,11 +31,24 @@ from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.drawings import free_body_diagrams, sketch, worst_instants
-from pinarm.use.show.link_graph import link_graph
-from pinarm.use.show.mechanism_tables import mechanism_tables
-from pinarm.use.show.notebook import ReportTable, frame, part, rounded, sentences, tag, text, unit_text, with_unit
-from pinarm.use.show.plot import graph, plot
-from pinarm.use.show.terminal import FEW, accuracy_lines, counted, error_lines, ranges
+from pinarm.use.show.picture import graph, plot
+from pinarm.use.show.structure import link_graph, mechanism_tables
+from pinarm.use.show.text import (
+    FEW,
+    ReportTable,
+    accuracy_lines,
+    counted,
+    error_lines,
+    frame,
+    part,
+    ranges,
+    rounded,
+    sentences,
+    tag,
+    text,
+    unit_text,
+    with_unit,
+)
 from pinarm.use.study.answers.check import HEADING, finding_of
 from pinarm.use.study.answers.check import remarks as verdict_remarks
 from pinarm.use.study.answers.check import rows as verdict_rows

@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.engine.constraints.self_stresses import mobility_of
 from pinarm.engine.series import Series
 from pinarm.language import decimals, said
-from pinarm.use.show.notebook import ReportTable, number, shortened, unit_text
+from pinarm.use.show.text import ReportTable, number, shortened, unit_text
 
 if TYPE_CHECKING:
     from pinarm.use.facade import Result

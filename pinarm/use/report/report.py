@@ -17,7 +17,7 @@ from pinarm.use.facade import Result
 from pinarm.use.output import write_file
 from pinarm.use.report.chapter import Chapter, appendix, chapter_on, figure, keyless, provenance
 from pinarm.use.report.given import problem_rows
-from pinarm.use.show.notebook import (
+from pinarm.use.show.text import (
     ReportTable,
     frame,
     number,

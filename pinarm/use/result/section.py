@@ -195,7 +195,7 @@ class Section(Record, frozen=True):
         """Return tables, remarks and graphs, for notebooks."""
         from pinarm.use.result.presentation import FOR_PEOPLE, Presentation
 
-        html: str = import_module("pinarm.use.show.notebook").section_html(self.shown(FOR_PEOPLE), Presentation())
+        html: str = import_module("pinarm.use.show.text").section_html(self.shown(FOR_PEOPLE), Presentation())
         return html
 
 

@@ -19,9 +19,9 @@ from pinarm.use.assessments.loads import Action, free_bodies
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.bodies import BodyPoint, Connection, placed
 from pinarm.use.show.labels import PLAIN, axis_label, plain, shown, symbol, unit_text
-from pinarm.use.show.notebook import rounded
 from pinarm.use.show.picture import COLOURS, INK, Note, Picture, drawing, label, legend_below, write
 from pinarm.use.show.scene import Framing, Scene, names_of, scene
+from pinarm.use.show.text import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

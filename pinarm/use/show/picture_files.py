@@ -58,7 +58,7 @@ def file_name(quantity: str) -> str:
 def pictures(result: Result) -> Iterator[tuple[str, Picture]]:
     """Yield the pictures of a run by the names of their files: its outputs, its sections, start and end positions."""
     from pinarm.use.show.drawings import free_body_diagrams, sketch, worst_instants
-    from pinarm.use.show.plot import graph, plot
+    from pinarm.use.show.picture import graph, plot
 
     outputs = [] if result.arrays else list(dict.fromkeys(result.content.outputs))
     for number, group in enumerate(tuple(outputs[i : i + PER_FILE]) for i in range(0, len(outputs), PER_FILE)):

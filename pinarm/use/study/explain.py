@@ -31,7 +31,7 @@ from pinarm.records import replace
 from pinarm.use.facade import Scenario
 from pinarm.use.mechanism import with_methods
 from pinarm.use.result.failures import failures_in_words
-from pinarm.use.show.terminal import counted
+from pinarm.use.show.text import counted
 from pinarm.use.study.quantities import Subject, subject
 from pinarm.use.study.run import run
 
@@ -96,7 +96,7 @@ class Explanation:
 
     def graph(self) -> Picture:
         """Return the graph of links: bodies, and the joints, loop joints and couplings between them."""
-        from pinarm.use.show.link_graph import link_graph
+        from pinarm.use.show.structure import link_graph
 
         return link_graph(self.mechanism)
 
@@ -120,7 +120,7 @@ class Explanation:
         return path
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.notebook import blocks, lines, picture
+        from pinarm.use.show.text import blocks, lines, picture
 
         return blocks(picture(self.sketch()), lines(str(self).split("\n")))
 

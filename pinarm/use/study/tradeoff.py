@@ -30,7 +30,7 @@ from pinarm.use.output import whole_folder
 from pinarm.use.result.number_accuracy import output_scales
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
-from pinarm.use.show.terminal import aligned
+from pinarm.use.show.text import aligned
 from pinarm.use.store.files import json_text, write
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ class Tradeoff:
         return {**drawn, "variants": outputs(self)} if self.variants else drawn
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.notebook import blocks, folded, heading, lines, picture, table
+        from pinarm.use.show.text import blocks, folded, heading, lines, picture, table
 
         drawn = {name: picture(figure) for name, figure in self.plots().items()}
         parts = [heading(self.scenario.content.title or self.scenario.name)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.show.terminal import report
+from pinarm.use.show.text import report
 
 LINKAGE = """<robot name="linkage"><link name="base"/><link name="A"/><link name="B"/>
   <link name="crank"><inertial><origin xyz="0.075 0 0"/><mass value="1.5"/>

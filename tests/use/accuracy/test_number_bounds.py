@@ -9,7 +9,7 @@ import pinarm
 from pinarm.errors import InputError
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import read_number
-from pinarm.use.show.terminal import report
+from pinarm.use.show.text import report
 
 URDF = """<robot name="inertia"><link name="base"/><link name="rotor"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from pinarm.use.report.given import mobility_words, question
-from pinarm.use.show.mechanism_tables import mechanism_tables
+from pinarm.use.show.structure import mechanism_tables
 
 
 def test_masses_axes_and_limits_are_those_of_the_file(mechanism: Callable[..., Any], chain: Callable[..., str]) -> None:

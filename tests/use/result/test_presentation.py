@@ -12,7 +12,7 @@ import pinarm
 from pinarm.errors import InputError, UnitError
 from pinarm.use.report.report import report as document
 from pinarm.use.show.drawings import sketch
-from pinarm.use.show.terminal import ranges, report
+from pinarm.use.show.text import ranges, report
 from pinarm.use.study.answers.check import rows as verdicts
 
 CHOSEN = """\

@@ -9,7 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
-from pinarm.use.show.terminal import report
+from pinarm.use.show.text import report
 from pinarm.use.study.restore import restore
 
 

@@ -12,7 +12,7 @@ from pinarm.errors import InputError
 from pinarm.use.facade import Result
 from pinarm.use.result.vibrations import responses
 from pinarm.use.show.picture_files import pictures
-from pinarm.use.show.terminal import report
+from pinarm.use.show.text import report
 
 CARRIAGE = """<robot name="carriage"><link name="rail"/><link name="body"><inertial><mass value="2"/>
 <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>

@@ -10,7 +10,7 @@ from pinarm.input.units import unit
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.section import Curve, Graph
 from pinarm.use.show.labels import axis_label, symbol, unicode_label
-from pinarm.use.show.plot import graph
+from pinarm.use.show.picture import graph
 
 
 @pytest.mark.parametrize(

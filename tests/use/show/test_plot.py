@@ -13,8 +13,8 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.use.result.section import Curve, Graph
+from pinarm.use.show.picture import graph
 from pinarm.use.show.picture_files import picture_format, pictures, write_pictures
-from pinarm.use.show.plot import graph
 
 ROOT = Path(pinarm.__file__).parents[1]
 

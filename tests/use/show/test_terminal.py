@@ -8,8 +8,7 @@ import pytest
 import pinarm
 from pinarm.input.units import unit
 from pinarm.use.result.section import SectionTable
-from pinarm.use.show.notebook import rounded
-from pinarm.use.show.terminal import counted, ranges, remarks, report, without_rounding
+from pinarm.use.show.text import counted, ranges, remarks, report, rounded, without_rounding
 from pinarm.use.study.restore import restore
 
 

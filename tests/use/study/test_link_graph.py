@@ -6,7 +6,7 @@ import pytest
 
 import pinarm
 from pinarm.cli.main import main
-from pinarm.use.show.link_graph import link_graph
+from pinarm.use.show.structure import link_graph
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 

@@ -89,7 +89,7 @@ class Replay(Record, frozen=True):
         return path
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.notebook import frame
+        from pinarm.use.show.text import frame
 
         return frame(self.html, height=560)
 

@@ -31,7 +31,7 @@ from pinarm.use.result.measures import ZERO, natural_sizes
 from pinarm.use.result.numbers import RunNumber, measured, names_number, read_number
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
-from pinarm.use.show.terminal import aligned
+from pinarm.use.show.text import aligned
 from pinarm.use.study.run import run, scenarios
 
 FORMULA = 1e-10
@@ -98,7 +98,7 @@ class Findings(tuple[Finding, ...]):
         return f"<Findings: {len(self)} expectations, {sum(not finding.ok for finding in self)} missed>"
 
     def _repr_html_(self) -> str:
-        from pinarm.use.show.notebook import blocks, lines, table
+        from pinarm.use.show.text import blocks, lines, table
 
         return blocks(table([list(HEADING), *rows(self)]), lines(remarks(self)))
 

@@ -13,9 +13,8 @@ from pinarm.input.units import HERTZ, unit
 from pinarm.input.yaml.document import argument_of
 from pinarm.language import decimals, in_language, said
 from pinarm.use.show.labels import axis_label, name_label, plain, shown
-from pinarm.use.show.picture import COLOURS, Picture, draw, drawable, drawing, label, legend, limits
+from pinarm.use.show.picture import COLOURS, STYLES, Picture, draw, drawable, drawing, label, legend, limits
 from pinarm.use.show.picture_files import file_name
-from pinarm.use.show.plot import STYLES
 from pinarm.use.study.sweep.axes import Axis
 from pinarm.use.study.sweep.branches import MEASURE
 

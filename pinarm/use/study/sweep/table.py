@@ -26,7 +26,7 @@ from pinarm.use.output import whole_folder
 from pinarm.use.result.measures import CLOSURES, RESIDUALS, singularity_words
 from pinarm.use.result.numbers import read_number
 from pinarm.use.result.presentation import Presentation
-from pinarm.use.show.terminal import aligned, counted
+from pinarm.use.show.text import aligned, counted
 from pinarm.use.store.files import CSV_FORMS, cell, json_text, write, write_arrays, write_parts, yaml_text
 from pinarm.use.study.sweep.axes import Cases, axes_of
 from pinarm.use.study.sweep.solving import JOURNAL
@@ -224,7 +224,7 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """Return statistics and a plot, for notebooks."""
-        from pinarm.use.show.notebook import blocks, heading, lines, picture, table
+        from pinarm.use.show.text import blocks, heading, lines, picture, table
 
         return blocks(heading(self.title or self.name), table(ranges(self)), lines(remarks(self)), picture(self.plot()))
 
