@@ -145,12 +145,12 @@ class Loads(InputStruct, frozen=True):
             numbers |= results
             remarks += said
         by_remark = dict[str, list[str]]()
-        for part in sets:
-            for remark in part.remarks:
-                by_remark.setdefault(remark, []).append(part.name)
+        for load_set in sets:
+            for remark in load_set.remarks:
+                by_remark.setdefault(remark, []).append(load_set.name)
         remarks += [f"sets {', '.join(names)}: {remark}" for remark, names in by_remark.items()]
-        if any(part.rows for part in sets):
-            residual = max(part.residual for part in sets)
+        if any(load_set.rows for load_set in sets):
+            residual = max(load_set.residual for load_set in sets)
             numbers["sets.residual"] = LoadNumber(residual, 0.0, DIMENSIONLESS)
         tables = [_numbers_table(numbers, at)]
         if rows:

@@ -254,13 +254,13 @@ def visuals(mechanism: Mechanism) -> Visuals:
     shapes, notes, missing = list[Shape](), list[str](), set[int]()
     meshes: dict[Path, list[Mesh]] = {}  # a leg's mesh serves four times
     for link in robot.findall("link"):
-        frame = frames[str(link.get("name"))] if link.find("visual") is not None else None
         for visual in link.findall("visual"):
+            frame = frames[str(link.get("name"))]
             try:
                 shapes += _visual(visual, frame, palette, mechanism.source, meshes)
             except (PinarmError, ValueError) as error:
                 reason = error.message if isinstance(error, PinarmError) else str(error)
-                notes.append(f"link {link.get('name')} is not drawn as its file says: {reason}")
+                notes.append(f"link {frame.name} is not drawn as its file says: {reason}")
                 missing.add(int(frame.parentJoint))
     bare = set(range(model.njoints)) - {shape.node for shape in shapes} | missing
     return Visuals(tuple(shapes), frozenset(bare), tuple(dict.fromkeys(notes)))
