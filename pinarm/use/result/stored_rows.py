@@ -1,4 +1,4 @@
-"""The rows of a result as arrays, and the states of a result from such arrays.
+"""A result as arrays, and the result of such arrays.
 
 They are read from a folder, or come from another process. Solved motions hold functions, which neither can hold: states
 at other instants are solved anew when they are asked for.
@@ -6,15 +6,16 @@ at other instants are solved anew when they are asked for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.labelled_array import labelled_arrays, plain_arrays
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import RelayedMotion, SolvedMotion
+from pinarm.engine.motion.outcome import Outcome, RelayedMotion, SolvedMotion
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.errors import InputError
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from pinarm.errors import Place
     from pinarm.problems import Problem
     from pinarm.problems.accuracy import Accuracy
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 SAME = 1e-5
 """Difference of a motion that is solved again to its rows, relative to the largest: other processors round otherwise,
@@ -35,54 +38,28 @@ and errors grow along a motion."""
 ROUNDING = 1e-12
 """Difference that is none where all is 0 [SI]."""
 
-EFFORTS, NOTHING = ("tau", "lam", "further"), np.zeros(0)
+FOREIGN = "the states of this result are not those of its model"
 
 AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
 
 
-def states(run: Trajectory) -> dict[str, Any]:
-    """Return the arrays from which ``trajectory_of`` makes the states of a run again, for the same scenario."""
+def arrays_of(result: Result) -> dict[str, Any]:
+    """Return the arrays from which ``result_of`` makes the result of the same scenario again."""
+    run, events = result.trajectory, result.events
     guides = [constraint.name for constraint in run.closure.constraints[len(run.mechanism.constraints) :]]
-    return {
+    arrays = {
         "q": run.q, "v": run.v, "a": run.a, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
         "rows": np.array(run.grid.rows), "guides": np.array(guides, str), **_of_efforts(run),
         **({} if run.directions is None else {"directions": run.directions}),
         **{f"other.{k}.{name}": array
            for k, other in enumerate(run.others) for name, array in _of_efforts(other).items()},
     }  # fmt: skip
-
-
-def event_arrays(events: Sequence[EventRecord]) -> dict[str, Any]:
-    """Return the arrays from which ``events_of`` makes events and impacts again; none where there are none."""
-    if not events:
-        return {}
-    return {
-        "event.names": np.array([event.name for event in events], str),
-        "event.t": np.array([event.t for event in events]),
-        "event.q": np.array([event.q for event in events]),
-        "event.v": np.array([event.v for event in events]),
-        "event.before": np.array([event.v if event.before is None else event.before for event in events]),
-        "event.impact": np.array([event.before is not None for event in events], float),
-    }
-
-
-def events_of(arrays: Mapping[str, Array], model: pin.Model) -> tuple[EventRecord, ...]:
-    """Return the events and impacts of a result, in order of time; see ``event_arrays``.
-
-    Raises:
-        InputError: The arrays are not those of this model.
-    """
-    if "event.names" not in arrays:
-        return ()
-    names, n = arrays["event.names"].reshape(-1).tolist(), arrays["event.names"].size
-    wanted = {"t": (n,), "q": (n, model.nq), "v": (n, model.nv), "before": (n, model.nv), "impact": (n,)}
-    if any(arrays.get(f"event.{name}", NOTHING).shape != shape for name, shape in wanted.items()):
-        raise InputError("the events of this result are not those of its model", hint=AGAIN)
-    t, q, v, before, impact = (arrays[f"event.{name}"] for name in wanted)
-    return tuple(
-        EventRecord(str(name), float(t[k]), q[k], v[k], before[k] if impact[k] else None)
-        for k, name in enumerate(names)
-    )
+    if events:
+        arrays["event.names"] = np.array([event.name for event in events], str)
+        arrays |= {f"event.{name}": np.array([getattr(event, name) for event in events]) for name in ("t", "q", "v")}
+        arrays["event.before"] = np.array([event.v if event.before is None else event.before for event in events])
+        arrays["event.impact"] = np.array([event.before is not None for event in events], float)
+    return {**arrays, **plain_arrays(result.arrays)}
 
 
 def _of_efforts(run: Trajectory) -> dict[str, Array]:
@@ -92,14 +69,85 @@ def _of_efforts(run: Trajectory) -> dict[str, Array]:
     return {"tau": run.tau, "lam": run.lam, "further": further, **endless}
 
 
-def _with_efforts(run: Trajectory, arrays: Mapping[str, Array], prefix: str = "") -> Trajectory:
+def result_of(
+    scenario: Scenario,
+    mechanism: Mechanism,
+    arrays: Mapping[str, Array],
+    outcome: Mapping[str, Any],
+    measured: Mapping[str, Any],
+) -> Result:
+    """Return the result that has been made arrays.
+
+    Args:
+        scenario: Its scenario.
+        mechanism: Its mechanism.
+        arrays: See ``arrays_of``.
+        outcome: Fields of its outcome beside these.
+        measured: Its own fields that do not follow from the rows.
+
+    Raises:
+        InputError: The arrays are not those of this mechanism.
+    """
+    problem = scenario.problem
+    rows = _trajectory(problem, mechanism, arrays)
+    if problem.kind == "forward" or (problem.kind == "inverse" and rows.dynamics.leaps_with_joints):
+        rows = replace(rows, dynamics=rows.dynamics.at_rows(rows.grid, rows.q, rows.v))
+    anew = SolvedAnew(problem, scenario.content.accuracy, scenario.place, mechanism, rows)
+    known = {"events": _events(arrays, mechanism.model), "arrays": labelled_arrays(arrays), **outcome}
+    return replace(scenario.result(Outcome(rows, None if rows.isolated else anew, **known)), **measured)
+
+
+def _trajectory(problem: Problem, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
+    n, (nq, nv) = len(arrays["t"]), (mechanism.model.nq, mechanism.model.nv)
+    guides = [str(name) for name in arrays["guides"].reshape(-1)]
+    closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
+    first, efforts = problem.schema_row(mechanism), {"tau": (n, nv), "lam": (n, closure.size)}
+    efforts |= {"further": (len(first.columns), n)} if first.columns else {}
+    directed = "directions" in arrays or (lossy(mechanism) and not first.separate)
+    others = sorted({name.rpartition(".")[0] + "." for name in arrays if name.startswith("other.")})
+    states = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "t": (n,)}
+    _require(arrays, states | ({"directions": (n, nv)} if directed else {}))
+    for prefix in ("", *others):
+        endless = {"endless": (n,)} if f"{prefix}endless" in arrays else {}
+        _require(arrays, {f"{prefix}{name}": shape for name, shape in {**efforts, **endless}.items()})
+    grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
+    covered = len(grid.rows) == len(grid.cuts) >= 2 and grid.rows[0] == 0 and grid.rows[-1] == n > 0
+    if not covered or (np.diff(grid.rows) < 0).any():
+        raise InputError(FOREIGN, hint=AGAIN)
+    own = replace(
+        first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], closure=closure,
+        directions=arrays.get("directions"),
+    )  # fmt: skip
+    run, *other_runs = (_with_efforts(own, arrays, prefix) for prefix in ("", *others))
+    return replace(run, others=tuple(other_runs))
+
+
+def _require(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Raise where arrays lack, or have other shapes."""
+    if any(name not in arrays or arrays[name].shape != shape for name, shape in shapes.items()):
+        raise InputError(FOREIGN, hint=AGAIN)
+
+
+def _with_efforts(run: Trajectory, arrays: Mapping[str, Array], prefix: str) -> Trajectory:
     further = zip(run.columns.items(), arrays[f"{prefix}further"], strict=False)
     columns = {name: replace(series, values=row) for (name, series), row in further}
-    endless = arrays.get(f"{prefix}endless", NOTHING).astype(bool)
-    if len(endless) not in (0, len(run)):
-        raise InputError("the frictions of this result are not those of its model", hint=AGAIN)
+    endless = arrays.get(f"{prefix}endless")
     tau, lam = (arrays[f"{prefix}{name}"] for name in ("tau", "lam"))
-    return replace(run, tau=tau, lam=lam, columns=columns, endless=endless if len(endless) else None)
+    return replace(run, tau=tau, lam=lam, columns=columns, endless=None if endless is None else endless.astype(bool))
+
+
+def _events(arrays: Mapping[str, Array], model: pin.Model) -> tuple[EventRecord, ...]:
+    """Return the events and impacts, in order of time."""
+    if "event.names" not in arrays:
+        return ()
+    names, n = arrays["event.names"].reshape(-1).tolist(), arrays["event.names"].size
+    shapes = {"t": (n,), "q": (n, model.nq), "v": (n, model.nv), "before": (n, model.nv), "impact": (n,)}
+    _require(arrays, {f"event.{name}": shape for name, shape in shapes.items()})
+    t, q, v, before, impact = (arrays[f"event.{name}"] for name in shapes)
+    return tuple(
+        EventRecord(str(name), float(t[k]), q[k], v[k], before[k] if impact[k] else None)
+        for k, name in enumerate(names)
+    )
 
 
 class SolvedAnew(RelayedMotion, Record, frozen=True):
@@ -153,39 +201,3 @@ class SolvedAnew(RelayedMotion, Record, frozen=True):
     @property
     def relayed(self) -> SolvedMotion:
         return self._motion
-
-
-def trajectory_of(problem: Problem, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
-    """Return the states of a result; see ``states``.
-
-    Raises:
-        InputError: The arrays are not those of this mechanism.
-    """
-    n = len(arrays["t"])
-    guides = [str(name) for name in arrays["guides"].reshape(-1)]
-    closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
-    first, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
-    wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
-    wanted |= {"further": (len(first.columns), n)} if first.columns else {}
-    if "directions" in arrays or (lossy(mechanism) and not first.separate):
-        wanted["directions"] = (n, nv)
-    grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
-    shapes = {name: arrays[name].shape for name in wanted if name in arrays}
-    if n == 0 or shapes != wanted or not _fits(grid):
-        raise InputError("the states of this result are not those of its model", hint=AGAIN)
-    own = replace(
-        first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], closure=closure,
-        directions=arrays.get("directions"),
-    )  # fmt: skip
-    prefixes = sorted({name.rpartition(".")[0] + "." for name in arrays if name.startswith("other.")})
-    if any(
-        arrays.get(f"{prefix}{name}", NOTHING).shape != arrays[name].shape for prefix in prefixes for name in EFFORTS
-    ):
-        raise InputError("the frictions of this result are not those of its model", hint=AGAIN)
-    return replace(_with_efforts(own, arrays), others=tuple(_with_efforts(own, arrays, start) for start in prefixes))
-
-
-def _fits(grid: Grid) -> bool:
-    rows = np.array(grid.rows)
-    covers = len(rows) == len(grid.cuts) >= 2 and rows[0] == 0 and rows[-1] == len(grid.t)
-    return bool(covers and (np.diff(rows) >= 0).all())

@@ -400,27 +400,6 @@ class Scenario(Record, frozen=True):
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         return Result(self.name, outcome, quantities, self)
 
-    def result_of_rows(
-        self,
-        mechanism: Mechanism,
-        arrays: Mapping[str, Any],
-        outcome: Mapping[str, Any],
-        measured: Mapping[str, Any],
-    ) -> Result:
-        """Return a result from its parts, as another process gives them.
-
-        Args:
-            mechanism: The whole mechanism.
-            arrays: Of its rows; see ``stored_rows.states``.
-            outcome: Fields of its outcome but for rows and motion.
-            measured: Figures, errors and what else the result has been given.
-        """
-        from pinarm.use.result.stored_rows import SolvedAnew, trajectory_of
-
-        rows = trajectory_of(self.problem, mechanism, arrays)
-        motion = None if rows.isolated else SolvedAnew(self.problem, self.content.accuracy, self.place, mechanism, rows)
-        return replace(self.result(Outcome(rows, motion, **outcome)), **measured)
-
     def check_answer_key(self) -> None:
         """Check names and units of the answer key, with nothing solved."""
         if not self.content.expect:

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.labelled_array import PARTS, LabelledArray, plain_arrays, plain_table
+from pinarm.engine.labelled_array import PARTS, LabelledArray, plain_table
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
 from pinarm.engine.series import Series
@@ -24,7 +24,7 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
 from pinarm.use.assessments import FILES
 from pinarm.use.output import whole_folder
-from pinarm.use.result.stored_rows import event_arrays, states
+from pinarm.use.result.stored_rows import arrays_of
 from pinarm.use.store.files import CSV_FORMS, cell, json_text, write, write_arrays, write_parts, yaml_text
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
         InputError: An output has the name of one of these.
     """
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    stored = {**states(result.trajectory), **event_arrays(result.events), **plain_arrays(result.arrays), "units": units}
+    stored = {**arrays_of(result), "units": units}
     behind = {f"state.{name}": array for name, array in stored.items()}
     if taken := [series.name for series in columns if series.name in behind]:
         raise InputError(

@@ -5,19 +5,16 @@ Only files in the folder are read, and the tables that its laws of motion name.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.labelled_array import labelled_arrays
 from pinarm.engine.mechanism_loading import read_mechanism
-from pinarm.engine.motion.outcome import Outcome
 from pinarm.errors import InputError, require_path
 from pinarm.problems.simplification import Removal
 from pinarm.records import replace
@@ -25,27 +22,19 @@ from pinarm.use.facade import Result, Scenario
 from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.output import complete_folder, read_manifest
 from pinarm.use.result.measures import MEASURES
-from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, events_of, trajectory_of
+from pinarm.use.result.stored_rows import AGAIN, result_of
 from pinarm.use.store.section_files import SECTIONS, read_sections
 from pinarm.use.study.recorded import result as recorded_result
 
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
-FURTHER = re.compile(
-    r"state\.(directions|other\.[0-9]{1,4}\.(?:tau|lam|further|endless)|event\.(?:names|t|q|v|before|impact)|"
-    r"array\.(?:names|[0-9]{1,4}\.(?:values|rows|columns|row_units|column_units)))"
-)
-"""Arrays that only some results have: directions of drives with losses, other frictions that hold the motion, events,
-tables."""
-
-TEXTS = re.compile(r"guides|event\.names|array\.(?:names|[0-9]+\.(?:rows|columns|row_units|column_units))")
-"""Arrays of names and units."""
-
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
 """Files without which a folder is no result."""
 
 STATE = ("q", "v", "a", "tau", "lam", "t", "cuts", "rows")
+STORED = "state."
+"""Beginning of the names of arrays behind the outputs."""
 
 
 def restore(folder: str | Path) -> Result:
@@ -74,15 +63,9 @@ def restore(folder: str | Path) -> Result:
         manifest = read_manifest(folder)
     source = folder / manifest.source if manifest and manifest.source else None
     scenario = scenario.with_mechanism(mechanism)
-    question, mechanism = scenario.problem, scenario.mechanism
-    rows = trajectory_of(question, mechanism, arrays)
-    if question.kind == "forward" or (question.kind == "inverse" and rows.dynamics.leaps_with_joints):
-        rows = replace(rows, dynamics=rows.dynamics.at_rows(rows.grid, rows.q, rows.v))
-    anew = SolvedAnew(question, scenario.content.accuracy, scenario.place, mechanism, rows)
-    motion = None if rows.isolated else anew
-    outcome = Outcome(rows, motion, events=events_of(arrays, mechanism.model), arrays=labelled_arrays(arrays))
     measured = {key: summary[key] for key in ("figures", "errors", "number_errors", "setting", "no_bound", "removals")}
-    return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, source=source, **measured)
+    measured |= {"name": str(summary["scenario"]), "known": known, "source": source}
+    return cast("Result", result_of(scenario, scenario.mechanism, arrays, {}, measured))
 
 
 def replay(
@@ -147,25 +130,26 @@ def _summary(path: Path) -> dict[str, Any]:
 
 
 def _arrays(path: Path) -> dict[str, Array]:
-    """Return the arrays behind the outputs: states, other quantities, and names of guided coordinates."""
+    """Return the arrays behind the outputs, see ``arrays_of``: numbers that are finite, and texts."""
     try:
         with np.load(path, allow_pickle=False) as stored:
-            further = [match[1] for name in stored.files if (match := FURTHER.fullmatch(name))]
-            arrays = {name: stored[f"state.{name}"] for name in (*STATE, "further", "guides", *further)}
-        texts = {name for name in arrays if TEXTS.fullmatch(name)}
-        tables = {name for name in arrays if name.startswith("array.")} - texts
-        arrays = {
-            name: array if name in tables else array.astype(str if name in texts else float)
-            for name, array in arrays.items()
-        }
+            arrays = {name.removeprefix(STORED): stored[name] for name in stored.files if name.startswith(STORED)}
+        states = {name: array.astype(float) for name, array in arrays.items() if _is_state(name, array)}
+        unknown = {name for name in ("v", "a") if np.isnan(states[name]).all()}  # of recorded motions
+        if not all(np.isfinite(states[name]).all() for name in {*STATE, *states} - unknown):
+            raise InputError(f"the states in {path} are not finite")
+        return {**arrays, **states}
+    except InputError:
+        raise
     except Exception as error:  # whatever a damaged archive raises
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
-    unknown = {name for name in ("v", "a") if np.isnan(arrays[name]).all()}  # of recorded motions
-    told = {name for name in further if name.rpartition(".")[2] == "further"}  # NaN of an event that takes no place
-    numbers = {*STATE, *further} - unknown - texts - tables - told
-    if not all(np.isfinite(arrays[name]).all() for name in numbers):
-        raise InputError(f"the states in {path} are not finite")
-    return arrays
+
+
+def _is_state(name: str, array: Array) -> bool:
+    """Tell whether an array holds states, which are finite; in tables, and in columns of events, values may lack."""
+    if array.dtype.kind not in "Uifc":
+        raise ValueError(f"{name} holds neither numbers nor texts")
+    return array.dtype.kind != "U" and not name.startswith("array.") and name.rpartition(".")[2] != "further"
 
 
 def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
