@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from pinarm.errors import InputError, Location, PinarmError, choices
-from pinarm.input.roots import Stamp, similar_file
+from pinarm.input.roots import Stamp, similar_file, stamp_of
 from pinarm.input.units import Unit, decimal, unit
 from pinarm.input.yaml.schema import LARGEST
 from pinarm.records import Record
@@ -124,18 +124,21 @@ class MotionTable(Record, frozen=True):
     units: tuple[Unit, Unit]
 
 
-@lru_cache(maxsize=64)
-def read_table(name: str, column: str | None, stamp: Stamp, *, jumps: bool = False) -> MotionTable:
-    """Read the first column of a CSV file and one more.
+def read_table(path: Path, column: str | None, *, jumps: bool = False) -> MotionTable:
+    """Read the first column of a CSV file and one more; a file that has not changed is not read again.
 
     Args:
-        name: The file, as an absolute path that may be read.
+        path: An absolute path that may be read.
         column: Name in the heading of the other column; ``None`` for the second, if it alone has a unit.
-        stamp: Of the file, so that a changed file is read again.
         jumps: Whether two rows may have the same value in the first column.
     """
-    file = Path(name).name
-    heads, below = table(Path(name), file)
+    return _table(path, column, jumps, stamp_of(path.stat()))
+
+
+@lru_cache(maxsize=64)
+def _table(path: Path, column: str | None, jumps: bool, stamp: Stamp) -> MotionTable:
+    file = path.name
+    heads, below = table(path, file)
     if len(heads) < 2:
         raise _too_short(file)
     place = _place(heads, column, file)
@@ -156,9 +159,10 @@ def _place(heads: list[str], column: str | None, file: str) -> int:
     """Return the place of the column with a name, or of the only one with a unit beside the first."""
     names = {place: _name(head) for place, head in enumerate(heads) if place}
     if column is None:
-        measured = {place for place in names if (split_heading(heads[place]) or ("", None))[1] is not None}
-        fitting = [1, *sorted(measured - {1})]
-        said = f"the table {file} has several columns"
+        measured = [
+            place for place in names if place > 1 and (split_heading(heads[place]) or ("", None))[1] is not None
+        ]
+        fitting, said = [1, *measured], f"the table {file} has several columns"
     else:
         fitting = [place for place, name in names.items() if name == column]
         said = f"the table {file} has {'several columns' if fitting else 'no column'} '{column}'"
@@ -173,22 +177,20 @@ def _name(head: str) -> str:
     return heading[0] if heading else head.strip()
 
 
-def read_headings(name: str) -> list[str]:
-    """Return the headings of a CSV file as they are written; its rows are not read."""
-    return [head.strip() for head in table(Path(name), Path(name).name)[0]]
-
-
-@lru_cache(maxsize=8)
-def read_columns(name: str, names: frozenset[str], stamp: tuple[int, int]) -> dict[str, Column]:
+def read_columns(path: Path, names: Collection[str]) -> dict[str, Column]:
     """Read columns of a CSV file: headings as they are written, each with its numbers as they are written.
 
     Args:
-        name: The file, as an absolute path that may be read.
+        path: An absolute path that may be read.
         names: Names in the headings of the columns that are read; others may hold anything, and come without numbers.
-        stamp: Time and size of the file; part of the cache key, so that a changed file is read again.
     """
-    file = Path(name).name
-    heads, below = table(Path(name), file)
+    return _columns(path, frozenset(names), stamp_of(path.stat()))
+
+
+@lru_cache(maxsize=8)
+def _columns(path: Path, names: frozenset[str], stamp: Stamp) -> dict[str, Column]:
+    file = path.name
+    heads, below = table(path, file)
     heads = [head.strip() for head in heads]
     places = [place for place, head in enumerate(heads) if _name(head) in names]
     read = [heads[place] for place in places]
@@ -198,7 +200,7 @@ def read_columns(name: str, names: frozenset[str], stamp: tuple[int, int]) -> di
     for line, row in below:
         for column, place in zip(numbers, places, strict=True):
             column.append(_number(row, place, heads[place], file, line))
-    if not (numbers and numbers[0]):
+    if numbers and not numbers[0]:
         raise _too_short(file)
     return {**dict.fromkeys(heads, array("d")), **dict(zip(read, numbers, strict=True))}
 
@@ -214,16 +216,15 @@ def measured_columns(path: Path, units: Mapping[str, str], needed: Collection[st
     Raises:
         InputError: None is there, one that is needed is missing, or a heading has no unit of its quantity.
     """
-    heads = {(split_heading(head) or (head, ""))[0]: head for head in read_headings(str(path))}
+    heads = {_name(head): head.strip() for head in table(path, path.name)[0]}
     for name in needed if units.keys() & heads.keys() else [*needed, *units][:1]:
         if name not in heads:
             expected, hint = choices(name, heads)
-            columns = ", ".join(
-                f"{key} [{of}]" if of else key for key, of in {**dict.fromkeys(needed, ""), **units}.items()
-            )
+            known = {**dict.fromkeys(needed, ""), **units}.items()
+            named = f"the columns {', '.join(f'{key} [{of}]' if of else key for key, of in known)}"
             message = f"the table {path.name} has no column '{name}', but {expected}"
-            raise InputError(message, expected=f"the columns {columns}", hint=hint).at(Location(path.name, 1))
-    state, factors = path.stat(), dict[str, float]()
+            raise InputError(message, expected=named, hint=hint).at(Location(path.name, 1))
+    factors = dict[str, float]()
     for name in units.keys() & heads.keys():
         written = (split_heading(heads[name]) or ("", None))[1]
         if units[name] and (written is None or unit(written).dimension != unit(units[name]).dimension):
@@ -232,24 +233,21 @@ def measured_columns(path: Path, units: Mapping[str, str], needed: Collection[st
             )
             raise error.at(Location(path.name, 1, 1, heads[name]))
         factors[name] = unit(written).factor if written and units[name] else 1.0
-    columns_by_heading = read_columns(str(path), frozenset(units), (state.st_mtime_ns, state.st_size))
-    return {name: [factor * x for x in columns_by_heading[heads[name]]] for name, factor in factors.items()}
+    columns = read_columns(path, units)
+    return {name: [factor * x for x in columns[heads[name]]] for name, factor in factors.items()}
 
 
 def _too_short(file: str) -> InputError:
-    return InputError(
-        f"the table {file} is too short",
-        expected="a heading and at least two rows of two columns, separated by commas",
-    )
+    expected = "a heading and at least two rows of two columns, separated by commas"
+    return InputError(f"the table {file} is too short", expected=expected)
 
 
 def _unit(heads: list[str], place: int, file: str) -> Unit:
     heading = split_heading(heads[place])
     if heading and heading[1] is not None:
         return unit(heading[1])
-    raise in_line(
-        file, 1, heads[place : place + 1], f"the heading '{heads[place]}' has no unit", "such as t [s] and theta [deg]"
-    )
+    message = f"the heading '{heads[place]}' has no unit"
+    raise in_line(file, 1, heads[place : place + 1], message, "such as t [s] and theta [deg]")
 
 
 def _number(row: list[str], column: int, heading: str, file: str, line: int) -> float:

@@ -159,9 +159,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
             return self.columns
         from pinarm.input.csv_tables import read_columns
 
-        state = Path(self.file).stat()
-        names = frozenset({"t", *_state_columns(mechanism), *_aliases(mechanism)})
-        return read_columns(self.file, names, (state.st_mtime_ns, state.st_size))
+        return read_columns(Path(self.file), {"t", *_state_columns(mechanism), *_aliases(mechanism)})
 
     def _drives(self, mechanism: Mechanism, place: Place) -> Actuation | None:
         if not self.drives and self.share is None:

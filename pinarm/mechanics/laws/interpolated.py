@@ -13,7 +13,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, within
-from pinarm.input.roots import contained_file, root_of, stamp_of
+from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, current_folder
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, polynomial
@@ -162,7 +162,9 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
 
     @property
     def _table(self) -> MotionTable:
-        return cached_table(self.file, self.column, jumps=self.interpolation == "linear")
+        from pinarm.input.csv_tables import read_table
+
+        return read_table(Path(self.file), self.column, jumps=self.interpolation == "linear")
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         table = self._table
@@ -231,13 +233,6 @@ class ClampedSpline(Record, frozen=True):
         u = x - self.knots[interval]
         c0, c1, c2, c3 = self.coefficients[:, interval]
         return ((c3 * u + c2) * u + c1) * u + c0, (3.0 * c3 * u + 2.0 * c2) * u + c1, 6.0 * c3 * u + 2.0 * c2
-
-
-def cached_table(path: str, column: str | None = None, *, jumps: bool = False) -> MotionTable:
-    """Return two columns of a table, the first ascending, or with jumps not descending; cached until it changes."""
-    from pinarm.input.csv_tables import read_table
-
-    return read_table(path, column, stamp_of(Path(path).stat()), jumps=jumps)
 
 
 def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> list[Piece]:

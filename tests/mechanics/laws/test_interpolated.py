@@ -1,14 +1,15 @@
 """Laws through points and tables: ramps by hand, cubics reproduced, tables refused with their line."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pinarm.errors import InputError, UnitError
+from pinarm.input.csv_tables import read_table
 from pinarm.input.units import unit
 from pinarm.mechanics.laws import SpeedPoints, Spline
-from pinarm.mechanics.laws.interpolated import cached_table
 from pinarm.mechanics.laws.motion_law import Grid
 
 from .test_motion_law import LAWS, across, table
@@ -77,7 +78,7 @@ class TestTable:
 
     @pytest.mark.parametrize("text", ["\ufefft [s],x [m]\r\n0,0\r\n1,1\r\n", '"t [s]","x [m]",\n 0 , 0,\n"1",+1e0,\n'])
     def test_what_spreadsheets_write_is_read(self, tmp_path, text):
-        assert tuple(cached_table(table(tmp_path, text).file).columns[1]) == (0.0, 1.0)
+        assert tuple(read_table(Path(table(tmp_path, text).file), None).columns[1]) == (0.0, 1.0)
 
     @pytest.mark.parametrize(
         ("text", "message"),
