@@ -49,7 +49,6 @@ class Expression(Record, frozen=True):
 
     @classmethod
     def parse(cls, text: str) -> Expression:
-        """Read a formula."""
         return _parsed(text)
 
     def evaluate(self, names: Mapping[str, Any]) -> Any:
@@ -265,18 +264,6 @@ def power(base: Measure, exponent: Measure) -> Measure:
     return _PURE
 
 
-def product(measures: Measures) -> Measure:
-    """Return the measure of a product."""
-    left, right = (measure.unit for measure in measures)
-    return _UNKNOWN if left is None or right is None else Measure(left * right)
-
-
-def quotient(measures: Measures) -> Measure:
-    """Return the measure of a quotient."""
-    left, right = (measure.unit for measure in measures)
-    return _UNKNOWN if left is None or right is None else Measure(left / right)
-
-
 def root(measures: Measures) -> Measure:
     """Return the measure of a square root."""
     return power(measures[0], Measure(DIMENSIONLESS, Fraction(1, 2)))
@@ -303,10 +290,20 @@ def _any(measures: Measures) -> Measure:
     return _PURE
 
 
+def _joined(operation: Callable[[Unit, Unit], Unit]) -> Rule:
+    """Return the rule of a product or a quotient."""
+
+    def rule(measures: Measures) -> Measure:
+        left, right = (measure.unit for measure in measures)
+        return _UNKNOWN if left is None or right is None else Measure(operation(left, right))
+
+    return rule
+
+
 _FUNCTIONS: Mapping[str, _Function] = {
-    "+": _Function(np.add, same), "-": _Function(np.subtract, same), "*": _Function(np.multiply, product),
-    "/": _Function(np.divide, quotient), "//": _Function(np.floor_divide, ratio), "%": _Function(np.mod, same),
-    "**": _Function(np.power, lambda measures: power(*measures)),
+    "+": _Function(np.add, same), "-": _Function(np.subtract, same), "*": _Function(np.multiply, _joined(operator.mul)),
+    "/": _Function(np.divide, _joined(operator.truediv)), "//": _Function(np.floor_divide, ratio),
+    "%": _Function(np.mod, same), "**": _Function(np.power, lambda measures: power(*measures)),
     "+x": _Function(np.positive, same), "-x": _Function(np.negative, same), "not": _Function(np.logical_not, _any),
     "==": _Function(np.equal, ratio), "!=": _Function(np.not_equal, ratio), "<": _Function(np.less, ratio),
     "<=": _Function(np.less_equal, ratio), ">": _Function(np.greater, ratio), ">=": _Function(np.greater_equal, ratio),

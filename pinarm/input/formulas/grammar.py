@@ -119,7 +119,6 @@ class Part(Record, frozen=True):
     width: int
 
     def leaves(self) -> Iterator[Part]:
-        """Yield the constants and names in it."""
         for operand in self.operands:
             yield from operand.leaves()
         if self.function in ("constant", "name"):

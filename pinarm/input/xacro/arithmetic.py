@@ -112,7 +112,6 @@ class Rows:
         return read
 
     def lifted(self, text: str) -> Column:
-        """Return the column that a text with marks is."""
         texts, columns = self.parts(text)
         if texts == ["", ""]:
             return columns[0]
@@ -179,7 +178,6 @@ class Expressions(ValueRecord, frozen=True):
         return _bounded(value)
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], Any]]) -> Any:
-        """Apply ``and`` or ``or``, as far as it takes."""
         result = operands[0]()
         for operand in operands[1:]:
             if bool(result) == (symbol == "or"):
@@ -221,7 +219,6 @@ def _bounded(value: Any) -> Any:
 
 
 def _computed(symbol: str, left: Any, right: Any) -> Any:
-    """Return the value of an arithmetic operator."""
     if not isinstance(left, int | float) or not isinstance(right, int | float):
         if not (isinstance(left, str) and isinstance(right, str) and symbol == "+"):
             raise ExpressionError(f"'{symbol}' does not go with text", expected="numbers, or text + text")

@@ -53,11 +53,9 @@ class Scope:
         return next((scope for scope in self.chain() if name in scope.own), None)
 
     def macro(self, name: str) -> Any:
-        """Return a macro; ``None`` where there is none."""
         return next((scope.macros[name] for scope in self.chain() if name in scope.macros), None)
 
     def names(self) -> list[str]:
-        """Return the names of the properties in reach."""
         return [name for scope in self.chain() for name in scope.own if name.isidentifier()]
 
 

@@ -124,7 +124,6 @@ class Document(ValueRecord, frozen=True):
             raise error.at(self.locate((*path, *error.path))) from error.__cause__
 
     def with_each(self, key: str, values: Iterable[T], call: Callable[[T], object]) -> None:
-        """Call a function with each of the values of a list, and locate its errors at them."""
         for index, value in enumerate(values):
             with self.locating(key, index):
                 call(value)
@@ -276,7 +275,6 @@ def joined(steps: Iterable[str | int]) -> str:
 
 
 def _parts(path: str, place: Location) -> list[tuple[str, bool]]:
-    """Return the parts between the dots of a path, and whether each is in quotes."""
     parts, end = list[tuple[str, bool]](), 0
     while match := _STEP.match(path, end):
         quoted = match["quote"] is not None

@@ -54,7 +54,6 @@ class Builder:
         self.anchors: dict[str, Any] = {}
 
     def build(self) -> Any:
-        """Return the data."""
         import yaml
 
         try:

@@ -127,7 +127,6 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
 
     @property
     def conditions(self) -> list[Condition]:
-        """Conditions on numbers of the run, read from ``subject_to``."""
         with within("subject_to"):
             return read_conditions(self.subject_to)
 

@@ -84,11 +84,9 @@ class Optimum:
         return [float(run.numbers[0]) for _, run in self.runs.known.values() if not run.refusal]
 
     def values(self, x: Array) -> Array:
-        """Return the unknowns in SI at a scaled point."""
         return np.clip(self.low + x * (self.high - self.low), self.low, self.high)
 
     def run(self, x: Array) -> Run:
-        """Return the run at a scaled point."""
         return self.runs.at([np.clip(x, 0.0, 1.0)])[0]
 
     def levels(self, run: Run) -> Array:
@@ -113,7 +111,6 @@ class Optimum:
         return np.where(self.equations, np.abs(margins), -margins)
 
     def violation(self, x: Array) -> float:
-        """Return the largest violation of a condition at a point, relative to its size."""
         return float(np.max(self.violations(x), initial=0.0))
 
     def is_valid(self, x: Array) -> bool:

@@ -71,7 +71,6 @@ class Runs:
     known: dict[bytes, tuple[Array, Run]] = field(default_factory=dict)
 
     def at(self, points: Iterable[Array]) -> list[Run]:
-        """Return the runs at points."""
         asked = [np.array(x, dtype=float) for x in points]
         new = {x.tobytes(): x for x in asked if x.tobytes() not in self.known}
         if new:

@@ -283,7 +283,6 @@ class Scenario(Record, frozen=True):
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
-        """The scenario's own symbols, parsed."""
         parsed = {}
         for name, text in self.content.symbols.items():
             with self.document.locating("symbols", name):
@@ -315,11 +314,9 @@ class Scenario(Record, frozen=True):
         return Simplification.required(self._question, self.mechanism, self.content.accuracy, self.place, requested)
 
     def run(self) -> Result:
-        """Solve the problem at the accuracy that it asks for; ``use.facade`` knows how."""
         raise NotImplementedError
 
     def solve(self) -> Result:
-        """Solve the problem once, at its own setting; likewise."""
         raise NotImplementedError
 
     def prescribed_table(self, like: Scenario) -> PrescribedTable | None:
@@ -456,14 +453,12 @@ class Scenario(Record, frozen=True):
         return {"frequency_response": own, **self.content.assessments}
 
     def variant(self, name: str) -> Self:
-        """Return the scenario with the values of one of its variants."""
         document = self.document
         for path, value in {**self.content.variants[name], "variants": {}}.items():
             document = document.assigned(path, value, self.document.locate(("variants", name, path)))
         return self.with_document(document)
 
     def without_variants(self) -> Self:
-        """Return the scenario alone."""
         if not self.content.variants:
             return self
         return self.with_document(self.document.assigned("variants", {}, self.document.locate(("variants",))))
@@ -473,7 +468,6 @@ class Scenario(Record, frozen=True):
         return Quantities(self.problem.schema_row(self.mechanism), self.symbols, self.content.undetermined)
 
     def place(self, *path: str | int) -> AbstractContextManager[None]:
-        """Give errors their place in the problem; see ``Document.locating``."""
         return self.document.locating("problem", *path)
 
 

@@ -96,7 +96,6 @@ def _is_at_a_place(number: AnyNumber) -> bool:
 
 
 def _best(bare: Scenario, search: Find) -> Optimum:
-    """Return the values for which a number of the run is least or largest."""
     low, high = search.bounds
     for corner in (search.start, low, high):
         bare.varied(search.case(corner))  # what cannot be read fails here, and not as a run that is refused
