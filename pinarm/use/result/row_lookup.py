@@ -428,8 +428,9 @@ class Lookup(Record, frozen=True):
         slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
         peak = self.highest_of(self.curve_of(name), series.values, signs, lacks, slack)
         row = self._row(peak.interval, peak.place)
-        self._require_reproduced(peak, float(_height(row[name].values, signs)[0]), row[name].unit, lacks)
-        return peak, row
+        alone = float(_height(row[name].values, signs)[0])
+        self._require_reproduced(peak, alone, row[name].unit, lacks)
+        return replace(peak, error=peak.error + abs(peak.height - alone)), row
 
     def highest_of(self, curve: Curve, values: Array, signs: Sequence[float], lacks: str, slack: float) -> Peak:
         """Return the largest height of a curve.

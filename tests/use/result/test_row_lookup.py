@@ -239,3 +239,13 @@ def test_an_angle_that_goes_around_is_where_it_is_only(
     assert found == pytest.approx(instants, abs=1e-7)  # as the motion is integrated
     with pytest.raises(InputError, match="reached"):
         spinning.number(f"t @ joint.root.yaw={degrees} deg, occurrence={len(instants) + 1}")
+
+
+def test_an_extreme_of_rounding_has_the_error_that_its_state_alone_shows():
+    """The effort of a balanced arm is 0: what rounding leaves of it differs between one state and many together."""
+    result = pinarm.run(SCENARIOS / "manipulator_counterweight.yaml")
+    efforts = result["joint.alpha.effort"].values
+    for which, sign in (("max", 1.0), ("min", -1.0)):
+        value, error = result.number(f"joint.alpha.effort @ {which}")
+        assert sign * value + error >= (sign * efforts).max()
+        assert error < 1e-10
