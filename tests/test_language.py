@@ -18,12 +18,11 @@ from pinarm.language import catalogue, decimals, said, spoken, told
 from pinarm.problems import KINDS
 from pinarm.use.method.isolation import WORDS
 from pinarm.use.method.torsors import HEADING, LETTERS
-from pinarm.use.report.chapter import REMARK, TITLE
-from pinarm.use.report.given import LABELS
+from pinarm.use.report.chapter import LABELS, REMARK, TITLE
 from pinarm.use.result.measures import COSTS, MEASURES
 from pinarm.use.show.drawings import IN_PLANE, LAW, PROJECTED, sketch
 from pinarm.use.show.picture import ERRORS, OPEN
-from pinarm.use.show.replay.arrows import ARROWS
+from pinarm.use.show.replay.page import ARROWS
 from pinarm.use.show.text import report as terminal
 from pinarm.use.study.answers.check import LOOKS
 from pinarm.use.study.lab import FACTOR_IN, FACTORS, PARTLY, SIGN_IN

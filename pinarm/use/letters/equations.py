@@ -22,15 +22,21 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.records import Record, ValueRecord
 from pinarm.use.letters.bodies import exact, letter, lettered_tree
-from pinarm.use.letters.forces import LetteredForce, joint_damping, lettered_forces
 from pinarm.use.letters.projection import (
     LetteredCoordinates,
+    LetteredForce,
     LetteredLoop,
     Letters,
+    compact,
+    joint_damping,
+    latex,
     lettered_coordinates,
+    lettered_forces,
+    mathml,
     named_symbols,
+    shortest,
+    written,
 )
-from pinarm.use.letters.writing import compact, latex, mathml, shortest, written
 
 if TYPE_CHECKING:
     from pinarm.use.facade import Scenario

@@ -7,21 +7,120 @@ of mass of body b and its angular velocity per unit of the joint's.
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import sympy
+from msgspec.structs import replace
+from sympy.simplify.fu import TR8, TR9, TR10i
 
 from pinarm.engine.constraints.constraint_rows import Constraint
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import LinearCoordinate, PointCoordinate
+from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring, JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_forces import SpringDamper
+from pinarm.mechanics.forces.points import Wrench
 from pinarm.mechanics.joints import unit_vector
+from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import ValueRecord
 from pinarm.use.letters.bodies import NOWHERE, AxialJoint, Body, LetteredTree, exact, letter, rotation
-from pinarm.use.letters.writing import shortest
+
+LARGEST = 24
+"""Largest denominator of a fraction that is printed as one; others are printed as decimals."""
+
+
+def shortest(formula: sympy.Expr) -> sympy.Expr:
+    """Return the shortest of some ways to write a formula."""
+    plain = sympy.expand(formula)
+    if not plain.free_symbols:
+        return plain
+    reduced = _by_parameters(plain)
+    ways = [plain, reduced, sympy.expand(TR8(plain)), TR10i(plain)]
+    ways += [sympy.factor_terms(way) for way in ways] + [sympy.factor(reduced)]
+    return min(ways, key=_length)
+
+
+def _by_parameters(plain: sympy.Expr) -> sympy.Expr:
+    """Return an expanded formula with the functions of angles that lengths and masses multiply as simplified sums."""
+    parts = defaultdict[sympy.Expr, list[sympy.Expr]](list)
+    for term in sympy.Add.make_args(plain):
+        factor, angular = term.as_independent(sympy.sin, sympy.cos, sympy.tan, as_Add=False)
+        number, parameters = factor.as_coeff_Mul()
+        parts[parameters].append(number * angular)
+    sums = {parameters: sympy.trigsimp(sympy.Add(*terms)) for parameters, terms in parts.items()}
+    return sympy.Add(*(parameters * min(TR9(angular), angular, key=_length) for parameters, angular in sums.items()))
+
+
+def _length(formula: sympy.Expr) -> tuple[int, int]:
+    return formula.count_ops(), len(str(formula))
+
+
+def compact(formula: sympy.Expr, seconds: Sequence[sympy.Symbol], rates: Sequence[sympy.Symbol]) -> sympy.Expr:
+    """Return a formula that is linear in accelerations as a sum by these, products of velocities and the rest."""
+    plain = sympy.expand(formula)
+    terms = []
+    for second in seconds:
+        terms.append(shortest(plain.coeff(second, 1)) * second)
+        plain = plain.coeff(second, 0)
+    products = sympy.Poly(plain, *rates).terms() if rates else [((), plain)]
+    for powers, coefficient in products:
+        product = sympy.Mul(*(rate**power for rate, power in zip(rates, powers, strict=True)))
+        terms.append(shortest(coefficient) * product)
+    whole = sympy.Add(*terms)
+    return min((whole, shortest(whole)), key=lambda way: way.count_ops())
+
+
+def decimals(formula: sympy.Expr) -> sympy.Expr:
+    """Return a formula whose fractions with large denominators are decimals."""
+    long = {number: sympy.Float(number, 15) for number in formula.atoms(sympy.Rational) if number.q > LARGEST}
+    return formula.xreplace(long)
+
+
+def written(formula: sympy.Expr) -> str:
+    """Return a formula as text that formulas of files can take."""
+    return str(sympy.sstr(decimals(formula), full_prec=False))
+
+
+Dots: TypeAlias = Mapping[sympy.Symbol, tuple[sympy.Symbol, str]]
+"""Symbol of a velocity or an acceleration -> that of the position, and ``dot`` or ``ddot``."""
+
+ACCENTS = {"dot": "\u02d9", "ddot": "\u00a8"}
+
+
+def latex(formula: sympy.Expr, dots: Dots) -> str:
+    """Return a formula in LaTeX, velocities and accelerations with dots."""
+    names = {symbol: rf"\{mark}{{{sympy.latex(value)}}}" for symbol, (value, mark) in dots.items()}
+    return str(sympy.latex(decimals(formula), symbol_names=names))
+
+
+def mathml(formula: sympy.Expr, dots: Dots) -> str:
+    """Return a formula in MathML, an element for each term: lines of a page break between them."""
+    marks = {sympy.Symbol("DOTTED" + chr(ord("A") + k)): place for k, place in enumerate(dots.items())}
+    placed = decimals(formula).xreplace({symbol: mark for mark, (symbol, _) in marks.items()})
+    page = " ".join(_term(term, first=not k) for k, term in enumerate(placed.as_ordered_terms()))
+    for mark, (_, (value, accent)) in marks.items():
+        dotted = f'{_presentation(value)}<mstyle scriptlevel="0"><mtext>{ACCENTS[accent]}</mtext></mstyle>'
+        page = page.replace(f"<mi>{mark}</mi>", f"<mover>{dotted}</mover>")
+    return page
+
+
+def _term(term: sympy.Expr, *, first: bool) -> str:
+    minus = bool(term.could_extract_minus_sign())
+    sign = "\u2212" if minus else "" if first else "+"
+    content = _presentation(-term if minus else term)
+    drawn = f"<mo>{sign}</mo><mtext>&#8201;</mtext>{content}" if sign else content
+    return f'<math displaystyle="true">{drawn}</math>'
+
+
+def _presentation(formula: sympy.Expr) -> str:
+    from sympy.printing.mathml import mathml as printed
+
+    return str(printed(formula, printer="presentation")).replace("<mo>&InvisibleTimes;</mo>", "<mtext>&#8201;</mtext>")
+
 
 POINTS = ("revolute", "spherical", "pin")
 """Kinds of loop joints that hold two points together and whose other rows vanish in a plane."""
@@ -289,3 +388,97 @@ class Letters:
 
 def _reduced(vector: sympy.Matrix) -> sympy.Matrix:
     return vector.applyfunc(lambda entry: sympy.trigsimp(sympy.expand(entry)))
+
+
+ONE = Constant(value=1.0)
+"""The law of a load in the proof of its equations."""
+
+
+class LetteredForce(ValueRecord, frozen=True):
+    """A force in letters.
+
+    Attributes:
+        definition: What a file says of it, with the law ``ONE``.
+        efforts: Joint -> its effort there.
+        symbols: Symbol -> what it stands for, and its number; of a load as long as its law is 1.
+    """
+
+    definition: Any
+    efforts: Mapping[str, sympy.Expr]
+    symbols: Mapping[str, tuple[str, float]]
+
+
+def lettered_forces(letters: Letters, loads: Mapping[str, Any]) -> list[LetteredForce]:
+    """Return the forces of a mechanism, and loads beside them.
+
+    Raises:
+        InputError: A force is of a kind that is not written in letters.
+    """
+    mechanism = letters.mechanism
+    forces = {**mechanism.description.forces, **loads}
+    for name, element in mechanism.forces.items():
+        if name not in forces and not (isinstance(element, SpringDamper) and not element.stiffness.any()):
+            raise _unknown(name)
+    if mechanism.frictions:
+        raise _unknown("dry friction")
+    return [_lettered(letters, name, force) for name, force in forces.items()]
+
+
+def _unknown(name: str) -> InputError:
+    expected = "springs and efforts of joints and of sums of joints, and forces along axes of the world"
+    return InputError(f"the force '{name}' is not written in letters", expected=expected)
+
+
+def joint_damping(letters: Letters) -> Mapping[str, sympy.Expr]:
+    """Return the efforts of the damping that the model gives to joints."""
+    rate = letters.coordinates.rate
+    return {joint.name: -joint.damping * rate(letters.coordinates.joints[joint.name]) for joint in letters.tree.joints}
+
+
+def _lettered(letters: Letters, name: str, force: Any) -> LetteredForce:
+    shares = letters.coordinates.shares
+    match force:
+        case JointSpring():
+            return _spring(letters, name, force, shares(force.joint))
+        case CoordinateSpring():
+            return _spring(letters, name, force, shares(force.coordinate))
+        case JointEffort():
+            return _effort(name, force, shares(force.joint), f"effort of the load {name} at the joint {force.joint}")
+        case CoordinateEffort():
+            along = shares(force.coordinate)
+            return _effort(name, force, along, f"effort of the load {name} along {force.coordinate}")
+        case Wrench(axes="world") if not any(force.moment):
+            return _force(letters, name, force)
+    raise _unknown(name)
+
+
+def _effort(name: str, force: Any, shares: Mapping[str, sympy.Expr], meaning: str) -> LetteredForce:
+    efforts = {joint: share * letter(name) for joint, share in shares.items()}
+    acting = replace(force, effort=ONE, over=None, period=None, while_={}, start=None, end=None)
+    return LetteredForce(acting, efforts, {name: (meaning, 1.0)})
+
+
+def _spring(
+    letters: Letters, name: str, force: JointSpring | CoordinateSpring, shares: Mapping[str, sympy.Expr]
+) -> LetteredForce:
+    value = sum(share * letters.coordinates.joints[joint] for joint, share in shares.items())
+    terms = (
+        ("k", "stiffness", force.stiffness, value - exact(float(force.rest))),
+        ("c", "damping", force.damping, letters.coordinates.rate(value)),
+    )
+    kept = [(f"{sign}_{name}", word, float(number), factor) for sign, word, number, factor in terms if number]
+    pull = sympy.Add(*(letter(symbol) * factor for symbol, _, _, factor in kept))
+    symbols = {symbol: (f"{word} of {name}", number) for symbol, word, number, _ in kept}
+    return LetteredForce(force, {joint: -share * pull for joint, share in shares.items()}, symbols)
+
+
+def _force(letters: Letters, name: str, force: Wrench) -> LetteredForce:
+    point, path = letters.place(force.point)
+    vector, symbols = sympy.zeros(3, 1), dict[str, tuple[str, float]]()
+    for k, component in enumerate(force.force):
+        if component:
+            symbol = f"{name}_{'xyz'[k]}"
+            vector[k] = letter(symbol)
+            symbols[symbol] = f"component {'xyz'[k]} of the load {name} at {force.point}", float(component)
+    efforts = {joint: letters.per_rate(joint, point).dot(vector) for joint in path}
+    return LetteredForce(replace(force, factor=ONE), efforts, symbols)

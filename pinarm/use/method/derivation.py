@@ -22,11 +22,30 @@ from pinarm.language import in_language, said
 from pinarm.mechanics.geometry.vectors import crossed, moved
 from pinarm.mechanics.joints import METRE
 from pinarm.records import Record, replace
-from pinarm.use.method.actions import Actions, Carrier, body_name, unknown_actions
-from pinarm.use.method.balance import Source, forces_of, inertias_of, sources, weights_of
-from pinarm.use.method.isolation import ROLES, WORDS, Equation, Isolation, Term
+from pinarm.use.method.actions import (
+    Actions,
+    Carrier,
+    Source,
+    body_name,
+    forces_of,
+    inertias_of,
+    sources,
+    unknown_actions,
+    weights_of,
+)
+from pinarm.use.method.isolation import (
+    ROLES,
+    WORDS,
+    Equation,
+    Isolation,
+    Term,
+    Wanted,
+    efforts_of,
+    function_of,
+    symbols_of,
+    wanted_of,
+)
 from pinarm.use.method.search import NOTHING, Chain, Landmarks, Search, Step, configurations, motion_of_whole
-from pinarm.use.method.wanted import Wanted, efforts_of, function_of, symbols_of, wanted_of
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.numbers import RunNumber
 from pinarm.use.result.result import Result
@@ -176,7 +195,7 @@ class Derivation(Record, frozen=True):
             return "no force along"
         wrenches = self.search.actions.wrenches[0, step.group][..., carrier.columns, :].sum(axis=0)
         axis, place = marks.directions[screw.direction, 0], marks.place(carrier.name)
-        if place is None or np.abs(moved(wrenches, -place)[:, 3:] @ axis).max() > NOTHING * marks.extent:
+        if place is None or np.abs(moved(wrenches, -place)[:, 3:] @ axis).max(initial=0.0) > NOTHING * marks.extent:
             return "no work"
         meets = np.abs(np.cross(place - marks.points[screw.point, 0], axis)).max() < NOTHING * marks.extent
         return "meets" if meets else "meets or parallel"

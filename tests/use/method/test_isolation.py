@@ -234,3 +234,11 @@ def test_the_reaction_of_a_wheel_has_the_force_of_teeth_or_belt(name: str, terms
     for derivation in (result.isolate("joint.in.force.x"), result.trajectory.mechanism.isolate("joint.in.force.x")):
         assert {term.name for term in derivation.equations[-1].terms} == terms
     assert result.isolate("joint.in.force.x").residual < 1e-12
+
+
+def test_of_many_bodies_single_ones_and_those_beyond_a_joint_are_looked_at() -> None:
+    """Eighty bodies; and one behind a floating joint, parts of which transmit nothing."""
+    words = str(pinarm.Mechanism.load(MODELS / "bicycle" / "mechanism.yaml").isolate("joint.steer.effort"))
+    assert "isolate fork + front_wheel: moment about steer, along axis of steer" in words
+    words = str(pinarm.Mechanism.load(MODELS / "forty_four_bars" / "mechanism.yaml").isolate("joint.upright_0.effort"))
+    assert "the theorem of kinetic energy gives joint.upright_0.effort" in words

@@ -79,6 +79,13 @@ def test_a_joint_that_carries_nothing_has_zeros_beside_others_that_do() -> None:
     assert row(page, "y", "cylinder", "rod")[4:] == ["0", "0", "undetermined", "0", "0", "0"]
 
 
+def test_a_floating_body_has_one_row_of_torsors() -> None:
+    """Of the six simple joints of its floating joint, only the last carries a link."""
+    page = report(pinarm.run(Path(pinarm.__file__).parents[1] / "scenarios" / "brick_thrown.yaml")).html
+    rows = re.findall("<tr>.*?</tr>", page.partition("Static torsors of the joints")[2].partition("</table>")[0])
+    assert sum(">brick<" in row for row in rows) == len(rows) - 1 == 1
+
+
 def test_numbers_and_sections_are_printed_as_the_result_has_them(shaken: Any, shaken_page: str) -> None:
     """Angles in degrees."""
     result, page = shaken, shaken_page

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from pinarm.use.report.given import mobility_words, question
+from pinarm.use.report.chapter import mobility_words, question
 from pinarm.use.show.structure import mechanism_tables
 
 
