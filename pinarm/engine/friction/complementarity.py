@@ -36,7 +36,6 @@ from pinarm.engine.friction.slip import Slip, SlipGroup
 from pinarm.engine.friction.slip_equation import Slipping, SlipResponse
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import sizes, unit_vectors
-from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
@@ -70,7 +69,7 @@ def groups_of(contacts: Sequence[FrictionContact], response: SlipResponse, some:
         left = [i for i in left if i not in together]
         ratios = np.zeros(len(contacts))
         ratios[members] = mobility[members, first] / mobility[first, first]
-        groups.append(SlipGroup(tuple(members), ratios[members], unit_vectors(contacts, ratios)[members]))
+        groups.append(SlipGroup(ratios, unit_vectors(contacts, ratios)))
     _require_one_direction(contacts, groups)
     firsts = [group.first for group in groups]
     size = np.sqrt(np.diag(mobility)[firsts])
@@ -99,10 +98,7 @@ def _require_one_direction(contacts: Sequence[FrictionContact], groups: Sequence
 
 def directions_of(groups: Sequence[SlipGroup], signs: Sequence[float], k: int) -> Array:
     """Return the directions of all k slips where the first one of each group has that of its sign, 0 of others."""
-    directions = np.zeros(k)
-    for group, sign in zip(groups, signs, strict=True):
-        directions[list(group.members)] += group.units * sign
-    return directions
+    return np.asarray(sum((group.units * sign for group, sign in zip(groups, signs, strict=True)), np.zeros(k)))
 
 
 class FrictionSolution(NamedTuple):
@@ -160,8 +156,8 @@ class FrictionBalance:
         f, limits = self._shared(under, stuck)
         if f is None:
             return None
-        held = np.array([group.ratios @ f[list(group.members)] for group in stuck])
-        bounds = np.array([(group.ratios * group.units) @ limits[list(group.members)] for group in stuck])
+        held = np.array([group.ratios @ f for group in stuck])
+        bounds = np.array([(group.ratios * group.units) @ limits for group in stuck])
         return FrictionSolution(f, self.response.at(f), held, bounds)
 
     def _shared(self, under: Callable[[Array], Array | None], stuck: Sequence[SlipGroup]) -> tuple[Array | None, Array]:
@@ -179,10 +175,8 @@ class FrictionBalance:
                 return None, limits
             before, within = limits, f.copy()
             for group in (group for group in stuck if len(group.members) > 1):
-                members = list(group.members)
-                phi = abs(float(group.ratios @ f[members]))
-                bound = float((group.ratios * group.units) @ limits[members])
-                within[members] *= min(1.0, bound / phi) if phi else 1.0
+                phi, bound = abs(float(group.ratios @ f)), float((group.ratios * group.units) @ limits)
+                within[list(group.members)] *= min(1.0, bound / phi) if phi else 1.0
             limits = self.limits(within)
             if not several or np.abs(limits - before).max() <= SETTLED * np.abs(limits).max():
                 return f, limits
@@ -207,10 +201,9 @@ class FrictionBalance:
         """Return the friction of all joints for ``phi = 1`` of each stuck group, shape (k, g)."""
         shares = np.zeros((len(self.contacts), len(stuck)))
         for g, group in enumerate(stuck):
-            members = list(group.members)
-            own = [self.contacts[i].name == self.contacts[group.first].name for i in members]
-            shared = group.units * (limits[members] if limits[members].any() else own)
-            shares[members, g] = shared / (group.ratios @ shared)
+            own = [contact.name == self.contacts[group.first].name for contact in self.contacts]
+            shared = group.units * (limits if (group.units * limits).any() else own)
+            shares[:, g] = shared / (group.ratios @ shared)
         return shares
 
 
@@ -232,7 +225,7 @@ def decided(balance: FrictionBalance, moving: Array, broken: Array, yielding: Ar
     _require_rest(contacts, given, groups)
     decision = _Decision(balance, given, groups)
     certain, start = (
-        [int(np.sign(ways[list(group.members)] @ group.ratios)) for group in groups]
+        [int(np.sign(ways @ group.ratios)) for group in groups]
         for ways in (broken, np.where(broken != 0.0, broken, yielding))
     )
     signs = decision.exchanged(start, certain, slips=any(start))
@@ -413,30 +406,25 @@ def _bounded(balance: FrictionBalance, choices: Sequence[Sequence[Corner]]) -> b
 
 def _corners(balance: FrictionBalance, group: SlipGroup) -> Iterator[Corner]:
     """Yield the corners of a group: one joint that takes the rest, and directions of the others, at their limits."""
-    of = [balance.contacts[i].name for i in group.members]
-    for free in dict.fromkeys(of):
-        rest = [k for k, name in enumerate(of) if name == free]
-        ratios = group.ratios[rest]
-        remaining = replace(
-            group,
-            members=tuple(group.members[k] for k in rest),
-            ratios=ratios / ratios[0],
-            units=group.units[rest] * np.sign(ratios[0]),
-        )
-        others = [name for name in dict.fromkeys(of) if name != free]
+    of = np.array([contact.name for contact in balance.contacts])
+    names = dict.fromkeys(of[list(group.members)].tolist())
+    for free in names:
+        rest = group.ratios * (of == free)
+        lead = rest[np.flatnonzero(rest)[0]]
+        remaining = SlipGroup(rest / lead, group.units * (of == free) * np.sign(lead))
+        others = [name for name in names if name != free]
         for signs in product([1.0, -1.0], repeat=len(others)):
             sign = dict(zip(others, signs, strict=True))
-            members = zip(group.members, group.units.tolist(), of, strict=True)
-            yield remaining, {i: unit * sign[name] for i, unit, name in members if name != free}
+            yield remaining, {i: group.units[i] * sign[of[i]] for i in group.members if of[i] != free}
 
 
 def _exchanges(balance: FrictionBalance, group: SlipGroup) -> Iterator[Array]:
     """Yield the friction that the first joint of a group takes over from each other one, 1 in all, shape (k,)."""
-    of, weights = np.array([balance.contacts[i].name for i in group.members]), group.ratios * group.units
-    for name in dict.fromkeys(of[of != of[0]].tolist()):
-        first, other, exchange = of == of[0], of == name, np.zeros(len(balance.contacts))
-        exchange[list(group.members)] = (first / weights[first].sum() - other / weights[other].sum()) * group.units
-        yield exchange
+    of, weights = np.array([contact.name for contact in balance.contacts]), group.ratios * group.units
+    first, *others = dict.fromkeys(of[list(group.members)].tolist())
+    for other in others:
+        one, two = of == first, of == other
+        yield (one / weights[one].sum() - two / weights[two].sum()) * group.units
 
 
 def held_part(closure: Closure, lam: Array, other: Array) -> Array:

@@ -295,7 +295,7 @@ class JointFriction(ForceElement):
         slips = slip_rows(self.closure.model, self.contacts, q) @ free
         for group in groups:
             first, members = slips[group.first], list(group.members)
-            apart = np.abs(slips[members] - np.outer(group.ratios, first)).max()
+            apart = np.abs(slips[members] - np.outer(group.ratios[members], first)).max()
             if apart > ALIKE * np.abs(slips[members]).max():
                 names = ", ".join(dict.fromkeys(self.contacts[i].name for i in members))
                 raise DynamicsError(

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
+import numpy as np
+
 from pinarm.arrays import Array
 from pinarm.records import Record, ValueRecord
 
@@ -10,14 +14,18 @@ class SlipGroup(Record, frozen=True):
     """Slips that can only take place together, such as those of the pins of a four-bar linkage.
 
     Attributes:
-        members: Their indices, the first stands for all; shape (m,).
-        ratios: c, slips of the members per slip of the first, shape (m,).
-        units: Directions of the members as the first one slips forwards: 1 or -1, or components of a unit vector, (m,).
+        ratios: c, slips per slip of the first member, 0 of slips that are no members, shape (k,).
+        units: Directions of the members as the first one slips forwards: 1 or -1, or components of a unit vector; 0 of
+            others, shape (k,).
     """
 
-    members: tuple[int, ...]
     ratios: Array
     units: Array
+
+    @cached_property
+    def members(self) -> tuple[int, ...]:
+        """Indices of the members."""
+        return tuple(np.flatnonzero(self.units).tolist())
 
     @property
     def first(self) -> int:

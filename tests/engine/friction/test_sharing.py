@@ -30,7 +30,7 @@ def shared(pull, mu, coupling):
     state = SlipResponse(
         pull * slips[:, 0], slips @ slips.T, CarriedLoads.linear(wrench, response), np.zeros(2, dtype=bool)
     )
-    group = SlipGroup((0, 1), np.array([1.0, RATIO]), np.ones(2))
+    group = SlipGroup(np.array([1.0, RATIO]), np.ones(2))
     nothing = np.zeros(2)
     return FrictionBalance([guide, gear], state, nothing).solve(nothing, [group], np.zeros(2, dtype=bool))
 
