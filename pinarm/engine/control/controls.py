@@ -8,12 +8,9 @@ from __future__ import annotations
 
 import copy
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from heapq import heappop, heappush
 from itertools import pairwise
-from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -162,8 +159,8 @@ class Controls:
         timed = [(controller, controller.sampling) for controller in self.sampled if controller.sampling]
         self.slack = SAME * min((sampling.period for _, sampling in timed), default=0.0)
         self.samplers = [Sampler(controller, sampling, start, end, self.slack) for controller, sampling in timed]
-        self.agenda: list[tuple[float, int, int, int]] = [(start, MEASURED, k, 0) for k in range(len(timed))]
-        """What sampled controllers do next: instant [s], what, number of the controller and of the sample; a heap."""
+        self.agenda: list[tuple[int, int, int, float]] = [(MEASURED, k, 0, start) for k in range(len(timed))]
+        """What sampled controllers do next: what, number of the controller and of the sample, and when [s]."""
         none = np.zeros(sum(len(controller.joints) for controller in self.sampled))
         modes = np.zeros(len(self.continuous), np.intp)
         self.now = Change(start, np.zeros(self.free.model.nv), none, none, modes)
@@ -201,40 +198,33 @@ class Controls:
 
     def next(self, t: float) -> float:
         """Return the first instant after t at which a sampled controller acts [s]; infinite for none."""
-        return min((instant for instant, *_ in self.agenda if instant > t + self.slack), default=np.inf)
+        return min((action[3] for action in self.agenda if action[3] > t + self.slack), default=np.inf)
 
     def due(self, t: float) -> bool:
         """Return whether a sampled controller has something to do at t [s]."""
-        return bool(self.agenda) and self.agenda[0][0] <= t + self.slack
+        return any(action[3] <= t + self.slack for action in self.agenda)
 
     def act(self, t: float, q: Array, v: Array) -> None:
         """Let sampled controllers do what is due at t [s], in the state (q, v) of the mechanism."""
         load, applied, commands = (x.copy() for x in self.now[1:4])
         self.now = self.now._replace(load=load, applied=applied, commands=commands)
         while self.due(t):
-            due = []
-            while self.due(t):
-                due.append(heappop(self.agenda))
-            for instant, what, number, sample in sorted(due, key=itemgetter(1, 2, 3)):
-                controller, place, sampler = self.sampled[number], self.places[number], self.samplers[number]
-                if what == MEASURED:
-                    excess = ControlEfforts(self).excess(controller, t, q, v) if controller.supply else NOTHING
-                    command = sampler.sample(sample, t, q, v, excess)
-                    sampler.waiting[sample] = commands[place] = command
-                    self._schedule(instant, number, sample)
-                    continue
-                applied[place] = controller.limited(sampler.waiting.pop(sample))
-                if not controller.supply:
-                    load[sampler.velocities] = applied[place]
+            action = min(planned for planned in self.agenda if planned[3] <= t + self.slack)
+            self.agenda.remove(action)
+            what, number, sample, instant = action
+            controller, place, sampler = self.sampled[number], self.places[number], self.samplers[number]
+            if what == MEASURED:
+                excess = ControlEfforts(self).excess(controller, t, q, v) if controller.supply else NOTHING
+                commands[place] = sampler.waiting[sample] = sampler.sample(sample, t, q, v, excess)
+                effect = APPLIED if sampler.sampling.delay > self.slack else APPLIED_AT_ONCE
+                self.agenda.append((effect, number, sample, instant + sampler.sampling.delay))
+                if sample + 1 < len(sampler.t):
+                    self.agenda.append((MEASURED, number, sample + 1, float(sampler.t[sample + 1])))
+                continue
+            applied[place] = controller.limited(sampler.waiting.pop(sample))
+            if not controller.supply:
+                load[sampler.velocities] = applied[place]
         self._note(t)
-
-    def _schedule(self, instant: float, number: int, sample: int) -> None:
-        """Plan when the command of a sample takes effect, and the next sample."""
-        sampler = self.samplers[number]
-        what = APPLIED if sampler.sampling.delay > self.slack else APPLIED_AT_ONCE
-        heappush(self.agenda, (instant + sampler.sampling.delay, what, number, sample))
-        if sample + 1 < len(sampler.t):
-            heappush(self.agenda, (float(sampler.t[sample + 1]), MEASURED, number, sample + 1))
 
     def enter(self, t: float, q: Array, v: Array) -> None:
         """Let sampled controllers do what is due, and settle the modes of continuous ones, in a state."""
@@ -262,22 +252,16 @@ class Controls:
             piece, inner = self.piece(t), interval.of_step(t)
 
             def acceleration(instant: float, q: Array, v: Array) -> Array:
-                with self._as_of(piece):
+                now, self.now = self.now, self.changes[piece]
+                try:
                     return inner(instant, q, v)
+                finally:
+                    self.now = now
 
             return acceleration
 
         sampling = SampledStates(self, system) if self.sampled else None
         return replace(interval, acceleration_of_step=of_step, sampling=sampling)
-
-    @contextmanager
-    def _as_of(self, piece: int) -> Iterator[None]:
-        """Within the block, hold the state after a change."""
-        now, self.now = self.now, self.changes[piece]
-        try:
-            yield
-        finally:
-            self.now = now
 
     def watches(self, span: Span) -> list[tuple[int, Watch]]:
         """Return where continuous controllers change their way in a span without jumps, each with its number."""
@@ -455,17 +439,15 @@ class SampledStates(Record, frozen=True):
 
 def _watch(efforts: ControlEfforts, number: int, switch: Switch[Given]) -> Watch:
     """Return where the way of a controller changes; what a sample may change at once falls through 0."""
-    if not switch.jumps:
-        controller = efforts.controls.continuous[number]
-        what, measured = (
-            (f"the controller of {', '.join(controller.drives)} switches", str(controller.signals[0].unit))
-            if switch.leaps
-            else ("", "")
-        )
-        return Watch(lambda t, q, v: switch.value(efforts.given(number, t, q, v)), switch.direction, stops=True,
-                     what=what, unit=measured)  # fmt: skip
-    sign = -switch.direction
-    return Watch(lambda t, q, v: sign * switch.value(efforts.given(number, t, q, v)), -1, stops=True, loaded=True)
+    controller, sign = efforts.controls.continuous[number], -switch.direction if switch.jumps else 1
+
+    def value(t: Array, q: Array, v: Array) -> Array:
+        return np.asarray(sign * switch.value(efforts.given(number, t, q, v)))
+
+    if switch.jumps:
+        return Watch(value, -1, stops=True, loaded=True)
+    what = f"the controller of {', '.join(controller.drives)} switches" if switch.leaps else ""
+    return Watch(value, switch.direction, stops=True, what=what, unit=str(controller.signals[0].unit) if what else "")
 
 
 class ControlledSystem(Record, frozen=True):
