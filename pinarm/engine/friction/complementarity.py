@@ -22,7 +22,6 @@ corners are not known, frictions in all directions stand for them, which tell wh
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from math import prod
 from typing import TYPE_CHECKING, NamedTuple
@@ -36,6 +35,7 @@ from pinarm.engine.friction.slip import Slip, SlipGroup
 from pinarm.engine.friction.slip_equation import Slipping, SlipResponse
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import sizes, unit_vectors
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
@@ -113,8 +113,7 @@ class FrictionSolution(NamedTuple):
     bounds: Array
 
 
-@dataclass(frozen=True, eq=False)
-class FrictionBalance:
+class FrictionBalance(Record, frozen=True):
     """The laws of k joints and their response to friction in one state; ``speed`` is |u|, shape (k,)."""
 
     contacts: Sequence[FrictionContact]
@@ -143,14 +142,12 @@ class FrictionBalance:
             resting: Which joints that slip have the friction of rest, as they only begin to, shape (k,).
             any_load: Whether there has to be exactly one for loads nearby as well.
         """
-        mu, constant = np.array([contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed
-                                 in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
-        mu, constant = mu * (direction != 0.0), constant * (direction != 0.0)
+        whole = Slipping.of(self.contacts, direction, resting, self.speed, self.response.loads)
 
         def under(limits: Array) -> Array | None:
             fixed, ways = self._eliminated(direction, self._shares(limits, stuck), stuck)
-            slipping = Slipping(self.contacts, direction, mu, constant, self.response.loads.reduced(fixed, ways))
-            has_root = slipping.require_one_root() if any_load else slipping.require_one_root_here()
+            slipping = replace(whole, loads=whole.loads.reduced(fixed, ways))
+            has_root = slipping.require_one_root(any_load=any_load)
             return fixed + ways @ slipping.friction() if has_root else None
 
         f, limits = self._shared(under, stuck)
@@ -247,8 +244,7 @@ def _require_rest(contacts: Sequence[FrictionContact], given: Array, groups: Seq
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Decision:
+class _Decision(Record, frozen=True):
     """The g groups at rest in one state; signs are 0 of stuck groups, and else the direction of their first member.
 
     ``given`` are the directions of all other joints, shape (k,).

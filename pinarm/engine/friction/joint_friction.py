@@ -8,7 +8,6 @@ friction that holds a joint reaches its bound.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -46,7 +45,7 @@ from pinarm.mechanics.friction.contact import (
     unit_vectors,
 )
 from pinarm.mechanics.laws.motion_law import MotionLaw
-from pinarm.records import replace
+from pinarm.records import AbstractRecord, replace
 
 REST = 1e-12
 """Slip that is rest, over the largest velocity in SI: rounding of a velocity that vanishes."""
@@ -93,8 +92,7 @@ class SlipSwitch(NamedTuple):
     yielding: Array
 
 
-@dataclass(frozen=True, eq=False)
-class JointFriction(ForceElement):
+class JointFriction(AbstractRecord, ForceElement, frozen=True):
     """The joints with friction of one motion, some of which slip; as a force element, the friction of these.
 
     Attributes:

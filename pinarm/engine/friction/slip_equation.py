@@ -20,7 +20,6 @@ Source: Banach's theorem; the paradox is Painleve's (Lecons sur le frottement, 1
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
 from typing import TYPE_CHECKING, NamedTuple
@@ -39,6 +38,7 @@ from pinarm.errors import DynamicsError
 from pinarm.mechanics.couplings.coupling import JointRelation, left_open
 from pinarm.mechanics.friction.contact import slip_drifts, slip_rows
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import Bearing, FrictionContact
@@ -63,8 +63,7 @@ ROUNDED = 1e-12
 """Part of the terms of an effort by which rounding may let a reserve be negative."""
 
 
-@dataclass(frozen=True, eq=False)
-class CarriedLoads:
+class CarriedLoads(Record, frozen=True):
     """Wrenches of k bearings as functions of m frictions, linear but for p kinks.
 
     Teeth press their wheels apart whichever flanks touch, and a strand of a belt that would be pushed is slack. With
@@ -133,8 +132,7 @@ class CarriedLoads:
         return CarriedLoads(wrench, ways.T @ self.response, distance, self.rate @ ways, self.fold)
 
 
-@dataclass(frozen=True, eq=False)
-class Slipping:
+class Slipping(Record, frozen=True):
     """Joints that slip, and the equation (1) of their friction.
 
     Attributes:
@@ -148,6 +146,21 @@ class Slipping:
     mu: Array
     constant: Array
     loads: CarriedLoads
+
+    @classmethod
+    def of(
+        cls,
+        contacts: Sequence[FrictionContact],
+        direction: Array,
+        resting: Flags,
+        speeds: Array,
+        loads: CarriedLoads,
+    ) -> Slipping:
+        """Return joints that slip at speeds, shape (k,); ``resting`` ones, which only begin to, by the law of rest."""
+        each = zip(contacts, resting, speeds, strict=True)
+        laws = [contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed in each]
+        mu, constant = np.array(laws).reshape(-1, 2).T * (direction != 0.0)
+        return cls(contacts, direction, mu, constant, loads)
 
     @cached_property
     def _rubbing(self) -> list[int]:
@@ -204,20 +217,17 @@ class Slipping:
                 return None
             f = np.linalg.solve(matrix, -signed @ first[kinks:] - self.direction * constant)
             slack = CONSISTENT * (np.abs(first) + np.abs(rate) @ np.abs(f))
-            if (signs * (first + rate @ f) >= -slack).all() and not _is_among(f, roots):
+            known = any(np.abs(f - root).max() <= SAME * np.abs(root).max() for root in roots)
+            if (signs * (first + rate @ f) >= -slack).all() and not known:
                 roots.append(f)
         return roots
 
-    def require_one_root_here(self) -> bool:
-        """Return whether (1) has a root for these loads, even if it has several for others."""
-        if not self.contracts and self.roots is not None and len(self.roots) < 2:
-            return bool(self.roots)
-        return self.require_one_root()
-
-    def require_one_root(self) -> bool:
-        """Return whether (1) has a root, which changes little with the loads."""
+    def require_one_root(self, *, any_load: bool = True) -> bool:
+        """Return whether (1) has a root: one that changes little with the loads, or one for these loads alone."""
         if self.contracts:
             return True
+        if not any_load and self.roots is not None and len(self.roots) < 2:
+            return bool(self.roots)
         coupled = np.flatnonzero(self._most.any(axis=1)).tolist()
         if len(coupled) == 1:
             ray = np.abs(self.direction) * (np.arange(len(self.mu)) == coupled[0])
@@ -318,10 +328,6 @@ class Slipping:
         return least
 
 
-def _is_among(f: Array, roots: Sequence[Array]) -> bool:
-    return any(np.abs(f - root).max() <= SAME * np.abs(root).max() for root in roots)
-
-
 def _least_of(h: Callable[[float], float], kinks: Array) -> float:
     """Return the least value of a function of ``x >= 0`` that is convex between kinks and grows at last."""
     ends = [0.0, *sorted(kinks[kinks > 0.0].tolist())]
@@ -380,8 +386,7 @@ class _InState(NamedTuple):
     driven: Flags
 
 
-@dataclass(frozen=True, eq=False)
-class SlipEquation:
+class SlipEquation(Record, frozen=True):
     """The equation of motion on one interval without jumps, and the slips in it.
 
     Attributes:
@@ -459,8 +464,7 @@ class SlipEquation:
             BearingReactions(self.contacts, self.closure, self.dynamics).require_determined(rows, q)
 
 
-@dataclass(frozen=True, eq=False)
-class BearingReactions:
+class BearingReactions(Record, frozen=True):
     """Wrenches of the bearings of k joints with friction, by Newton's and Euler's equations of the bodies.
 
     ``closure`` has the constraints, then coordinates that follow laws; ``dynamics`` is without this friction.

@@ -120,13 +120,8 @@ class KnownFriction:
         )
 
     def _equation(self, row: int, direction: Array, *, at_rest: bool) -> Slipping:
-        contacts = self.run.mechanism.frictions
-        laws = [
-            contact.law.resting if at_rest and still else contact.law.slipping(speed)
-            for contact, still, speed in zip(contacts, self.resting[row], sizes(contacts, self.slips[row]), strict=True)
-        ]
-        mu, constant = np.array(laws).reshape(-1, 2).T * (direction != 0.0)
-        return Slipping(contacts, direction, mu, constant, self.loads[row])
+        contacts, speeds = self.run.mechanism.frictions, sizes(self.run.mechanism.frictions, self.slips[row])
+        return Slipping.of(contacts, direction, self.resting[row] & at_rest, speeds, self.loads[row])
 
     def moving(self) -> Trajectory:
         """Return the motion with its friction and efforts, without friction in joints at rest."""

@@ -1,6 +1,5 @@
 """Friction that depends on reactions that depend on it: roots by hand, none or two, and joints that lock."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +9,7 @@ from scipy.optimize import brentq
 from pinarm.engine.friction.slip_equation import CarriedLoads, Slipping
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import Bearing
+from pinarm.records import replace
 
 
 def slipping(coupling, first=10.0, mu=0.3, sign=1.0, constant=0.0):
