@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.statics.actuation import actuation, everywhere
+from pinarm.engine.statics.actuation import Actuation, SelectedDrives, SharedEfforts, actuation, everywhere
 from pinarm.errors import InputError, Place, within
 from pinarm.input.yaml.schema import (
     AnyQuantity,
@@ -25,10 +25,6 @@ from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import effort_unit
 from pinarm.problems.values import Weight, check_names, weights_of
 from pinarm.records import replace
-
-if TYPE_CHECKING:
-    from pinarm.engine.statics.actuation import Actuation
-    from pinarm.engine.statics.effort_distribution import SharedEfforts
 
 
 class EffortRange(Readable):
@@ -142,13 +138,11 @@ def drives_of(
 
 
 def _sharing(mechanism: Mechanism, acting: Actuation, share: Share) -> Actuation:
-    from pinarm.engine.statics.effort_distribution import SelectedDrives, SharedEfforts
-
     assert isinstance(acting, SelectedDrives)  # as all drives that are named
     chosen = SHARES[share] if isinstance(share, str) else share
     efforts = SharedEfforts(chosen.weighted(acting.named), chosen.ranges(mechanism, acting.named))
     _require_told_apart(acting.joints, efforts)
-    return replace(acting, distribution=efforts)
+    return replace(acting, sharing=efforts)
 
 
 def _require_told_apart(joints: Mapping[str, LinearCoordinate], efforts: SharedEfforts) -> None:

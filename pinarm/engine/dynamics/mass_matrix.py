@@ -35,6 +35,16 @@ def mass_matrices(model: pin.Model, q: Array) -> Array:
     return matrices
 
 
+def weight_bounds(model: pin.Model, mass: Array) -> Array:
+    """Return the most that weights can do at joints, ``g sqrt(m M_kk)`` with the mass m of all bodies, shape (.., nv).
+
+    By the inequality of Cauchy and Schwarz, for the masses M of shape (.., nv, nv).
+    """
+    total = sum(body.mass for body in model.inertias)
+    levers = np.sqrt(np.maximum(mass.diagonal(axis1=-2, axis2=-1), 0.0))
+    return np.asarray(np.linalg.norm(model.gravity.linear) * np.sqrt(total) * levers)
+
+
 def require_masses(closure: Closure, q: Array, t: float) -> None:
     """Raise where a motion that constraints and laws leave free moves no mass, at configurations, shape (n, nq).
 

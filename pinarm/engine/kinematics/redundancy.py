@@ -220,8 +220,16 @@ class NearestMotion(JointMotion, frozen=True):
         return Assembly(start)
 
     def follow(self, grid: Grid, start: Array) -> JointTrajectory:
+        """Return the motion; the first time with the changes of limits, at which the grid is cut and has two rows."""
         q = prescribed_at_start(self.mechanism, self.prescribed, grid, start)
-        return self._between_known_changes(grid, q) if self.held else _Search(self, grid, q).through(grid)
+        if self.held:
+            return self._rows(grid, q)
+        search = _Search(self, grid, q)
+        states = search.through(grid)
+        located = replace(self, bounds=(*search.bounds,), held=(*search.held,), jumps=(*search.jumps,))
+        if located.bounds:
+            return located._rows(grid.parted(located.bounds), states[0].q)
+        return _joint_trajectory(located, grid, states)
 
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         path = self._path_at(t)
@@ -247,7 +255,7 @@ class NearestMotion(JointMotion, frozen=True):
         """Return the path at an instant between changes of limits."""
         return self.path(self.held[bisect_right(self.bounds, t)])
 
-    def _between_known_changes(self, grid: Grid, q: Array) -> JointTrajectory:
+    def _rows(self, grid: Grid, q: Array) -> JointTrajectory:
         """Return the motion where it is known which joints are at limits, from a configuration near the first."""
         states = list[PathState]()
         for begin, end, part in grid.intervals():
@@ -259,7 +267,7 @@ class NearestMotion(JointMotion, frozen=True):
                 else:
                     near = states[-1].q if states else path.nearest(q, target(t)[0], t)
                     states.append(path.state(near, t, begin, end))
-        return _joint_states(self, grid, states)
+        return _joint_trajectory(self, grid, states)
 
     def first(self, q: Array, w: Array, t: float) -> tuple[Array, AtLimits]:
         """Return the configuration nearest to the posture, shape (nq,), and the joints that limits hold there.
@@ -326,26 +334,22 @@ class _Search:
         (begin, end, _), t = grid.intervals()[0], float(grid.t[0])
         q, held = motion.first(q, motion.prescribed.on(begin, end)(t)[0], t)
         self.motion, self.path = motion, motion.path(held)
-        self.state = self.path.state(q, t, begin, end)
+        self.state, self.start = self.path.state(q, t, begin, end), t
         self.slack = ROUNDING * (grid.cuts[-1] - grid.cuts[0])
-        self.states, self.cuts, self.starts = list[PathState](), [grid.cuts[0]], [0]
         self.bounds, self.held, self.jumps = list[float](), [held], list[str]()
         self.last = -1, -np.inf
 
-    def through(self, grid: Grid) -> JointTrajectory:
-        """Return the motion through all rows, with the grid cut where velocities jump."""
+    def through(self, grid: Grid) -> list[PathState]:
+        """Return the states at all rows of the grid."""
+        states = list[PathState]()
         for begin, end, part in grid.intervals():
             for t in grid.t[part].tolist():
                 if t == self.state.t:  # the first row, or laws that jump: the same position
                     self.state = self.path.state(self.state.q, t, begin, end)
                 while self._changed(t, begin, end):
                     pass
-                if len(self.states) == self.starts[-1] or t - self.states[-1].t > self.slack:
-                    self.states.append(self.state)
-            self._cut(end)
-        located = replace(self.motion, bounds=tuple(self.bounds), held=tuple(self.held), jumps=tuple(self.jumps))
-        whole = Grid(np.array([state.t for state in self.states]), tuple(self.cuts), tuple(self.starts))
-        return _joint_states(located, whole, self.states)
+                states.append(self.state)
+        return states
 
     def _changed(self, to: float, begin: float, end: float) -> bool:
         """Go on to a row, or through the first change of limits before it; tell whether there was one."""
@@ -360,7 +364,7 @@ class _Search:
         return False
 
     def _change(self, before: PathState, place: int, begin: float, end: float) -> None:
-        """Let a joint reach its limit or leave it: a row before and a row after, and a cut between them."""
+        """Let a joint reach its limit or leave it."""
         path, names, nv = self.path, self.motion.posture.names, len(self.motion.posture.names)
         reached = place < 2 * nv
         limit = (place % nv, place // nv) if reached else path.held[place - 2 * nv]
@@ -370,23 +374,15 @@ class _Search:
             raise _blocked(path, names[limit[0]], before)
         self.last, self.path = (limit[0], before.t), self.motion.path(tuple(sorted({*path.held} ^ {limit})))
         self.state = self.path.state(before.q, before.t, begin, end)
-        if len(self.states) <= 1 and before.t == self.cuts[0]:  # it only touches its limit where the motion begins
-            self.held, self.states = [self.path.held], [self.state][: len(self.states)]
+        if before.t == self.start:  # it only touches its limit where the motion begins
+            self.held = [self.path.held]
             return
-        if before.t - self.states[-1].t > self.slack:
-            self.states.append(before)
-        self._cut(before.t)
-        self.states.append(self.state)
         self.bounds.append(before.t)
         self.held.append(self.path.held)
         self.jumps.append(_words(self.motion, limit, before, self.state, reached=reached))
 
-    def _cut(self, t: float) -> None:
-        self.cuts.append(t)
-        self.starts.append(len(self.states))
 
-
-def _joint_states(motion: NearestMotion, grid: Grid, states: list[PathState]) -> JointTrajectory:
+def _joint_trajectory(motion: NearestMotion, grid: Grid, states: list[PathState]) -> JointTrajectory:
     q, v, a = (np.array(part) for part in zip(*(state[1:] for state in states), strict=True))
     return JointTrajectory(motion, grid, q, v, a)
 

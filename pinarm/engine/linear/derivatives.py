@@ -25,6 +25,7 @@ import pinocchio as pin
 from pinarm.arrays import STEP, Array
 from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.mass_matrix import weight_bounds
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.records import Record
@@ -78,9 +79,9 @@ def equation_derivatives(
     """
     mass, force_q, force_v, speed = tree_derivatives(dynamics.model, q, v, a)
     rows, rows_q, drift_q, drift_v = _row_derivatives(dynamics.model, constraints, q, v)
-    pull, levers = weight_bound(dynamics.model), np.sqrt(np.maximum(np.diag(mass), 0.0))
+    pulls, levers = weight_bounds(dynamics.model, mass), np.sqrt(np.maximum(np.diag(mass), 0.0))
     whirl = speed * np.outer(levers, levers)
-    terms_q = np.abs(force_q) + pull * np.minimum.outer(levers, levers) + speed * whirl
+    terms_q = np.abs(force_q) + np.minimum.outer(pulls, pulls) + speed * whirl
     terms_q += np.einsum("kmj,m->jk", np.abs(rows_q), np.abs(lam))
     terms_v = np.abs(force_v) + whirl
     force_q -= np.einsum("kmj,m->jk", rows_q, lam)
@@ -90,11 +91,6 @@ def equation_derivatives(
         force_v, terms_v = force_v - load_v, terms_v + np.abs(load_v)
     acceleration_q = np.einsum("kmj,j->mk", rows_q, a) + drift_q
     return EquationDerivatives(mass, force_q, force_v, rows, rows_q, acceleration_q, drift_v, terms_q, terms_v)
-
-
-def weight_bound(model: pin.Model) -> float:
-    """Return ``g sqrt(m)``: times sqrt(M_kk) it is the most that weights can do at a joint (Cauchy-Schwarz)."""
-    return float(np.linalg.norm(model.gravity.linear) * np.sqrt(sum(body.mass for body in model.inertias)))
 
 
 def tree_derivatives(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, float]:

@@ -23,10 +23,11 @@ from pinarm.engine.constraints.closure import Closure, slides
 from pinarm.engine.constraints.constraint_rows import Measured
 from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.mass_matrix import weight_bounds
 from pinarm.engine.kinematics.assembly import first_position
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
-from pinarm.engine.linear.derivatives import EquationDerivatives, equation_derivatives, weight_bound
+from pinarm.engine.linear.derivatives import EquationDerivatives, equation_derivatives
 from pinarm.engine.linear.friction import at_rest, measured, slip_friction, with_friction
 from pinarm.engine.linear.linearisation import independent_joints
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -297,7 +298,7 @@ class ForceBalance(Record, frozen=True):
         Rounding of the coordinates takes part with K times their size, at least 1 rad or the mechanism's unit of
         length: of a coordinate that goes to 0 it would otherwise never end.
         """
-        weights = weight_bound(self.mechanism.model) * np.sqrt(np.maximum(np.diag(slopes.mass), 0.0))
+        weights = weight_bounds(self.mechanism.model, slopes.mass)
         loads = self.dynamics.load_sizes(0.0, q, forces.v)
         reach = np.maximum(np.abs(q) if len(q) == len(forces.v) else 0.0, self.closure.scale)
         whole = np.abs(forces.free).T @ (weights + loads + forces.terms + slopes.terms_q @ reach)

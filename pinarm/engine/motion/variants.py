@@ -17,8 +17,7 @@ from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable, Prescription
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.statics.actuation import Actuation, DriveAtEveryJoint
-from pinarm.engine.statics.effort_distribution import UNIQUE, WEAK, SelectedDrives
+from pinarm.engine.statics.actuation import WEAK, Actuation, DriveAtEveryJoint, SelectedDrives, least_efforts
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
@@ -152,7 +151,7 @@ def _drives(drives: Actuation, closure: VariantClosure) -> Actuation:
     """Return the drives under the constraints of the variants."""
     if isinstance(drives, DriveAtEveryJoint) and not drives.followers:
         return DriveAtEveryJoint(closure)
-    if not isinstance(drives, SelectedDrives) or drives.tasks or drives.distribution is not UNIQUE:
+    if not isinstance(drives, SelectedDrives) or drives.tasks or drives.sharing is not None:
         raise VariantsDiffer("drives that share the load, act along task coordinates, or move joints that mimic others")
     return DrivesOfVariants(drives.joints, {}, closure, closure)
 
@@ -167,6 +166,7 @@ class DrivesOfVariants(SelectedDrives, frozen=True):
         ways, load = np.einsum("nkjf,dj->nkfd", split.free, weights), np.einsum("nkjf,nkj->nkf", split.free, demand)
         ways = np.broadcast_to(ways, (*load.shape, len(weights))).reshape(-1, load.shape[-1], len(weights))
         least = np.full(len(ways), WEAK * np.linalg.norm(weights, axis=1).max())
-        effort, good = UNIQUE.efforts(ways, load.reshape(len(ways), -1), least, np.zeros(len(ways)))
+        effort, good = least_efforts(ways, load.reshape(len(ways), -1), least, np.zeros(len(ways)))
+        good &= ways.shape[2] <= ways.shape[1]
         tau = (np.where(good[:, None], effort, np.nan) @ weights).reshape(demand.shape)
         return tau, split.multipliers(demand - tau)
