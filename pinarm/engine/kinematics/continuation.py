@@ -242,15 +242,6 @@ class Ahead:
             self._length = _next_length(n, states.correction, 2 + len(a))
         return (states.q[1:n], states.rates.v[1:n], states.rates.a[1:n]) if n > 1 else ()
 
-    def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, ...]:
-        """Return v and a, shape (m, nv), at as many of the first configurations as surely are regular."""
-        if (chosen := self._chosen_at(q[0])) is None:
-            return ()
-        with np.errstate(all="ignore"):
-            rates = chosen.rates(chosen.at(q[:BLOCK]), dw[:BLOCK], ddw[:BLOCK])
-            n = self._leading(chosen, rates, np.ones(len(rates.v), dtype=bool))
-        return (rates.v[:n], rates.a[:n]) if n else ()
-
     def _chosen_at(self, q: Array) -> BatchClosing | None:
         """Return the rows that determine the motion: the last ones, or else those of a regular configuration."""
         if self._chosen is None:
@@ -318,24 +309,6 @@ def _check_begun(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Arr
         )
     if freedom != laws:
         raise prescribed.miscounted(mechanism, freedom)
-
-
-def branch_rates(
-    mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, dw: Array, ddw: Array
-) -> tuple[Array, Array]:
-    """Return velocities and accelerations of the joints, shape (n, nv), at closed configurations, shape (n, nq).
-
-    The velocities dw and accelerations ddw of the coordinates have the shape (k,), or (n, k) where they differ.
-    """
-    solver, sweep = NewtonSolver(mechanism.closure, prescribed), Ahead.of(mechanism.closure, prescribed)
-    (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
-    dw, ddw = (np.broadcast_to(x, (len(q), len(prescribed.names))) for x in (dw, ddw))
-    while row < len(q):
-        states = sweep.rates(q[row:], dw[row:], ddw[row:]) if sweep else ()
-        states = states or tuple(x[None] for x in solver.rates(q[row], dw[row], ddw[row], float(row)))
-        rows = slice(row, row + len(states[0]))
-        (v[rows], a[rows]), row = states, rows.stop
-    return v, a
 
 
 def _predicted(h: Array, q: Array, v: Array, t: Array, a: Array) -> tuple[Array, Array]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +20,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.assembly import check_excess, first_position
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
-from pinarm.engine.kinematics.singular import check_rank
+from pinarm.engine.kinematics.singular import SINGULAR, check_rank
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
@@ -107,9 +106,32 @@ class DeterminedMotion(JointMotion, frozen=True):
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
             return np.zeros((len(q), self.mechanism.model.nv)), np.zeros((len(q), self.mechanism.model.nv))
-        from pinarm.engine.kinematics.continuation import branch_rates
+        return joint_rates(self.mechanism.closure.holonomic, self.prescribed, q, dw, ddw)
 
-        return branch_rates(self.mechanism, self.prescribed, q, dw, ddw)
+
+def joint_rates(
+    closure: Closure, prescribed: PrescribedCoordinates, q: Array, dw: Array, ddw: Array
+) -> tuple[Array, Array]:
+    """Return velocities and accelerations of the joints, shape (n, nv) each, at closed configurations, shape (n, nq).
+
+    By the least solutions of ``J v = (0, dw)`` and ``J a = (0, ddw) - J' v``. The velocities dw and accelerations ddw
+    of the coordinates have the shape (k,), or (n, k) where they differ.
+    """
+    whole = closure.with_guides(prescribed.names, prescribed.coordinates)
+    here, right = whole.constraint_rows.at(q), np.zeros((2, len(q), whole.size))
+    right[0, :, closure.size :], right[1, :, closure.size :] = dw, ddw
+    rows = here.matrices * (whole.scale / whole.measure[:, None])
+    u, s, vt = np.linalg.svd(rows, full_matrices=False)
+    for k in np.flatnonzero(~(s[:, -1:] > SINGULAR * s[:, :1]).all(axis=1) | (s.shape[1] < whole.model.nv))[
+        :1
+    ].tolist():
+        check_rank(rows[k], [constraint.name for constraint, _ in whole.owners()], float(k))
+
+    def least(right: Array) -> Array:
+        return np.asarray(whole.scale * np.vecmat(np.vecmat(right / whole.measure, u) / s, vt))
+
+    v = least(right[0])
+    return v, least(right[1] - here.drifts(v))
 
 
 def follow(
@@ -186,10 +208,6 @@ class RolledMotion(JointMotion, frozen=True):
 
     ways: tuple[RolledWay, ...] = ()
 
-    @cached_property
-    def closure(self) -> Closure:
-        return self.mechanism.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
-
     def begin(self, grid: Grid, start: Array) -> Assembly:
         prescribed = self.prescribed
         return first_position(self.mechanism.closure, prescribed, prescribed.first(grid), float(grid.t[0]), start)
@@ -204,13 +222,12 @@ class RolledMotion(JointMotion, frozen=True):
                 w, dw, ddw = target(t)
                 near = pin.normalize(self.mechanism.model, rough)
                 q = assembled(self.mechanism.closure, self.prescribed, near, w, t)
-                states.append((q, *self._rates(t, q, dw, ddw)))
+                states.append((q, *(rate[0] for rate in self.rates(t, q[None], dw, ddw))))
         q, v, a = (np.array(part) for part in zip(*states, strict=True))
         return JointTrajectory(solved, grid, q, v, a)
 
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-        v, a = zip(*(self._rates(t, x, dw, ddw) for x in q), strict=True)
-        return np.array(v), np.array(a)
+        return joint_rates(self.mechanism.closure, self.prescribed, q, dw, ddw)
 
     def figures(self, states: JointTrajectory) -> Mapping[str, float]:
         """Return the error of what has rolled: that of the steps, added up."""
@@ -227,7 +244,7 @@ class RolledMotion(JointMotion, frozen=True):
 
             def velocity(t: float, q: Array, target: Callable[[float], tuple[Array, Array, Array]] = target) -> Array:
                 q = pin.normalize(model, q)
-                return np.asarray(pin.tangentMap(model, q) @ self._rates(t, q, *target(t)[1:])[0])
+                return np.asarray(pin.tangentMap(model, q) @ self.rates(t, q[None], *target(t)[1:])[0][0])
 
             solution = solve_ivp(
                 velocity, (begin, end), q, method="DOP853", dense_output=True, rtol=TOLERANCE, atol=TOLERANCE
@@ -242,12 +259,3 @@ class RolledMotion(JointMotion, frozen=True):
             ways.append(RolledWay(first, end, solution.sol, len(solution.t) - 1))
             q, begin = solution.y[:, -1], end
         return tuple(ways)
-
-    def _rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-        rows, still = self.closure.rows(self.closure.state(q)), np.zeros(self.closure.size - len(dw))
-        split = self.closure.split(rows)
-        if split.free.shape[1]:
-            check_rank(rows, [constraint.name for constraint, _ in self.closure.owners()], t)
-        v = split.particular(np.concatenate([still, dw]))
-        drift = self.closure.drift(self.closure.state(q, v))
-        return v, split.particular(np.concatenate([still, ddw]) - drift)

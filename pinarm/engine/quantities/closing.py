@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices, real
 from pinarm.engine.kinematics.assembly import OPEN, closed_drawing, first_position, near_given, null_space
-from pinarm.engine.kinematics.continuation import StraightWays, branch_rates
+from pinarm.engine.kinematics.continuation import StraightWays
+from pinarm.engine.kinematics.joint_motion import joint_rates
 from pinarm.engine.kinematics.newton import AGREED, SHORT, NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import in_states
@@ -286,7 +287,7 @@ def _rates(
             expected=f"positions and velocities of {free} more coordinates",
         )
     try:
-        v, a = branch_rates(mechanism, prescribed, q, laws[1], laws[2] if len(laws) > 2 else 0.0 * laws[1])
+        v, a = joint_rates(closure, prescribed, q, laws[1], laws[2] if len(laws) > 2 else 0.0 * laws[1])
     except AssemblyError as error:
         error.message = f"{places[int(error.data['t'])]}: {error.message}"
         raise
