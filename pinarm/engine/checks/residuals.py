@@ -6,7 +6,6 @@ A fixed, even choice of rows is checked, so that the cost of large tables stays 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from pinarm.engine.dynamics.mass_matrix import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
 from pinarm.mechanics.geometry.link_tree import LinkTree
-from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import SolvedMotion
@@ -26,6 +24,8 @@ if TYPE_CHECKING:
 
 NUMBERS, FEWEST = 8_000_000, 4
 """Numbers of the matrices of all rows that are looked at together, and rows that are looked at in any case."""
+
+CLOSURE = "closure", "closure rate", "closure acceleration"
 
 LARGEST = 2000
 """Velocities up to which the masses of a mechanism are judged: the eigenvalues of larger ones take minutes."""
@@ -59,105 +59,61 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
         rows = rows[~run.opened[rows]]
     if not len(rows):
         return {}
-    checked, figures = _CheckedRows(run.looked_at(rows)), dict[str, Any]()
+    checked, own = run.looked_at(rows), run.mechanism.closure
+    (gaps, matrices), drift = checked.closure.at(checked.q), checked.closure.drifts(checked.q, checked.v)[..., :m]
+    figures = dict[str, Any]()
     if m:
-        names = "closure", "closure rate", "closure acceleration"
-        gaps = dict(zip(names, checked.gaps.max(axis=0), strict=True))
-        figures = {name: gap for name, gap in gaps.items() if not (run.unknown and np.isnan(gap).any())}
-        figures |= nearest_singularity(run, motion, rows, run.mechanism.closure.values_of(checked.own))
+        g = matrices[..., :m, :]
+        parts = gaps[..., :m], np.matvec(g, checked.v), np.matvec(g, checked.a) + drift
+        largest = {name: _largest(part) for name, part in zip(CLOSURE, parts, strict=True)}
+        figures = {name: gap for name, gap in largest.items() if not (run.unknown and np.isnan(gap).any())}
+        figures |= nearest_singularity(run, motion, rows, own.values_of(g))
     if run.no_efforts or nv > LARGEST:
         return figures
-    alike = checked.of_one_freedom()
-    condition = np.max([condition_along(part.mass, part.free) for part in alike], axis=0)
+    along, mass = checked.lam[..., m:], checked.dynamics.mass_matrices(checked.q)
+    guided = np.vecmat(along, matrices[..., m:, :]) if along.size else np.zeros_like(checked.v)
+    split = own.split(matrices[..., :m, :]) if m else None
+    alike = [*split.by_freedom()] if split else [(np.arange(len(rows)), None)]
+    particular = split.particular(-drift) if split else np.zeros_like(checked.v)
+    condition = np.max([condition_along(mass[some], free) for some, free in alike], axis=0)
     if not np.isfinite(condition).all():
         return figures
-    error, size = (np.array(parts) for parts in zip(*(part.return_trip() for part in alike), strict=True))
+    trips = (
+        _return_trip(checked.looked_at(some), mass[some], free, particular[some], guided[some]) for some, free in alike
+    )
+    error, size = (np.array(parts) for parts in zip(*trips, strict=True))
     return figures | {"condition": condition, "return trip": relative(error, size)}
 
 
-class _CheckedRows(Record, frozen=True):
-    """Matrices of n rows of a run, under m constraints and g drives along task coordinates."""
+def _return_trip(
+    run: Trajectory, mass: Array, free: Array | None, particular: Array, guided: Array
+) -> tuple[Array, Array]:
+    """Return the largest difference of accelerations, and the largest one that efforts and loads could give.
 
-    run: Trajectory
-
-    @cached_property
-    def _rows(self) -> tuple[Array, Array]:
-        """Gaps of constraints and task coordinates, shape (n, m + g), and their rows of G, shape (n, m + g, nv)."""
-        return self.run.closure.at(self.run.q)
-
-    @property
-    def own(self) -> Array:
-        """G of the constraints, shape (n, m, nv)."""
-        return self._rows[1][..., : self.run.mechanism.closure.size, :]
-
-    @cached_property
-    def _drift(self) -> Array:
-        """``G' v`` of the constraints, shape (n, m)."""
-        return self.run.closure.drifts(self.run.q, self.run.v)[..., : self.run.mechanism.closure.size]
-
-    @property
-    def gaps(self) -> Array:
-        """Gaps of the loops, their rates and accelerations, the largest of each row, shape (n, 3)."""
-        run, m = self.run, self.run.mechanism.closure.size
-        parts = self._rows[0][..., :m], np.matvec(self.own, run.v), np.matvec(self.own, run.a) + self._drift
-        return np.stack([np.abs(part).max(axis=-1, initial=0.0) for part in parts], axis=1)
-
-    def of_one_freedom(self) -> list[_FreeRows]:
-        """Return groups of rows with as many free motions: at singular positions there are more."""
-        run, closure = self.run, self.run.mechanism.closure
-        mass, along, still = run.dynamics.mass_matrices(run.q), run.lam[..., closure.size :], np.zeros_like(run.v)
-        guided = np.vecmat(along, self._rows[1][..., closure.size :, :]) if along.size else still
-        if not closure.size:
-            return [_FreeRows(run, mass, None, still, guided)]
-        split = closure.split(self.own)
-        particular = split.particular(-self._drift)
-        return [
-            _FreeRows(run.looked_at(some), mass[some], free, particular[some], guided[some])
-            for some, free in split.by_freedom()
-        ]
-
-
-class _FreeRows(Record, frozen=True):
-    """Rows with f free motions each.
-
-    Attributes:
+    Args:
+        run: Rows with as many free motions, of which there are more at singular positions.
         mass: M, shape (n, .., nv, nv).
         free: T, bases of the free motions, shape (n, .., nv, f); ``None`` for the identity.
         particular: The shortest accelerations that the constraints allow, shape (n, nv).
         guided: Loads of the drives along task coordinates, shape (n, nv).
     """
-
-    run: Trajectory
-    mass: Array
-    free: Array | None
-    particular: Array
-    guided: Array
-
-    def return_trip(self) -> tuple[Array, Array]:
-        """Return the largest difference of accelerations, and the largest one that efforts and loads could give."""
-        run, mass, still = self.run, self.mass, np.zeros_like(self.run.a)
-        t, q, v = run.grid.t, run.q, run.v
-        resisting = run.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], still[part]))
-        sizes = run.gather(lambda dynamics, part: dynamics.load_sizes(t[part], q[part], v[part]))
-        supplied = run.tau + run.friction_loads + self.guided
-        turning = run.link_motion[1][..., 3:]
-        omega = np.sqrt((turning * turning).sum(axis=-1).max(axis=-1))
-        whirl = omega * np.sqrt(np.maximum(np.vecdot(v, np.matvec(mass, v)), 0.0))
-        pull = run.mechanism.gravity * np.sqrt(LinkTree.of(run.mechanism.model).mass)
-        levers = np.sqrt(np.maximum(mass.diagonal(axis1=-2, axis2=-1), 0.0))
-        left = supplied - resisting - np.matvec(mass, self.particular)
-        most = np.abs(supplied) + np.abs(resisting) + sizes + (pull + whirl)[..., None] * levers
-        back, bound = self._responses(left, most)
-        return _largest(self.particular + back - run.a), np.maximum(_largest(run.a), _largest(bound))
-
-    def _responses(self, loads: Array, sizes: Array) -> tuple[Array, Array]:
-        """Return ``T (T^T M T)^-1 T^T`` times loads, and the same of ``|T|^T`` times sizes, shape (n, .., nv) each."""
-        if self.free is None:
-            both = np.linalg.solve(self.mass, np.stack([loads, sizes], axis=-1))
-        else:
-            along = np.stack([np.vecmat(loads, self.free), np.vecmat(sizes, np.abs(self.free))], axis=-1)
-            both = self.free @ np.linalg.solve(self.free.swapaxes(-2, -1) @ self.mass @ self.free, along)
-        return np.asarray(both[..., 0], dtype=np.float64), np.asarray(both[..., 1], dtype=np.float64)
+    t, q, v, still = run.grid.t, run.q, run.v, np.zeros_like(run.a)
+    resisting = run.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], still[part]))
+    sizes = run.gather(lambda dynamics, part: dynamics.load_sizes(t[part], q[part], v[part]))
+    supplied = run.tau + run.friction_loads + guided
+    turning = run.link_motion[1][..., 3:]
+    omega = np.sqrt((turning * turning).sum(axis=-1).max(axis=-1))
+    whirl = omega * np.sqrt(np.maximum(np.vecdot(v, np.matvec(mass, v)), 0.0))
+    pull = run.mechanism.gravity * np.sqrt(LinkTree.of(run.mechanism.model).mass)
+    levers = np.sqrt(np.maximum(mass.diagonal(axis1=-2, axis2=-1), 0.0))
+    left = supplied - resisting - np.matvec(mass, particular)
+    most = np.abs(supplied) + np.abs(resisting) + sizes + (pull + whirl)[..., None] * levers
+    if free is None:
+        both = np.linalg.solve(mass, np.stack([left, most], axis=-1))
+    else:
+        along = np.stack([np.vecmat(left, free), np.vecmat(most, np.abs(free))], axis=-1)
+        both = free @ np.linalg.solve(free.swapaxes(-2, -1) @ mass @ free, along)
+    return _largest(particular + both[..., 0] - run.a), np.maximum(_largest(run.a), _largest(both[..., 1]))
 
 
 def condition_along(mass: Array, free: Array | None = None) -> Array:

@@ -122,9 +122,8 @@ def joint_rates(
     right[0, :, closure.size :], right[1, :, closure.size :] = dw, ddw
     rows = here.matrices * (whole.scale / whole.measure[:, None])
     u, s, vt = np.linalg.svd(rows, full_matrices=False)
-    for k in np.flatnonzero(~(s[:, -1:] > SINGULAR * s[:, :1]).all(axis=1) | (s.shape[1] < whole.model.nv))[
-        :1
-    ].tolist():
+    regular = (s[:, -1:] > SINGULAR * s[:, :1]).all(axis=1) & (s.shape[1] == whole.model.nv)
+    for k in np.flatnonzero(~regular)[:1].tolist():
         check_rank(rows[k], [constraint.name for constraint, _ in whole.owners()], float(k))
 
     def least(right: Array) -> Array:

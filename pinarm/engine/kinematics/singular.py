@@ -25,24 +25,14 @@ _running: ContextVar[tuple[str, Unit] | None] = ContextVar("running", default=No
 
 
 @contextmanager
-def running(name: str, measured: Unit) -> Iterator[None]:
+def running(name: str = "", measured: Unit = DIMENSIONLESS) -> Iterator[None]:
     """Let messages of the block name what runs along the rows.
 
     Args:
-        name: ``t``, or the coordinate that is swept.
+        name: ``t``, or the coordinate that is swept; empty where every row is a state of its own, without an instant.
         measured: Its unit; that of a number where rows are counted, which have no name.
     """
-    token = _running.set((name, measured) if str(measured) != "1" else None)
-    try:
-        yield
-    finally:
-        _running.reset(token)
-
-
-@contextmanager
-def in_states() -> Iterator[None]:
-    """Let messages of the block name no instants: every row is a state of its own."""
-    token = _running.set(("", DIMENSIONLESS))
+    token = _running.set((name, measured) if not name or str(measured) != "1" else None)
     try:
         yield
     finally:

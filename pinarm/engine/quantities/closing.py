@@ -15,7 +15,7 @@ from pinarm.engine.kinematics.continuation import StraightWays
 from pinarm.engine.kinematics.joint_motion import joint_rates
 from pinarm.engine.kinematics.newton import AGREED, SHORT, NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.kinematics.singular import in_states
+from pinarm.engine.kinematics.singular import running
 from pinarm.engine.quantities.state_arrays import LeadingAxes, frame_named, states_of
 from pinarm.engine.series import require_unit
 from pinarm.errors import AssemblyError, InputError, PinarmError, require_map
@@ -147,7 +147,7 @@ def close(
     leading, targets = _filled({name: target_of(mechanism, name, state) for name in positions}, given)
     n, model = int(np.prod(leading.shape, dtype=int)), mechanism.model
     q, v, a = np.tile(begun, (n, 1)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
-    with in_states():
+    with running():
         far = sum((np.linalg.norm(target.turns(), axis=1) > FAR for target in targets), np.zeros(n, dtype=bool))
         near = [np.flatnonzero(~far)] if targets and not far.all() else []
         for rows in [*near, *np.flatnonzero(far)[:, None]]:
