@@ -13,12 +13,9 @@ from pinarm.records import Record, replace
 
 ALIKE = (
     "name", "nq", "nv", "njoints", "nframes", "names", "parents", "joints", "supports", "subtrees", "gravity",
-    "armature",
+    "armature", "getFrameId", "getJointId",
 )  # fmt: skip
-"""Attributes of Pinocchio's models that all variants have in common."""
-
-METHODS = ("getFrameId", "existFrame", "getJointId", "existJointName")
-"""Methods that find something by its name, which is the same in all variants."""
+"""Attributes of Pinocchio's models that all variants have in common, functions of names too."""
 
 PARAMETERS = 10
 """Dynamic parameters of a body: m, m c, and Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the origin of its joint."""
@@ -56,11 +53,6 @@ class VariantPlacement(Record, frozen=True):
     def alike(self) -> bool:
         """Whether it is the same in all variants."""
         return len(self.rotation) == len(self.translation) == 1
-
-    def inverse(self) -> VariantPlacement:
-        """Return where the outer axes are in these."""
-        back = self.rotation.swapaxes(-1, -2)
-        return VariantPlacement(back, -np.matvec(back, self.translation))
 
 
 class VariantFrame(Record, frozen=True):
@@ -130,15 +122,6 @@ class ModelVariants(Record, frozen=True):
             shifts=self.shifts[places],
         )
 
-    def tree(self, place: int) -> pin.Model:
-        """Return Pinocchio's model of one of the variants, its joints and bodies; its frames are those of the first."""
-        model = self.first.copy()
-        for joint, parameters in zip(self.bodies, self.parameters[place], strict=True):
-            model.inertias[joint] = pin.Inertia.FromDynamicParameters(parameters)
-        for joint, turn, shift in zip(self.moved, self.turns[place], self.shifts[place], strict=True):
-            model.jointPlacements[joint] = pin.SE3(turn, shift)
-        return model
-
     @property
     def in_place(self) -> bool:
         """Whether all variants have their joints and frames in the same places: only masses and inertias vary."""
@@ -147,7 +130,7 @@ class ModelVariants(Record, frozen=True):
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that all variants share; others raise ``VariantsDiffer``."""
-        if name in ALIKE or name in METHODS:
+        if name in ALIKE:
             return getattr(self.first, name)
         raise VariantsDiffer(f"'{name}' of a model, of which there are several variants")
 

@@ -165,9 +165,10 @@ class _Variants:
             parameters[:, number] = own
         for number, place in enumerate(moved.values()):
             turns[:, number], shifts[:, number] = place.rotation, place.translation
-        frames = []
+        frames = list[VariantFrame]()
         for frame in self.model.frames.tolist():
-            known = not places or (frame.name in self.tree.links and frame.type == pin.FrameType.BODY)
+            link = frame.name in self.tree.links and frame.type == pin.FrameType.BODY
+            known = link or not frames or not places  # the first is the world
             placed = (places.get(frame.name) or VariantPlacement.of(frame.placement)) if known else None
             frames.append(VariantFrame(frame.name, frame.type, frame.parentJoint, placed))
         return ModelVariants(self.model, frames, (*bodies,), parameters, (*moved,), turns, shifts)
