@@ -76,10 +76,10 @@ def read_robot(
     if description.planar is None:
         from pinarm.mechanics.loading.urdf_writer import written
 
-        text, defects = written(model), description.defects or "noted"
-        robot = build(text.urdf, defects=defects)
+        (text, notes), defects = written(model), description.defects or "noted"
+        robot = build(text, defects=defects)
         source = Source(data, folder, folder / description.robot, description.base, defects, pin.Model(model))
-        return replace(robot, notes=(*robot.notes, *text.notes)), {}, source
+        return replace(robot, notes=(*robot.notes, *notes)), {}, source
     from pinarm.mechanics.planar_drawing import expanded  # not paid for by others
 
     drawing, defects = expanded(description.planar), description.defects or "refused"

@@ -95,44 +95,33 @@ class JointStates(Record, frozen=True):
 
     def take(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q and v here from those of Pinocchio, rows of states; angles are from -pi to pi."""
-        if self.way == "continuous":
-            return self._angle(q), v
-        if self.way == "planar":
-            angle = self._angle(q[:, 2:])
-            return np.hstack([q[:, :2], angle]), np.hstack([_in_plane(angle, v), v[:, 2:]])
+        if self.way == "same":
+            return q, v
         if self.way == "floating":
-            turn = self._quaternion(q)
-            velocity = _turned(turn, v[:, :3]) @ self.axes.T
-            return np.hstack([q[:, :3] @ self.axes.T, turn]), np.hstack([velocity, v[:, 3:]])
-        return q, v
+            turn = q[:, 3:]
+            _require_unit(np.linalg.norm(turn, axis=1), f"the quaternion of '{self.name}'")
+            linear = _turned(turn, v[:, :3]) @ self.axes.T
+            return np.hstack([q[:, :3] @ self.axes.T, turn]), np.hstack([linear, v[:, 3:]])
+        _require_unit(np.hypot(q[:, -2], q[:, -1]), f"(cos, sin) of '{self.name}'")
+        angle = np.arctan2(q[:, -1:], q[:, -2:-1])
+        return np.hstack([q[:, :-2], angle]), np.hstack([_in_plane(angle, v[:, :-1]), v[:, -1:]])
 
     def give(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q and v of Pinocchio from those here; cosine and sine know no turns."""
-        if self.way == "continuous":
-            return np.hstack([np.cos(q), np.sin(q)]), v
-        if self.way == "planar":
-            angle = q[:, 2:]
-            return (
-                np.hstack([q[:, :2], np.cos(angle), np.sin(angle)]),
-                np.hstack([_in_plane(-angle, v), v[:, 2:]]),
-            )
+        if self.way == "same":
+            return q, v
         if self.way == "floating":
-            turn = self._quaternion(q)
-            velocity = _turned(turn * [-1.0, -1.0, -1.0, 1.0], v[:, :3] @ self.axes)
-            return np.hstack([q[:, :3] @ self.axes, turn]), np.hstack([velocity, v[:, 3:]])
-        return q, v
-
-    def _angle(self, q: Array) -> Array:
-        _require_unit(np.hypot(q[:, 0], q[:, 1]), f"(cos, sin) of '{self.name}'")
-        return np.arctan2(q[:, 1:2], q[:, :1])
-
-    def _quaternion(self, q: Array) -> Array:
-        _require_unit(np.linalg.norm(q[:, 3:], axis=1), f"the quaternion of '{self.name}'")
-        return q[:, 3:]
+            turn = q[:, 3:]
+            _require_unit(np.linalg.norm(turn, axis=1), f"the quaternion of '{self.name}'")
+            linear = _turned(turn * [-1.0, -1.0, -1.0, 1.0], v[:, :3] @ self.axes)
+            return np.hstack([q[:, :3] @ self.axes, turn]), np.hstack([linear, v[:, 3:]])
+        angle = q[:, -1:]
+        position = np.hstack([q[:, :-1], np.cos(angle), np.sin(angle)])
+        return position, np.hstack([_in_plane(-angle, v[:, :-1]), v[:, -1:]])
 
 
 def _in_plane(angle: Array, v: Array) -> Array:
-    """Return vectors of the plane turned by an angle, shapes (n, 1) and (n, 2)."""
+    """Return vectors of the plane turned by an angle, shapes (n, 1) and (n, 2); none of a joint that only turns."""
     c, s, x, y = np.cos(angle), np.sin(angle), v[:, :1], v[:, 1:2]
     return np.hstack([c * x - s * y, s * x + c * y])
 

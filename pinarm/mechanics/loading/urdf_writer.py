@@ -28,7 +28,6 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError
 from pinarm.mechanics.ball_joints import roll_pitch_yaw
-from pinarm.records import Record
 
 Element = ElementTree.Element
 
@@ -52,15 +51,8 @@ UNLIMITED = 1e100
 """Limits beyond it are those of models that have none: the largest double, or infinity."""
 
 
-class WrittenModel(Record, frozen=True):
-    """A model as URDF text, and what of it is not in the text, in words."""
-
-    urdf: str
-    notes: tuple[str, ...]
-
-
-def written(model: pin.Model) -> WrittenModel:
-    """Return a model as URDF text."""
+def written(model: pin.Model) -> tuple[str, tuple[str, ...]]:
+    """Return a model as URDF text, and what of it is not in the text, in words."""
     if model.njoints < 2:
         raise ModelError("the model has no joint", expected="a pin.Model with one joint at least")
     links = _links(model)
@@ -70,14 +62,17 @@ def written(model: pin.Model) -> WrittenModel:
     for joint in range(1, model.njoints):
         _add_joint(robot, model, joint, links)
     taken = {*links}
-    for name, joint, place in _frames(model, links):
-        if name in taken:
-            raise ModelError(f"two frames have the name '{name}'", expected="a name of its own for each")
-        taken.add(name)
-        add_link(robot, name)
-        add_joint(robot, f"{name}_fixed", "fixed", links[joint], name, place)
+    for frame in list(model.frames)[1:]:
+        joint = frame.parentJoint
+        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT) or frame.name == links[joint]:
+            continue
+        if frame.name in taken:
+            raise ModelError(f"two frames have the name '{frame.name}'", expected="a name of its own for each")
+        taken.add(frame.name)
+        add_link(robot, frame.name)
+        add_joint(robot, f"{frame.name}_fixed", "fixed", links[joint], frame.name, frame.placement)
     ElementTree.indent(robot)
-    return WrittenModel(ElementTree.tostring(robot, encoding="unicode") + "\n", tuple(_notes(model)))
+    return ElementTree.tostring(robot, encoding="unicode") + "\n", tuple(_notes(model))
 
 
 def add_link(robot: Element, name: str, body: pin.Inertia | None = None) -> None:
@@ -109,25 +104,15 @@ def add_axis(joint: Element, axis: Array) -> None:
 
 def _links(model: pin.Model) -> list[str]:
     """Return the name of the link of every joint: that of a body's frame at the joint, or the joint's with _link."""
+    bodies: list[list[str]] = [[] for _ in range(model.njoints)]
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.placement.isIdentity(0.0):
+            bodies[frame.parentJoint].append(str(frame.name))
     links: list[str] = []
-    for joint in range(model.njoints):
-        bodies = [
-            frame.name
-            for frame in model.frames
-            if frame.type == pin.FrameType.BODY and frame.parentJoint == joint and frame.placement.isIdentity(0.0)
-        ]
-        base = "universe" if joint == 0 else f"{model.names[joint]}_link"
-        links.append(next((name for name in bodies if name not in links), base))
+    for joint, names in enumerate(bodies):
+        base = f"{model.names[joint]}_link" if joint else "universe"
+        links.append(next((name for name in names if name not in links), base))
     return links
-
-
-def _frames(model: pin.Model, links: list[str]) -> Iterator[tuple[str, int, pin.SE3]]:
-    """Yield the frames that are no joint's and no link of a joint: name, joint, placement."""
-    for frame in list(model.frames)[1:]:
-        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
-            continue
-        if frame.name != links[frame.parentJoint]:
-            yield frame.name, frame.parentJoint, frame.placement
 
 
 def _add_joint(robot: Element, model: pin.Model, index: int, links: list[str]) -> None:
@@ -140,50 +125,41 @@ def _add_joint(robot: Element, model: pin.Model, index: int, links: list[str]) -
         add_axis(whole, np.array([0.0, 0.0, 1.0]))
         _add_dynamics(whole, model, range(joint.idx_v, joint.idx_v + joint.nv), name)
         return
-    axes = _axes(model, joint)
     names = [f"{name}.{ending}" for ending in CHAINS[kind]] if kind in CHAINS else [name]
     ends = [*(f"{part}/link" for part in names[:-1]), links[index]]
-    for k, (part, (turns, axis), child) in enumerate(zip(names, axes, ends, strict=True)):
+    for k, (part, screw, child) in enumerate(zip(names, _screws(model, joint), ends, strict=True)):
         if child != links[index]:
             add_link(robot, child)
-        simple = add_joint(robot, part, _type(model, joint, kind, k, turns=turns), parent, child, place)
-        add_axis(simple, axis)
-        _add_limits(simple, model, joint, k, counted=kind in CHAINS or joint.nq == joint.nv)
+        turns, ranged = bool(screw[3:].any()), kind in CHAINS or joint.nq == joint.nv  # else cosine and sine
+        limits = _limits(model, joint.idx_q + k if ranged else None, joint.idx_v + k)
+        type_name = "prismatic" if not turns else "revolute" if "lower" in limits else "continuous"
+        simple = add_joint(robot, part, type_name, parent, child, place)
+        add_axis(simple, screw[3:] if turns else screw[:3])
+        if limits:
+            ElementTree.SubElement(simple, "limit", {key: repr(value) for key, value in limits.items()})
         _add_dynamics(simple, model, range(joint.idx_v + k, joint.idx_v + k + 1), part)
         parent, place = child, pin.SE3.Identity()
 
 
-def _axes(model: pin.Model, joint: pin.JointModel) -> list[tuple[bool, Array]]:
-    """Return of every coordinate of a joint whether it turns, and its axis: the columns of S at the zero position."""
+def _screws(model: pin.Model, joint: pin.JointModel) -> Array:
+    """Return the columns of S at the zero position, shape (coordinates, 6)."""
     data = joint.createData()
     joint.calc(data, pin.neutral(model))
-    columns = np.asarray(data.S).reshape(6, -1).T
-    return [(bool(column[3:].any()), column[3:] if column[3:].any() else column[:3]) for column in columns]
+    return np.asarray(data.S).reshape(6, -1).T
 
 
-def _type(model: pin.Model, joint: pin.JointModel, kind: str, k: int, *, turns: bool) -> str:
-    if not turns:
-        return "prismatic"
-    if joint.nq != joint.nv:  # cosine and sine
-        return "continuous"
-    return "revolute" if any(abs(x) < UNLIMITED for x in _range(model, joint.idx_q + k)) else "continuous"
-
-
-def _range(model: pin.Model, place: int) -> tuple[float, float]:
-    return float(model.lowerPositionLimit[place]), float(model.upperPositionLimit[place])
-
-
-def _add_limits(element: Element, model: pin.Model, joint: pin.JointModel, k: int, *, counted: bool) -> None:
+def _limits(model: pin.Model, q: int | None, v: int) -> dict[str, float]:
+    """Return the limits of a joint with one coordinate, by their names in URDF."""
     limits: dict[str, float] = {}
-    if counted:
-        low, high = _range(model, joint.idx_q + k)
+    if q is not None:
+        low, high = float(model.lowerPositionLimit[q]), float(model.upperPositionLimit[q])
         if min(abs(low), abs(high)) < UNLIMITED:
-            limits |= {"lower": max(low, -np.finfo(float).max), "upper": min(high, np.finfo(float).max)}
+            most = float(np.finfo(float).max)
+            limits |= {"lower": max(low, -most), "upper": min(high, most)}
     for key, values in (("effort", model.upperEffortLimit), ("velocity", model.upperVelocityLimit)):
-        if 0.0 < values[joint.idx_v + k] < UNLIMITED:
-            limits[key] = float(values[joint.idx_v + k])
-    if limits:
-        ElementTree.SubElement(element, "limit", {key: repr(float(value)) for key, value in limits.items()})
+        if 0.0 < values[v] < UNLIMITED:
+            limits[key] = float(values[v])
+    return limits
 
 
 def _add_dynamics(element: Element, model: pin.Model, places: range, name: str) -> None:
