@@ -36,10 +36,10 @@ from pinarm.mechanics.perturbation import perturbed, perturbed_numbers
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.engine.model_source import Source
     from pinarm.mechanics.control.function import FunctionControl
     from pinarm.mechanics.control.kinds import ControlDefinition
+    from pinarm.mechanics.coordinates import Constraint
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
     from pinarm.mechanics.points import Payload

@@ -38,7 +38,7 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint_rows import Constraint
+    from pinarm.mechanics.coordinates import Constraint
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.model_tree import Mimic
     from pinarm.mechanics.loops.loop_joints import CableLoop
@@ -335,7 +335,7 @@ class _Binding(Record, frozen=True):
         joints, coordinates, tree = parts.joints, parts.coordinates, self.robot.tree
         mimics = [_mimic_coupling(mimic, joints, model) for mimic in tree.mimics]
         couplings = self.bound("couplings", tree.couplings, lambda coupling, name: coupling.bind(joints, model, name))
-        counters = [_counter(angle, angle_of_links, joints) for angle, angle_of_links in parts.counted.items()]
+        counters = [_counter(angle, angle_of_links, parts) for angle, angle_of_links in parts.counted.items()]
         geared = [tie for _, drive, train in self.trains(coordinates) for tie in train.ties(drive, joints, coordinates)]
         return (*mimics, *parts.loops, *couplings, *counters, *geared)
 
@@ -381,11 +381,11 @@ class _Binding(Record, frozen=True):
         return forces
 
 
-def _counter(angle: str, coordinate: Coordinate, joints: Mapping[str, Joint]) -> Constraint:
+def _counter(angle: str, coordinate: Coordinate, parts: NamedParts) -> Constraint:
     """Return what ties the joint that counts the turns of an angle."""
-    from pinarm.mechanics.rotors import GearedRotor, counter_name
+    from pinarm.mechanics.rotors import counter_name, tied_joint
 
-    return GearedRotor(f"turns of {angle}", coordinate, rotor=joints[counter_name(angle)])
+    return tied_joint(f"turns of {angle}", coordinate, parts.joints[counter_name(angle)], parts.coordinates)
 
 
 def only_joints(loops: Iterable[LoopJoint | CableLoop]) -> list[LoopJoint]:

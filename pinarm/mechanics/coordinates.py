@@ -5,10 +5,11 @@ Each has a value w(q), a row J with ``w' = J v``, and a drift ``J' v``, so that 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -16,7 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, Key, choices, within
-from pinarm.input.units import Unit
+from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Weight
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -34,7 +35,21 @@ from pinarm.mechanics.joints import (
     links_of,
     unit_vector,
 )
-from pinarm.records import Record, ValueRecord, replace
+from pinarm.records import AbstractRecord, ValueRecord, replace
+
+
+class Relation(Protocol):
+    """A function of the joint coordinates at configurations, shape (n, nq), with its row of G, shape (n, nv)."""
+
+    def at(self, q: Array) -> Array: ...
+
+    def rows_at(self, q: Array) -> Array: ...
+
+    def drifts_at(self, q: Array, v: Array) -> Array: ...
+
+
+Parts = Sequence[tuple[float, TiedFrames | Relation]]
+"""Signed pairs of frames and relations: the rows of a constraint or a coordinate are those of these, added up."""
 
 
 class LinearCoordinate(ValueRecord, frozen=True):
@@ -45,6 +60,7 @@ class LinearCoordinate(ValueRecord, frozen=True):
     """
 
     wraps: ClassVar[bool] = False
+    turning: ClassVar[None] = None
     unit: Unit
     weights: Array
     places: Indices
@@ -70,6 +86,16 @@ class LinearCoordinate(ValueRecord, frozen=True):
             return np.asarray(v[..., self.joint])
         return np.asarray(v[..., self.moved] @ self.weights[self.moved])
 
+    @property
+    def parts(self) -> Parts:
+        return [(1.0, self)]
+
+    def rows_at(self, q: Array) -> Array:
+        return np.broadcast_to(self.weights, (len(q), len(self.weights)))
+
+    def drifts_at(self, q: Array, v: Array) -> Array:
+        return np.zeros(len(q))
+
     def value(self, state: Kinematics) -> float:
         """Return ``sum_i weight_i q_i``."""
         return float(self.weights @ state.q[self.places])
@@ -84,39 +110,60 @@ class LinearCoordinate(ValueRecord, frozen=True):
         return {}
 
 
-class PairCoordinate(Record, frozen=True):
+class FrameCoordinate(AbstractRecord, frozen=True):
+    """A coordinate whose one row is the sum of those of pairs of frames."""
+
+    wraps: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def ways(self) -> tuple[TiedFrames, ...]: ...
+
+    @property
+    def parts(self) -> Parts:
+        return [(1.0, way) for way in self.ways]
+
+    @property
+    def turning(self) -> FrameCoordinate | None:
+        """What counts whole turns that a configuration does not tell; ``None`` where there are none."""
+        return None
+
+    def missing_turns(self, angle: Array, q: Array) -> Array:
+        """Return the whole turns that angles from -pi to pi lack [rad] at configurations, shape (.., nq)."""
+        return np.zeros(angle.shape)
+
+    def value(self, state: Kinematics) -> float:
+        value = np.array([sum(way.gap(state)[0] for way in self.ways)])
+        return float((value + self.missing_turns(value, state.q))[0])
+
+    def row(self, state: Kinematics) -> Array:
+        return np.asarray(sum(way.rows(state)[0] for way in self.ways))
+
+    def drift(self, state: Kinematics) -> float:
+        return float(sum(way.drift(state)[0] for way in self.ways))
+
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        total: dict[int, Array] = {}
+        for way in self.ways:
+            for joint, wrench in way.wrenches(links, effort[..., None]).items():
+                total[joint] = total.get(joint, 0.0) + wrench
+        return total
+
+
+class PairCoordinate(FrameCoordinate, frozen=True):
     """The one row of a pair between two frames: a place along an axis, a distance, or a part of a rotation.
 
     Attributes:
         loop: Name of the loop joint whose coordinate it is; empty of others.
     """
 
-    wraps: ClassVar[bool] = False
     way: TiedFrames
     unit: Unit
     loop: str = ""
 
     @property
     def ways(self) -> tuple[TiedFrames, ...]:
-        """The pairs of frames whose rows, added up, are its own."""
         return (self.way,)
-
-    def value(self, state: Kinematics) -> float:
-        value = self.way.gap(state)
-        return float((value + self.missing_turns(value, state.q))[0])
-
-    def missing_turns(self, angle: Array, q: Array) -> Array:
-        """Return the whole turns that angles from -pi to pi lack [rad] at configurations, shape (.., nq)."""
-        return np.zeros(angle.shape)
-
-    def row(self, state: Kinematics) -> Array:
-        return np.asarray(self.way.rows(state)[0])
-
-    def drift(self, state: Kinematics) -> float:
-        return float(self.way.drift(state)[0])
-
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        return self.way.wrenches(links, effort[..., None])
 
 
 def distance(first: int, second: int) -> PairCoordinate:
@@ -129,14 +176,13 @@ def rotation(frame: int, component: int, reference: int = UNIVERSE) -> PairCoord
     return PairCoordinate(TiedFrames(reference, frame, RotationVectorRow(component, np.eye(3))), RADIAN)
 
 
-class PathLength(Record, frozen=True):
+class PathLength(FrameCoordinate, frozen=True):
     """Length of the path through the origins of links, straight from each to the next: ``w = sum_k |p_k+1 - p_k|``.
 
     Such as of a cable over small pulleys.
     """
 
-    wraps: ClassVar[bool] = False
-    parts: tuple[PairCoordinate, ...]
+    ways: tuple[TiedFrames, ...]
     unit: Unit = METRE
 
     @classmethod
@@ -154,35 +200,15 @@ class PathLength(Record, frozen=True):
                     f"{', '.join(links)} belong to one rigid body: the length of the path cannot change",
                     expected="links that move against each other",
                 )
-        return cls(tuple(distance(*pair) for pair in pairwise(frames)))
-
-    @property
-    def ways(self) -> tuple[TiedFrames, ...]:
-        return tuple(part.way for part in self.parts)
+        return cls(tuple(distance(*pair).way for pair in pairwise(frames)))
 
     @property
     def frames(self) -> tuple[int, ...]:
-        return (*(part.way.first for part in self.parts), self.parts[-1].way.second)
+        return (*(way.first for way in self.ways), self.ways[-1].second)
 
     def at_zero(self, model: pin.Model) -> float:
         """Return the length where all joint coordinates are 0, which is the position of a drawing [m]."""
         return self.value(Kinematics.at(model, pin.neutral(model)))
-
-    def value(self, state: Kinematics) -> float:
-        return sum(part.value(state) for part in self.parts)
-
-    def row(self, state: Kinematics) -> Array:
-        return np.asarray(sum((part.row(state) for part in self.parts), np.zeros(state.model.nv)))
-
-    def drift(self, state: Kinematics) -> float:
-        return sum(part.drift(state) for part in self.parts)
-
-    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        total: dict[int, Array] = {}
-        for part in self.parts:
-            for joint, wrench in part.wrenches(links, effort).items():
-                total[joint] = total.get(joint, 0.0) + wrench
-        return total
 
     def words(self, model: pin.Model) -> str:
         return ", ".join(model.frames[frame].name for frame in self.frames)
@@ -194,24 +220,101 @@ efforts, of efforts along it, shape (n,): joint index -> [f; m] at the world's o
 ``wraps`` tells whether it is an angle that a configuration tells up to whole turns, from -pi to pi."""
 
 
-class HeldCoordinate(Record, frozen=True):
-    """A coordinate that is held by a force along itself: a constraint of one row, whose multiplier is that force.
+class Constraint(ABC):
+    """m rows of G that belong together, such as those of one joint, held by forces on bodies.
 
     Attributes:
-        side: Sense in which the force can act, 1 or -1; 0 where it holds both ways.
+        offset: What its gap is less than the sum of its parts, such as the length of a cable [m or rad].
+        follower: Index in v of the joint that it ties to others and that has no drive; ``None`` where there is none.
+        opens: Effect of the opening of a one-sided constraint, in words, such as "the follower lifts off".
     """
 
     name: str
+    kind: str = ""
+    offset: float = 0.0
+    follower: int | None = None
+    opens: str = ""
+
+    @property
+    def size(self) -> int:
+        """Number m of rows."""
+        return 1
+
+    @property
+    def side(self) -> float:
+        """Sense in which its multiplier can act, 1 or -1, as of a cam that only pushes; 0 where it holds both ways.
+
+        A constraint with a side may open: its gap then has that sign.
+        """
+        return 0.0
+
+    @property
+    def turning(self) -> FrameCoordinate | Constraint | None:
+        """What counts whole turns in its gap; ``None`` where there are none."""
+        return None
+
+    def helical(self, row: int) -> bool:
+        """Return whether a row counts turns, so that it is met in many places."""
+        return False
+
+    def push(self, q: Array, lam: Array) -> Array:
+        """Return with what multipliers, shape (n,), act at configurations, negative against their side, shape (n,)."""
+        return lam
+
+    def push_unit(self) -> Unit:
+        return unit("N") if self.unit(0) == METRE else unit("N*m")
+
+    def whereabouts(self, q: Array) -> str:
+        """Return the place of a configuration, shape (nq,), along the constraint, in words; may be empty."""
+        return ""
+
+    @property
+    @abstractmethod
+    def parts(self) -> Parts: ...
+
+    @abstractmethod
+    def unit(self, row: int) -> Unit:
+        """Return the unit of the gap in a row: m or rad."""
+
+    @abstractmethod
+    def gap(self, state: Kinematics) -> Array: ...
+
+    @abstractmethod
+    def rows(self, state: Kinematics) -> Array: ...
+
+    @abstractmethod
+    def drift(self, state: Kinematics) -> Array:
+        """Return G' v, shape (m,)."""
+
+    @abstractmethod
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        """Return wrenches of multipliers, (.., m), on links: joint index -> [f; m] at the world's origin, (.., 6).
+
+        Their virtual power is lam times the rows. Empty where they are not known: the multipliers are then efforts at
+        the joints only.
+        """
+
+
+class HeldCoordinate(AbstractRecord, Constraint, frozen=True):
+    """A coordinate that is held by a force along itself: a constraint of one row, whose multiplier is that force."""
+
+    name: str
     coordinate: Coordinate
-    size: int = 1
-    side: float = 0.0
+
+    @property
+    def parts(self) -> Parts:
+        return self.coordinate.parts
+
+    @property
+    def turning(self) -> FrameCoordinate | Constraint | None:
+        return self.coordinate.turning
 
     def unit(self, row: int) -> Unit:
         return self.coordinate.unit
 
     def gap(self, state: Kinematics) -> Array:
         """Return the value, shape (1,): of a guided coordinate what it is held to is the user's to subtract."""
-        return np.array([self.coordinate.value(state)])
+        return np.array([self.coordinate.value(state) - self.offset])
 
     def rows(self, state: Kinematics) -> Array:
         return self.coordinate.row(state)[None]
@@ -221,6 +324,10 @@ class HeldCoordinate(Record, frozen=True):
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         return self.coordinate.wrenches(links, lam[..., 0])
+
+
+class GuidedCoordinate(HeldCoordinate, frozen=True):
+    """A coordinate that follows a law, or that drives hold."""
 
 
 class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):

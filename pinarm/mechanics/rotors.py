@@ -20,7 +20,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Efficiency, Inertia, InputStruct, NotNegative, Positive, Ratio
-from pinarm.mechanics.coordinates import Coordinate, HeldCoordinate, LinearCoordinate
+from pinarm.mechanics.coordinates import Coordinate, HeldCoordinate, LinearCoordinate, Parts
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.pairs import whole_turns
@@ -168,25 +168,35 @@ ENDLESS = np.array([np.inf])
 
 
 class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
-    """Constraint between a rotor, or another joint without a body, and a coordinate; its multiplier acts on the rotor.
+    """``x - w(q) = 0`` of a rotor, or another joint without a body, and a coordinate; its multiplier acts on the rotor.
 
     Attributes:
         name: ``gear of D``, ``shaft of D``, or ``turns of L.angle``.
+        own: Its coordinate x.
     """
 
     rotor: Joint
+    own: LinearCoordinate
 
     @property
-    def follower(self) -> int | None:
+    def follower(self) -> int | None:  # type: ignore[override]
         """Index in v of the rotor where the tie is the same in all configurations: it has no drive of its own."""
         return self.rotor.v if isinstance(self.coordinate, LinearCoordinate) else None
+
+    @property
+    def parts(self) -> Parts:
+        return [(1.0, self.own), *((-sense, part) for sense, part in self.coordinate.parts)]
+
+    @property
+    def turning(self) -> GearedRotor | None:
+        """Itself where w is told up to whole turns: x counts them."""
+        return self if self.coordinate.wraps else None
 
     def helical(self, row: int) -> bool:
         return self.coordinate.wraps
 
     def gap(self, state: Kinematics) -> Array:
-        """Return ``x - w(q)``, shape (1,); but for whole turns where w is told up to these: x counts them."""
-        apart = np.array([state.q[self.rotor.q] - self.coordinate.value(state)])
+        apart = np.array([self.own.value(state) - self.coordinate.value(state)])
         return apart + self.missing_turns(apart, state.q) if self.coordinate.wraps else apart
 
     def missing_turns(self, gap: Array, q: Array) -> Array:
@@ -194,10 +204,7 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
         return -whole_turns(gap)
 
     def rows(self, state: Kinematics) -> Array:
-        """Return the row of ``x' - w'``, shape (1, nv)."""
-        row = -np.asarray(self.coordinate.row(state), dtype=np.float64)
-        row[self.rotor.v] += 1.0
-        return row[None]
+        return np.asarray(self.own.weights - self.coordinate.row(state))[None]
 
     def drift(self, state: Kinematics) -> Array:
         return np.array([-self.coordinate.drift(state)])
@@ -206,6 +213,13 @@ class GearedRotor(HeldCoordinate, frozen=True, kw_only=True):
         wrenches = self.coordinate.wrenches(links, -lam[..., 0])
         axis = np.eye(6)[0 if self.coordinate.unit == METRE else 3]  # of the rotor's joint, at the world's origin
         return {**wrenches, self.rotor.index: np.multiply.outer(lam[..., 0], axis)} if wrenches else {}
+
+
+def tied_joint(name: str, coordinate: Coordinate, joint: Joint, coordinates: Mapping[str, Coordinate]) -> GearedRotor:
+    """Return the tie of a joint without a body to a coordinate."""
+    own = coordinates[joint.name]
+    assert isinstance(own, LinearCoordinate)
+    return GearedRotor(name, coordinate, rotor=joint, own=own)
 
 
 def rotor_name(drive: str) -> str:
@@ -257,14 +271,17 @@ class DriveTrain(NamedTuple):
     def ties(
         self, drive: Drive, joints: Mapping[str, Joint], coordinates: Mapping[str, Coordinate]
     ) -> Iterator[GearedRotor]:
-        driven, gear = coordinates[drive.coordinate], gear_name(self.drive)
+        driven, rotor, gear = coordinates[drive.coordinate], rotor_name(self.drive), gear_name(self.drive)
+
+        def tie(name: str, coordinate: Coordinate, joint: str) -> GearedRotor:
+            return tied_joint(name, coordinate, joints[joint], coordinates)
+
         if drive.elasticity is None:
-            yield GearedRotor(gear, driven, rotor=joints[rotor_name(self.drive)])
+            yield tie(gear, driven, rotor)
         if self.wheel:
-            yield GearedRotor(gear, coordinates[rotor_name(self.drive)], rotor=joints[wheel_name(self.drive)])
+            yield tie(gear, coordinates[rotor], wheel_name(self.drive))
         if self.shaft:
-            name = gear if self.losses_behind else f"shaft of {self.drive}"
-            yield GearedRotor(name, driven, rotor=joints[shaft_name(self.drive)])
+            yield tie(gear if self.losses_behind else f"shaft of {self.drive}", driven, shaft_name(self.drive))
 
     def deflection(self, drive: Drive, coordinates: Mapping[str, Coordinate]) -> LinearCoordinate:
         front = coordinates[wheel_name(self.drive) if self.wheel else rotor_name(self.drive)]

@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.constraint_rows import OneSidedConstraint, one_sided
+from pinarm.engine.constraints.constraint_rows import one_sided
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
+from pinarm.mechanics.coordinates import Constraint
 from pinarm.mechanics.joints import RADIAN, Joint, effort_unit
 from pinarm.records import ValueRecord
 
@@ -118,7 +119,7 @@ def _openings(run: Trajectory, highest: Highest) -> Iterator[Excess]:
         yield Excess(tie.name, "contact", tie.push_unit(), 0.0, -most, at, len(rows), sentence)
 
 
-def _pull(tie: OneSidedConstraint, run: Trajectory) -> Array:
+def _pull(tie: Constraint, run: Trajectory) -> Array:
     """Return with what a one-sided constraint acts against its sense, shape (n,)."""
     return -tie.push(run.q, run.lam[:, run.closure.slices[tie.name].start])
 

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices, vecmat
-from pinarm.engine.constraints.constraint_rows import Constraint, ConstraintRows, GuidedCoordinate
+from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.engine.constraints.nullspace import (
     RANK,
     ROUNDING,
@@ -20,7 +20,7 @@ from pinarm.engine.constraints.nullspace import (
     VANISHED,
     Decomposition,
 )
-from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.coordinates import Constraint, Coordinate, GuidedCoordinate
 from pinarm.mechanics.geometry.frame_pairs import Path
 from pinarm.mechanics.geometry.kinematics import Kinematics, cached_by_model
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -28,7 +28,6 @@ from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer, placements_of
 from pinarm.mechanics.geometry.vectors import lengths, moved
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.rolling import SomeRows
 from pinarm.records import Record, replace
 
 SMALL = 0.01
@@ -118,9 +117,7 @@ class Closure(Record, frozen=True):
         tied, anywhere = list[list[int]](), None
         for constraint in self.constraints:
             if isinstance(constraint, LoopJoint):
-                path = Path.between(self.model, constraint.first, constraint.second)
-                joints = [self.model.joints[joint] for joint in (*path.up, *path.down)]
-                tied.append([number for joint in joints for number in range(joint.idx_v, joint.idx_v + joint.nv)])
+                tied.append(Path.between(self.model, constraint.first, constraint.second).velocities(self.model))
             else:
                 anywhere = anywhere or self._anywhere
                 tied.append(np.flatnonzero(constraint.rows(anywhere).any(axis=0)).tolist())
@@ -184,7 +181,7 @@ class Closure(Record, frozen=True):
     def rolling(self) -> Indices:
         """Rows that bind velocities alone, shape (r,)."""
         loops = [constraint for constraint in self.constraints if isinstance(constraint, LoopJoint)]
-        places = [self.slices[loop.name].start + row for loop in loops for row in loop.rolling]
+        places = [self.slices[loop.name].start + row for loop in loops for row in loop.pair.rolling]
         return np.array(places, dtype=np.intp)
 
     @property
@@ -334,10 +331,9 @@ class Closure(Record, frozen=True):
 
 def _holding(constraint: Constraint) -> Constraint | None:
     """Return a constraint with those of its rows that hold positions; ``None`` where there are none."""
-    if not isinstance(constraint, LoopJoint) or not constraint.rolling:
+    if not isinstance(constraint, LoopJoint):
         return constraint
-    kept = tuple(row for row in range(constraint.size) if row not in constraint.rolling)
-    return replace(constraint, pair=SomeRows(constraint.pair, kept), rolling=()) if kept else None
+    return replace(constraint, pair=constraint.pair.holding) if constraint.pair.holding else None
 
 
 def extents(model: Model, frames: Iterable[pin.Frame]) -> Array:

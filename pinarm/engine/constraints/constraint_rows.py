@@ -10,103 +10,32 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices, constants_of
-from pinarm.input.units import Unit
 from pinarm.mechanics.ball_joints import BallCoordinate
-from pinarm.mechanics.coordinates import Coordinate, HeldCoordinate, LinearCoordinate, PairCoordinate, PathLength
-from pinarm.mechanics.couplings.coupling import JointRelation
+from pinarm.mechanics.coordinates import Constraint, Coordinate, FrameCoordinate, Relation
 from pinarm.mechanics.geometry.frame_pairs import FramePairs, RelativeMotion, likeness, power
-from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.link_tree import LinkTree, components_first, states_first
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
 from pinarm.mechanics.geometry.pairs import TiedFrames
-from pinarm.mechanics.joints import Joint
-from pinarm.mechanics.loops.loop_joints import CableLoop, LoopJoint
-from pinarm.mechanics.loops.lower_pairs import TurnedAbout
-from pinarm.records import Record, replace
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.mechanics.geometry.pairs import Pair
     from pinarm.mechanics.rotors import GearedRotor
 
 
-class Constraint(Protocol):
-    """m rows of G that belong together, such as those of one joint."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def size(self) -> int:
-        """Number m of rows."""
-
-    @property
-    def side(self) -> float:
-        """Sense in which its multiplier can act, 1 or -1, as of a cam that only pushes; 0 where it holds both ways.
-
-        A constraint with a side may open: its gap then has that sign.
-        """
-
-    def unit(self, row: int) -> Unit:
-        """Return the unit of the gap in a row: m or rad."""
-
-    def gap(self, state: Kinematics) -> Array: ...
-
-    def rows(self, state: Kinematics) -> Array: ...
-
-    def drift(self, state: Kinematics) -> Array:
-        """Return G' v, shape (m,)."""
-
-    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return the wrenches on links of lam, shape (n, m): joint index -> [f; m] at the world's origin, (n, 6)."""
-
-
-class GuidedCoordinate(HeldCoordinate, frozen=True):
-    """A coordinate that follows a law, or that drives hold."""
-
-
-class OneSidedConstraint(Constraint, Protocol):
-    """A constraint of one row that pushes only, or pulls only, and opens where it would have to do the other."""
-
-    @property
-    def kind(self) -> str: ...
-
-    @property
-    def opens(self) -> str:
-        """Effect of the opening, in words, such as "the follower lifts off"."""
-
-    def push(self, q: Array, lam: Array) -> Array:
-        """Return with what multipliers, shape (n,), act [N, or N*m], negative against its sense; shape (n,)."""
-
-    def push_unit(self) -> Unit: ...
-
-    def whereabouts(self, q: Array) -> str:
-        """Return the place of a configuration, shape (nq,), along the constraint, in words; may be empty."""
-
-
-class JointTie(Constraint, Protocol):
-    """Tie of a joint without a body to a coordinate: the joint of a rotor, or a joint that counts turns."""
-
-    @property
-    def rotor(self) -> Joint: ...
-
-    @property
-    def coordinate(self) -> Coordinate: ...
-
-
-def one_sided(constraints: Iterable[Constraint]) -> list[OneSidedConstraint]:
+def one_sided(constraints: Iterable[Constraint]) -> list[Constraint]:
     """Return the constraints with a side."""
-    return [cast("OneSidedConstraint", constraint) for constraint in constraints if constraint.side]
+    return [constraint for constraint in constraints if constraint.side]
 
 
-def joint_ties(constraints: Iterable[Constraint]) -> list[JointTie]:
+def joint_ties(constraints: Iterable[Constraint]) -> list[GearedRotor]:
     """Return the constraints that tie joints without a body."""
-    return [cast("JointTie", constraint) for constraint in constraints if hasattr(constraint, "rotor")]
+    return [cast("GearedRotor", constraint) for constraint in constraints if hasattr(constraint, "rotor")]
 
 
 BLOCK = 4000
@@ -135,40 +64,35 @@ class ConstraintRows(Record, frozen=True):
 
     Attributes:
         constants: Constants that the gaps are measured from, such as the length of a cable [m or rad], shape (m,).
-        relations: First row of each relation of joint coordinates, and the relation.
+        relations: Row and sign of each relation of joint coordinates, and the relation.
         turning: Row of each angle that is known up to whole turns, and the coordinate or rotor that counts them.
     """
 
     model: Model
     pairs: tuple[PairRows, ...]
     constants: Array
-    relations: tuple[tuple[int, JointRelation | LinearCoordinate], ...]
-    turning: tuple[tuple[int, TurnedAbout | GearedRotor], ...]
+    relations: tuple[tuple[int, float, Relation], ...]
+    turning: tuple[tuple[int, FrameCoordinate | GearedRotor], ...]
 
     @classmethod
-    def of(cls, model: Model, ones: Sequence[Measured]) -> ConstraintRows:
+    def of(cls, model: Model, elements: Sequence[Measured]) -> ConstraintRows:
         """Return the rows of constraints or coordinates of a model."""
         alike: dict[Hashable, tuple[Pair, float, list[tuple[int, int]], list[range]]] = {}
-        relations, turning = list[tuple[int, JointRelation | LinearCoordinate]](), []
-        constants = list[float]()
-        for measured in ones:
-            coordinate = measured.coordinate if isinstance(measured, GuidedCoordinate) else measured
-            rows = range(start := len(constants), start + getattr(coordinate, "size", 1))
-            constants += [coordinate.length if isinstance(coordinate, CableLoop) else 0.0] * len(rows)
-            if isinstance(coordinate, TurnedAbout) or (
-                hasattr(coordinate, "rotor") and cast("GearedRotor", coordinate).coordinate.wraps
-            ):
-                turning.append((start, cast("TurnedAbout | GearedRotor", coordinate)))
-            for number, (sense, part) in enumerate(parts_of(model, coordinate)):
-                if isinstance(part, LinearCoordinate):
-                    relations.append((start, part if sense > 0.0 else replace(part, weights=-part.weights)))
-                    continue
+        relations, turning, constants = list[tuple[int, float, Relation]](), [], list[float]()
+        for element in elements:
+            if isinstance(element, BallCoordinate) and isinstance(model, ModelVariants):
+                raise VariantsDiffer("the placement of a ball joint")
+            size, offset = (element.size, element.offset) if isinstance(element, Constraint) else (1, 0.0)
+            rows = range(start := len(constants), start + size)
+            constants += [offset] * size
+            if element.turning is not None:
+                turning.append((start, cast("FrameCoordinate | GearedRotor", element.turning)))
+            for number, (sense, part) in enumerate(element.parts):
                 if not isinstance(part, TiedFrames):
-                    relations.append((start, part))
+                    relations.append((start, sense, part))
                     continue
-                alikeness = likeness(model, part.first, part.second)
-                key = constants_of(part.pair), sense, alikeness, number  # one row of a cable
-                _, _, frames, places = alike.setdefault(key, (part.pair, sense, [], []))
+                key = constants_of(part.pair), sense, likeness(model, part.first, part.second), number
+                _, _, frames, places = alike.setdefault(key, (part.pair, sense, [], []))  # one row of a cable
                 frames.append((part.first, part.second))
                 places.append(rows)
         known = {tuple(frames): FramePairs.of(model, frames) for _, _, frames, _ in alike.values()}
@@ -184,23 +108,6 @@ class ConstraintRows(Record, frozen=True):
 
     def at(self, q: Array) -> EvaluatedRows:
         return EvaluatedRows(self, q)
-
-
-def parts_of(model: Model, element: Measured) -> Sequence[tuple[float, TiedFrames | JointRelation | LinearCoordinate]]:
-    """Return the signed pairs of frames and relations whose rows, added up, are those of a constraint or coordinate."""
-    if isinstance(element, JointRelation | LinearCoordinate | LoopJoint):
-        return [(1.0, element)]
-    if isinstance(element, BallCoordinate) and isinstance(model, ModelVariants):
-        raise VariantsDiffer("the placement of a ball joint")
-    if hasattr(element, "rotor"):
-        tie = cast("GearedRotor", element)
-        weights, places = np.zeros(model.nv), np.zeros(model.nv, dtype=np.intp)
-        weights[tie.rotor.v], places[tie.rotor.v] = 1.0, tie.rotor.q
-        turned = [(-sense, part) for sense, part in parts_of(model, tie.coordinate)]
-        return [(1.0, LinearCoordinate(tie.coordinate.unit, weights, places)), *turned]
-    measured = element.path if isinstance(element, CableLoop) else element
-    assert isinstance(measured, PairCoordinate | PathLength), f"no rows of {type(element).__name__}"
-    return [(1.0, way) for way in measured.ways]
 
 
 class EvaluatedRows(Record, frozen=True):
@@ -243,9 +150,8 @@ class EvaluatedRows(Record, frozen=True):
             for row, gap in zip(pairs.rows, pairs.pair.gap(*motion.flat), strict=True):
                 gaps[row, part] += pairs.sense * _spread(gap, motion)
         flat = self.q.reshape(-1, self.q.shape[-1])
-        for row, relation in self.rows.relations:
-            own = relation.at(flat) if isinstance(relation, LinearCoordinate) else relation.gaps_at(flat)
-            gaps[row] += own.reshape(self.q.shape[:-1])
+        for row, sense, relation in self.rows.relations:
+            gaps[row] += sense * relation.at(flat).reshape(self.q.shape[:-1])
         for row, coordinate in self.rows.turning:
             gaps[row] += coordinate.missing_turns(gaps[row], self.q)
         return states_first(gaps - self.rows.constants.reshape(-1, *(1,) * len(self.states)), 1)
@@ -257,11 +163,8 @@ class EvaluatedRows(Record, frozen=True):
         for part, pairs, motion in self._pairs():
             columns[pairs.rows[:, None], pairs.frames.velocities, part] += pairs.sense * motion.rows(pairs.pair)
         flat = self.q.reshape(-1, self.q.shape[-1])
-        for row, relation in self.rows.relations:
-            if isinstance(relation, LinearCoordinate):
-                columns[row] += relation.weights.reshape(-1, *(1,) * len(self.states))
-            else:
-                columns[row] += relation.rows_at(flat).T.reshape(columns.shape[1:])
+        for row, sense, relation in self.rows.relations:
+            columns[row] += sense * relation.rows_at(flat).T.reshape(len(columns[row]), *self.q.shape[:-1])
         return columns
 
     @cached_property
@@ -280,9 +183,8 @@ class EvaluatedRows(Record, frozen=True):
             own = (power(e, ddp[:, None]) + power(w, domega[:, None]))[:, 0]
             drifts[pairs.rows, part] += pairs.sense * (own + _spread(bend, motion))
         flat, speeds = self.q.reshape(-1, self.q.shape[-1]), v.reshape(-1, v.shape[-1])
-        for row, relation in self.rows.relations:
-            if isinstance(relation, JointRelation):
-                drifts[row] += relation.drifts_at(flat, speeds).reshape(self.q.shape[:-1])
+        for row, sense, relation in self.rows.relations:
+            drifts[row] += sense * relation.drifts_at(flat, speeds).reshape(self.q.shape[:-1])
         return states_first(drifts, 1)
 
 

@@ -21,12 +21,11 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure, slides
-from pinarm.engine.constraints.constraint_rows import GuidedCoordinate
 from pinarm.engine.kinematics.newton import NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates, StateFunction
 from pinarm.engine.kinematics.singular import SINGULAR, named_values
 from pinarm.errors import LISTED, AssemblyError, InputError, several
-from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.coordinates import GuidedCoordinate, LinearCoordinate
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 

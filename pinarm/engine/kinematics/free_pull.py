@@ -26,6 +26,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.mechanics.coordinates import Constraint, Parts
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.records import Record
@@ -71,7 +72,7 @@ class Posture(Record, frozen=True):
         return 1.0 + np.where(np.isfinite(limits), np.abs(limits), 0.0)
 
 
-class FreePull:
+class FreePull(Constraint):
     """The part r(q) of the pull towards a posture that no row of J holds, as a constraint of nv rows.
 
     In coordinates ``q / unit``, in which W is 1 for every joint that is pulled and 0 for the others.
@@ -81,14 +82,18 @@ class FreePull:
         rank: That of J in a position of no special kind.
     """
 
-    name, side = "the posture", 0.0
+    name = "the posture"
 
     def __init__(self, path: NewtonSolver, posture: Posture, rank: int) -> None:
-        self.path, self.posture, self.rank, self.size = path, posture, rank, path.model.nv
+        self.path, self.posture, self.rank = path, posture, rank
         weights = posture.weights / max(float((posture.weights * path.scale).max(initial=0.0)), TINY)
         self.pulled = (weights > 0.0).astype(np.float64)
         self.units = np.where(weights > 0.0, 1.0 / np.where(weights > 0.0, weights, 1.0), path.scale)
         self._last: PullAt | None = None
+
+    @property
+    def size(self) -> int:
+        return int(self.path.model.nv)
 
     def unit(self, row: int) -> Unit:
         return DIMENSIONLESS
@@ -108,6 +113,10 @@ class FreePull:
         first, second = self.rates(state.q, way[None])[0], self._second(state.q, way)
         rate = here.inverse.T @ (self.pulled * way - first.T @ here.lam)
         return np.asarray(-here.free @ (here.free.T @ (2.0 * first.T @ rate + second.T @ here.lam)))
+
+    @property
+    def parts(self) -> Parts:
+        raise NotImplementedError
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         return {}

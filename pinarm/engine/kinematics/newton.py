@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import SMALL, Closure
-from pinarm.engine.constraints.constraint_rows import Constraint, GuidedCoordinate, joint_ties
+from pinarm.engine.constraints.constraint_rows import joint_ties
 from pinarm.engine.constraints.nullspace import MANY, RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import (
@@ -31,7 +31,7 @@ from pinarm.engine.kinematics.singular import (
 )
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import configuration
-from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.coordinates import Constraint, GuidedCoordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import format_configuration
@@ -112,7 +112,7 @@ class NewtonSolver:
         self.units = [constraint.unit(row) for constraint, row in owners]
         self.curved = np.array([not _is_straight(constraint) for constraint, _ in owners], dtype=bool)
         self.measure, self.scale, self.cuts = self.whole.measure, closure.scale, CUTS
-        threads = [hasattr(constraint, "helical") and constraint.helical(row) for constraint, row in owners]
+        threads = [constraint.helical(row) for constraint, row in owners]
         sums = [coordinate.weights for coordinate in self.coordinates if isinstance(coordinate, LinearCoordinate)]
         ties = joint_ties(closure.constraints)
         self.following = [tie for tie in ties if not any(weights[tie.rotor.v] for weights in sums)]

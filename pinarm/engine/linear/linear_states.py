@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import AT_KINK, STEP, Array, Complex, Flags
-from pinarm.engine.constraints.constraint_rows import ConstraintRows, GuidedCoordinate, Measured, one_sided
+from pinarm.engine.constraints.constraint_rows import ConstraintRows, Measured, one_sided
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.mass_matrix import require_masses
@@ -39,7 +39,7 @@ from pinarm.engine.quantities.state_arrays import LeadingAxes, states_of
 from pinarm.errors import DynamicsError, InputError
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.mechanics.ball_joints import coordinate_name
-from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.coordinates import Coordinate, GuidedCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.link_placements import speeding
 from pinarm.mechanics.joints import METRE, links_behind

@@ -29,9 +29,9 @@ from pinarm.mechanics.geometry.pairs import RotationVectorRow
 from pinarm.records import replace
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
     from pinarm.mechanics.control.controller import Controller
+    from pinarm.mechanics.coordinates import Constraint
     from pinarm.mechanics.forces.force_element import ForceElement
 
 REGULAR, SLOW = 1e-3, 0.07

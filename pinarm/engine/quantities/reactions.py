@@ -19,12 +19,12 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.balance import relative, sampled
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint_rows import GuidedCoordinate, joint_ties, one_sided
+from pinarm.engine.constraints.constraint_rows import joint_ties, one_sided
 from pinarm.engine.constraints.self_stresses import SelfStresses
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError
-from pinarm.mechanics.coordinates import PairCoordinate
+from pinarm.mechanics.coordinates import GuidedCoordinate, PairCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation, OpenReaction, left_open
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, transmitted
@@ -256,10 +256,10 @@ class Reactions:
         Friction between its members is part of it. And what each self-stress adds to the latter.
         """
         coupling, (lam, stresses) = self.couplings[name], self.multiplier(name)
-        actions = [coupling.transmitted(self.links, x[:, None]) for x in (lam, np.zeros_like(lam), *stresses)]
+        actions = [coupling.known.transmitted(self.links, x) for x in (lam, np.zeros_like(lam), *stresses)]
         points, (wrench, idle, *stressed) = actions[0][0], [wrench for _, wrench in actions]
         for contact, f in self.friction_of(name):
-            wrench = wrench + moved(contact.slip.wrenches(self.links, f)[coupling.second], -points)
+            wrench = wrench + moved(contact.slip.wrenches(self.links, f)[coupling.known.second], -points)
         return points, wrench, [stress - idle for stress in stressed]
 
     def friction_of(self, name: str) -> list[tuple[FrictionContact, Array]]:

@@ -30,8 +30,8 @@ from pinarm.mechanics.joints import effort_unit
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint_rows import Constraint
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.coordinates import Constraint
 
 CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
@@ -333,5 +333,5 @@ def everywhere(mechanism: Mechanism) -> Actuation | None:
 
 def followers_of(constraints: Sequence[Constraint]) -> tuple[int, ...] | None:
     """Return the joints that mimic others, one of each constraint; ``None`` where there are other constraints."""
-    followers = {joint for constraint in constraints if (joint := getattr(constraint, "follower", None)) is not None}
+    followers = {constraint.follower for constraint in constraints if constraint.follower is not None}
     return tuple(sorted(followers)) if len(followers) == len(constraints) else None

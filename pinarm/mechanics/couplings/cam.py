@@ -1,34 +1,47 @@
-"""A cam and its follower, ``q2 = f(q1)``: a holonomic constraint whose row turns with the cam.
+"""A cam and its follower, ``q2 = f(q1)``: a holonomic constraint whose row turns with the cam, and their contact.
 
 With the multiplier lam, the effort at the follower's joint: ``G = (-f', 1)`` at the two joints and
 ``G' v = -f'' q1'^2``.
+
+The contact is in the plane across the cam's axis, in which vectors are complex numbers, with the axis at 0 and the
+axes of the carrier. The cam has turned by alpha, the follower stands at ``y(alpha)``, and a prime is ``d/d alpha``. A
+point P of the follower moves against the cam with ``u = P' - i P`` per angle. The contact normal n points from the cam
+to the follower.
+
+- Roller with its centre at P: n is normal to u, ``n = i u / |u|``. The pitch curve, the path of P on the cam, has the
+  radius of curvature ``-|u|^3 / Im(conj(u) (u' - i u))``, and the cam that of the pitch curve less the roller's radius.
+- Flat face through P with the normal n: the contact is at ``P + xi i n``, where ``xi = -Re(conj(n) u) / (1 - s y')``
+  makes the relative velocity tangential; s is 1 or -1 where the follower turns as the cam or against it, 0 where it
+  slides. The cam has the radius of curvature ``ds / dpsi`` of the arc length s and the angle psi of the normal on it.
+
+A force F along n at a point of the follower that moves by V per way y has the effort ``F Re(conj(n) V)`` along y; the
+pressure angle is that from V to n.
+Source: Norton, Cam Design and Manufacturing Handbook, chapter 7 (pressure angle, radius of curvature, undercutting).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property, partial
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Complex, Flags, Indices, continued
 from pinarm.errors import InputError, within
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Extent, InputStruct, Length, check_unit
-from pinarm.mechanics.couplings.cam_contact import CamContact, Follower, Touch
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.couplings.teeth import MemberPair, member_pair
-from pinarm.mechanics.couplings.transmissions import outwards
+from pinarm.mechanics.couplings.transmissions import NEWTON, Transmission
 from pinarm.mechanics.forces.force_element import Edge, Pieces
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Direction, Joint, frame_of, joint_of, unit_vector
 from pinarm.mechanics.laws.kinds import Law
 from pinarm.mechanics.laws.motion_law import JUMP, MotionLaw, Values
 from pinarm.mechanics.laws.over_coordinate import Profile
-from pinarm.records import AbstractRecord, replace
+from pinarm.records import Record, ValueRecord
 
 SAMPLES = 721
 """Places at which a profile is looked at to describe it: every half degree of a turn."""
@@ -91,14 +104,16 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
             _require_smooth(self.profile, first)
         with within("period"):
             check_unit(self.period or 0.0, first.unit)
-        profile, contact = Profile.of(self.profile, self.period), None
+        lift, contact = Lift(Profile.of(self.profile, self.period), first), None
         if self.roller or self.face:
-            contact = self._contact(model, member_pair(model, joints, (first, second)))
-        missing = "" if contact else "it has neither roller nor face"
-        return CamCoupling(name, model.nv, first, second, profile, self.closed_by == "force", contact, missing)
+            contact = self._contact(model, member_pair(model, joints, (first, second)), lift)
+        return CamCoupling(
+            name, "cam", contact, "" if contact else "it has neither roller nor face",
+            nv=model.nv, lift=lift, follower_joint=second, one_sided=self.closed_by == "force",
+        )  # fmt: skip
 
-    def _contact(self, model: pin.Model, pair: MemberPair) -> CamContact:
-        cam, follower = pair.first, pair.second
+    def _contact(self, model: pin.Model, pair: MemberPair, lift: Lift) -> CamContact:
+        cam, follower, a = pair.first, pair.second, pair.first.axis
         if cam.joint.unit != RADIAN:
             raise InputError(
                 f"the cam's joint {cam.joint.name} slides: its contact is not known",
@@ -106,19 +121,30 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
                 hint="without roller and face",
             )
         place = self._place(model, pair)
-        contact = CamContact.through(pair, place.translation)
-        p = contact.direction(place.translation - contact.origin)
+        origin = cam.point + a * (a @ (place.translation - cam.point))
+        across = np.cross(a, np.eye(3)[np.abs(a).argmin()])
+        across /= np.linalg.norm(across)
+        axes = np.array([across, np.cross(a, across), a])
+
+        def direction(vector: Array) -> complex:
+            return complex(*(axes[:2] @ vector))
+
+        p = direction(place.translation - origin)
         if follower.joint.unit == METRE:
-            if abs(follower.axis @ cam.axis) > PARALLEL:
+            if abs(follower.axis @ a) > PARALLEL:
                 raise self._not_in_plane(follower.joint, "does not slide across the axis of the cam")
-            way, sense = contact.direction(follower.axis), 0.0
+            way, sense = direction(follower.axis), 0.0
         else:
-            if np.linalg.norm(np.cross(follower.axis, cam.axis)) > PARALLEL:
+            if np.linalg.norm(np.cross(follower.axis, a)) > PARALLEL:
                 raise self._not_in_plane(follower.joint, "does not turn about an axis parallel to that of the cam")
-            sense = float(np.sign(follower.axis @ cam.axis))
-            way = 1j * sense * (p - contact.direction(follower.point - contact.origin))
-        face = self._facing(p, way if self.normal is None else self._normal(contact, place)) if self.face else None
-        return replace(contact, follower=Follower(p, way, sense, float(self.roller_radius), face))
+            sense = float(np.sign(follower.axis @ a))
+            way = 1j * sense * (p - direction(follower.point - origin))
+        face = None
+        if self.face:
+            face = self._facing(p, way if self.normal is None else direction(self._normal(a, place)))
+        shape = Follower(p, way, sense, float(self.roller_radius), face)
+        senses = cam.rates[cam.joint], follower.rates[follower.joint]
+        return CamContact(*pair.bodies, shape.words, lift=lift, origin=origin, axes=axes, senses=senses, follower=shape)
 
     def _place(self, model: pin.Model, pair: MemberPair) -> pin.SE3:
         with within("roller" if self.roller else "face"):
@@ -132,16 +158,16 @@ class Cam(InputStruct, frozen=True, tag_field="kind", tag="cam"):
         pin.framesForwardKinematics(model, data, pin.neutral(model))
         return data.oMi[pair.carrier].actInv(data.oMf[index])
 
-    def _normal(self, plane: CamContact, place: pin.SE3) -> complex:
+    def _normal(self, axis: Array, place: pin.SE3) -> Array:
         assert self.normal is not None
         with within("normal"):
             normal = place.rotation @ unit_vector(self.normal)
-            if abs(normal @ plane.axis) > PARALLEL:
+            if abs(normal @ axis) > PARALLEL:
                 raise InputError(
                     "the normal of the face is not across the axis of the cam",
                     expected="a direction in the plane of the cam",
                 )
-        return plane.direction(normal)
+        return np.asarray(normal)
 
     def _facing(self, p: complex, normal: complex) -> complex:
         distance = (np.conj(normal) * p).real / abs(normal)
@@ -167,51 +193,62 @@ def _require_smooth(profile: MotionLaw, cam: Joint) -> None:
         )
 
 
-class CamCoupling(AbstractRecord, JointRelation, frozen=True):
-    """A follower's joint that stands where the profile over the cam's joint says.
+class Lift(Record, frozen=True):
+    """The place y of a follower's joint over the coordinate of a cam's joint."""
 
-    Attributes:
-        contact: Where they touch; ``None`` where that is not known.
-    """
-
-    unshown = ("profile", "contact")
-
-    name: str
-    nv: int
-    cam_joint: Joint
-    follower_joint: Joint
     profile: Profile
+    joint: Joint
+
+    def __call__(self, q: Array, v: Array | None = None) -> Values:
+        """Return f, f' and f'' at configurations, shape (n, nq), each of shape (n,).
+
+        Where f'' jumps it is that of the side to which the cam moves.
+        """
+        return self.profile(q[:, self.joint.q], 0.0 if v is None else np.sign(v[:, self.joint.v]))
+
+    @cached_property
+    def range(self) -> Array:
+        """Places that show all of the profile, shape (n,): a period, its pieces, or, without ends, one turn."""
+        ends = [end for piece in self.profile.pieces for end in (piece.start, piece.end) if np.isfinite(end)]
+        low, high = (min(ends), max(ends)) if len(set(ends)) > 1 else (0.0, 2.0 * np.pi)
+        return np.linspace(low, high, SAMPLES)
+
+
+class CamCoupling(JointRelation, frozen=True, kw_only=True):
+    """A follower's joint that stands where the profile over the cam's joint says."""
+
+    unshown = ("lift", "transmission")
+    opens: ClassVar[str] = "the follower lifts off"  # type: ignore[misc]
+
+    nv: int
+    lift: Lift
+    follower_joint: Joint
     one_sided: bool
-    contact: CamContact | None
-    missing: str
-    kind: str = "cam"
-    size: int = 1
+
+    @property
+    def contact(self) -> CamContact | None:
+        """Where cam and follower touch; ``None`` where that is not known."""
+        assert self.transmission is None or isinstance(self.transmission, CamContact)
+        return self.transmission
+
+    @property
+    def cam_joint(self) -> Joint:
+        return self.lift.joint
+
+    @property
+    def profile(self) -> Profile:
+        return self.lift.profile
 
     @property
     def joints(self) -> Indices:
         return np.array(sorted((self.cam_joint.v, self.follower_joint.v)), dtype=np.intp)
 
-    @property
-    def known(self) -> bool:
-        return self.contact is not None
-
-    @property
-    def second(self) -> int:
-        return self.known_contact.pair.second.body
-
     def unit(self, row: int) -> Unit:
         return self.follower_joint.unit
 
-    def values(self, q: Array, v: Array | None = None) -> Values:
-        """Return f, f' and f'' at configurations, shape (n, nq), each of shape (n,).
-
-        Where f'' jumps it is that of the side to which the cam moves.
-        """
-        return self.profile(q[:, self.cam_joint.q], 0.0 if v is None else np.sign(v[:, self.cam_joint.v]))
-
-    def gaps_at(self, q: Array) -> Array:
+    def at(self, q: Array) -> Array:
         """Return ``q2 - f(q1)``."""
-        return np.asarray(q[:, self.follower_joint.q] - self.values(q)[0])
+        return np.asarray(q[:, self.follower_joint.q] - self.lift(q)[0])
 
     def rows_at(self, q: Array) -> Array:
         """Return ``(-f', 1)`` at the joints."""
@@ -226,96 +263,39 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
             raise InputError(
                 f"the linear analysis has no derivatives of the turning cam '{self.name}'", expected="a cam at rest"
             )
-        return np.asarray(-self.values(np.real(q), np.real(v))[2] * v[:, self.cam_joint.v] ** 2)
-
-    @property
-    def known_contact(self) -> CamContact:
-        assert self.contact is not None
-        return self.contact
-
-    def touch(self, q: Array, v: Array | None = None) -> Touch:
-        return self.known_contact.touch(self.values(q, v))
-
-    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        if self.contact is None:
-            return {}
-        touch = self.touch(links.q)
-        return self.opposite(links, touch, self.contact.force(touch, lam[..., 0]) * touch.normal)
-
-    def opposite(self, links: LinkPlacements, touch: Touch, force: Complex) -> dict[int, Array]:
-        """Return forces at the contact [N], in the plane, on the follower and back on the cam."""
-        plane = self.known_contact
-        point, pushes = plane.origin + plane.vectors(touch.point), plane.vectors(force)
-        wrench = outwards(links, plane.pair.carrier, np.concatenate([pushes, crossed(point, pushes)], axis=-1))
-        return {plane.pair.second.body: wrench, plane.pair.first.body: -wrench}
-
-    def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
-        plane, touch = self.known_contact, self.touch(links.q)
-        force = plane.vectors(plane.force(touch, lam[..., 0]) * touch.normal)
-        turn, place = links.turns[:, plane.pair.carrier], links.places[:, plane.pair.carrier]
-        point = place + np.matvec(turn, plane.origin + plane.vectors(touch.point))
-        return point, np.concatenate([np.matvec(turn, force), np.zeros_like(force)], axis=1)
-
-    def parts(self) -> dict[str, Unit]:
-        if self.contact is None:
-            return {}
-        parts = {"normal": unit("N"), "pressure_angle": RADIAN, "curvature_radius": METRE}
-        return {**parts, **({"eccentricity": METRE} if self.contact.follower.face is not None else {})}
-
-    def part(self, name: str, q: Array, lam: Array) -> Array:
-        if name == "normal":
-            return self.push(q, lam)
-        touch = self.touch(q)
-        parts = {"pressure_angle": touch.pressure_angle, "curvature_radius": touch.radius}
-        return {**parts, "eccentricity": touch.eccentricity}[name]
+        return np.asarray(-self.lift(np.real(q), np.real(v))[2] * v[:, self.cam_joint.v] ** 2)
 
     def push(self, q: Array, lam: Array) -> Array:
         """Return with what the cam pushes its follower, negative where it pulls, shape (n,).
 
         The contact force [N] where the contact is known, otherwise the effort at the follower's joint.
         """
-        return lam if self.contact is None else self.contact.force(self.touch(q), lam)
+        return self.contact.part("normal", q, lam) if self.contact else lam
 
     def push_unit(self) -> Unit:
         """Return N, or the unit of the follower's effort where the contact is not known."""
-        return unit("N") if self.contact or self.follower_joint.unit == METRE else unit("N*m")
+        return NEWTON if self.transmission else super().push_unit()
 
     @cached_property
     def side(self) -> float:
         """Sense in which the cam pushes the follower's coordinate; 0 where it holds it both ways."""
-        if not self.one_sided:
-            return 0.0
-        return 1.0 if self.contact is None else float(np.sign(self.contact.senses[1] * self.outline.lever[0]))
-
-    @property
-    def opens(self) -> str:
-        return "the follower lifts off"
+        if not self.one_sided or (contact := self.contact) is None:
+            return float(self.one_sided)
+        return float(np.sign(contact.senses[1] * contact.outline.lever[0]))
 
     def whereabouts(self, q: Array) -> str:
         place, joint = float(q[self.cam_joint.q]), self.cam_joint
         place -= 0.0 if self.profile.period == np.inf else self.profile.period * np.floor(place / self.profile.period)
         return f"{joint.name} = {place:.6g} m" if joint.unit == METRE else f"{joint.name} = {np.rad2deg(place):.6g} deg"
 
-    @cached_property
-    def outline(self) -> Touch:
-        """Contact of cam and follower along the whole profile; ``contact`` must not be ``None``."""
-        return self.known_contact.touch(self.profile(sample_range(self.profile)))
-
-    @property
-    def shape(self) -> Array:
-        """The outline of the cam in its carrier where the cam's joint is at 0 [m], shape (n, 3); see ``outline``."""
-        plane, (turning, _) = self.known_contact, self.known_contact.senses
-        points = self.outline.point * np.exp(-1j * turning * sample_range(self.profile))
-        return plane.origin + plane.vectors(points)
-
     def flawed(self, q: Array) -> Flags:
-        if self.contact is None:
+        if (contact := self.contact) is None:
             return super().flawed(q)
-        return self.contact.follower.undercut(self.touch(q).radius)
+        return contact.follower.undercut(contact.touch(q).radius)
 
     @property
     def flaw(self) -> str:
-        return f"is undercut: no cam has this profile with its {self.known_contact.follower.words}"
+        return f"is undercut: no cam has this profile with its {self.known.words}"
 
     @property
     def in_pieces(self) -> bool:
@@ -336,14 +316,11 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
     def passages(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
         law = laws.get(self.cam_joint.v)
         passed = self.profile.passed(self.profile.starts, law, start, end) if law else []
-        return [t for t in passed if law and self._jumps(law, t)]
+        return [t for t in passed if law and self._jumps_at(law.on(t, t)(np.array([t]))[0])]
 
     def marked(self, laws: Mapping[int, MotionLaw], start: float, end: float) -> list[float]:
         law = laws.get(self.cam_joint.v)
         return [] if law is None else self.profile.passed(self.profile.marks, law, start, end)
-
-    def _jumps(self, law: MotionLaw, t: float) -> bool:
-        return self._jumps_at(law.on(t, t)(np.array([t]))[0])
 
     def has_kink(self, q: Array) -> bool:
         return self._jumps_at(q[:, self.cam_joint.q])
@@ -358,19 +335,188 @@ class CamCoupling(AbstractRecord, JointRelation, frozen=True):
 
     @property
     def description(self) -> str:
-        if self.contact is None:
-            return f"its forces on bodies are not known: {self.missing}"
-        touch = self.outline
-        steepest = np.rad2deg(np.abs(touch.pressure_angle).max())
+        if (contact := self.contact) is None:
+            return super().description
+        radii, steepest = np.abs(contact.outline.point), np.rad2deg(np.abs(contact.outline.pressure_angle).max())
         words = (
-            f"{self.contact.follower.words}, cam of radius {1e3 * np.abs(touch.point).min():.6g} to "
-            f"{1e3 * np.abs(touch.point).max():.6g} mm, pressure angle up to {steepest:.4g} deg"
+            f"{contact.words}, cam of radius {1e3 * radii.min():.6g} to {1e3 * radii.max():.6g} mm, "
+            f"pressure angle up to {steepest:.4g} deg"
         )
         return words + (", pushes only" if self.one_sided else "")
 
 
-def sample_range(profile: Profile) -> Array:
-    """Return places that show all of a profile, shape (n,): a period, its pieces, or, without ends, one turn."""
-    ends = [end for piece in profile.pieces for end in (piece.start, piece.end) if np.isfinite(end)]
-    low, high = (min(ends), max(ends)) if len(set(ends)) > 1 else (0.0, 2.0 * np.pi)
-    return np.linspace(low, high, SAMPLES)
+class Touch(Record, frozen=True):
+    """Contact of a cam and its follower, at n positions.
+
+    Attributes:
+        point: Contact point [m], shape (n,).
+        normal: n, shape (n,).
+        velocity: V, of the follower's material point there per way y, shape (n,).
+        guided: Velocity per way y from which the pressure angle is meant: of the roller's centre, or V, shape (n,).
+        radius: Radius of curvature of the cam there [m], negative where it is hollow, shape (n,).
+        eccentricity: Of the contact on a flat face, from the face's point, along ``-i n`` [m]; 0 of a roller, (n,).
+        slip: Velocity of the follower's material point against the cam along the tangent, per angle [m/rad], (n,).
+        slip_rate: Derivative of the slip by alpha, shape (n,).
+        tangent: The tangent along which the slip is meant, shape (n,).
+    """
+
+    point: Complex
+    normal: Complex
+    velocity: Complex
+    guided: Complex
+    radius: Array
+    eccentricity: Array
+    slip: Array
+    slip_rate: Array
+    tangent: Complex
+
+    @property
+    def lever(self) -> Array:
+        """Effort along y of a unit contact force, ``Re(conj(n) V)``, shape (n,)."""
+        return along(self.normal, self.velocity)
+
+    @property
+    def pressure_angle(self) -> Array:
+        """Angle from the follower's velocity, reversed where that points to the cam, to n [rad], shape (n,)."""
+        facing = self.guided * np.where(self.lever < 0.0, -1.0, 1.0)
+        return np.angle(self.normal * np.conj(facing))
+
+
+class Follower(ValueRecord, frozen=True):
+    """A follower with a roller about its point P, a knife edge there, or a flat face through it.
+
+    Attributes:
+        start: P at y = 0 [m].
+        sense: 1 where the follower turns as the cam for growing y, -1 where against it, 0 where it slides.
+        radius: Of the roller, whose rotation has no inertia [m]; 0 of a knife edge.
+        face: Normal of the flat face at y = 0, of length 1; ``None`` of a roller.
+    """
+
+    start: complex
+    way: complex
+    sense: float = 0.0
+    radius: float = 0.0
+    face: complex | None = None
+
+    @property
+    def words(self) -> str:
+        if self.face is not None:
+            return "flat face"
+        return f"roller of radius {1e3 * self.radius:.6g} mm" if self.radius else "knife edge"
+
+    def undercut(self, radius: Array) -> Flags:
+        """Return where no cam has this radius of curvature, shape (n,).
+
+        A flat face bridges what is hollow; the pitch curve of a roller must not bend more than the roller does.
+        """
+        if self.face is not None:
+            return np.asarray(radius <= 0.0)
+        return np.asarray((radius < 0.0) & (radius > -self.radius))
+
+    def touch(self, y: Array, dy: Array, ddy: Array) -> Touch:
+        """Return the contact for ``y(alpha)`` and its derivatives, each of shape (n,)."""
+        s, turned = self.sense, np.exp(1j * self.sense * np.asarray(y, complex))
+        tangent = self.way * turned
+        p = np.asarray(self.start + self.way * ((turned - 1.0) / (1j * s) if s else y), complex)
+        dp, ddp = tangent * dy, tangent * ddy + 1j * s * tangent * dy**2
+        touch = self._rolled if self.face is None else self._faced
+        return touch(p, tangent, dp - 1j * p, ddp - 1j * dp, turned, s * dy, s * ddy)
+
+    def _rolled(
+        self, p: Complex, tangent: Complex, u: Complex, du: Complex, turned: Complex, turn: Array, dturn: Array
+    ) -> Touch:
+        """Return the contact of a roller, by u and u', and the follower's angle per angle of the cam, and its rate."""
+        size = np.abs(u)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a cusp of the pitch curve, which may be straight, too
+            heading = u / size
+            radius = -(size**3) / along(1j * u, du - 1j * u) - self.radius
+        normal = 1j * heading
+        velocity = tangent - 1j * self.sense * self.radius * normal
+        slip, slip_rate = size - (1.0 - turn) * self.radius, along(heading, du) + dturn * self.radius
+        point = p - self.radius * normal
+        return Touch(point, normal, velocity, tangent, radius, np.zeros(size.shape), slip, slip_rate, heading)
+
+    def _faced(
+        self, p: Complex, tangent: Complex, u: Complex, du: Complex, turned: Complex, turn: Array, dturn: Array
+    ) -> Touch:
+        """Return the contact of a flat face; see ``_rolled``."""
+        assert self.face is not None
+        n, rest = self.face * turned, 1.0 - turn
+        gap, slip = along(n, u), -along(1j * n, u)
+        xi = -gap / rest
+        dxi = -(along(n, du) - turn * slip) / rest - gap * dturn / rest**2
+        point = p + xi * 1j * n
+        moved = u + 1j * p - xi * turn * n + dxi * 1j * n - 1j * point  # of the contact, on the cam
+        velocity, slip_rate = tangent - self.sense * xi * n, turn * gap - along(1j * n, du)
+        return Touch(point, n, velocity, velocity, -along(1j * n, moved) / rest, -xi, slip, slip_rate, -1j * n)
+
+
+class CamContact(Transmission, frozen=True, kw_only=True):
+    """A cam and its follower in their plane, in the axes of their carrier.
+
+    Attributes:
+        origin: Where the axis of the cam meets the plane [m], shape (3,).
+        axes: Unit vectors of the plane and of the axis of the cam, right-handed, shape (3, 3).
+        senses: Angle or way of each member in the carrier per way of its joint, 1 or -1.
+    """
+
+    lift: Lift
+    origin: Array
+    axes: Array
+    senses: tuple[float, float]
+    follower: Follower
+
+    def vectors(self, z: Complex) -> Array:
+        """Return vectors of the plane in the carrier's axes, shape (n, 3)."""
+        return np.asarray(np.multiply.outer(z.real, self.axes[0]) + np.multiply.outer(z.imag, self.axes[1]))
+
+    def touch(self, q: Array, v: Array | None = None) -> Touch:
+        return self._touch(*self.lift(q, v))
+
+    def _touch(self, f: Array, df: Array, ddf: Array) -> Touch:
+        turning, moving = self.senses
+        return self.follower.touch(moving * f, moving * turning * df, moving * ddf)
+
+    @cached_property
+    def outline(self) -> Touch:
+        """Contact along the whole profile."""
+        return self._touch(*self.lift.profile(self.lift.range))
+
+    @property
+    def shape(self) -> Array:
+        """The outline of the cam in its carrier where the cam's joint is at 0 [m], shape (n, 3); see ``outline``."""
+        return self.origin + self.vectors(self.outline.point * np.exp(-1j * self.senses[0] * self.lift.range))
+
+    def place(self, q: Array) -> Array:
+        return self.origin + self.vectors(self.touch(q).point)
+
+    def in_carrier(self, q: Array, lam: Array) -> dict[int, Array]:
+        touch = self.touch(q)
+        return self.opposite(touch, self._force(touch, lam) * touch.normal)
+
+    def opposite(self, touch: Touch, force: Complex) -> dict[int, Array]:
+        """Return wrenches of forces at the contact [N], in the plane, on the follower and back on the cam."""
+        point, pushes = self.origin + self.vectors(touch.point), self.vectors(force)
+        wrench = np.concatenate([pushes, crossed(point, pushes)], axis=-1)
+        return {self.second: wrench, self.first: -wrench}
+
+    def _force(self, touch: Touch, lam: Array) -> Array:
+        """Return the contact force [N] with efforts lam at the follower's joint, shape (n,); negative if it pulls."""
+        with np.errstate(divide="ignore", invalid="ignore"):  # at a pressure angle of 90 degrees no force has an effort
+            return np.where(lam == 0.0, 0.0, self.senses[1] * lam / touch.lever)
+
+    def parts(self) -> dict[str, Unit]:
+        parts = {"normal": NEWTON, "pressure_angle": RADIAN, "curvature_radius": METRE}
+        return parts if self.follower.face is None else {**parts, "eccentricity": METRE}
+
+    def part(self, name: str, q: Array, lam: Array) -> Array:
+        touch = self.touch(q)
+        if name == "normal":
+            return self._force(touch, lam)
+        parts = {"pressure_angle": touch.pressure_angle, "curvature_radius": touch.radius}
+        return {**parts, "eccentricity": touch.eccentricity}[name]
+
+
+def along(direction: Complex, vector: Complex) -> Array:
+    """Return ``Re(conj(direction) vector)``, the scalar product of vectors in the plane."""
+    return np.asarray((np.conj(direction) * vector).real)

@@ -26,6 +26,7 @@ from pinarm.mechanics.couplings.teeth import (
 from pinarm.mechanics.couplings.transmissions import (
     NEWTON,
     NEWTON_METRE,
+    FixedContact,
     Part,
     Strands,
     ThreadContact,
@@ -33,7 +34,6 @@ from pinarm.mechanics.couplings.transmissions import (
     at_origin,
 )
 from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Joint, joint_of
-from pinarm.records import replace
 
 
 class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
@@ -73,11 +73,9 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
                 expected="a belt between parallel axes",
                 hint="kind: gear, with a ratio",
             )
-        weights = pair.weights(self._ratio(pair))
-        coupling = coupled(model, joints, name, "belt", weights, float(self.offset))
-        if self.pretension is None:
-            return replace(coupling, missing="it has no pretension")
-        return replace(coupling, transmission=self._strands(model, pair, float(self.pretension)))
+        strands = None if self.pretension is None else self._strands(model, pair, float(self.pretension))
+        weights, missing = pair.weights(self._ratio(pair)), "it has no pretension"
+        return coupled(model, joints, name, "belt", weights, float(self.offset), strands, missing)
 
     def _signed_radii(self, pair: MemberPair) -> tuple[float, float]:
         """Return the radii, the second negative where the wheels turn against each other about the first axis."""
@@ -108,8 +106,13 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         sense = pair.sense * float(np.sign(a @ pair.second.axis))
         angle = float(np.arccos(cosine))  # from the line of centres to the points where the belt leaves the wheels
         wrap = min(2.0 * np.pi - 2.0 * angle, 2.0 * angle) if r2 > 0.0 else 2.0 * np.pi - 2.0 * angle
-        members = pair.carrier, pair.first.body, pair.second.body
-        return Strands.between(members, second, np.array(pulls), sense / r2, pretension, wrap)
+        pull, difference = np.array(pulls), sense / r2
+        slack, share = 2.0 * pretension / abs(difference), 0.25 * abs(difference) * pull.sum(axis=0)
+        return Strands(
+            *pair.bodies, f"two strands, pretension {pretension:.6g} N", point=second,
+            wrench=0.5 * difference * (pull[0] - pull[1]), folds=((slack, share), (-slack, share)),
+            difference=difference, pretension=pretension, wrap=wrap,
+        )  # fmt: skip
 
 
 def _pull(first: Array, second: Array, r1: float, r2: float, normal: Array) -> Array:
@@ -180,9 +183,8 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
             pair = self._pair(joints, model, (first, second))
         if pair is not None and self.carrier:
             weights = pair.weights(pair.inner_ratio(self.ratio))
-        coupling = coupled(model, joints, name, "gear", weights, float(self.offset))
-        known = None if pair is None else self._transmission(model, pair)
-        return replace(coupling, transmission=known, missing="" if known else "it has no pressure_angle")
+        known, missing = None if pair is None else self._transmission(model, pair), "it has no pressure_angle"
+        return coupled(model, joints, name, "gear", weights, float(self.offset), known, missing)
 
     def _pair(self, joints: Mapping[str, Joint], model: pin.Model, pair: tuple[Joint, Joint]) -> MemberPair:
         carrier = joint_of(joints, self.carrier) if self.carrier else None
@@ -237,16 +239,16 @@ class Rack(InputStruct, frozen=True, tag_field="kind", tag="rack"):
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
         turns, slides = turning_and_sliding(joints, self.joints, "rack")
-        weights = {slides: 1.0, turns: -float(self.radius)}
-        coupling = coupled(model, joints, name, "rack", weights, float(self.offset))
-        if self.pressure_angle is None:
-            return replace(coupling, missing="it has no pressure_angle")
-        pair = member_pair(model, joints, (turns, slides))
-        teeth = Teeth(self.pressure_angle, self.helix_angle, self.plane)
-        return replace(coupling, transmission=pinion_on_rack(model, pair, pair.inner_ratio(self.radius), teeth))
+        weights, contact = {slides: 1.0, turns: -float(self.radius)}, None
+        if self.pressure_angle is not None:
+            pair = member_pair(model, joints, (turns, slides))
+            teeth = Teeth(self.pressure_angle, self.helix_angle, self.plane)
+            contact = pinion_on_rack(model, pair, pair.inner_ratio(self.radius), teeth)
+        missing = "it has no pressure_angle"
+        return coupled(model, joints, name, "rack", weights, float(self.offset), contact, missing)
 
 
-def _moments(pair: MemberPair, inner_ratio: float, planets: int) -> Transmission:
+def _moments(pair: MemberPair, inner_ratio: float, planets: int) -> FixedContact:
     """Return the moments of planets between coaxial wheels: their forces cancel on every member."""
     a, b = pair.first.axis, pair.second.axis
     apart = np.cross(a, pair.second.point - pair.first.point)
@@ -259,7 +261,7 @@ def _moments(pair: MemberPair, inner_ratio: float, planets: int) -> Transmission
     on_second, on_first = pair.sense * b, -pair.sense * inner_ratio * a
     wrench, back = (np.concatenate([np.zeros(3), moment]) for moment in (on_second, on_first))
     words = f"moments only, shared by {planets} evenly spaced planets"
-    return Transmission(pair.carrier, pair.first.body, pair.second.body, pair.second.point, wrench, words, back=back)
+    return FixedContact(*pair.bodies, words, point=pair.second.point, wrench=wrench, back=back)
 
 
 class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
@@ -285,15 +287,15 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
         turns, slides = turning_and_sliding(joints, self.joints, "screw")
-        pitch = self.lead / (2.0 * np.pi)
-        coupling = coupled(model, joints, name, "screw", {slides: 1.0, turns: -pitch}, float(self.offset))
+        pitch, thread, missing = self.lead / (2.0 * np.pi), None, ""
         try:
             pair = member_pair(model, joints, (turns, slides))
         except InputError:  # joints that are apart in the tree: coupled in some way, which is not known
-            return replace(coupling, missing="its joints are not on one link")
-        if np.linalg.norm(np.cross(pair.first.axis, pair.second.axis)) > PARALLEL:
-            return replace(coupling, missing="its second joint does not slide along the axis of the first")
-        return replace(coupling, transmission=_thread(pair, pitch))
+            missing = "its joints are not on one link"
+        else:
+            thread, missing = _thread(pair, pitch), "its second joint does not slide along the axis of the first"
+        weights = {slides: 1.0, turns: -pitch}
+        return coupled(model, joints, name, "screw", weights, float(self.offset), thread, missing)
 
 
 def turning_and_sliding(joints: Mapping[str, Joint], names: tuple[str, str], kind: str) -> tuple[Joint, Joint]:
@@ -308,13 +310,15 @@ def turning_and_sliding(joints: Mapping[str, Joint], names: tuple[str, str], kin
     return turns, slides
 
 
-def _thread(pair: MemberPair, pitch: float) -> ThreadContact:
-    """Return the wrench of a unit multiplier: a force on the nut, and the moment that keeps its power 0."""
+def _thread(pair: MemberPair, pitch: float) -> ThreadContact | None:
+    """Return the thread: a force on the nut, and the moment that keeps its power 0; ``None`` along another axis."""
+    if np.linalg.norm(np.cross(pair.first.axis, pair.second.axis)) > PARALLEL:
+        return None
     point, along = pair.first.point, pair.sense * pair.second.axis
     about = pair.sense * pair.inner_ratio(pitch) * pair.first.axis
-    wrench = at_origin(point, along) + np.concatenate([np.zeros(3), about])
     return ThreadContact(
-        pair.carrier, pair.first.body, pair.second.body, point, wrench, f"thread, lead {2e3 * np.pi * pitch:.6g} mm",
+        *pair.bodies, f"thread, lead {2e3 * np.pi * pitch:.6g} mm", point=point,
+        wrench=at_origin(point, along) + np.concatenate([np.zeros(3), about]),
         single={"axial": Part(NEWTON, 1.0), "torque": Part(NEWTON_METRE, pitch)}, about=about, pitch=pitch,
     )  # fmt: skip
 
@@ -349,8 +353,8 @@ class WeightedSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
             )
         if isinstance(self.value, Measured):
             self.value.check(first.unit)
-        coupling = coupled(model, joints, name, "sum", weights, float(self.value))
-        return replace(coupling, missing="a sum says nothing of the parts between them")
+        missing = "a sum says nothing of the parts between them"
+        return coupled(model, joints, name, "sum", weights, float(self.value), missing=missing)
 
 
 CouplingDefinition = Gear | Rack | Screw | Belt | Cam | WeightedSum

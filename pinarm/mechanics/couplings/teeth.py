@@ -12,7 +12,7 @@ II, section 22.1; Shigley's Mechanical Engineering Design, chapter 13, gears: fo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.couplings.transmissions import NEWTON, Part, PitchSurfaces, ToothContact, at_origin
+from pinarm.mechanics.geometry.frame_pairs import Path
 from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.joints import METRE, PARALLEL, RADIAN, Joint, frame_of
 from pinarm.records import Record
@@ -56,6 +57,11 @@ class MemberPair(Record, frozen=True):
     carrier: int
     first: Member
     second: Member
+
+    @property
+    def bodies(self) -> tuple[int, int, int]:
+        """Indices of the joints that move carrier, first and second member."""
+        return self.carrier, self.first.body, self.second.body
 
     @property
     def sense(self) -> float:
@@ -125,7 +131,7 @@ class _AxesAtNeutral:
     def member(self, body: int, joint: Joint) -> Member:
         """Return a member; every joint between it and the carrier must move about the axis of the joint named."""
         axis, point, rates = self.axis(joint), self.origin(joint), dict[Joint, float]()
-        for index, way in self._path(body):
+        for index, way in Path.of_joints(self.model, self.carrier, body).senses:
             step = self.joints.get(index)
             if step is None or not self._same_axis(step, joint):
                 between = self.model.names[index]
@@ -138,11 +144,6 @@ class _AxesAtNeutral:
         if joint not in rates:
             raise InputError(f"{joint.name} does not move a member in the carrier", expected="another carrier")
         return Member(body, joint, axis, point, rates)
-
-    def _path(self, body: int) -> list[tuple[int, float]]:
-        """Return the joints from the carrier to a body, those that lead away from the ground with 1, others with -1."""
-        down, up = ([int(j) for j in self.model.supports[k]] for k in (body, self.carrier))
-        return [*((j, -1.0) for j in up if j not in down), *((j, 1.0) for j in down if j not in up)]
 
     def _same_axis(self, joint: Joint, other: Joint) -> bool:
         axis, apart = self.axis(other), self.origin(joint) - self.origin(other)
@@ -180,10 +181,13 @@ def check_teeth(pressure_angle: float | None, helix_angle: float, plane: str) ->
                 )
 
 
-class PitchPoint(Record, frozen=True):
-    """Where two members roll on each other, in the carrier.
+def _contact(
+    pair: MemberPair, teeth: Teeth, words: str, at: Array, way: Array, normal: Array, line: Array, lever: float,
+    radii: tuple[float, float], curvatures: tuple[float, float], names: Sequence[str] = ("radial", "axial"),
+) -> ToothContact:  # fmt: skip
+    """Return the contact of two members that roll on each other.
 
-    Attributes:
+    Args:
         at: The pitch point [m], shape (3,).
         way: e, in which the first member moves there where its angle grows, shape (3,).
         normal: N, from the first member to the second, shape (3,).
@@ -191,40 +195,23 @@ class PitchPoint(Record, frozen=True):
         lever: Way of the second member along e there per angle or way of its own [m or 1].
         radii: From the axes of the members to the point [m]; infinite of a rack.
         curvatures: See ``PitchSurfaces``.
+        names: Names of the parts of the force along N and l.
     """
-
-    at: Array
-    way: Array
-    normal: Array
-    line: Array
-    lever: float
-    radii: tuple[float, float]
-    curvatures: tuple[float, float]
-
-    def contact(self, pair: MemberPair, teeth: Teeth, names: tuple[str, str], words: str) -> ToothContact:
-        """Return the force of a unit multiplier there; ``names`` are those of its parts along N and l."""
-        alpha, beta = teeth.pressure_angle, teeth.helix_angle
-        tangential, separating = pair.sense / self.lever, float(np.tan(alpha) / np.cos(beta) / abs(self.lever))
-        along = tangential * (self.way - np.tan(beta) * self.line)
-        single = {"tangential": Part(NEWTON, abs(tangential)), names[0]: Part(NEWTON, separating, keeps=True)}
-        if names[1]:
-            single[names[1]] = Part(NEWTON, float(-tangential * np.tan(beta)))
-        angles = f"pressure angle {np.rad2deg(alpha):.6g} deg, helix angle {np.rad2deg(beta):.6g} deg"
-        apart = at_origin(self.at, separating * self.normal)
-        return ToothContact(
-            pair.carrier, pair.first.body, pair.second.body, self.at, at_origin(self.at, along), f"{words}, {angles}",
-            ((0.0, apart),), single,
-            surfaces=PitchSurfaces(self.line, self._rates(pair), self.radii, self.curvatures, alpha, beta),
-        )  # fmt: skip
-
-    def _rates(self, pair: MemberPair) -> dict[Joint, float]:
-        """Return the parts of joints in the angular velocity of the first member against the second, along l."""
-        rates: dict[Joint, float] = {}
-        for share, member in ((1.0, pair.first), (-1.0, pair.second)):
-            if _turns(member):
-                for joint, rate in member.rates.items():
-                    rates[joint] = rates.get(joint, 0.0) + share * rate * float(self.line @ member.axis)
-        return rates
+    alpha, beta = teeth.pressure_angle, teeth.helix_angle
+    tangential, separating = pair.sense / lever, float(np.tan(alpha) / np.cos(beta) / abs(lever))
+    parts = (Part(NEWTON, separating, keeps=True), Part(NEWTON, float(-tangential * np.tan(beta))))
+    single = {"tangential": Part(NEWTON, abs(tangential)), **dict(zip(names, parts, strict=False))}
+    angles = f"pressure angle {np.rad2deg(alpha):.6g} deg, helix angle {np.rad2deg(beta):.6g} deg"
+    rates: dict[Joint, float] = {}  # of the angular velocity of the first member against the second, along l
+    for share, member in ((1.0, pair.first), (-1.0, pair.second)):
+        for joint, rate in member.rates.items() if _turns(member) else ():
+            rates[joint] = rates.get(joint, 0.0) + share * rate * float(line @ member.axis)
+    return ToothContact(
+        *pair.bodies, f"{words}, {angles}", point=at, single=single,
+        wrench=at_origin(at, tangential * (way - np.tan(beta) * line)),
+        folds=((0.0, at_origin(at, separating * normal)),),
+        surfaces=PitchSurfaces(line, rates, radii, curvatures, alpha, beta),
+    )  # fmt: skip
 
 
 def wheels_in_mesh(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
@@ -256,10 +243,8 @@ def _cylindrical(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: 
     height = plane_of(model, pair, teeth.plane)
     axial = first.point + a * (height - a @ first.point)
     at = axial - apart * ratio / (1.0 - ratio)
-    pitch_point = _pitch_point(pair, at, a)
     kind = "external" if ratio < 0.0 else "internal"
-    words = f"{kind} teeth, pitch radii {1e3 * pitch_point.radii[0]:.6g} mm and {1e3 * pitch_point.radii[1]:.6g} mm"
-    return pitch_point.contact(pair, teeth, ("radial", "axial"), words)
+    return _rolling(pair, teeth, f"{kind} teeth, pitch radii {{0:.6g}} mm and {{1:.6g}} mm", at, a)
 
 
 def _bevel(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
@@ -286,11 +271,13 @@ def _bevel(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth)
         )
     cones = [np.arccos(np.clip(abs(line @ axis), 0.0, 1.0)) for axis in (a, b)]
     words = f"bevel teeth, pitch cone angles {np.rad2deg(cones[0]):.6g} deg and {np.rad2deg(cones[1]):.6g} deg"
-    return _pitch_point(pair, at, line).contact(pair, teeth, ("separating", ""), words)
+    return _rolling(pair, teeth, words, at, line, ("separating",))
 
 
-def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
-    """Return the directions at a pitch point of two wheels.
+def _rolling(
+    pair: MemberPair, teeth: Teeth, words: str, at: Array, line: Array, names: Sequence[str] = ("radial", "axial")
+) -> ToothContact:
+    """Return the contact of two wheels at a pitch point; their radii [mm] are inserted into the words.
 
     The normal leads to the wheel that curves away from it: ``N . r1 / r1^2 > N . r2 / r2^2`` with the radii r1 and r2
     from the axes to the point, for outer teeth, inner teeth and cones alike.
@@ -313,7 +300,10 @@ def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
     outwards = 1.0 if curved[0] > curved[1] else -1.0
     lever = float(np.cross(pair.second.axis, radii[1]) @ way)
     curvatures = outwards * curved[0], -outwards * curved[1]
-    return PitchPoint(at, way, outwards * normal, line, lever, (sizes[0], sizes[1]), curvatures)
+    words = words.format(*(1e3 * size for size in sizes))
+    return _contact(
+        pair, teeth, words, at, way, outwards * normal, line, lever, (sizes[0], sizes[1]), curvatures, names
+    )
 
 
 def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Teeth) -> ToothContact:
@@ -328,10 +318,10 @@ def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Tee
     height = plane_of(model, pair, teeth.plane)
     lever = radius * np.cross(slide, a)
     at = pinion.point + a * (height - a @ pinion.point) + lever
-    way = np.sign(radius) * slide
-    radii, curvatures = (abs(radius), np.inf), (1.0 / abs(radius), 0.0)
-    point = PitchPoint(at, way, lever / np.linalg.norm(lever), a, float(np.sign(radius)), radii, curvatures)
-    return point.contact(pair, teeth, ("radial", "axial"), f"rack, pitch radius {1e3 * abs(radius):.6g} mm")
+    return _contact(
+        pair, teeth, f"rack, pitch radius {1e3 * abs(radius):.6g} mm", at, np.sign(radius) * slide,
+        lever / np.linalg.norm(lever), a, float(np.sign(radius)), (abs(radius), np.inf), (1.0 / abs(radius), 0.0),
+    )  # fmt: skip
 
 
 def plane_of(model: pin.Model, pair: MemberPair, link: str) -> float:

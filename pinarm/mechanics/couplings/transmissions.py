@@ -1,12 +1,13 @@
-"""Wrenches of couplings on their bodies: contact of teeth and threads, strands of a belt, pure moments.
+"""Wrenches of couplings on their bodies: contact of teeth, threads and cams, strands of a belt, pure moments.
 
 A multiplier lam is the effort at the second joint. In every motion v of the tree ``sum_k wrench_k . twist_k = lam G v``
-with the row G of the coupling, as contact without friction does no work. The wrenches are constant in the carrier, the
-body in which both members have fixed axes.
+with the row G of the coupling, as contact without friction does no work. Wrenches are given in the carrier, the body in
+which both members have fixed axes.
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import NamedTuple, TypeVar
 
@@ -15,13 +16,13 @@ import numpy as np
 from pinarm.arrays import Array, magnitude
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.geometry.vectors import crossed, moved
 from pinarm.mechanics.joints import Joint
-from pinarm.records import Record, replace
+from pinarm.records import AbstractRecord, Record, replace
 
 NEWTON, NEWTON_METRE = unit("N"), unit("N*m")
 
-TransmissionT = TypeVar("TransmissionT", bound="Transmission")
+FixedT = TypeVar("FixedT", bound="FixedContact")
 
 
 class Kink(NamedTuple):
@@ -43,35 +44,80 @@ class Part(NamedTuple):
     size: float
     keeps: bool = False
 
+    def at(self, lam: Array) -> Array:
+        """Return it at multipliers [N or N*m], shape (n,)."""
+        return np.asarray(self.size * (magnitude(lam) if self.keeps else lam))
 
-class Transmission(Record, frozen=True):
-    """Wrenches of a multiplier on the bodies that it couples, linear in it but for kinks.
 
-    On the second member acts ``lam wrench + sum_k |lam - at_k| fold_k``, on the first one the opposite, or
-    ``lam back``; the carrier has what keeps their sum 0.
+class Transmission(AbstractRecord, frozen=True):
+    """What two members on one carrier do to each other.
 
     Attributes:
         carrier: Index of the joint that moves the carrier; 0 for the ground.
         first: Index of the joint that moves the first member.
         second: Index of the joint that moves the second one.
+        words: Transmitting parts, such as ``two strands, pretension 50 N``.
+    """
+
+    carrier: int
+    first: int
+    second: int
+    words: str = ""
+
+    @abstractmethod
+    def place(self, q: Array) -> Array:
+        """Return where the second member is acted on, in the carrier [m], shape (3,), or (n, 3) where it moves."""
+
+    @abstractmethod
+    def in_carrier(self, q: Array, lam: Array) -> dict[int, Array]:
+        """Return wrenches of multipliers, shape (.., n): joint index -> [f; m] at the carrier's origin, (.., n, 6)."""
+
+    @abstractmethod
+    def parts(self) -> dict[str, Unit]:
+        """Return the names of single forces, moments and measures, with their units."""
+
+    @abstractmethod
+    def part(self, name: str, q: Array, lam: Array) -> Array:
+        """Return one of them at configurations, shape (n, nq), with multipliers, shape (n,), as an array (n,)."""
+
+    def kinks(self, links: LinkPlacements) -> list[Kink]:
+        """Return where the wrenches at one configuration change their slope."""
+        return []
+
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        """Return the wrenches of multipliers at the world's origin, world axes: joint index -> [f; m], (.., n, 6)."""
+        return {body: outwards(links, self.carrier, x) for body, x in self.in_carrier(links.q, lam).items()}
+
+    def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
+        """Return where the second member is acted on [m], (n, 3), and [f; m] on it there, world axes, (n, 6)."""
+        turn, place = links.turns[:, self.carrier], links.places[:, self.carrier]
+        point = place + np.matvec(turn, self.place(links.q))
+        return point, moved(self.wrenches(links, lam)[self.second], -point)
+
+
+class FixedContact(Transmission, frozen=True, kw_only=True):
+    """Wrenches that are constant in the carrier, linear in the multiplier but for kinks.
+
+    On the second member acts ``lam wrench + sum_k |lam - at_k| fold_k``, on the first one the opposite, or
+    ``lam back``; the carrier has what keeps their sum 0.
+
+    Attributes:
         point: Where the force on the second member is said to act, in the carrier [m], shape (3,).
         wrench: On the second member, of a unit multiplier, [f; m] at the carrier's origin, shape (6,).
         folds: Multipliers at which the wrenches change their slope, with half of the change, shape (6,).
         back: On the first member, where it is not the opposite, shape (6,).
     """
 
-    carrier: int
-    first: int
-    second: int
     point: Array
     wrench: Array
-    words: str = ""
     folds: tuple[tuple[float, Array], ...] = ()
     single: Mapping[str, Part] = {}
     back: Array | None = None
 
-    def wrenches(self, lam: Array) -> dict[int, Array]:
-        """Return the wrenches of multipliers, shape (n,): joint index -> [f; m] at the carrier's origin, (n, 6)."""
+    def place(self, q: Array) -> Array:
+        return self.point
+
+    def in_carrier(self, q: Array, lam: Array) -> dict[int, Array]:
         second = np.multiply.outer(lam, self.wrench)
         for at, fold in self.folds:
             second = second + np.multiply.outer(magnitude(lam - at), fold)
@@ -80,15 +126,11 @@ class Transmission(Record, frozen=True):
         first = np.multiply.outer(lam, self.back)
         return {self.second: second, self.first: first, self.carrier: -second - first}
 
-    def on_links(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return the wrenches of multipliers at the world's origin, world axes: joint index -> [f; m], (n, 6)."""
-        return {body: outwards(links, self.carrier, wrench) for body, wrench in self.wrenches(lam).items()}
-
     def kinks(self, links: LinkPlacements) -> list[Kink]:
         folds = [(at, outwards(links, self.carrier, fold[None])[0]) for at, fold in self.folds]
         return [Kink(at, {self.second: fold, self.first: -fold}) for at, fold in folds]
 
-    def scaled(self: TransmissionT, factor: float) -> TransmissionT:
+    def scaled(self: FixedT, factor: float) -> FixedT:
         """Return the transmission of a size x that gives the multiplier ``factor x``; the factor is positive."""
         folds = tuple((at / factor, factor * fold) for at, fold in self.folds)
         return replace(self, wrench=factor * self.wrench, folds=folds)
@@ -96,10 +138,8 @@ class Transmission(Record, frozen=True):
     def parts(self) -> dict[str, Unit]:
         return {name: part.unit for name, part in self.single.items()}
 
-    def part(self, name: str, lam: Array) -> Array:
-        """Return one of them [N or N*m], shape (n,)."""
-        part = self.single[name]
-        return np.asarray(part.size * (magnitude(lam) if part.keeps else lam))
+    def part(self, name: str, q: Array, lam: Array) -> Array:
+        return self.single[name].at(lam)
 
 
 class PitchSurfaces(Record, frozen=True):
@@ -123,7 +163,7 @@ class PitchSurfaces(Record, frozen=True):
     helix_angle: float
 
 
-class ToothContact(Transmission, frozen=True, kw_only=True):
+class ToothContact(FixedContact, frozen=True, kw_only=True):
     """Teeth in mesh: a force along the pitch surfaces changes sides with lam, one across them presses members apart.
 
     Which flanks touch follows from the sign of lam; there is no backlash.
@@ -132,7 +172,7 @@ class ToothContact(Transmission, frozen=True, kw_only=True):
     surfaces: PitchSurfaces
 
 
-class ThreadContact(Transmission, frozen=True, kw_only=True):
+class ThreadContact(FixedContact, frozen=True, kw_only=True):
     """A thread but for its friction: a force F along the axis of the screw, and the moment ``h F`` about it.
 
     Attributes:
@@ -144,7 +184,7 @@ class ThreadContact(Transmission, frozen=True, kw_only=True):
     pitch: float
 
 
-class Strands(Transmission, frozen=True, kw_only=True):
+class Strands(FixedContact, frozen=True, kw_only=True):
     """The two strands of a belt or chain, tensions F0 + D/2 and F0 - D/2; a strand that would be pushed is slack.
 
     D, the difference of the tensions, is proportional to the multiplier. With a slack strand the other one carries D:
@@ -160,23 +200,10 @@ class Strands(Transmission, frozen=True, kw_only=True):
     pretension: float
     wrap: float
 
-    @classmethod
-    def between(
-        cls, members: tuple[int, int, int], point: Array, pulls: Array, difference: float, pretension: float,
-        wrap: float,
-    ) -> Strands:  # fmt: skip
-        """Return strands of carrier and wheels; ``pulls`` are their wrenches on the second wheel at unit tension."""
-        slack, share = 2.0 * pretension / abs(difference), 0.25 * abs(difference) * pulls.sum(axis=0)
-        along, words = 0.5 * difference * (pulls[0] - pulls[1]), f"two strands, pretension {pretension:.6g} N"
-        return cls(
-            *members, point, along, words, ((slack, share), (-slack, share)),
-            difference=difference, pretension=pretension, wrap=wrap,
-        )  # fmt: skip
-
     def parts(self) -> dict[str, Unit]:
         return {"tight": NEWTON, "slack": NEWTON}
 
-    def part(self, name: str, lam: Array) -> Array:
+    def part(self, name: str, q: Array, lam: Array) -> Array:
         half = 0.5 * magnitude(self.difference * lam)
         left = self.pretension - half
         if name == "tight":
@@ -190,7 +217,7 @@ def at_origin(point: Array, force: Array) -> Array:
 
 
 def outwards(links: LinkPlacements, carrier: int, wrench: Array) -> Array:
-    """Return wrenches [f; m] at the world's origin from those in the frame of a joint, shape (n, 6)."""
+    """Return wrenches [f; m] at the world's origin from those in the frame of a joint, shape (.., n, 6)."""
     turn, place = links.turns[:, carrier], links.places[:, carrier]
     force, moment = np.matvec(turn, wrench[..., :3]), np.matvec(turn, wrench[..., 3:])
     return np.concatenate([force, moment + crossed(place, force)], axis=-1)

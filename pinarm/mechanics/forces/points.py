@@ -180,7 +180,7 @@ class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"
     force: Force = 0.0
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint], coordinates: Coordinates = NONE) -> ForceElement:
-        ends = PathLength((distance(*frames_of(model, self.between)),))
+        ends = PathLength((distance(*frames_of(model, self.between)).way,))
         return TwoPointSpring(model, ends, *map(float, (self.stiffness, self.damping, self.free_length, self.force)))
 
 

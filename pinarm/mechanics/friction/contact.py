@@ -18,7 +18,7 @@ from pinarm.arrays import Array, Flags, vecmat
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
-from pinarm.mechanics.couplings.transmissions import Kink, Transmission
+from pinarm.mechanics.couplings.transmissions import FixedContact, Kink
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN
@@ -216,10 +216,10 @@ class CoupledSlip(LinearCoordinate, frozen=True):
         acting: What friction does to the members; ``None`` where it acts as efforts at the coupled joints.
     """
 
-    acting: Transmission | None = None
+    acting: FixedContact | None = None
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        return self.acting.on_links(links, effort) if self.acting else {}
+        return self.acting.wrenches(links, effort) if self.acting else {}
 
 
 Slip: TypeAlias = "LinearCoordinate | PairCoordinate | CamSlip | GearSlip"
@@ -281,7 +281,7 @@ class FrictionContact(Record, frozen=True):
     def added(self, part: str, f: Array) -> Array:
         """Return the part of friction in a single force or moment of the coupling [N or N*m], shape (n,)."""
         acting = self.slip.acting if isinstance(self.slip, CoupledSlip) else None
-        return acting.part(part, f) if acting and part in acting.single else np.zeros_like(f)
+        return acting.single[part].at(f) if acting and part in acting.single else np.zeros_like(f)
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the wrench that the bearing carries, in axes in which its parts are given, shape (n, 6).

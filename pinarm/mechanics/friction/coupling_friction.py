@@ -38,12 +38,12 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import unit
-from pinarm.mechanics.couplings.cam import CamCoupling
-from pinarm.mechanics.couplings.cam_contact import along
+from pinarm.mechanics.couplings.cam import CamContact, CamCoupling, along
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.transmissions import (
     NEWTON,
     NEWTON_METRE,
+    FixedContact,
     Part,
     PitchSurfaces,
     Strands,
@@ -51,6 +51,7 @@ from pinarm.mechanics.couplings.transmissions import (
     ToothContact,
     Transmission,
     at_origin,
+    outwards,
 )
 from pinarm.mechanics.friction.contact import Bearing, CoupledSlip, FrictionContact, FrictionLaw
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -89,7 +90,7 @@ class ThreadGeometry(ValueRecord, frozen=True):
         normal = atan(tan(self.flank) * cos(self.lead_angle))
         return 1.0 / (cos(self.lead_angle) * cos(normal))
 
-    def acting(self, known: Transmission | None) -> Transmission | None:
+    def acting(self, known: Transmission | None) -> FixedContact | None:
         """Return the wrenches of a unit friction: axial force and moment on the nut, the opposite on the screw.
 
         ``None`` where the contact of the thread is not known: friction then acts as efforts at the coupled joints.
@@ -100,7 +101,7 @@ class ThreadGeometry(ValueRecord, frozen=True):
         wrench = sliding * at_origin(known.point, known.wrench[:3])
         wrench[3:] -= turning / known.pitch * known.about
         single = {"axial": Part(NEWTON, sliding), "torque": Part(NEWTON_METRE, -turning)}
-        return Transmission(known.carrier, known.first, known.second, known.point, wrench, single=single)
+        return FixedContact(known.carrier, known.first, known.second, point=known.point, wrench=wrench, single=single)
 
 
 def belt_grip(coupling: Coupling, law: FrictionLaw) -> tuple[FrictionLaw, CoupledSlip]:
@@ -124,10 +125,15 @@ class CamSlip(Record, frozen=True):
 
     cam: CamCoupling
 
+    @property
+    def contact(self) -> CamContact:
+        assert self.cam.contact is not None
+        return self.cam.contact
+
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,): the slip of the follower, and that of the cam under it."""
-        cam, (turning, moving) = self.cam, self.cam.known_contact.senses
-        touch, row = cam.touch(state.q[None]), np.zeros(cam.nv)
+        cam, (turning, moving) = self.cam, self.contact.senses
+        touch, row = self.contact.touch(state.q[None]), np.zeros(cam.nv)
         row[cam.cam_joint.v] = -turning * along(touch.tangent, 1j * touch.point)[0]
         row[cam.follower_joint.v] = moving * along(touch.tangent, touch.velocity)[0]
         return row
@@ -136,11 +142,12 @@ class CamSlip(Record, frozen=True):
         """Return J' v: of the slip ``k alpha'`` the part ``k' alpha'^2`` less what the drift of the follower does."""
         q, v, cam = state.q[None], state.v[None], self.cam
         follower = self.row(state)[cam.follower_joint.v] * cam.drifts_at(q, v)[0]
-        return float(cam.touch(q, v).slip_rate[0] * state.v[cam.cam_joint.v] ** 2 + follower)
+        return float(self.contact.touch(q, v).slip_rate[0] * state.v[cam.cam_joint.v] ** 2 + follower)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        touch = self.cam.touch(links.q)
-        return self.cam.opposite(links, touch, effort * touch.tangent)
+        touch = self.contact.touch(links.q)
+        acting = self.contact.opposite(touch, effort * touch.tangent)
+        return {body: outwards(links, self.contact.carrier, wrench) for body, wrench in acting.items()}
 
 
 def part_of_roller(cam: CamCoupling, pin: float) -> float:
@@ -314,7 +321,7 @@ def tooth_friction(coupling: Coupling, teeth: int) -> tuple[Bearing, CoupledSlip
     for joint, rate in known.surfaces.rates.items():
         weights[joint.v] = mesh.mean_distance * rate
     couple = np.concatenate([np.zeros(3), mesh.mean_distance * known.surfaces.line])
-    acting = Transmission(known.carrier, known.first, known.second, known.point, -couple)
+    acting = FixedContact(known.carrier, known.first, known.second, point=known.point, wrench=-couple)
     pressing = known.wrench[:3] + known.folds[0][1][:3]
     slip = CoupledSlip(RADIAN, weights, coupling.coordinate.places, acting)
     return Bearing.along(float(np.linalg.norm(pressing))), slip

@@ -19,7 +19,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.link_tree import LinkTree, product, states_last, turned
 from pinarm.mechanics.geometry.model_variants import Model
-from pinarm.mechanics.geometry.pairs import Pair
+from pinarm.mechanics.geometry.pairs import LowerPair, Pair
 from pinarm.mechanics.geometry.vectors import cross, dot
 from pinarm.records import Record
 
@@ -38,9 +38,23 @@ class Path(NamedTuple):
     @classmethod
     def between(cls, model: Model, first: int, second: int) -> Path:
         """Return the path between two frames, given by their indices."""
-        start, end = (list(model.supports[model.frames[frame].parentJoint])[1:] for frame in (first, second))
+        return cls.of_joints(model, *(model.frames[frame].parentJoint for frame in (first, second)))
+
+    @classmethod
+    def of_joints(cls, model: Model, first: int, second: int) -> Path:
+        start, end = (list(model.supports[joint])[1:] for joint in (first, second))
         shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(start, end, strict=False)))
         return cls(tuple(map(int, reversed(start[shared:]))), tuple(map(int, end[shared:])))
+
+    @property
+    def senses(self) -> list[tuple[int, float]]:
+        """The joints in their order, those towards the root with -1, others with 1."""
+        return [*((joint, -1.0) for joint in self.up), *((joint, 1.0) for joint in self.down)]
+
+    def velocities(self, model: Model) -> list[int]:
+        """Return the indices in v of the joints, in their order."""
+        joints = (model.joints[joint] for joint, _ in self.senses)
+        return [joint.idx_v + k for joint in joints for k in range(joint.nv)]
 
 
 class Ends(Record, frozen=True):
@@ -93,21 +107,11 @@ class FramePairs(Record, frozen=True):
         """Return pairs of frames, given by their indices, whose ``likeness`` is the same."""
         paths = [Path.between(model, *pair) for pair in pairs]
         first, second = (Ends.of(model, [pair[end] for pair in pairs]) for end in (0, 1))
-        joints = [model.joints[joint] for joint in (*paths[0].up, *paths[0].down)]
-        counts = np.array([joint.nv for joint in joints], dtype=np.intp)
-        velocities = [
-            [model.joints[joint].idx_v + k for joint in (*path.up, *path.down) for k in range(model.joints[joint].nv)]
-            for path in paths
-        ]
-        senses = np.repeat(np.where(np.arange(len(joints)) < len(paths[0].up), -1.0, 1.0), counts)
-        return cls(
-            LinkTree.of(model),
-            first,
-            second,
-            np.array(velocities, dtype=np.intp).reshape(len(pairs), -1).T,
-            np.cumsum(counts) - counts,
-            senses,
-        )
+        counts = np.array([model.joints[joint].nv for joint, _ in paths[0].senses], dtype=np.intp)
+        senses = np.repeat(np.array([sense for _, sense in paths[0].senses]), counts)
+        velocities = np.array([path.velocities(model) for path in paths], dtype=np.intp)
+        starts = np.cumsum(counts) - counts
+        return cls(LinkTree.of(model), first, second, velocities.reshape(len(pairs), -1).T, starts, senses)
 
     @classmethod
     def between(cls, model: Model, first: int, second: int) -> FramePairs:
@@ -170,8 +174,8 @@ class RelativeMotion(Record, frozen=True):
 
     def directions(self, pair: Pair) -> tuple[Array, Array]:
         """Return the directions e and w of a pair's rows, shape (m, 3), or (m, 3, L, ..) where they turn."""
-        if pair.constant is not None:
-            return pair.constant
+        if isinstance(pair, LowerPair):
+            return pair.e, pair.w
         e, w = (x if x.ndim == 2 else x.reshape(*x.shape[:2], *self.p.shape[1:]) for x in pair.directions(*self.flat))
         return e, w
 

@@ -27,48 +27,6 @@ FREE = 6
 """Velocities of a joint that floats."""
 
 
-class SingleJoints(Record, frozen=True):
-    """The joints with one coordinate, which turn about an axis, slide along it, or both.
-
-    Attributes:
-        links: Their links, shape (k,).
-        q: Their coordinates in q, shape (k,).
-        constant: C0 in the rotation ``C0 + cos(q) C1 + sin(q) C2`` to the parent's axes, shape (.., k, 3, 3).
-        cosine: C1, shape (k, 3, 3).
-        sine: C2, shape (k, 3, 3).
-        shift: Place of the joint in the axes of its parent [m], shape (k, 3).
-        slide: How far it moves the link per unit of its coordinate, in the axes of the parent, shape (k, 3).
-    """
-
-    links: Indices
-    q: Indices
-    constant: Array
-    cosine: Array
-    sine: Array
-    shift: Array
-    slide: Array
-
-
-class BallJoints(Record, frozen=True):
-    """The joints about which a link turns freely; those that float slide freely, too.
-
-    Attributes:
-        links: Their links, shape (k,).
-        quaternions: Coordinates (x, y, z, w) of each in q, shape (k, 4).
-        turn: Rotation of the joint to the axes of its parent, shape (.., k, 3, 3).
-        shift: Place of the joint in these axes [m], shape (.., k, 3).
-        floating: Places of those that float among the k, shape (f,).
-        ways: Coordinates (x, y, z) of these in q, shape (f, 3).
-    """
-
-    links: Indices
-    quaternions: Indices
-    turn: Array
-    shift: Array
-    floating: Indices
-    ways: Indices
-
-
 class LinkTree(Record, frozen=True):
     """Data of a tree of links that do not depend on the configuration.
 
@@ -77,6 +35,14 @@ class LinkTree(Record, frozen=True):
         jumps: The ancestors 1, 2, 4, ... joints before every link, as far as there are any, each of shape (njoints,).
         moved: Link that every velocity moves first, shape (nv,).
         starts: First velocity of every joint, shape (njoints - 1,).
+        single: Links of joints with one coordinate, which turn about an axis, slide along it, or both, shape (k,), and
+            their coordinates in q, shape (k,).
+        turning: C, S and D of their rotations ``C + sin(q) S + cos(q) D`` to the parents' axes, (.., k, 3, 3) each.
+        sliding: Their places in the parents' axes, and how far they move per unit, shape (.., k, 3) each.
+        balls: Links of joints about which they turn freely, shape (b,), and coordinates (x, y, z, w), shape (b, 4).
+        floating: Those of these that slide freely, too, shape (f,), and coordinates (x, y, z), shape (f, 3).
+        places: Rotations of joints to the axes of their parents, shape (.., njoints, 3, 3), and places there [m], shape
+            (.., njoints, 3).
         subspace: S, twists of links per unit velocity of their joints, in link axes, shape (6, nv).
         masses: Of the links [kg], shape (njoints,), of variants (k, njoints).
         levers: Their centres of mass in link axes [m], shape (njoints, 3), of variants (k, njoints, 3).
@@ -87,8 +53,12 @@ class LinkTree(Record, frozen=True):
     jumps: tuple[Indices, ...]
     moved: Indices
     starts: Indices
-    single: SingleJoints
-    balls: BallJoints
+    single: tuple[Indices, Indices]
+    turning: tuple[Array, Array, Array]
+    sliding: tuple[Array, Array]
+    balls: tuple[Indices, Indices]
+    floating: tuple[Indices, Indices]
+    places: tuple[Array, Array]
     subspace: Array
     masses: Array
     levers: Array
@@ -130,7 +100,7 @@ class LinkTree(Record, frozen=True):
         """
         each = columns * components_first(x, 1)
         sums = np.zeros((3, len(self.parents), *each.shape[2:]), each.dtype)
-        sums[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if len(self.balls.links) else each
+        sums[:, 1:] = np.add.reduceat(each, self.starts, axis=1) if len(self.balls[0]) else each
         return sums
 
     def placed(self, q: Array) -> tuple[Array, Array]:
@@ -138,19 +108,21 @@ class LinkTree(Record, frozen=True):
 
         Shapes (3, 3, njoints, ..) and (3, njoints, ..) [m], at configurations of shape (.., nq).
         """
-        single, rank, x = self.single, q.ndim - 1, components_first(q, 1)
-        along = np.ascontiguousarray(x[single.q])
-        constant, cosine, sine = (states_last(part, rank, 3) for part in (single.constant, single.cosine, single.sine))
-        shift, slide = (states_last(part, rank, 2) for part in (single.shift, single.slide))
-        rotation, shifted = constant + np.cos(along) * cosine + np.sin(along) * sine, shift + along * slide
+        rank, x, (links, coordinates) = q.ndim - 1, components_first(q, 1), self.single
+        along, (constant, sine, cosine) = x[coordinates], (states_last(part, rank, 3) for part in self.turning)
+        shift, slide = (states_last(part, rank, 2) for part in self.sliding)
+        rotation, shifted = constant + np.sin(along) * sine + np.cos(along) * cosine, shift + along * slide
         states = np.broadcast_shapes(rotation.shape[3:], shifted.shape[2:])
         turns = np.zeros((3, 3, len(self.parents), *states), q.dtype)
         arms = np.zeros((3, len(self.parents), *states), q.dtype)
         turns[0, 0, 0] = turns[1, 1, 0] = turns[2, 2, 0] = 1.0
-        turns[:, :, single.links] = rotation
-        arms[:, single.links] = shifted
-        if len(self.balls.links):
-            self._place_balls(x, turns, arms)
+        turns[:, :, links], arms[:, links] = rotation, shifted
+        if len(self.balls[0]):
+            (balls, turned_by), (afloat, moved_by) = self.balls, self.floating
+            outer, shift = states_last(self.places[0], rank, 3), states_last(self.places[1], rank, 2)
+            turns[:, :, balls] = product(outer[:, :, balls], rotations(x[turned_by.T]))
+            arms[:, balls] = shift[:, balls]
+            arms[:, afloat] += turned(outer[:, :, afloat], x[moved_by.T])
         for jump in self.jumps:  # products along the paths from the world
             turns = product(turns.take(jump, axis=2), turns)
         return turns, turned(turns.take(self.parents, axis=2), arms)
@@ -164,15 +136,6 @@ class LinkTree(Record, frozen=True):
         own, rank = turns.take(self.moved, axis=2), turns.ndim - 3
         linear, angular = (states_last(part.T, rank, 2) for part in (self.subspace[:3], self.subspace[3:]))
         return turned(own, linear), turned(own, angular)
-
-    def _place_balls(self, x: Array, turns: Array, arms: Array) -> None:
-        """Set the placements of links on ball joints and of those that float, for coordinates of shape (nq, ..)."""
-        balls, rank = self.balls, x.ndim - 1
-        turn = states_last(balls.turn, rank, 3)
-        turns[:, :, balls.links] = product(turn, rotations(x[balls.quaternions.T]))
-        arms[:, balls.links] = states_last(balls.shift, rank, 2)
-        afloat = balls.floating
-        arms[:, balls.links[afloat]] += turned(turn[:, :, afloat], x[balls.ways.T])
 
 
 def rotations(quaternion: Array) -> Array:
@@ -230,6 +193,8 @@ def states_first(x: Array, tail: int = 2) -> Array:
 def _tree(model: Model) -> LinkTree:
     joints, parents = model.joints.tolist(), np.array(model.parents.tolist())
     single = [k for k, joint in enumerate(joints) if k and joint.nq == joint.nv == 1]
+    balls = [k for k in range(1, len(joints)) if k not in set(single)]
+    floating = [k for k in balls if joints[k].nv == FREE]
     subspace, anywhere = np.zeros((6, model.nv)), np.ones(model.nq)  # S is the same at all coordinates
     for joint in joints[1:]:
         data = joint.createData()
@@ -243,45 +208,20 @@ def _tree(model: Model) -> LinkTree:
     masses, levers, inertias = map(np.asfortranarray, bodies_of(model))  # the variants last in memory, as states are
     inertias[..., 0, :, :] = 0.0
     levers, inertias = components_far(levers), components_far(inertias, 3)
+    slides, axes = np.split(subspace[:, [joints[k].idx_v for k in single]], 2)
+    crosses, places = crossed(axes.T[:, None], np.eye(3)).swapaxes(1, 2), placements_of(model)
+    outer, square = places[0][..., single, :, :], crosses @ crosses
+    # Rodrigues' formula: 1 + sin(q) [u]x + (1 - cos(q)) [u]x^2
+    turning = outer @ (np.eye(3) + square), outer @ crosses, -outer @ square
+
+    def coordinates(links: list[int], end: int, count: int) -> tuple[Indices, Indices]:
+        """Return links, and the last of their coordinates but for ``end``."""
+        last = np.array([joints[k].idx_q + joints[k].nq - end - count for k in links], dtype=np.intp)
+        return np.array(links, dtype=np.intp), last[:, None] + np.arange(count)
+
+    links, own = coordinates(single, 0, 1)
     return LinkTree(
         parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,
-        _single(model, single, subspace), _balls(model, [k for k in range(1, len(joints)) if k not in set(single)]),
-        subspace, masses, levers, inertias,
+        (links, own[:, 0]), turning, (places[1][..., single, :], np.matvec(outer, slides.T)),
+        coordinates(balls, 0, 4), coordinates(floating, 4, 3), places, subspace, masses, levers, inertias,
     )  # fmt: skip
-
-
-def _single(model: Model, links: list[int], subspace: Array) -> SingleJoints:
-    """Return the joints of links, with the rotation by Rodrigues' formula, ``u u^T + cos (1 - u u^T) + sin [u]x``."""
-    turns, shifts = placements_of(model)
-    turns, joints = turns[..., links, :, :], [model.joints[k] for k in links]
-    columns = subspace[:, [joint.idx_v for joint in joints]].T
-    axes = columns[:, 3:]
-    still = np.where(np.asarray(axes.any(axis=1))[:, None, None], 0.0, np.eye(3))
-    along = axes[:, :, None] * axes[:, None]
-    across = np.eye(3) - along - still
-    crossing = crossed(axes[:, None], np.eye(3)).swapaxes(1, 2)
-    return SingleJoints(
-        np.array(links, dtype=np.intp),
-        np.array([joint.idx_q for joint in joints], dtype=np.intp),
-        turns @ (along + still),
-        turns @ across,
-        turns @ crossing,
-        shifts[..., links, :],
-        np.matvec(turns, columns[:, :3]),
-    )
-
-
-def _balls(model: Model, links: list[int]) -> BallJoints:
-    turns, shifts = placements_of(model)
-    joints = [model.joints[k] for k in links]
-    floating = [place for place, joint in enumerate(joints) if joint.nv == FREE]
-    last = np.array([joint.idx_q + joint.nq - 4 for joint in joints], dtype=np.intp)
-    first = np.array([joints[place].idx_q for place in floating], dtype=np.intp)
-    return BallJoints(
-        np.array(links, dtype=np.intp),
-        last[:, None] + np.arange(4),
-        turns[..., links, :, :],
-        shifts[..., links, :],
-        np.array(floating, dtype=np.intp),
-        first[:, None] + np.arange(3),
-    )

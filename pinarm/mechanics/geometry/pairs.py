@@ -11,9 +11,9 @@ the second: their power is ``lam`` times the row.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 import pinocchio as pin
@@ -35,7 +35,7 @@ from pinarm.mechanics.geometry.vectors import (
     rotated,
     rotation_vector,
 )
-from pinarm.records import Record
+from pinarm.records import AbstractRecord, Record
 
 LOCAL = pin.ReferenceFrame.LOCAL
 
@@ -50,16 +50,19 @@ class Pair(Protocol):
     """
 
     @property
-    def along(self) -> Sequence[bool]:
-        """Mask of the m rows with a direction e of translation: these measure lengths, the others angles."""
+    def kinds(self) -> str:
+        """A letter for each of m rows.
+
+        ``e`` with a direction of translation, ``w`` of rotation, ``h`` with both; those with an e measure lengths.
+        """
 
     @property
-    def about(self) -> Sequence[bool]:
-        """Mask of the m rows with a direction w of rotation."""
+    def rolling(self) -> tuple[int, ...]:
+        """Rows that bind velocities alone: their gap is 0 in all positions."""
 
     @property
-    def constant(self) -> tuple[Array, Array] | None:
-        """The directions e and w where they are the same in all configurations, each of shape (m, 3)."""
+    def holding(self) -> Pair | None:
+        """The pair without rolling rows; ``None`` if none is left."""
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         """Return the gap, or the value, of every row [m or rad], shape (..) or (1,)."""
@@ -78,7 +81,17 @@ RotationGap = Callable[[Array, Axes], Array]
 """From p and the axes of frame 2 to the rotation vector by which a pair is open [rad], shape (3, ..)."""
 
 
-class LowerPair(Record, frozen=True):
+class Holding(Record, frozen=True):
+    """A pair whose rows hold positions."""
+
+    rolling: ClassVar[tuple[int, ...]] = ()
+
+    @property
+    def holding(self) -> Self:
+        return self
+
+
+class LowerPair(Holding, frozen=True):
     """A pair whose rows have constant directions, those without a direction of rotation first.
 
     The gap of these is ``e . p``, that of the others ``w . rotation``.
@@ -101,29 +114,16 @@ class LowerPair(Record, frozen=True):
         return cls(e[None], w[None], e if e.any() else w, rotation)
 
     @cached_property
-    def along(self) -> list[bool]:
-        return [bool(row.any()) for row in self.e]
-
-    @cached_property
-    def about(self) -> list[bool]:
-        return [bool(row.any()) for row in self.w]
-
-    @property
-    def constant(self) -> tuple[Array, Array]:
-        return self.e, self.w
-
-    @cached_property
-    def _held(self) -> Array:
-        return self.e[np.logical_not(self.about)]
-
-    @cached_property
-    def _aligned(self) -> Array:
-        return self.w[self.about]
+    def kinds(self) -> str:
+        return "".join(
+            "h" if e.any() and w.any() else "e" if e.any() else "w" for e, w in zip(self.e, self.w, strict=True)
+        )
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
+        held = self.kinds.count("e")
         if self.rotation is None:
-            return list(self._held @ p)
-        return [*(self._held @ p), *(self._aligned @ self.rotation(p, axes))]
+            return list(self.e[:held] @ p)
+        return [*(self.e[:held] @ p), *(self.w[held:] @ self.rotation(p, axes))]
 
     def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         return self.e, self.w
@@ -132,17 +132,15 @@ class LowerPair(Record, frozen=True):
         return np.zeros((len(self.e), 1)[: p.ndim])
 
 
-class Tie(Record, frozen=True):
+class Tie(Holding, frozen=True):
     """Distance of the origins less a length, with u the direction of p: ``u . p' = 0``.
 
     Attributes:
         length: [m].
     """
 
+    kinds: ClassVar[str] = "e"
     length: float
-    along: tuple[bool, ...] = (True,)
-    about: tuple[bool, ...] = (False,)
-    constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         return [np.sqrt(dot(p, p)) - self.length]
@@ -156,7 +154,7 @@ class Tie(Record, frozen=True):
         return np.asarray((dot(dp, dp) - along * along) / np.maximum(np.sqrt(dot(p, p)), MEETING))[None]
 
 
-class TiedFrames(Record, frozen=True):
+class TiedFrames(AbstractRecord, frozen=True):
     """Two frames of a model with the pair between them."""
 
     first: int
@@ -165,7 +163,7 @@ class TiedFrames(Record, frozen=True):
 
     @property
     def size(self) -> int:
-        return len(self.pair.along)
+        return len(self.pair.kinds)
 
     def gap(self, state: Kinematics) -> Array:
         return np.array(self.pair.gap(*self._placed(state)))
@@ -183,7 +181,7 @@ class TiedFrames(Record, frozen=True):
         )
         e, w = self.pair.directions(p, axes)
         rows = e @ (axes.T @ second[:3] - first[:3] + pin.skew(p) @ first[3:])
-        if any(self.pair.about):
+        if "w" in self.pair.kinds or "h" in self.pair.kinds:
             rows = rows + w @ (axes.T @ second[3:] - first[3:])
         one, other = (moves[model.frames[frame].parentJoint] for frame in (self.first, self.second))
         return np.asarray(rows * (one != other))
@@ -220,10 +218,10 @@ class TiedFrames(Record, frozen=True):
         Of multipliers of shape (n, m), or (n, k, m) of variants, as (n, 6) or (n, k, 6).
         """
         (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
-        if self.pair.constant is not None:
+        if isinstance(self.pair, LowerPair):
             # numpy turns vectors whose components lie apart in memory in a third of the time
             columns = lam.reshape(-1, lam.shape[-1]).T
-            inner = ((along.T @ columns).reshape(3, *lam.shape[:-1]) for along in self.pair.constant)
+            inner = ((along.T @ columns).reshape(3, *lam.shape[:-1]) for along in (self.pair.e, self.pair.w))
             return joined(*(rotated(turn, states_first(part, 1)) for part in inner))
         axes, p = turn.swapaxes(-1, -2) @ other, vecmat(place - origin, turn)
         states = np.broadcast_shapes(axes.shape[:-2], p.shape[:-1], lam.shape[:-1])
@@ -246,7 +244,7 @@ SERIES = 1e-2
 """Angle [rad] below which coefficients of B are those of their series: the next term, theta^4 / 30240, is rounding."""
 
 
-class RotationRow(Record, frozen=True):
+class RotationRow(Holding, frozen=True):
     """An angle of the rotation ``R = turn^T R_2`` of frame 2 against axes that are fixed in frame 1.
 
     Attributes:
@@ -254,9 +252,7 @@ class RotationRow(Record, frozen=True):
         turn: These axes in frame 1, columns, shape (3, 3).
     """
 
-    along: ClassVar[tuple[bool, ...]] = (False,)
-    about: ClassVar[tuple[bool, ...]] = (True,)
-    constant: ClassVar[None] = None
+    kinds: ClassVar[str] = "w"
     component: int
     turn: Array
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, get_args
+from typing import Annotated, ClassVar, get_args
 
 import msgspec
 import numpy as np
@@ -13,13 +13,12 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import InputStruct, Span
 from pinarm.mechanics.coordinates import PathLength
-from pinarm.mechanics.geometry.pairs import Tie
+from pinarm.mechanics.geometry.pairs import Holding, Tie
 from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
 from pinarm.mechanics.joints import Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import CableLoop, LoopDefinition
 from pinarm.mechanics.loops.lower_pairs import Helical, LowerKind
 from pinarm.mechanics.loops.rolling import KnifeEdge, Rolling
-from pinarm.records import Record
 
 ORIGINS = np.eye(4, 3)
 """Directions of translation of a universal joint: the origins stay together, the last row holds an angle."""
@@ -51,7 +50,7 @@ class Universal(LoopDefinition, frozen=True, tag_field="kind", tag="universal"):
         return Cross(unit_vector(self.axes[0]), unit_vector(self.axes[1]))
 
 
-class Cross(Record, frozen=True):
+class Cross(Holding, frozen=True):
     """A universal joint's rows, with u an axis of frame 1 and v one of frame 2: ``p' = 0`` and ``(v x u) . omega = 0``.
 
     Attributes:
@@ -59,11 +58,9 @@ class Cross(Record, frozen=True):
         second: v in frame 2, shape (3,).
     """
 
+    kinds: ClassVar[str] = "eeew"
     first: Array
     second: Array
-    along: tuple[bool, ...] = (True, True, True, False)
-    about: tuple[bool, ...] = (False, False, False, True)
-    constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         return [*p, np.arcsin(np.clip(self.first @ combined(axes, self.second), -1.0, 1.0))]
@@ -110,7 +107,7 @@ class Cable(InputStruct, frozen=True, tag_field="kind", tag="cable"):
                 expected="the length of the cable",
                 hint="length: 2 m",
             )
-        return CableLoop(name=name, coordinate=path, length=length)
+        return CableLoop(name=name, coordinate=path, offset=length)
 
 
 LoopJointKind = LowerKind | Helical | Universal | Rod | Rolling | KnifeEdge

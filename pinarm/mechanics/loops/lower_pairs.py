@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import ClassVar, get_args
 
@@ -13,6 +13,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import Lead
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, PairCoordinate
+from pinarm.mechanics.geometry.frame_pairs import Path
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.pairs import (
     ALL,
@@ -98,40 +99,19 @@ class Thread(Record, frozen=True):
         return self.tilt(p, axes) + np.multiply.outer(self.tilt.axis, missing - whole_turns(missing))
 
 
-def holding(held: Array, aligned: Array, axis: Array) -> LowerPair:
-    """Return the pair whose rows measure lengths or angles, not both.
-
-    Args:
-        held: Directions in which the origins stay together, shape (k, 3).
-        aligned: Directions about which the frames do not turn against each other: none, all, or two normals of the
-            axis, shape (l, 3).
-        axis: The common axis, shape (3,).
-    """
-    e, w = np.vstack([held, np.zeros_like(aligned)]), np.vstack([np.zeros_like(held), aligned])
-    rotations: dict[int, RotationGap] = {2: Tilt(axis, normals(axis)[0]), 3: turned}
-    return LowerPair(e, w, axis, rotations.get(len(aligned)))
-
-
-Held = Callable[[Array], Array]
-"""From the axis of a joint to directions that it holds, shape (k, 3)."""
-
-
-def _every(axis: Array) -> Array:
-    return ALL
-
-
-def _none(axis: Array) -> Array:
-    return NOTHING
-
-
-def _along(axis: Array) -> Array:
-    return axis[None]
+def _directions(count: int, axis: Array) -> Array:
+    """Return as many directions: all, two normals of an axis, the axis, or none."""
+    return (NOTHING, axis[None], normals(axis), ALL)[count]
 
 
 class LowerDefinition(LoopDefinition, frozen=True):
-    """A lower pair, as files give it; ``holds`` says in and about which directions."""
+    """A lower pair, as files give it.
 
-    holds: ClassVar[tuple[Held, Held]]
+    Attributes:
+        holds: Number of directions in which it holds, and about which: 3 all, 2 across the axis, 1 along it.
+    """
+
+    holds: ClassVar[tuple[int, int]]
 
     def pair(self) -> LowerPair:
         return self.around(ALL[2])
@@ -139,8 +119,10 @@ class LowerDefinition(LoopDefinition, frozen=True):
     @classmethod
     def around(cls, axis: Array) -> LowerPair:
         """Return the pair about a unit vector, shape (3,)."""
-        held, aligned = cls.holds
-        return holding(held(axis), aligned(axis), axis)
+        held, aligned = (_directions(count, axis) for count in cls.holds)
+        e, w = np.vstack([held, np.zeros_like(aligned)]), np.vstack([np.zeros_like(held), aligned])
+        rotations: dict[int, RotationGap] = {2: Tilt(axis, normals(axis)[0]), 3: turned}
+        return LowerPair(e, w, axis, rotations.get(cls.holds[1]))
 
 
 class AxisDefinition(LowerDefinition, frozen=True):
@@ -159,43 +141,43 @@ class AxisDefinition(LowerDefinition, frozen=True):
 class Fixed(LowerDefinition, frozen=True, tag_field="kind", tag="fixed"):
     """The frames coincide."""
 
-    holds: ClassVar[tuple[Held, Held]] = _every, _every
+    holds: ClassVar[tuple[int, int]] = 3, 3
 
 
 class Revolute(AxisDefinition, frozen=True, tag_field="kind", tag="revolute"):
     """The frames turn against each other about a common axis; the origins coincide."""
 
-    holds: ClassVar[tuple[Held, Held]] = _every, normals
+    holds: ClassVar[tuple[int, int]] = 3, 2
 
 
 class Prismatic(AxisDefinition, frozen=True, tag_field="kind", tag="prismatic"):
     """Frame 2 slides along an axis without turning."""
 
-    holds: ClassVar[tuple[Held, Held]] = normals, _every
+    holds: ClassVar[tuple[int, int]] = 2, 3
 
 
 class Cylindrical(AxisDefinition, frozen=True, tag_field="kind", tag="cylindrical"):
     """Frame 2 slides along an axis and turns about it."""
 
-    holds: ClassVar[tuple[Held, Held]] = normals, normals
+    holds: ClassVar[tuple[int, int]] = 2, 2
 
 
 class Spherical(LowerDefinition, frozen=True, tag_field="kind", tag="spherical"):
     """A ball joint: the origins coincide."""
 
-    holds: ClassVar[tuple[Held, Held]] = _every, _none
+    holds: ClassVar[tuple[int, int]] = 3, 0
 
 
 class Planar(AxisDefinition, frozen=True, tag_field="kind", tag="planar"):
     """Two planes slide on each other; the axis is their normal."""
 
-    holds: ClassVar[tuple[Held, Held]] = _along, normals
+    holds: ClassVar[tuple[int, int]] = 1, 2
 
 
 class PointOnLine(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_line"):
     """The origin of frame 2 stays on a line through that of frame 1."""
 
-    holds: ClassVar[tuple[Held, Held]] = normals, _none
+    holds: ClassVar[tuple[int, int]] = 2, 0
 
 
 class Pin(AxisDefinition, frozen=True, tag_field="kind", tag="pin"):
@@ -205,13 +187,13 @@ class Pin(AxisDefinition, frozen=True, tag_field="kind", tag="pin"):
     has the angle of a ``revolute`` joint, with its friction, springs and drives.
     """
 
-    holds: ClassVar[tuple[Held, Held]] = normals, _none
+    holds: ClassVar[tuple[int, int]] = 2, 0
 
 
 class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_plane"):
     """The origin of frame 2 stays in a plane through that of frame 1; the axis is its normal."""
 
-    holds: ClassVar[tuple[Held, Held]] = _along, _none
+    holds: ClassVar[tuple[int, int]] = 1, 0
 
 
 LowerKind = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Planar | PointOnLine | Pin | PointOnPlane
@@ -297,6 +279,10 @@ class TurnedAbout(PairCoordinate, frozen=True):
     def wraps(self) -> bool:  # type: ignore[override]
         return self.turns is None and not self.threaded
 
+    @property
+    def turning(self) -> TurnedAbout:
+        return self
+
     def missing_turns(self, angle: Array, q: Array) -> Array:
         counted = angle if self.turns is None else self.turns.at(q) + self.offset
         return whole_turns(counted - angle)
@@ -330,7 +316,7 @@ def _counting(model: pin.Model, way: TiedFrames, axis: Array) -> tuple[LinearCoo
     state = Kinematics.at(model, pin.neutral(model))
     axis = state.data.oMf[way.first].rotation @ axis
     weights, places = np.zeros(model.nv), np.zeros(model.nv, dtype=np.intp)
-    for index, sense in _path(model, way):
+    for index, sense in Path.between(model, way.first, way.second).senses:
         joint, screw = model.joints[index], screw_of(model.joints[index])
         if screw is None:
             return None, 0.0
@@ -341,10 +327,3 @@ def _counting(model: pin.Model, way: TiedFrames, axis: Array) -> tuple[LinearCoo
         weights[joint.idx_v] = sense * round(float(along @ axis)) if turns else 0.0
         places[joint.idx_v] = joint.idx_q
     return LinearCoordinate(RADIAN, weights, places), float(way.gap(state)[0])
-
-
-def _path(model: pin.Model, way: TiedFrames) -> Iterator[tuple[int, float]]:
-    """Yield the joints between the frames, with -1 for those on the way to the first and 1 to the second."""
-    up, down = ({int(j) for j in model.supports[model.frames[frame].parentJoint]} for frame in (way.first, way.second))
-    yield from ((j, -1.0) for j in sorted(up - down))
-    yield from ((j, 1.0) for j in sorted(down - up))

@@ -9,11 +9,10 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, InputError
 from pinarm.input.yaml.schema import Span
-from pinarm.mechanics.geometry.pairs import Pair
 from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
 from pinarm.mechanics.joints import Direction, unit_vector
 from pinarm.mechanics.loops.loop_joints import LoopDefinition
-from pinarm.records import Record
+from pinarm.records import Record, replace
 
 FLAT = 1e-3
 """Sine of the angle between the axis of a wheel and the normal up to which the wheel lies flat."""
@@ -32,8 +31,6 @@ class Rolling(LoopDefinition, frozen=True, tag_field="kind", tag="rolling", kw_o
         axis: The axis of the wheel, in frame 2.
         normal: The normal of the plane, in frame 1.
     """
-
-    rolling: ClassVar[tuple[int, ...]] = (1, 2)
 
     radius: Span
     axis: Direction = "y"
@@ -57,8 +54,6 @@ class KnifeEdge(LoopDefinition, frozen=True, tag_field="kind", tag="knife_edge")
         normal: The normal of the plane on which it glides, in frame 1.
     """
 
-    rolling: ClassVar[tuple[int, ...]] = (0,)
-
     edge: Direction = "x"
     normal: Direction = "z"
 
@@ -77,24 +72,31 @@ class Wheel(Record, frozen=True):
         radius: r [m].
         axis: a in frame 2, shape (3,).
         normal: n in frame 1, shape (3,).
+        kinds: ``h``, of a wheel that slides, or ``hhh``.
     """
 
     radius: float
     axis: Array
     normal: Array
-    along: tuple[bool, ...] = (True, True, True)
-    about: tuple[bool, ...] = (True, True, True)
-    constant: tuple[Array, Array] | None = None
+    kinds: str = "hhh"
+
+    @property
+    def rolling(self) -> tuple[int, ...]:
+        return (1, 2)[: len(self.kinds) - 1]
+
+    @property
+    def holding(self) -> Wheel:
+        return replace(self, kinds="h")
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         _, up, _ = self._frame(p, axes)
         nothing = np.zeros(p.shape[1:], p.dtype)
-        return [self.normal @ p - self.radius * np.sqrt(dot(up, up)), nothing, nothing]
+        return [self.normal @ p - self.radius * np.sqrt(dot(up, up)), nothing, nothing][: len(self.kinds)]
 
     def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         _, up, ahead = self._frame(p, axes)
         heading, arm, normal = _unit(ahead), -self.radius * _unit(up), self._normal(p)
-        e = [normal, heading, cross(normal, heading)]
+        e = [normal, heading, cross(normal, heading)][: len(self.kinds)]
         return np.array(np.broadcast_arrays(*e)), np.array([cross(arm, way) for way in e])
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
@@ -107,7 +109,7 @@ class Wheel(Record, frozen=True):
         moving = dp + cross(omega, arm)
         return np.array(
             [dot(change, moving) + dot(way, cross(omega, d_arm)) for way, change in zip(e, de, strict=True)]
-        )
+        )[: len(self.kinds)]
 
     def _normal(self, p: Array) -> Array:
         return self.normal.reshape(3, *(1,) * (p.ndim - 1))
@@ -132,11 +134,11 @@ class Blade(Record, frozen=True):
         normal: n in frame 1, shape (3,).
     """
 
+    kinds: ClassVar[str] = "e"
+    rolling: ClassVar[tuple[int, ...]] = (0,)
+    holding: ClassVar[None] = None
     edge: Array
     normal: Array
-    along: tuple[bool, ...] = (True,)
-    about: tuple[bool, ...] = (False,)
-    constant: tuple[Array, Array] | None = None
 
     def gap(self, p: Array, axes: Axes) -> list[Array]:
         return [np.zeros(p.shape[1:], p.dtype)]
@@ -150,37 +152,6 @@ class Blade(Record, frozen=True):
 
     def _across(self, p: Array, edge: Array) -> Array:
         return cross(self.normal.reshape(3, *(1,) * (p.ndim - 1)), edge)
-
-
-class SomeRows(Record, frozen=True):
-    """Some rows of a pair.
-
-    Attributes:
-        rows: Which of its rows, shape (k,).
-    """
-
-    pair: Pair
-    rows: tuple[int, ...]
-    constant: tuple[Array, Array] | None = None
-
-    @property
-    def along(self) -> list[bool]:
-        return [self.pair.along[row] for row in self.rows]
-
-    @property
-    def about(self) -> list[bool]:
-        return [self.pair.about[row] for row in self.rows]
-
-    def gap(self, p: Array, axes: Axes) -> list[Array]:
-        gaps = self.pair.gap(p, axes)
-        return [gaps[row] for row in self.rows]
-
-    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
-        e, w = self.pair.directions(p, axes)
-        return e[[*self.rows]], w[[*self.rows]]
-
-    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
-        return np.asarray(self.pair.bend(p, axes, dp, omega)[[*self.rows]])
 
 
 def _unit(x: Array) -> Array:

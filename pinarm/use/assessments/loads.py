@@ -454,7 +454,7 @@ def _of_constraints(reactions: Reactions, whole: Reactions, plane: Array) -> Ite
         elif isinstance(constraint, GearedRotor):
             angle = counted_angle(constraint.rotor.name)
             what = constraint.name if angle is None else f"effort along {angle}"
-        elif isinstance(constraint, JointRelation) and constraint.known:
+        elif isinstance(constraint, JointRelation) and constraint.transmission:
             what, point = f"coupling {constraint.name}", reactions.transmitted(constraint.name)[0][0]
             doubt = _hyperstatic(whole, whole.multiplier(constraint.name)[1])
         for body, wrench in constraint.wrenches(links, lam[:, part]).items():

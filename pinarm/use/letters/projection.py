@@ -16,10 +16,9 @@ import sympy
 from msgspec.structs import replace
 from sympy.simplify.fu import TR8, TR9, TR10i
 
-from pinarm.engine.constraints.constraint_rows import Constraint
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
-from pinarm.mechanics.coordinates import LinearCoordinate, PointCoordinate
+from pinarm.mechanics.coordinates import Constraint, LinearCoordinate, PointCoordinate
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring, JointEffort, JointSpring
 from pinarm.mechanics.forces.joint_forces import SpringDamper
 from pinarm.mechanics.forces.points import Wrench

@@ -15,11 +15,11 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.constraint_rows import Constraint, joint_ties
+from pinarm.engine.constraints.constraint_rows import joint_ties
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.coordinates import Constraint, Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import JointRelation
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -125,7 +125,7 @@ def unknown_actions(
         parts.append(_Part(str(model.names[body]), "joint", _on_both(mechanism, body, space)))
     for constraint in mechanism.constraints:
         name = constraint.name
-        if isinstance(constraint, JointRelation) and not constraint.known:
+        if isinstance(constraint, JointRelation) and not constraint.transmission:
             parts.append(_at_joints(mechanism, name, "coupling", constraint.rows_at(q)[:, None], links))
         elif not hasattr(constraint, "rotor"):
             kind = "loop" if isinstance(constraint, LoopJoint) else "coupling"

@@ -242,7 +242,7 @@ def _static(quantities: Quantities, of: str) -> tuple[Array, Array, Array]:
         raise InputError(f"the torsor of '{of}': {run.no_efforts}", hint=run.remedy or "kind: inverse")
     added: Sequence[Array]
     if of in reactions.couplings:
-        if not reactions.couplings[of].known:
+        if not reactions.couplings[of].transmission:
             raise InputError(f"the wrenches of '{of}' are not known: {reactions.couplings[of].missing}")
         place, parts, added = reactions.transmitted(of)
     elif of in reactions.loops:
@@ -264,7 +264,7 @@ def _possible(run: Trajectory, of: str, place: Array) -> Array:
     else:
         tie = next(constraint for constraint in mechanism.constraints if constraint.name == of)
         acting = per_unit(tie, links)
-        wrenches = acting[_second(mechanism.model, tie) if isinstance(tie, LoopJoint) else tie.second]  # type: ignore[attr-defined]
+        wrenches = acting[_second(mechanism.model, tie) if isinstance(tie, LoopJoint) else tie.known.second]  # type: ignore[attr-defined]
     return np.moveaxis(moved(wrenches, -place[:, None]), 1, 0)
 
 

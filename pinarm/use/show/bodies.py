@@ -33,7 +33,7 @@ from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.constraint_rows import Constraint
+    from pinarm.mechanics.coordinates import Constraint
     from pinarm.use.show.meshes import Mesh
 
 SAMPLED = 100

@@ -274,14 +274,14 @@ def _cams(mechanism: Mechanism, nodes: Sequence[Node]) -> Iterator[Disc]:
     for cam in mechanism.constraints:
         if not (isinstance(cam, CamCoupling) and cam.contact):
             continue
-        plane, follower, pair = cam.contact, cam.contact.follower, cam.contact.pair
-        if any(nodes[member.body].parent != pair.carrier for member in (pair.first, pair.second)):
+        plane, follower, axis = cam.contact, cam.contact.follower, cam.contact.axes[2]
+        if any(nodes[body].parent != plane.carrier for body in (plane.first, plane.second)):
             continue
-        yield _placed(nodes, pair.first.body, plane.origin, cam.shape, plane.axis)
+        yield _placed(nodes, plane.first, plane.origin, plane.shape, axis)
         if follower.face is None:
             middle = plane.origin + plane.vectors(np.full(1, follower.start))[0]
             rim = middle + plane.vectors(follower.radius * RIM)
-            yield _placed(nodes, pair.second.body, middle, rim, plane.axis)
+            yield _placed(nodes, plane.second, middle, rim, axis)
 
 
 def _placed(nodes: Sequence[Node], body: int, middle: Array, outline: Array, axis: Array) -> Disc:

@@ -145,7 +145,7 @@ class Explanation:
             elif isinstance(constraint, CableLoop):
                 given = self.mechanism.description.loops.get(constraint.name)
                 drawn = ", as with all joint coordinates at 0" if getattr(given, "length", 0.0) is None else ""
-                course = f"through {constraint.path.words(model)}, {constraint.length:g} m long{drawn}"
+                course = f"through {constraint.path.words(model)}, {constraint.offset:g} m long{drawn}"
                 lines.append(f"  {constraint.name}: cable {course}, 1 row; pulls only")
             elif isinstance(constraint, GearedRotor):
                 lines.append(f"  {constraint.name}: ties {constraint.rotor.name}, 1 row")

@@ -6,12 +6,12 @@ import pytest
 
 from pinarm.engine.constraints.constraint_rows import ConstraintRows
 from pinarm.mechanics.ball_joints import BallAngle, BallCoordinate, balls_of, coordinate_at
-from pinarm.mechanics.coordinates import Distance, PointCoordinate, Rotation, rotation
+from pinarm.mechanics.coordinates import Distance, PointCoordinate, Rotation, coordinates_of, rotation
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
 from pinarm.mechanics.loops.lower_pairs import Cylindrical, Helical, Planar, loop_coordinates
-from pinarm.mechanics.rotors import GearedRotor
+from pinarm.mechanics.rotors import GearedRotor, tied_joint
 
 ARM = (
     {"name": "swing", "at": "0.1 0.2 0.3", "axis": "1 2 3"}, {"name": "tilt", "at": "0.3 -0.2 0.1", "axis": "3 -1 1"},
@@ -28,6 +28,7 @@ def model_of(chain):
 def coordinates(model):
     """One of each kind."""
     body, joints = balls_of(model)["body"], joints_of(model)
+    own = coordinates_of(model, joints, {})
     found = [kind.of(model, body, k) for kind in (BallCoordinate, BallAngle) for k in range(3)]
     found += [Rotation(body=LAST, about=axis).bind(model, joints) for axis in "xyz"]
     found += [Rotation(body=LAST, about="y", relative_to=SWING).bind(model, joints)]
@@ -36,7 +37,7 @@ def coordinates(model):
     kinds = [kind(between=(SWING, LAST)) for kind in (Cylindrical, Planar)]
     for definition in (*kinds, Helical(between=(SWING, LAST), lead=0.3)):
         found += loop_coordinates(model, [definition.bind(model, "L")]).values()
-    return [*found, *(GearedRotor("gear", found[k], rotor=joints["last"]) for k in (0, 6, -1))]
+    return [*found, *(tied_joint("gear", found[k], joints["last"], own) for k in (0, 6, -1))]
 
 
 def value(coordinate, state):

@@ -100,7 +100,7 @@ class TestLoads:
         joints, where = ("universe", *model.names[2:]), pin.SE3(np.eye(3), np.array([0.3, -0.2, 0.4]))
         ends = [model.addFrame(pin.Frame(f"on {one}", model.getJointId(one), where, pin.OP_FRAME)) for one in joints]
         forces = [
-            TwoPointSpring(model, PathLength((distance(*pair),)), 30.0, 4.0, 0.5, 7.0)
+            TwoPointSpring(model, PathLength((distance(*pair).way,)), 30.0, 4.0, 0.5, 7.0)
             for pair in itertools.pairwise(ends)
         ]
         self.compare(model, dict(zip("ab", forces, strict=True)))

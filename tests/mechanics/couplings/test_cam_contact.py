@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.mechanics.couplings.cam_contact import Follower
+from pinarm.mechanics.couplings.cam import Follower
 from pinarm.records import replace
 
 ALPHA = np.linspace(0.0, 2.0 * np.pi, 37)

@@ -79,7 +79,7 @@ def test_what_acts_on_the_second_member_acts_where_it_is_said(name, gearbox):
     box = gearbox(it=SAMPLES[name])
     (coupling,) = box.constraints
     links, lam = LinkPlacements.at(box.model, np.full((1, box.model.nq), 0.7)), np.array([[5.0]])
-    (point,), (wrench,) = coupling.transmitted(links, lam)
+    (point,), (wrench,) = coupling.known.transmitted(links, lam[:, 0])
     at_origin = next(iter(coupling.wrenches(links, lam).values()))[0]  # that of the second member comes first
     assert wrench[:3] == pytest.approx(at_origin[:3], abs=1e-13)
     assert wrench[3:] + np.cross(point, wrench[:3]) == pytest.approx(at_origin[3:], abs=1e-11)
@@ -119,5 +119,5 @@ def test_friction_of_teeth_is_against_the_rolling_of_the_members(name, gearbox):
         for body, wrench in contact.slip.wrenches(LinkPlacements.at(model, q[None]), f).items()
     )
     assert power == pytest.approx(7.0 * slip, rel=1e-11)
-    force = known.wrenches(np.array([-3.0]))[known.second][0, :3]
+    force = known.in_carrier(q[None], np.array([-3.0]))[known.second][0, :3]
     assert contact.bearing.load(np.array([-3.0, 0, 0, 0, 0, 0])) == pytest.approx(np.linalg.norm(force), rel=1e-13)

@@ -127,7 +127,7 @@ def test_a_roller_touches_the_outline_of_its_cam() -> None:
     """Wherever the cam stands, the nearest point of its outline is as far from the roller's centre as its radius."""
     result = solved("bottle_capper_turning")
     cam = next(one for one in result.trajectory.mechanism.constraints if one.kind == "cam")
-    points = np.stack([(cam.shape - cam.contact.origin) @ axis for axis in np.eye(3)[:2]])
+    points = np.stack([(cam.contact.shape - cam.contact.origin) @ axis for axis in np.eye(3)[:2]])
     outline = points[0] + 1j * points[1]
     for share in (0.0, 0.1, 0.23, 0.5, 0.61, 0.9):
         row = int(share * (len(result) - 1))

@@ -18,13 +18,13 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint_rows import OneSidedConstraint, one_sided
+from pinarm.engine.constraints.constraint_rows import one_sided
 from pinarm.engine.constraints.nullspace import Decomposition
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.input.units import Unit
-from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.coordinates import Constraint, LinearCoordinate
 from pinarm.records import Record, ValueRecord
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class Separation(Record, frozen=True):
 
     unshown = ("closure",)
 
-    constraint: OneSidedConstraint
+    constraint: Constraint
     closure: Closure
     restitution: float = 0.0
 

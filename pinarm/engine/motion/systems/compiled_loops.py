@@ -15,7 +15,6 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint_rows import Constraint
 from pinarm.engine.constraints.nullspace import RANK, Decomposition
 from pinarm.engine.dynamics.coordinate_partition import heavy, scalar_places
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -37,6 +36,7 @@ from pinarm.engine.kernel.tree import AGREEMENT, DEGREES, DISAGREES, CompiledTre
 from pinarm.engine.motion.systems import loop_motion
 from pinarm.engine.motion.systems.loop_motion import LEAST, MET, LoopMotion, Regularity, places
 from pinarm.errors import PinarmError
+from pinarm.mechanics.coordinates import Constraint
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.pairs import LowerPair, Tie

@@ -112,8 +112,8 @@ class CouplingQuantities(WrenchFamily, frozen=True):
     def entries(self) -> Iterator[Offered]:
         for name, coupling in self.evaluation.reactions.couplings.items():
             yield Offered(name, "effort")
-            if coupling.known:
-                yield from (Offered(name, part) for part in coupling.parts())
+            if coupling.transmission:
+                yield from (Offered(name, part) for part in coupling.known.parts())
                 yield from (Offered(name, part, AXES) for part in WRENCH)
         for contact, _ in self._slipping_belts():
             yield from (Offered(contact.name.partition(".")[2], part) for part in STRANDS)
@@ -130,7 +130,7 @@ class CouplingQuantities(WrenchFamily, frozen=True):
             belt = contact.coupling.transmission if isinstance(contact.coupling, Coupling) else None
             if contact.name == f"coupling.{asked.of}" and asked.part in STRANDS and isinstance(belt, Strands):
                 self.require_efforts(asked)
-                return Series(asked.name, NEWTON, belt.part(asked.part, apart / belt.difference))
+                return Series(asked.name, NEWTON, belt.part(asked.part, self.run.q, apart / belt.difference))
         return None
 
     def series(self, asked: Asked) -> Series:
@@ -145,17 +145,17 @@ class CouplingQuantities(WrenchFamily, frozen=True):
         if part == "effort":
             unit = NEWTON if coupling.unit(0) == METRE else NEWTON_METRE
             return Series(asked.name, unit, lam, self.doubt(asked, added))
-        if not coupling.known:
+        if not coupling.transmission:
             raise InputError(
                 f"'{asked.name}' is not known: {coupling.missing}", expected=f"coupling.{asked.of}.effort", hint=SAY_HOW
             )
         if part in WRENCH:
             points, wrench, stresses = reactions.transmitted(asked.of)
             return self.wrench(asked, points, wrench, stresses, points)
-        if part not in coupling.parts():
+        if part not in coupling.known.parts():
             raise asked.unknown
         doubt = self.doubt(asked, [] if part in GEOMETRY else added)
-        values = coupling.part(part, self.run.q, lam)
+        values = coupling.known.part(part, self.run.q, lam)
         for contact, friction in reactions.friction_of(asked.of):
             values = values + contact.added(part, friction)
-        return Series(asked.name, coupling.parts()[part], values, doubt)
+        return Series(asked.name, coupling.known.parts()[part], values, doubt)
