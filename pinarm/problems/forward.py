@@ -26,10 +26,10 @@ from pinarm.engine.motion.segmented.end_stops import (
     opening_remarks,
     separations_of,
 )
+from pinarm.engine.motion.segmented.holding import shares_remarks
 from pinarm.engine.motion.segmented.hybrid_motion import integrate_to_size
 from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
 from pinarm.engine.motion.segmented.segments import SegmentedMotion
-from pinarm.engine.motion.segmented.stop_shares import shares_remarks
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import along
@@ -279,7 +279,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
 
 def _rest(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
-    remarks = shares_remarks(segment.shares for segment in motion.segments)
+    remarks = shares_remarks(segment.holding for segment in motion.segments if segment.shares)
     if not hybrid.frictions:
         return remarks
     from pinarm.engine.motion.systems.frictional import remarks_on_rest

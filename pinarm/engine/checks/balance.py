@@ -176,10 +176,12 @@ class EnergyAccount(Record, frozen=True):
     @classmethod
     def each(cls, motion: SegmentedMotion) -> list[EnergyAccount]:
         """Return the energy balances of the segments of a motion."""
-        return [
-            cls(part.solution, [part.dynamics.on(x.start, x.end) for x in part.solution.intervals], part.system.whole)
-            for part in motion.segments
-        ]
+        accounts = []
+        for part in motion.segments:
+            dynamics = part.system.acting(motion.dynamics)
+            bound = [dynamics.on(x.start, min(x.end, part.solution.end)) for x in part.solution.intervals]
+            accounts.append(cls(part.solution, bound, part.system.whole))
+        return accounts
 
     def columns(self) -> tuple[Array, Array, Array]:
         """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""

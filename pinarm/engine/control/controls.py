@@ -469,6 +469,9 @@ class ControlledSystem(Record, frozen=True):
         integral = self.controls.integral
         return q, np.concatenate([v, np.broadcast_to(integral, (*v.shape[:-1], integral.shape[-1]))], axis=-1)
 
+    def acting(self, dynamics: Dynamics) -> Dynamics:
+        return self.inner.acting(dynamics)
+
     def integrals(self, v: Array) -> Array:
         return v[..., self.inner.manifold.nv :]
 

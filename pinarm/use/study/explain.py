@@ -356,7 +356,7 @@ def _start(scenario: Scenario) -> Array:
     with failures_in_words():
         system: HybridSystem = scenario.problem.prepare(scenario.mechanism, scenario.content.accuracy, place)
         with place("initial"):
-            return system.begin(system.initial)[0]
+            return system.begin()[0]
 
 
 def _structure(mechanism: Mechanism) -> Explanation:

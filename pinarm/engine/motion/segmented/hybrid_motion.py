@@ -96,18 +96,19 @@ def integrate(hybrid: HybridSystem, q: Array, v: Array) -> SegmentedMotion:
         IntegrationError: It could not be followed to its end; ``partial`` is the motion until then.
         Interrupted: The user interrupted it; likewise.
     """
-    integration = _Integration(hybrid, SegmentedMotion(hybrid.dynamics.recording()))
-    if hybrid.controls is None:
-        return integration.follow(q, v)
+    motion, controls = SegmentedMotion(hybrid.dynamics.recording()), hybrid.controls
+    if controls is None:
+        _Integration(hybrid, motion).follow(q, v)
+        return motion
     from pinarm.engine.motion.segmented.recorded_control import recorded
 
-    hybrid.controls.begin(hybrid.cuts[0], hybrid.cuts[-1])
+    controls.begin(hybrid.cuts[0], hybrid.cuts[-1])
     try:
-        return recorded(hybrid.controls, integration.follow(q, v))
+        _Integration(hybrid, motion).follow(q, v)
     except (IntegrationError, Interrupted) as error:
-        if error.partial is not None:
-            error.partial = recorded(hybrid.controls, error.partial)
+        error.partial = recorded(controls, error.partial) if error.partial else None
         raise
+    return recorded(controls, motion)
 
 
 class SegmentEnd(NamedTuple):
@@ -125,40 +126,32 @@ class _Integration(Record, frozen=True):
     hybrid: HybridSystem
     motion: SegmentedMotion
 
-    def follow(self, q: Array, v: Array) -> SegmentedMotion:
-        hybrid, motion = self.hybrid, self.motion
-        t, separations = hybrid.cuts[0], hybrid.separations
-        self._enter(t, q, v)
+    def follow(self, q: Array, v: Array) -> None:
+        hybrid, motion, mode = self.hybrid, self.motion, Mode()
         if hybrid.frictions:
-            hybrid.friction(separations, t).equation.require_determined(q)
-        v = self._begun(t, q, v)
-        v, mode = self._settled(t, q, v, self._mode(t, q, v), frozenset())
-        while (end := self._segment(mode, t, q, v)) is not None:
+            hybrid.friction(hybrid.separations, hybrid.cuts[0]).equation.require_determined(q)
+        end: SegmentEnd | None = SegmentEnd(hybrid.cuts[0], q, v)
+        while end is not None and end.cause != STOP:
             motion.require_progress(hybrid.cuts[-1], hybrid.max_events)
-            t, q, v = self._on_cut(end.t), end.q, end.v
-            if end.cause == STOP:
-                break
-            if met := self._met(mode.held, end):
-                q, v = self._after_impact(mode.held, end, met)
+            t, q, v, before = self._on_cut(end.t), end.q, end.v, mode.held
+            if met := self._met(before, end):
+                q, v = self._after_impact(before, end, met)
                 motion.events.extend(EventRecord(hybrid.bounds[k].name, t, q, v, end.v) for k in met)
             if t >= hybrid.cuts[-1]:
                 break
-            if end.cause[0] == "control" and hybrid.controls:
-                hybrid.controls.switch(end.cause[1])
-            self._enter(t, q, v)
-            before, following = mode.held, self._following(mode, SegmentEnd(t, q, v, end.cause))
-            v, mode = self._settled(t, q, *following, frozenset() if met else before)
-            opened = sorted((before & separations) - mode.held)
+            if hybrid.controls:
+                if end.cause[0] == "control":
+                    hybrid.controls.switch(end.cause[1])
+                hybrid.controls.enter(t, q, v)
+            v, mode = self._settled(t, q, *self._following(mode, SegmentEnd(t, q, v, end.cause)),
+                                    frozenset() if met else before)  # fmt: skip
+            opened = sorted((before & hybrid.separations) - mode.held)
             motion.events.extend(EventRecord(hybrid.bounds[k].name + OPENED, t, q, v) for k in opened)
-        return motion
+            end = self._segment(mode, t, q, v)
 
     def _on_cut(self, t: float) -> float:
         """Return an instant, or the cut from which only rounding tells it [s]: nothing is to be integrated between."""
         return next((cut for cut in self.hybrid.cuts if 0.0 < cut - t <= CUT * max(abs(cut), abs(t))), t)
-
-    def _enter(self, t: float, q: Array, v: Array) -> None:
-        if self.hybrid.controls:
-            self.hybrid.controls.enter(t, q, v)
 
     def _segment(self, mode: Mode, t: float, q: Array, v: Array) -> SegmentEnd | None:
         """Add a segment to the motion; return what ended it before the end of the run."""
@@ -166,31 +159,25 @@ class _Integration(Record, frozen=True):
         self.motion.dynamics.note(t, hybrid.dynamics)
         touched, spans = self._at_rest(t, q, v), self._spans(mode, t)
         tied = hybrid.tied(mode.held, touched, q)
-        stops = None if mode.held | tied <= hybrid.separations else hybrid.shares(mode.held | tied)
-        shares = stops if stops and stops.several and stops.stresses(q[None]).size else None
-        hybrid.require_loads(mode.held, shares, t, q)
+        hybrid.require_loads(mode.held | tied, t, q)
         system = hybrid.stretch(mode, t, q, v)
-        ends, acting = _watched(hybrid, mode, system, touched, tied), hybrid.acting(system)
+        ends = _watched(hybrid, mode, system, touched, tied)
         ends = [(key, self._from_there(key, watch, t, q, v) if isinstance(key, str) else watch) for key, watch in ends]
         if controls:
             ends += [(("control", index), watch) for index, watch in controls.watches(spans[0])]
             system = controls.around(system)
-        segment = partial(
-            MotionSegment, system, dynamics=acting, holding=hybrid.holding(mode.held),
-            rubbing=hybrid.rubs(mode.held), stops=stops, shares=shares,
-        )  # fmt: skip
-        watches = [_of_mechanism(_deciding(hybrid, watch), system) for _, watch in ends]
+        segment = partial(MotionSegment, hybrid.holding(mode.held | tied), system)
         try:
-            solution = self._solution(hybrid, system, spans, watches, q, v)
+            solution = self._solution(hybrid, system, spans, [watch for _, watch in ends], q, v)
         except (IntegrationError, Interrupted) as error:
             if error.partial and error.partial.steps:
-                self.motion.add(segment(solution=error.partial))
+                self.motion.add(segment(error.partial))
             error.partial = self.motion if self.motion.segments else None
             self._locate(error, system)
             if controls and isinstance(error, IntegrationError):
                 error.hint = f"{controls.advice}, or {error.hint}"
             raise
-        self.motion.add(segment(solution=solution))
+        self.motion.add(segment(solution))
         for index, turn in solution.nearest.items():
             key, watch = ends[index]
             self.motion.consider(_decision(watch, turn, "" if watch.stops else str(key)))
@@ -220,7 +207,7 @@ class _Integration(Record, frozen=True):
         if abs(here := float(watch.value(np.array([t]), q[None], v[None])[0])) > ROUNDED:
             return watch
         middle = np.array([0.5 * (begun + end)])
-        before = float(watch.value(middle, *last.system.whole(middle, *last.solution.states(middle)))[0])
+        before = float(watch.value(middle, *last.states(middle))[0])
         passes = abs(before) > ROUNDED and (before >= 0.0) == (here >= 0.0)
         return watch if passes else replace(watch, begins=t)
 
@@ -228,12 +215,12 @@ class _Integration(Record, frozen=True):
         self, hybrid: HybridSystem, system: System, spans: Sequence[tuple[float, float]], watches: Sequence[Watch],
         q: Array, v: Array,
     ) -> Solution:  # fmt: skip
-        work = self.motion.work
+        work, mapped = self.motion.work, [_of_mechanism(_deciding(hybrid, watch), system) for watch in watches]
         with_integrals = getattr(system, "with_integrals", None)
         q, v = with_integrals(q, v) if with_integrals else (q, v)
         method = hybrid.method if system.manifold.nv else FixedStep(hybrid.time[1] - hybrid.time[0])
         return integrate_smooth(
-            hybrid.intervals(system, spans), system.manifold, q, v, method, watches=watches,
+            hybrid.intervals(system, spans), system.manifold, q, v, method, watches=mapped,
             max_steps=hybrid.max_steps - work.steps - work.rejected, steps_over=_steps_over(hybrid, system),
             begun_with=work.state_error,
         )  # fmt: skip
@@ -263,14 +250,6 @@ class _Integration(Record, frozen=True):
             error.message += f", with {format_configuration(self.hybrid.dynamics.model, error.data['q'])}"
             error.message += refusals(self.hybrid.dynamics.forces, error.data["q"])
 
-    def _begun(self, t: float, q: Array, v: Array) -> Array:
-        """Return the velocity with which a motion begins that may move towards stops that it touches."""
-        contacts, bounds = self.hybrid.contacts, self.hybrid.bounds
-        approached = [k for k in contacts.near(q) if self._approaches(k, q, v)]
-        after = contacts.impact(t, q, v, self._slow(approached, t, q, v)) if approached else v
-        self.motion.events.extend(EventRecord(bounds[k].name, t, q, after, v) for k in approached)
-        return after
-
     def _met(self, held: Held, end: SegmentEnd) -> list[int]:
         """Return the stops hit at the end of a segment: it ends at one, others are as near but for rounding."""
         bounds, hit = self.hybrid.bounds, {end.cause[1]} if end.cause[0] == "hit" else set[int]()
@@ -286,8 +265,8 @@ class _Integration(Record, frozen=True):
                 q[bound.place] = bound.limit
         closing = hybrid.separations.intersection(met)
         if closing:
-            stops = hybrid.with_stops(held)
-            q = assembled(hybrid.closure_of(held | closing), stops, q, stops.on(t, t)(t)[0], t)
+            stops = hybrid.holding(held).prescribed
+            q = assembled(hybrid.holding(held | closing).closure, stops, q, stops.on(t, t)(t)[0], t)
         for k in met:
             self._require_clear(k, held, end)
         return q, hybrid.contacts.impact(t, q, end.v, self._slow(met, t, q, end.v), held & hybrid.separations)
@@ -362,7 +341,7 @@ class _Integration(Record, frozen=True):
             return v, self._mode(t, q, v, mode.held & hybrid.separations)
 
         def slips(held: Held) -> Slip:
-            if (hybrid.rubs(held) != hybrid.rubs(mode.held)).any():
+            if (hybrid.holding(held).rubs != hybrid.holding(mode.held).rubs).any():
                 return hybrid.slip(held, t, q, v)
             return hybrid.friction(held, t).after(q, switch)
 
@@ -430,7 +409,7 @@ def _watched(
     watches += [
         (("edge", k), Watch(edge.value, edge.direction, stops=True, counts=edge.counts)) for k, edge in enumerate(edges)
     ]
-    if hybrid.rubbing(mode.held):
+    if hybrid.holding(mode.held).rubbing:
         watches += [(("slip", index), watch) for index, watch in system.watches()]  # type: ignore[attr-defined]
     return watches
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Decomposition, coupled_joints
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -23,7 +23,7 @@ from pinarm.engine.integration.integrator import Interval, Watch
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates
 from pinarm.engine.kinematics.singular import running
 from pinarm.engine.motion.segmented.end_stops import REST, Bound, Contacts, Held, Separation
-from pinarm.engine.motion.segmented.stop_shares import StopShares
+from pinarm.engine.motion.segmented.holding import Holding
 from pinarm.engine.motion.systems import Initial, System
 from pinarm.errors import InputError
 from pinarm.input.units import unit
@@ -79,8 +79,7 @@ class HybridSystem(Record, frozen=True):
     frictions: tuple[FrictionContact, ...] = ()
     controls: Controls | None = None
     max_events: int = 10_000
-    _systems: dict[Held, TreeSystem | LoopSystem] = {}
-    _shares: dict[Held, StopShares] = {}
+    _holding: dict[Held, Holding] = {}
 
     def of_size(self, size: float, max_steps: int) -> HybridSystem:
         """Return the system for a motion of another size.
@@ -96,77 +95,39 @@ class HybridSystem(Record, frozen=True):
         dynamics = self.dynamics.entered(q, v)
         return self if dynamics is self.dynamics else replace(self, dynamics=dynamics)
 
-    def system(self, held: Held = frozenset()) -> TreeSystem | LoopSystem:
-        if held not in self._systems:
-            self._systems[held] = self._built(held, self.with_stops(held), self.initial)
-        return self._systems[held]
-
-    def _built(self, held: Held, prescribed: PrescribedCoordinates, initial: Initial) -> TreeSystem | LoopSystem:
-        closure = self.closure_of(held)
-        if any(isinstance(self.bounds[k], Bound) for k in held):
-            from pinarm.engine.motion.systems.loop_system import LoopSystem
-
-            return LoopSystem.of(closure, self.dynamics, prescribed, initial.q)
-        return system_of(closure, self.dynamics, prescribed, initial)
-
     @cached_property
     def separations(self) -> Held:
         return frozenset(k for k, bound in enumerate(self.bounds) if isinstance(bound, Separation))
 
+    def holding(self, held: Held) -> Holding:
+        """Return what holds while some stops are rested on; kept for all motions of the mechanism."""
+        if held not in self._holding:
+            self._holding[held] = Holding(self, held)
+        return self._holding[held]
+
     @property
     def closed_system(self) -> TreeSystem | LoopSystem:
-        return self.system(self.separations)
-
-    def closure_of(self, held: Held) -> Closure:
-        """Return the constraints that hold, with the one-sided ones that are held."""
-        if held >= self.separations:
-            return self.closure
-        opened = {self.bounds[k].name for k in self.separations - held}
-        return Closure.of(self.closure.model, [part for part in self.closure.constraints if part.name not in opened])
-
-    def holding(self, held: Held) -> Flags:
-        """Return a mask of the rows that hold of the mechanism's constraints, shape (m,)."""
-        holding = np.ones(self.closure.size, dtype=bool)
-        for k in self.separations - held:
-            holding[self.closure.slices[self.bounds[k].name]] = False
-        return holding
-
-    def with_stops(self, held: Held) -> PrescribedCoordinates:
-        """Return the coordinates that follow laws, and those of joints that rest on stops."""
-        stops = self._stops(held)
-        names, coordinates, limits = [x.name for x in stops], [x.coordinate for x in stops], [x.limit for x in stops]
-        return self.prescribed.holding(names, coordinates, limits)
-
-    def _stops(self, held: Held) -> list[Bound]:
-        return [bound for k in sorted(held) if isinstance(bound := self.bounds[k], Bound)]
+        return self.holding(self.separations).system
 
     def friction(self, held: Held, t: float, slip: Slip = Slip()) -> JointFriction:  # noqa: B008  is frozen
         """Return the joints with friction from an instant on, while joints rest on the given stops."""
         from pinarm.engine.friction.joint_friction import JointFriction
 
-        closure, laws = self.closure_of(held), self.with_stops(held)
+        here = self.holding(held)
+        closure, laws, span = here.closure, here.prescribed, self.span(t)
         rows = closure.with_guides(laws.names, laws.coordinates)
-        return JointFriction(
-            self.rubbing(held), closure, rows, self.dynamics, laws, self.time, self.span(t), slip, self.size
-        )
-
-    def rubs(self, held: Held) -> Flags:
-        """Return a mask of the active frictions, shape (k,): an open cam, whose follower flies, has none."""
-        opened = {f"coupling.{self.bounds[k].name}" for k in self.separations - held}
-        return np.array([contact.name not in opened for contact in self.frictions], dtype=bool)
-
-    def rubbing(self, held: Held) -> tuple[FrictionContact, ...]:
-        return tuple(contact for contact, rubs in zip(self.frictions, self.rubs(held).tolist(), strict=True) if rubs)
+        return JointFriction(here.rubbing, closure, rows, self.dynamics, laws, self.time, span, slip, self.size)
 
     def stretch(self, mode: Mode, t: float, q: Array, v: Array) -> System:
         """Return the equations in a mode that begins in a state of the mechanism."""
-        if not self.rubbing(mode.held):
-            return self.system(mode.held)
+        here = self.holding(mode.held)
+        if not here.rubbing:
+            return here.system
         from pinarm.engine.motion.systems.frictional import FrictionalSystem
 
         friction = self.friction(mode.held, t, mode.slip)
-        inner = self._built(mode.held, friction.with_stuck(q), replace(self.initial, q=q, v=v))
-        return FrictionalSystem(friction, inner, self._stops(mode.held), self.cuts)
+        inner = here.following(friction.with_stuck(q), replace(self.initial, q=q, v=v))
+        return FrictionalSystem(friction, inner, here.stops, self.cuts)
 
     def span(self, t: float) -> tuple[float, float]:
         later = [cut for cut in self.cuts[1:] if cut > t]
@@ -202,32 +163,42 @@ class HybridSystem(Record, frozen=True):
 
     @cached_property
     def contacts(self) -> Contacts:
-        return Contacts(self.closure_of(frozenset()), self.prescribed, self.bounds)
+        return Contacts(self.holding(frozenset()).closure, self.prescribed, self.bounds)
 
-    def begin(self, initial: Initial) -> tuple[Array, Array]:
-        held = self._closed_at_start(initial)
-        assembly = self.assembly if initial is self.initial else self._assembled(initial)
-        initial = replace(initial, q=assembly.q, drawn=None)
-        system, start = self.system(held), np.array(self.cuts[:1])
-        whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(initial, *self.cuts[:2])))
+    @cached_property
+    def start(self) -> tuple[Array, Array]:
+        """The initial state of the mechanism, to be read only; see ``begin`` and ``require_masses``."""
+        q, v = self.begin()
+        self.require_masses(q[None])
+        q.flags.writeable = v.flags.writeable = False
+        return q, v
+
+    def begin(self) -> tuple[Array, Array]:
+        initial, start = replace(self.initial, q=self.assembly.q, drawn=None), np.array(self.cuts[:1])
+        here = self._at_start
+
+        def whole(initial: Initial) -> tuple[Array, Array]:
+            states = (x[None] for x in here.system.begin(initial, *self.cuts[:2]))
+            (q,), (v,) = here.system.whole(start, *states)
+            return q, v
+
+        q, v = whole(initial)
         if initial.rates:
-            v = self._velocity_with_rates(initial, held, whole_q[0])
-            known = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
-            whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(known, *self.cuts[:2])))
+            v = self._velocity_with_rates(initial, here.closure, q)
+            q, v = whole(replace(initial, q=q, v=v, velocities=tuple(range(len(v)))))
         for follower in initial.followers:
-            rotor, coordinate, state = follower.rotor, follower.coordinate, self.closure.state(whole_q[0])
-            whole_q[0, rotor.q] = coordinate.value(state) if follower.position else whole_q[0, rotor.q]
-            whole_v[0, rotor.v] = coordinate.row(state) @ whole_v[0] if follower.velocity else whole_v[0, rotor.v]
+            rotor, coordinate, state = follower.rotor, follower.coordinate, self.closure.state(q)
+            q[rotor.q] = coordinate.value(state) if follower.position else q[rotor.q]
+            v[rotor.v] = coordinate.row(state) @ v if follower.velocity else v[rotor.v]
         for bound in self.bounds:
-            if bound.gap(whole_q[0]) < -bound.slack:
-                raise InputError(bound.passed_at_start(whole_q[0]))
-        return whole_q[0], whole_v[0]
+            if bound.gap(q) < -bound.slack:
+                raise InputError(bound.passed_at_start(q))
+        return q, v
 
-    def _velocity_with_rates(self, initial: Initial, held: Held, q: Array) -> Array:
+    def _velocity_with_rates(self, initial: Initial, closure: Closure, q: Array) -> Array:
         """Return the velocity nearest to the given one, by the masses, that has all given rates, shape (nv,)."""
-        closure, (start, end) = self.closure_of(held), self.cuts[:2]
         rows = closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
-        state, mass = rows.state(q), mass_matrix(closure.model, q)
+        state, mass, (start, end) = rows.state(q), mass_matrix(closure.model, q), self.cuts[:2]
         rates = np.array([rate for _, rate in initial.rates])
         along = np.array([coordinate.row(state) for coordinate, _ in initial.rates])
         laws = self.prescribed.on(start, end)(start)[1]
@@ -247,11 +218,8 @@ class HybridSystem(Record, frozen=True):
 
     @cached_property
     def assembly(self) -> Assembly:
-        return self._assembled(self.initial)
-
-    def _assembled(self, initial: Initial) -> Assembly:
-        """Return the configuration of an initial state, the loops closed; of couplings alone as it is given."""
-        closure, (start, end) = self.closure_of(self._closed_at_start(initial)), self.cuts[:2]
+        """The configuration of the initial state, the loops closed; of couplings alone as it is given."""
+        initial, closure, (start, end) = self.initial, self._at_start.closure, self.cuts[:2]
         if self.prescribed.linear_in(closure):
             return Assembly(initial.q)
         from pinarm.engine.kinematics.assembly import first_position
@@ -261,25 +229,18 @@ class HybridSystem(Record, frozen=True):
         with running("t", unit("s")):
             return first_position(closure, known, np.array([*w, *values]), start, drawn, initial.q)
 
-    def _closed_at_start(self, initial: Initial) -> Held:
-        """Return the one-sided constraints that hold in an initial state: those that given values do not open."""
-        positions, held = set(initial.positions), set(self.separations)
+    @property
+    def _at_start(self) -> Holding:
+        """What holds in the initial state: the one-sided constraints that given values do not open."""
+        initial, held = self.initial, set(self.separations)
         for k in self.separations:
             row = self.bounds[k].row(initial.q)
             moved = set(np.flatnonzero(np.abs(row) > ROUNDING * np.abs(row).max()).tolist())
             rate = self.bounds[k].side * float(row @ initial.v)
             opens = moved <= set(initial.velocities) and rate > self.still(k, initial.v)
-            if moved <= positions and (opens or self.bounds[k].gap(initial.q) > self.bounds[k].slack):
+            if moved <= set(initial.positions) and (opens or self.bounds[k].gap(initial.q) > self.bounds[k].slack):
                 held.discard(k)
-        return frozenset(held)
-
-    @cached_property
-    def start(self) -> tuple[Array, Array]:
-        """The initial state of the mechanism, to be read only; see ``begin`` and ``require_masses``."""
-        q, v = self.begin(self.initial)
-        self.require_masses(q[None])
-        q.flags.writeable = v.flags.writeable = False
-        return q, v
+        return self.holding(frozenset(held))
 
     def require_masses(self, q: Array) -> None:
         known = q.shape[1] == len(self.initial.q)
@@ -299,16 +260,11 @@ class HybridSystem(Record, frozen=True):
         return self.bounds[k].slack / (self.time[1] - self.time[0]) + REST * float(np.abs(v).max(initial=0.0))
 
     def slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
-        return self.friction(held, t).start(q, v) if self.rubbing(held) else Slip()
+        return self.friction(held, t).start(q, v) if self.holding(held).rubbing else Slip()
 
     def acceleration_without_friction(self, held: Held, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration of a state on some stops without friction, shape (nv,)."""
-        system, grid = self.system(held), Grid(np.array([t]), self.span(t), (0, 1))
-        return np.asarray(system.complete(self.dynamics, grid, q[None], v[None]).a[0])
-
-    def acting(self, system: System) -> Dynamics:
-        slowed = getattr(system, "slowed", None)
-        return slowed(self.dynamics) if slowed else self.dynamics
+        return np.asarray(self.completed(self.holding(held).system, np.array([t]), q[None], v[None]).a[0])
 
     def completed(self, system: System, t: Array, q: Array, v: Array) -> CompletedStates:
         """Return states of one interval with their accelerations, efforts and multipliers."""
@@ -317,31 +273,23 @@ class HybridSystem(Record, frozen=True):
         states: CompletedStates = complete(self.dynamics, Grid(t, span, (0, len(t))), q, v)
         return states
 
-    def shares(self, held: Held) -> StopShares:
-        if held not in self._shares:
-            closure, separations = self.closure_of(held), [self.bounds[k] for k in sorted(held & self.separations)]
-            stops = self._stops(held)
-            self._shares[held] = StopShares(closure, *self.with_stops(held).linear_last(), stops, separations)
-        return self._shares[held]
-
     def tied(self, held: Held, touched: Held, q: Array) -> Held:
         """Return the stops that a configuration touches and that move only with those that hold, shape (nq,)."""
         others = sorted(touched - held - self.separations) if held else []
         return frozenset(k for k in others if self.contacts.ties(q, held, k))
 
-    def require_loads(self, held: Held, shares: StopShares | None, t: float, q: Array) -> None:
+    def require_loads(self, held: Held, t: float, q: Array) -> None:
         """Raise where the friction of a joint depends on how several stops share a load."""
-        contacts = self.rubbing(held)
-        if not (shares and any(contact.law.loaded for contact in contacts)):
-            return
-        from pinarm.engine.friction.slip_equation import BearingReactions
+        here = self.holding(held)
+        if any(contact.law.loaded for contact in here.rubbing) and here.shares_at(q[None]):
+            from pinarm.engine.friction.slip_equation import BearingReactions
 
-        reactions = BearingReactions(contacts, shares.rows, self.dynamics.on(*self.span(t)))
-        reactions.require_determined(shares.rows.split_at(q), q)
+            reactions = BearingReactions(here.rubbing, here.rows, self.dynamics.on(*self.span(t)))
+            reactions.require_determined(here.rows.split_at(q), q)
 
     def pushes(self, held: Held, system: System, t: Array, q: Array, v: Array) -> dict[int, Array]:
         """Return the pushes of what is held, at states of one interval [N*m or N], shape (n,) each."""
-        pushes = self.shares(held).least(self.completed(system, t, q, v))
+        pushes = self.holding(held).least(self.completed(system, t, q, v))
         return dict(zip([*sorted(held - self.separations), *sorted(held & self.separations)], pushes.T, strict=True))
 
     def push(self, held: Held, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
@@ -351,16 +299,3 @@ class HybridSystem(Record, frozen=True):
     def profiled(self) -> list[JointRelation]:
         """Constraints whose rows are made of pieces, as cams are."""
         return [part for part in self.closure.constraints if isinstance(part, JointRelation) and part.in_pieces]
-
-
-def system_of(
-    closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, initial: Initial
-) -> TreeSystem | LoopSystem:
-    """Return the equations to integrate while the prescribed coordinates follow their laws."""
-    if prescribed.linear_in(closure):
-        from pinarm.engine.motion.systems.tree_system import TreeSystem
-
-        return TreeSystem.of(closure, dynamics.manifold, prescribed, initial)
-    from pinarm.engine.motion.systems.loop_system import LoopSystem
-
-    return LoopSystem.of(closure, dynamics, prescribed, initial.q)

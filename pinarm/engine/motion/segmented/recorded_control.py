@@ -17,9 +17,7 @@ from pinarm.engine.control.controls import (
     with_control,
 )
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.motion.segmented.segments import MotionSegment, SegmentedMotion
-from pinarm.engine.motion.systems import System
-from pinarm.engine.motion.systems.frictional import FrictionalSystem
+from pinarm.engine.motion.segmented.segments import SegmentedMotion
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.control.controller import Controller
@@ -47,9 +45,16 @@ ROUNDING = 1e-9
 
 def recorded(controls: Controls, motion: SegmentedMotion) -> SegmentedMotion:
     """Return an integrated motion under the efforts of controllers as they have been."""
-    efforts = controls.recorded(lambda t: _integrals(motion, t))
-    dynamics = with_control(motion.dynamics, efforts)
-    return replace(motion, dynamics=dynamics, segments=[_under(part, dynamics, efforts) for part in motion.segments])
+
+    def integrals(t: Array) -> Array:
+        parts = [(x.system.integrals(x.solution.states(t[here])[1]), here) for x, here in motion.parts(t)
+                 if isinstance(x.system, ControlledSystem)]  # fmt: skip
+        every = np.zeros((len(t), parts[0][0].shape[1] if parts else 0))
+        for values, here in parts:
+            every[here] = values
+        return every
+
+    return replace(motion, dynamics=with_control(motion.dynamics, controls.recorded(integrals)))
 
 
 def without_control(dynamics: Dynamics) -> Dynamics:
@@ -62,28 +67,6 @@ def record_of(motion: SegmentedMotion) -> ControlEfforts:
     record = motion.dynamics.forces[CONTROL]
     assert isinstance(record, ControlEfforts)
     return record
-
-
-def _under(segment: MotionSegment, dynamics: Dynamics, efforts: ControlEfforts) -> MotionSegment:
-    system = segment.system
-    inner = system.inner if isinstance(system, ControlledSystem) else system
-    if not isinstance(inner, FrictionalSystem):
-        return replace(segment, dynamics=with_control(segment.dynamics, efforts))
-    inner = inner.under(dynamics)
-    around: System = replace(system, inner=inner) if isinstance(system, ControlledSystem) else inner
-    return replace(segment, system=around, dynamics=inner.slowed(dynamics))
-
-
-def _integrals(motion: SegmentedMotion, t: Array) -> Array:
-    owners, parts = np.searchsorted(np.array(motion.seams), t), []
-    for number, segment in enumerate(motion.segments):
-        here = np.flatnonzero(owners == number)
-        if len(here) and isinstance(segment.system, ControlledSystem):
-            parts.append((here, segment.system.integrals(segment.solution.states(t[here])[1])))
-    integrals = np.zeros((len(t), parts[0][1].shape[1] if parts else 0))
-    for here, values in parts:
-        integrals[here] = values
-    return integrals
 
 
 def control_rows(motion: SegmentedMotion, grid: Grid, q: Array, v: Array) -> tuple[Array, dict[str, Series]]:

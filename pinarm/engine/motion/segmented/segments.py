@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Struct, field
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Indices, distinct
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.outcome import Decision
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import IntegrationError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import Record, replace
+from pinarm.records import Record
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Solution
-    from pinarm.engine.motion.segmented.stop_shares import StopShares
+    from pinarm.engine.motion.segmented.holding import Holding
 
 
 CROWDED = 200
@@ -50,27 +52,25 @@ REST = 1e-15
 class MotionSegment(Record, frozen=True):
     """A part of a motion during which the same constraints hold.
 
-    Attributes:
-        dynamics: The equation of motion, with the friction of joints that slip.
-        holding: Which rows of the mechanism's constraints hold, shape (m,).
-        rubbing: Which of the mechanism's frictions there are, shape (k,).
-        stops: Stops that are rested on; ``None`` without any.
-        shares: The same where several hold one motion; ``None`` where none do.
+    ``holding`` includes stops that touch and move only with those that are rested on.
     """
 
+    holding: Holding
     system: System
     solution: Solution
-    dynamics: Dynamics
-    holding: Flags
-    rubbing: Flags
-    stops: StopShares | None = None
-    shares: StopShares | None = None
+
+    @cached_property
+    def shares(self) -> bool:
+        """Whether several stops hold one motion at its beginning."""
+        return self.holding.shares_at(self.states(self.solution.steps.t[:1])[0])
+
+    def states(self, t: Array) -> tuple[Array, Array]:
+        """Return the states of the mechanism at times t [s], shape (n,): q of shape (n, nq) and v of shape (n, nv)."""
+        return self.system.whole(t, *self.solution.states(t))
 
     def complete(self, dynamics: Dynamics, grid: Grid) -> CompletedStates:
         states = self.system.complete(dynamics, grid, *self.solution.states(grid.t))
-        states = self.shares.shared(states) if self.shares else states
-        states = self.stops.told(states) if self.stops else states
-        return states if self.holding.all() else _opened(states, self.holding, self.rubbing)
+        return self.holding.told(self.holding.shared(states) if self.shares else states)
 
 
 class Work(Struct):
@@ -164,22 +164,24 @@ class SegmentedMotion(Record, frozen=True):
         if known is None or decision.doubt > known.doubt:
             self.decisions[decision.what] = decision
 
+    def parts(self, t: Array) -> Iterator[tuple[MotionSegment, Indices]]:
+        """Yield the segments that instants lie in, shape (n,), each with their places."""
+        owners = np.searchsorted(np.array(self.seams), t)
+        for number in distinct(owners).tolist():
+            yield self.segments[number], np.flatnonzero(owners == number)
+
     def complete(self, grid: Grid) -> CompletedStates:
         """Return the motion at the rows of a grid whose intervals do not reach over seams."""
-        bounds = np.array(self.seams)
-        middles = 0.5 * (np.array(grid.cuts[1:]) + np.array(grid.cuts[:-1]))
-        owners, filled = bounds.searchsorted(middles), np.diff(grid.rows) > 0
-        motions = []
-        for number in sorted(set(owners[filled].tolist())):
-            local = grid.part(*(owners == number).nonzero()[0][[0, -1]])
-            motions.append(self.segments[number].complete(self.dynamics, local))
-        return CompletedStates.joined(motions)
+        filled = np.flatnonzero(np.diff(grid.rows))
+        middles = 0.5 * (np.array(grid.cuts[1:]) + np.array(grid.cuts[:-1]))[filled]
+        return CompletedStates.joined(
+            [segment.complete(self.dynamics, grid.part(*filled[own[[0, -1]]])) for segment, own in self.parts(middles)]
+        )
 
     def positions(self, t: Array) -> Array:
-        owners, positions = np.searchsorted(np.array(self.seams), t), np.empty((len(t), self.dynamics.model.nq))
-        for number in sorted(set(owners.tolist())):
-            segment, here = self.segments[number], owners == number
-            positions[here] = segment.system.whole(t[here], *segment.solution.states(t[here]))[0]
+        positions = np.empty((len(t), self.dynamics.model.nq))
+        for segment, here in self.parts(t):
+            positions[here] = segment.states(t[here])[0]
         return positions
 
     def cost(self) -> dict[str, float]:
@@ -215,16 +217,3 @@ class SegmentedMotion(Record, frozen=True):
             for key, method in methods.items()
             for note in method.diagnose([solution for solution in solutions if id(solution.method) == key])
         ]
-
-
-def _opened(motion: CompletedStates, holding: Flags, rubbing: Flags) -> CompletedStates:
-    """Return states in which some rows of the constraints, and their frictions, do not hold: these are 0."""
-    own = int(holding.sum())
-    lam = np.concatenate([np.zeros((len(motion.q), len(holding))), motion.lam[:, own:]], axis=1)
-    lam[:, np.flatnonzero(holding)] = motion.lam[:, :own]
-    friction = np.zeros((len(motion.q), len(rubbing)))
-    if rubbing.any():
-        friction[:, rubbing] = motion.friction
-    others = tuple(_opened(other, holding, rubbing) for other in motion.others)
-    opened = np.ones(len(motion.q), dtype=bool)
-    return replace(motion, lam=lam, friction=friction, opened=opened, others=others)

@@ -158,6 +158,10 @@ class System(Protocol):
         """Return the mechanism's states, shapes (..., n, nq) and (..., n, nv), from integrated ones at n times t."""
         ...
 
+    def acting(self, dynamics: Dynamics) -> Dynamics:
+        """Return an equation of motion with the friction of joints that slip."""
+        ...
+
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion of the mechanism at the rows of a grid, from the integrated states there."""
         ...

@@ -7,7 +7,6 @@ shares where several joints at rest hold one motion.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -25,7 +24,7 @@ from pinarm.mechanics.coordinates import driven_along
 from pinarm.mechanics.friction.contact import same_joint, sizes, slip_rows
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Interval, Manifold
@@ -54,8 +53,7 @@ SolvedRows = tuple[slice, JointFriction, list[FrictionSolution]]
 """Some rows, what slips there, and the friction of all joints, row by row."""
 
 
-@dataclass(frozen=True, eq=False)
-class FrictionalSystem:
+class FrictionalSystem(Record, frozen=True):
     """Equations of motion while some joints with friction slip and others are stuck.
 
     Attributes:
@@ -67,7 +65,9 @@ class FrictionalSystem:
     friction: JointFriction
     inner: System
     stops: Sequence[Bound]
-    cuts: Sequence[float] = field(repr=False)
+    cuts: Sequence[float]
+
+    unshown = ("cuts",)
 
     @property
     def manifold(self) -> Manifold:
@@ -85,16 +85,13 @@ class FrictionalSystem:
         k = int(np.clip(np.searchsorted(cuts, 0.5 * (start + end), side="right") - 1, 0, len(cuts) - 2))
         return self.friction.on(float(cuts[k]), float(cuts[k + 1]))
 
-    def slowed(self, dynamics: Dynamics) -> Dynamics:
-        """Return the equation of motion with the friction of what slips."""
-        return Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: self.friction.on(*self.cuts[:2])})
-
-    def under(self, dynamics: Dynamics) -> FrictionalSystem:
-        """Return the system under other loads."""
-        return replace(self, friction=replace(self.friction, dynamics=dynamics))
+    def acting(self, dynamics: Dynamics) -> Dynamics:
+        """Return an equation of motion with the friction of what slips under its loads."""
+        friction = replace(self.friction, dynamics=dynamics).on(*self.cuts[:2])
+        return Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: friction})
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        return self.inner.interval(self.slowed(dynamics), start, end)
+        return self.inner.interval(self.acting(dynamics), start, end)
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         return self.inner.whole(t, q, v)
@@ -168,8 +165,7 @@ class FrictionalSystem:
 
     def _solved(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> tuple[CompletedStates, list[SolvedRows]]:
         """Return the motion under the friction of what slips, and the friction of all joints."""
-        sliding = self.friction.on(*self.cuts[:2])
-        slowed = Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: sliding})
+        slowed = self.acting(dynamics)
         inner, solved = self.inner.complete(slowed, grid, q, v), list[SolvedRows]()
         for rows, local in ((rows, local.forces[FRICTION]) for rows, local in parts(slowed, grid)):
             assert isinstance(local, JointFriction)

@@ -225,6 +225,9 @@ class LoopSystem(Record, frozen=True):
             gap=gap,
         )
 
+    def acting(self, dynamics: Dynamics) -> Dynamics:
+        return dynamics
+
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         return q, v
 

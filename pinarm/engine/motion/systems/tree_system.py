@@ -146,6 +146,9 @@ class TreeSystem(Record, frozen=True):
         known = len(driven) == len(self.sums.names)
         return CompiledTree.of(heavy(self.closure.model, driven)) if known else None
 
+    def acting(self, dynamics: Dynamics) -> Dynamics:
+        return dynamics
+
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return states, shapes (..., n, nq) and (..., n, nv), with what is coupled or follows laws, at n times t."""
         if self.reduction is None:

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 import pinarm
 from pinarm.engine.kernel.library import absence, library
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.segmented.hybrid_system import system_of
 from pinarm.engine.motion.systems import Initial
+from pinarm.engine.motion.systems.tree_system import TreeSystem
 
 CART = """<robot name="cart"><link name="ground"/>
 <link name="cart"><inertial><mass value="2"/>
@@ -99,7 +99,7 @@ def panda():
     mechanism = pinarm.Mechanism.load("panda")
     initial = Initial(np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv))
     prescribed = PrescribedCoordinates((), (), ())
-    return mechanism, system_of(mechanism.closure, mechanism.dynamics, prescribed, initial)
+    return mechanism, TreeSystem.of(mechanism.closure, mechanism.dynamics.manifold, prescribed, initial)
 
 
 def test_accelerations_of_the_kernel_satisfy_the_equation_of_motion():

@@ -1,5 +1,6 @@
-"""Bounds of pushes where several stops hold one motion: only their sum is determined.
+"""Constraints that hold while stops are rested on, and bounds of pushes where several stops hold one motion.
 
+Of several stops only what they do together is determined.
 With the rows G of constraints and laws, and N of the stops, pushes s and multipliers lam that differ by a self-stress
 z, ``G^T z_G + N^T z_N = 0``, hold the same motion. Stops push only, so that possible pushes are a polyhedron,
 
@@ -13,9 +14,10 @@ push in that direction stands for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,10 +25,18 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import ACTS, Decomposition
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.segmented.end_stops import Bound, Stop
+from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.engine.motion.systems import CompletedStates
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.records import Record, replace
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.segmented.end_stops import Held, Stop
+    from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
+    from pinarm.engine.motion.systems import Initial
+    from pinarm.engine.motion.systems.loop_system import LoopSystem
+    from pinarm.engine.motion.systems.tree_system import TreeSystem
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 SLIGHT = 1e-9
 """Part of the pushes by which one may be negative and still be 0, and of a matrix's largest value that is none."""
@@ -35,27 +45,81 @@ Ends = tuple[Array, Flags]
 """Ends of the polyhedron (1) in n rows: x, shape (n, s), and in which rows there is such an end, shape (n,)."""
 
 
-class StopShares(Record, frozen=True):
-    """Stops that are rested on, and constraints and laws that share loads with them.
+class Holding(Record, frozen=True):
+    """What holds of a mechanism while some stops are rested on and some one-sided constraints are closed."""
 
-    Attributes:
-        prescribed: Coordinates that follow laws, then those of the stops; others than joints and sums of them first.
-        others: How many of these are neither joints nor sums of them.
-    """
+    hybrid: HybridSystem
+    held: Held
 
-    closure: Closure
-    prescribed: PrescribedCoordinates
-    others: int
-    stops: Sequence[Bound]
-    separations: Sequence[Stop]
+    @cached_property
+    def stops(self) -> list[Bound]:
+        return [bound for k in sorted(self.held) if isinstance(bound := self.hybrid.bounds[k], Bound)]
+
+    @cached_property
+    def separations(self) -> list[Stop]:
+        return [self.hybrid.bounds[k] for k in sorted(self.held & self.hybrid.separations)]
+
+    @cached_property
+    def _opened(self) -> list[str]:
+        return [self.hybrid.bounds[k].name for k in sorted(self.hybrid.separations - self.held)]
+
+    @cached_property
+    def closure(self) -> Closure:
+        whole = self.hybrid.closure
+        kept = [part for part in whole.constraints if part.name not in self._opened]
+        return Closure.of(whole.model, kept) if self._opened else whole
+
+    @cached_property
+    def holds(self) -> Flags:
+        """Mask of the rows that hold of the mechanism's constraints, shape (m,)."""
+        holds = np.ones(self.hybrid.closure.size, dtype=bool)
+        for name in self._opened:
+            holds[self.hybrid.closure.slices[name]] = False
+        return holds
+
+    @cached_property
+    def rubs(self) -> Flags:
+        """Mask of the active frictions, shape (k,): an open cam, whose follower flies, has none."""
+        opened = {f"coupling.{name}" for name in self._opened}
+        return np.array([contact.name not in opened for contact in self.hybrid.frictions], dtype=bool)
+
+    @cached_property
+    def rubbing(self) -> tuple[FrictionContact, ...]:
+        return tuple(contact for contact, rubs in zip(self.hybrid.frictions, self.rubs.tolist(), strict=True) if rubs)
+
+    @cached_property
+    def prescribed(self) -> PrescribedCoordinates:
+        """Coordinates that follow laws, then those of the stops; others than joints and sums of them first."""
+        names, coordinates = [stop.name for stop in self.stops], [stop.coordinate for stop in self.stops]
+        limits = [stop.limit for stop in self.stops]
+        return self.hybrid.prescribed.holding(names, coordinates, limits).linear_last()[0]
 
     @cached_property
     def rows(self) -> Closure:
         return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
+    @cached_property
+    def system(self) -> TreeSystem | LoopSystem:
+        """The equations of motion without friction."""
+        return self.following(self.prescribed, self.hybrid.initial)
+
+    def following(self, prescribed: PrescribedCoordinates, initial: Initial) -> TreeSystem | LoopSystem:
+        """Return the equations to integrate while prescribed coordinates follow their laws."""
+        if not self.stops and prescribed.linear_in(self.closure):
+            from pinarm.engine.motion.systems.tree_system import TreeSystem
+
+            return TreeSystem.of(self.closure, self.hybrid.dynamics.manifold, prescribed, initial)
+        from pinarm.engine.motion.systems.loop_system import LoopSystem
+
+        return LoopSystem.of(self.closure, self.hybrid.dynamics, prescribed, initial.q)
+
     @property
     def several(self) -> bool:
-        return bool(self.stops) and len(self.stops) + len(self.separations) > 1
+        return bool(self.stops) and len(self.held) > 1
+
+    def shares_at(self, q: Array) -> bool:
+        """Tell whether several stops hold one motion, at configurations of shape (n, nq)."""
+        return self.several and self.stresses(q).size > 0
 
     @cached_property
     def _places(self) -> Indices:
@@ -81,11 +145,19 @@ class StopShares(Record, frozen=True):
         return np.asarray(self._sides * efforts)
 
     def told(self, states: CompletedStates) -> CompletedStates:
-        """Return states with what the end stops push along joints."""
-        count = len(self.stops)
-        efforts = self._sides[:count] * self.pushes(states)[:, :count]
-        pushed = efforts @ self._weights[len(self._weights) - count :]
-        return replace(states, pushed=pushed, others=tuple(map(self.told, states.others)))
+        """Return states with what end stops push along joints, and 0 for constraints and frictions that are open."""
+        changes, n = dict[str, Any](), len(states.q)
+        if count := len(self.stops):
+            efforts = self._sides[:count] * self.pushes(states)[:, :count]
+            changes["pushed"] = efforts @ self._weights[len(self._weights) - count :]
+        if self._opened:
+            own, friction = int(self.holds.sum()), np.zeros((n, len(self.rubs)))
+            lam = np.concatenate([np.zeros((n, len(self.holds))), states.lam[:, own:]], axis=1)
+            lam[:, np.flatnonzero(self.holds)] = states.lam[:, :own]
+            if self.rubbing:
+                friction[:, self.rubs] = states.friction
+            changes |= {"lam": lam, "friction": friction, "opened": np.ones(n, dtype=bool)}
+        return replace(states, others=tuple(map(self.told, states.others)), **changes) if changes else states
 
     def least(self, states: CompletedStates) -> Array:
         """Return the pushes with the least sum of squares of those that hold the motion, shape (n, K).
@@ -136,8 +208,8 @@ class StopShares(Record, frozen=True):
         return np.asarray(self._sides[:, None] * stresses[:, self._places])
 
     def _with(self, states: CompletedStates, stresses: Array, x: Array) -> CompletedStates:
-        added, own = np.matvec(stresses, x), self.closure.size
-        lam, efforts = np.split(added, [own + self.others], axis=1)
+        added = np.matvec(stresses, x)
+        lam, efforts = np.split(added, [self.rows.size - len(self._weights)], axis=1)
         return replace(states, tau=states.tau + efforts @ self._weights, lam=states.lam + lam, others=())
 
 
@@ -165,9 +237,9 @@ def _endless(ways: Array) -> Iterator[Ends]:
                 yield sign * x, exist
 
 
-def shares_remarks(shares: Iterable[StopShares | None]) -> list[str]:
+def shares_remarks(shares: Iterable[Holding]) -> list[str]:
     """Return a remark for each set of stops that hold one motion: only their sum is determined."""
-    together = dict.fromkeys(", ".join(stop.title for stop in some.stops) for some in shares if some)
+    together = dict.fromkeys(", ".join(stop.title for stop in some.stops) for some in shares)
     return [
         f"{names} hold one motion together: only what they do to it is determined. Rows have the mean of the ends of "
         "what each may push, and the forces between them follow from that; NAME.least and NAME.greatest are the ends"
