@@ -64,3 +64,12 @@ outputs: [lean, steer, energy.total]
     assert np.abs(lean) == pytest.approx(np.abs(expected[0]), abs=1e-8)
     assert np.abs(steer) == pytest.approx(np.abs(expected[1]), abs=1e-8)
     assert np.ptp(np.asarray(result["energy.total"])) < 1e-6
+
+
+def test_modes_that_nothing_drives_back_have_no_parts_of_stiffness():
+    """The bicycle rolls on, and stands anywhere: what weights and constraints have in such modes is rounding."""
+    result = pinarm.run(SCENARIO.with_name("bicycle_at_rest.yaml"))
+    rigid, parts = result.arrays["eigenvalues"].values[0] == 0.0, result.arrays["springs"].values
+    assert np.count_nonzero(rigid) == RIGID
+    assert np.isnan(parts[:, rigid]).all()
+    assert parts[:, ~rigid].sum(axis=0) == pytest.approx(1.0, rel=1e-12)

@@ -511,9 +511,12 @@ def participations(linear: Linearisation) -> dict[str, LabelledArray]:
 
     each relative to their sum. K_F has the geometric stiffness of a prestressed element; those of the weights, of what
     moves and of the forces of constraints are parts as well, so that the sum is the whole stiffness. Scaling a spring
-    by ``1 + e`` raises the frequency of an undamped mode by ``e / 2`` times its part (Rayleigh).
+    by ``1 + e`` raises the frequency of an undamped mode by ``e / 2`` times its part (Rayleigh). Modes with the
+    eigenvalue 0 have no stiffness, and NaN for its parts.
     """
-    tables = {"masses": _masses(linear), "springs": _stiffness_parts(linear), "dampers": _dampings(linear)}
+    rigid = linear.modes.eigenvalues == 0.0
+    springs = {name: np.where(rigid, np.nan, part) for name, part in _stiffness_parts(linear).items()}
+    tables = {"masses": _masses(linear), "springs": springs, "dampers": _dampings(linear)}
     modes = [f"mode.{k}" for k in range(1, len(linear.modes.eigenvalues) + 1)]
     return {
         name: LabelledArray(_shares(parts), [*parts], modes, [DIMENSIONLESS] * len(parts), [DIMENSIONLESS] * len(modes))
