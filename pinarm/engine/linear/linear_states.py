@@ -398,7 +398,7 @@ def linearise(mechanism: Mechanism, q: Array, v: Array | None, tau: Array | None
     q, v, _, tau = _one_state(mechanism, q, v=v, a=None, tau=tau)
     dynamics = mechanism.dynamics.on(t, float(np.nextafter(t, np.inf)))
     linear = Linearisation.about(replace(state_row(mechanism, dynamics, t, q, v), tau=tau[None]))
-    states.check_found(mechanism.closure, LeadingAxes(()), q[None], v[None], linear.acceleration[None])
+    states.check_closed(mechanism.closure, LeadingAxes(()), q[None], v[None], linear.acceleration[None], found=True)
     return linear
 
 

@@ -16,12 +16,16 @@ if TYPE_CHECKING:
     from pinarm.mechanics.rotors import Drive
 
 
-def with_efforts(run: Trajectory, drives: Actuation, beside: Beside) -> Trajectory:
-    """Return rows of a known motion with the efforts of drives that carry the load, and friction of joints."""
+def with_efforts(run: Trajectory, drives: Actuation, beside: Beside, *, bands: bool = True) -> Trajectory:
+    """Return rows of a known motion with the efforts of drives that carry the load, and friction of joints.
+
+    With ``bands`` they have the columns of efforts between which joints stay at rest.
+    """
     if run.mechanism.frictions:
         from pinarm.engine.motion.known_friction import KnownFriction
 
-        return KnownFriction(run, drives, run.demand(), beside).solved()
+        known = KnownFriction(run, drives, run.demand(), beside)
+        return known.solved() if bands else known.moving()
     tau, lam = drives.efforts(run.grid.t, run.q, run.demand())
     return replace(run, tau=tau, lam=lam)
 

@@ -16,7 +16,7 @@ from pinarm.engine.kinematics.joint_motion import joint_rates
 from pinarm.engine.kinematics.newton import AGREED, SHORT, NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.kinematics.singular import running
-from pinarm.engine.quantities.state_arrays import LeadingAxes, frame_named, states_of
+from pinarm.engine.quantities.state_arrays import RATES, LeadingAxes, frame_named, states_of
 from pinarm.engine.series import require_unit
 from pinarm.errors import AssemblyError, InputError, PinarmError, require_map
 from pinarm.input.units import unit
@@ -40,10 +40,6 @@ at half a turn they are not determined."""
 
 COMPONENT = re.compile(r"point\.(.+)\.position\.([xyz])")
 """Name of a component of the position of a point, as a quantity has it."""
-
-RATES = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
-"""Given arrays -> suffix of their unit behind that of positions."""
-
 
 COORDINATE, POINT, POSE = ((), (), ()), ((3,), (3,), (3,)), ((4, 4), (6,), (6,))
 """Shapes of positions, velocities and accelerations of a name in one state."""

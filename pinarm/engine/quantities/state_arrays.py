@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
     from pinarm.engine.mechanism import Mechanism
 
+RATES = {"positions": "", "velocities": "/s", "accelerations": "/s^2"}
+"""Arrays of a state -> suffix of their unit behind that of positions."""
+
 
 @dataclass(frozen=True)
 class LeadingAxes:
