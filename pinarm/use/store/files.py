@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import re
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
-from csv import reader, writer
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import IO, Any
 
+import msgspec
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.use.output import no_text
 from pinarm.use.result.presentation import CsvForm
 
 
-def write(path: Path, text: str) -> None:
-    """Write a new file; what appears whole is the folder that it is written in (``whole_folder``)."""
-    write_parts(path, [text.encode()])
-
-
-def write_parts(path: Path, parts: Iterable[bytes]) -> None:
-    """Write a new file of pieces one after the other."""
+def write(path: Path, content: str | Iterable[bytes]) -> None:
+    """Write a new file, of a text or piece by piece; what appears whole is its folder (``whole_folder``)."""
     with open(path, "xb") as stream:
-        stream.writelines(parts)
+        stream.writelines([content.encode()] if isinstance(content, str) else content)
 
 
 def write_arrays(target: Path | IO[bytes], arrays: dict[str, Any]) -> None:
@@ -72,28 +68,38 @@ SOMETHING_ELSE = r"([-+]?\.?[0-9][\w.+-]*|y|n)$"
 """Text that some reader of YAML takes for a number or a truth value."""
 
 
-def cell(text: str) -> str:
-    """Return a cell of a CSV file; text that a spreadsheet would take for a formula gets an apostrophe before it."""
-    safe = f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
-    return '"' + safe.replace('"', '""') + '"' if any(mark in safe for mark in ',"\n\r') else safe
+MARKS: Mapping[CsvForm, tuple[str, str]] = {"commas": (",", "."), "semicolons": (";", ",")}
+"""Key ``csv`` of a scenario -> what stands between cells, and the decimal mark."""
 
 
-def with_semicolons(part: bytes) -> bytes:
-    """Return whole lines of CSV with semicolons between the cells and decimal commas; texts stay as they are."""
-    text, lines = io.StringIO(newline=""), reader(io.StringIO(part.decode(), newline=""))
-    writer(text, delimiter=";", lineterminator="\n").writerows(map(_with_commas, lines))
-    return text.getvalue().encode()
+def csv_lines(
+    headings: Sequence[str], blocks: Iterable[Array | Iterable[Sequence[str | float]]], form: CsvForm = "commas"
+) -> Iterator[bytes]:
+    """Yield a table as CSV, piece by piece: headings, then every number with as many digits as it needs.
 
+    Read again the numbers are the same to the last bit. Text that a spreadsheet would take for a formula gets an
+    apostrophe before it.
 
-def _with_commas(cells: list[str]) -> list[str]:
-    return [cell.replace(".", ",") if NUMBER.fullmatch(cell) else cell for cell in cells]
+    Args:
+        headings: Names of the columns, with units.
+        blocks: Rows of texts and numbers, in arrays where all are numbers.
+        form: How cells are separated.
+    """
+    between, mark = MARKS[form]
 
+    def cell(x: str | float) -> str:
+        if not isinstance(x, str):
+            return repr(x).replace(".", mark)
+        safe = f"'{x}" if x.startswith(("=", "+", "-", "@", "\t", "\r")) else x
+        return '"' + safe.replace('"', '""') + '"' if any(sign in safe for sign in f'{between}"\n\r') else safe
 
-NUMBER = re.compile(r"[-+]?\d+\.\d*(e[-+]?\d+)?")
-"""A number with a decimal point in a cell."""
-
-CSV_FORMS: Mapping[CsvForm, Callable[[bytes], bytes]] = {"commas": bytes, "semicolons": with_semicolons}
-"""Key ``csv`` of a scenario -> what is done to files that have commas."""
+    for block in chain([[headings]], blocks):
+        if isinstance(block, np.ndarray) and np.isfinite(block).all():  # eight times as fast as Python's own
+            lines = msgspec.json.encode(block.tolist())[2:-2].replace(b"],[", b"\n") + b"\n"
+            yield lines if form == "commas" else lines.replace(b",", b";").replace(b".", b",")
+        else:
+            rows = block.tolist() if isinstance(block, np.ndarray) else block
+            yield "".join(between.join(map(cell, row)) + "\n" for row in rows).encode()
 
 
 def json_text(value: object) -> str:

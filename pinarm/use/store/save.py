@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 
-from pinarm.arrays import Array
 from pinarm.engine.labelled_array import PARTS, LabelledArray, plain_table
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
@@ -25,11 +23,11 @@ from pinarm.mechanics.loading.pinocchio_model import file_suffix
 from pinarm.use.assessments import FILES
 from pinarm.use.output import whole_folder
 from pinarm.use.result.stored_rows import arrays_of
-from pinarm.use.store.files import CSV_FORMS, cell, json_text, write, write_arrays, write_parts, yaml_text
+from pinarm.use.store.files import csv_lines, json_text, write, write_arrays, yaml_text
 
 if TYPE_CHECKING:
+    from pinarm.use.result.presentation import CsvForm
     from pinarm.use.result.result import Result
-    from pinarm.use.result.section import SectionTable
     from pinarm.use.show.picture_files import PictureFormat
 
 
@@ -70,7 +68,7 @@ def save(
         write(draft / "mechanism.yaml", mechanism_text(mechanism.source, model, laws))
         write(draft / model, _model(mechanism, folder))
         for name, file in (*_tables(result).values(), *laws.kept):
-            write_parts(draft / name, [file.read_bytes()])
+            write(draft / name, [file.read_bytes()])
         _write_rows(result, draft)
         _write_sections(result, draft)
         if timing:
@@ -83,17 +81,16 @@ def save(
 
 
 def _write_rows(result: Result, draft: Path) -> None:
-    columns = result.table_columns()
+    columns, form = result.table_columns(), result.presentation.csv
     if result.kind == RECORDED:
-        write_parts(draft / MOTION, recorded_csv(result))
-    form, written = CSV_FORMS[result.presentation.csv], [result.presentation.written(series) for series in columns]
-    write_parts(draft / "trajectory.csv", (form(part) for part in csv(written)))
+        write(draft / MOTION, recorded_csv(result))
+    write(draft / "trajectory.csv", csv([result.presentation.written(series) for series in columns], form))
     write_arrays(draft / "trajectory.npz", arrays(result, columns))
     if result.arrays:
         write_arrays(draft / "tables.npz", table_arrays(result.arrays))
     for name, table in result.arrays.items():
         file = draft / f"{re.sub('[^A-Za-z0-9_.-]+', '_', name)}.csv"
-        write_parts(file, [form(array_csv(table).encode())])
+        write(file, array_csv(table, form))
 
 
 def _write_sections(result: Result, draft: Path) -> None:
@@ -103,15 +100,8 @@ def _write_sections(result: Result, draft: Path) -> None:
         write(draft / SECTIONS, sections_text(result.sections))
     for section in result.written_sections.values():
         for table in section.tables:
-            form = CSV_FORMS[result.presentation.csv]
-            write_parts(draft / f"{section.key}_{table.name}.csv", [form(table_csv(table).encode())])
-
-
-def table_csv(table: SectionTable) -> str:
-    """Return a table of a section as CSV, in the units of its headings, with all digits of the numbers."""
-    lines = [",".join(cell(heading) for heading in table.headings())]
-    lines += [",".join(cell(x) if isinstance(x, str) else repr(x) for x in row) for row in table.rows]
-    return "\n".join(lines) + "\n"
+            lines = csv_lines(table.headings(), [table.rows], result.presentation.csv)
+            write(draft / f"{section.key}_{table.name}.csv", lines)
 
 
 def table_arrays(tables: Mapping[str, LabelledArray]) -> dict[str, Any]:
@@ -124,15 +114,14 @@ def table_arrays(tables: Mapping[str, LabelledArray]) -> dict[str, Any]:
     }
 
 
-def array_csv(table: LabelledArray) -> str:
-    """Return a table [SI] as CSV: names with units in the first row and column; of complex numbers both parts."""
+def array_csv(table: LabelledArray, form: CsvForm) -> Iterator[bytes]:
+    """Yield a table [SI] as CSV: names with units in the first row and column; of complex numbers both parts."""
     (rows, columns), values = table.headings(), table.values
     if np.iscomplexobj(values):
         columns = [f"{part} {name}" for name in columns for part in ("Re", "Im")]
         values = np.ascontiguousarray(values, complex).view(float)
-    lines = [["", *map(cell, columns)]]
-    lines += [[cell(name), *map(repr, line)] for name, line in zip(rows, (values + 0.0).tolist(), strict=True)]
-    return "".join(",".join(line) + "\n" for line in lines)
+    named = [[name, *line] for name, line in zip(rows, (values + 0.0).tolist(), strict=True)]
+    return csv_lines(["", *columns], [named], form)
 
 
 RECORDED, MOTION = "recorded", "recorded.csv"
@@ -142,21 +131,11 @@ CHUNK = 50_000
 """Rows of a table that are written at once: memory for more would be as much again as the table's."""
 
 
-def csv(columns: list[Series]) -> Iterator[bytes]:
-    """Yield columns as CSV, piece by piece: names and units, then every number with as many digits as it needs.
-
-    Read again the numbers are the same to the last bit. See ``cell`` for names that look like formulas.
-    """
-    yield (",".join(cell(series.label) for series in columns) + "\n").encode()
-    for begin in range(0, len(columns[0].values), CHUNK):
-        yield _lines(np.column_stack([series.values[begin : begin + CHUNK] for series in columns]))
-
-
-def _lines(table: Array) -> bytes:
-    """Return the rows of a table as lines; JSON's writer of numbers is eight times as fast as Python's own."""
-    if np.isfinite(table).all():
-        return msgspec.json.encode(table.tolist())[2:-2].replace(b"],[", b"\n") + b"\n"
-    return "".join(",".join(map(repr, row)) + "\n" for row in table.tolist()).encode()
+def csv(columns: Sequence[Series], form: CsvForm = "commas") -> Iterator[bytes]:
+    """Yield columns as CSV, names and units in the headings; see ``csv_lines``."""
+    starts = range(0, len(columns[0].values), CHUNK)
+    blocks = (np.column_stack([series.values[begin : begin + CHUNK] for series in columns]) for begin in starts)
+    return csv_lines([series.label for series in columns], blocks, form)
 
 
 def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
@@ -178,7 +157,7 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
 
 
 def recorded_csv(result: Result) -> Iterator[bytes]:
-    """Yield a recorded motion as the table that gives the same rows again; derivatives of a spline are not in it."""
+    """Return a recorded motion as the table that gives the same rows again; derivatives of a spline are not in it."""
     from pinarm.engine.motion.recorded_motion import RecordedRows
     from pinarm.problems.recorded import named_columns
 
@@ -187,8 +166,7 @@ def recorded_csv(result: Result) -> Iterator[bytes]:
     tau = run.tau if run.driven is None and not run.no_efforts else None
     known = RecordedRows(run.grid.t, run.q, v, a, tau)
     columns = named_columns(run.mechanism, known)
-    yield (",".join(map(cell, columns)) + "\n").encode()
-    yield _lines(np.array([text.split() for text in columns.values()], float).T)
+    return csv_lines([*columns], [np.array([text.split() for text in columns.values()], float).T])
 
 
 def _resolved(result: Result, folder: Path, laws: LawTables) -> str:

@@ -27,7 +27,7 @@ from pinarm.use.facade import Given, Result, Scenario, load
 from pinarm.use.output import whole_folder
 from pinarm.use.result.result import Result as ResultRecord
 from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
-from pinarm.use.store.files import CSV_FORMS, write_arrays, write_parts
+from pinarm.use.store.files import write, write_arrays
 from pinarm.use.store.save import arrays, csv
 from pinarm.use.study.sweep.axes import Axis, Cases, Column
 from pinarm.use.study.sweep.solving import Solving
@@ -264,7 +264,7 @@ class Batch:
                 solving.take(number, row)
                 for name, content in zip(("csv", "npz"), files, strict=False):
                     if content:
-                        write_parts(draft / "motions" / f"{number:06d}.{name}", [content])
+                        write(draft / "motions" / f"{number:06d}.{name}", [content])
             self._table(solving).write_tables(draft, Path(folder))
         return Path(folder)
 
@@ -301,8 +301,7 @@ class MotionFiles:
         if result is None:
             return row, b"", b""
         table, packed = result.table_columns(), io.BytesIO()
-        lines = csv([result.presentation.written(series) for series in table])
-        lines = map(CSV_FORMS[result.presentation.csv], lines)
+        lines = csv([result.presentation.written(series) for series in table], result.presentation.csv)
         write_arrays(packed, arrays(result, table))
         return row, b"".join(lines), packed.getvalue()
 

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.labelled_array import dataframe
@@ -25,9 +25,9 @@ from pinarm.use.cases.case import OPEN, WORTH
 from pinarm.use.output import whole_folder
 from pinarm.use.result.measures import CLOSURES, RESIDUALS, singularity_words
 from pinarm.use.result.numbers import read_number
-from pinarm.use.result.presentation import Presentation
+from pinarm.use.result.presentation import CsvForm, Presentation
 from pinarm.use.show.text import aligned, counted
-from pinarm.use.store.files import CSV_FORMS, cell, json_text, write, write_arrays, write_parts, yaml_text
+from pinarm.use.store.files import csv_lines, json_text, write, write_arrays, yaml_text
 from pinarm.use.study.sweep.axes import Cases, axes_of
 from pinarm.use.study.sweep.solving import JOURNAL
 
@@ -132,7 +132,7 @@ class Sweep:
 
     def csv(self) -> str:
         """Return the table as CSV: number of the case, columns, why it failed; numbers that a case lacks are empty."""
-        return "".join(csv_lines(self.written(), self.errors))
+        return b"".join(cases_csv(self.written(), self.errors)).decode()
 
     def summary(self) -> dict[str, Any]:
         """Return statistics of every result, the worst measures of accuracy, cases without a result, and failures."""
@@ -207,8 +207,7 @@ class Sweep:
         definition = {key: value for key, value in self.definition.items() if value is not None}
         files = {key: os.path.relpath(definition[key], folder) for key in ("scenario", "cases") if definition.get(key)}
         write(draft / "sweep.yaml", yaml_text({**definition, **files}))
-        form, lines = CSV_FORMS[self.presentation.csv], csv_lines(self.written(), self.errors)
-        write_parts(draft / "cases.csv", (form(line.encode()) for line in lines))
+        write(draft / "cases.csv", cases_csv(self.written(), self.errors, self.presentation.csv))
         write_arrays(draft / "cases.npz", arrays(list(self.table.values()), self.errors))
         write(draft / "summary.json", json_text(self.summary()) + "\n")
 
@@ -275,20 +274,19 @@ def _stored_columns(file: Path, cases: Cases) -> tuple[list[Series], dict[int, s
     return columns, errors
 
 
-def csv_lines(columns: Sequence[Series], errors: Mapping[int, str]) -> Iterator[str]:
-    """Yield a table as CSV: the number of each case, its columns, and why it failed.
+def cases_csv(columns: Sequence[Series], errors: Mapping[int, str], form: CsvForm = "commas") -> Iterator[bytes]:
+    """Yield a table as CSV: the number of each case, its columns, and why it failed; see ``csv_lines``.
 
-    Numbers have the digits that it takes to read them back; those that are none are empty.
+    Numbers that are none are empty.
     """
-    yield ",".join(["case", *(cell(series.label) for series in columns), "error"]) + "\n"
-    for start in range(0, len(columns[0].values), BLOCK):
-        texts = [_texts(series.values[start : start + BLOCK]) for series in columns]
-        for number, row in enumerate(zip(*texts, strict=True), start):
-            yield ",".join([str(number), *row, cell(errors.get(number, ""))]) + "\n"
 
+    def block(start: int) -> Iterator[Sequence[str | float]]:
+        values = [series.values[start : start + BLOCK].tolist() for series in columns]
+        for number, row in enumerate(zip(*values, strict=True), start):
+            yield number, *("" if isinstance(x, float) and isnan(x) else x for x in row), errors.get(number, "")
 
-def _texts(values: NDArray[Any]) -> list[str]:
-    return [cell(x) if isinstance(x, str) else repr(x).replace("nan", "") for x in values.tolist()]
+    starts = range(0, len(columns[0].values), BLOCK)
+    return csv_lines(["case", *(series.label for series in columns), "error"], map(block, starts), form)
 
 
 def arrays(columns: Sequence[Series], errors: Mapping[int, str]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.input.units import unit
-from pinarm.use.study.sweep.table import arrays, csv_lines, statistics
+from pinarm.use.study.sweep.table import arrays, cases_csv, statistics
 
 ERRORS = {1: 'no solution at 3.2, "really"', 3: "no solution at 17.5", 4: "another reason"}
 
@@ -30,7 +30,7 @@ def test_every_digit_and_every_reason_is_read_back(columns):
     assert found["=x"].tolist() == list(range(6))
     assert found["units"].tolist() == [["C_B", "N*m"], ["=x", "N*m"]]
     assert found["error"][4] == "another reason"
-    rows = list(reader.reader(io.StringIO("".join(csv_lines(columns, ERRORS)))))
+    rows = list(reader.reader(io.StringIO(b"".join(cases_csv(columns, ERRORS)).decode())))
     assert rows[0] == ["case", "C_B [N*m]", "'=x [N*m]", "error"]
     assert [row[0] for row in rows[1:]] == list("012345")
     assert [float(row[1]) if row[1] else None for row in rows[1:]] == [0.1 + 0.2, None, 1e-300, None, None, -7.0]
