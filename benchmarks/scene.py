@@ -16,11 +16,11 @@ import pinarm
 from pinarm.use.facade import Scenario
 
 ROUNDS = 7
-TURNS = {"law": "polynomial", "from": "0 rad", "to": "-0.6 rad", "duration": "2 s"}
 
 
 def scenario(folder: Path, robot: str, problem: dict[str, Any], outputs: list[str], **more: Any) -> Scenario:
-    (folder / "mechanism.yaml").write_text(json.dumps({"pinarm": 1, "robot": robot, "base": "fixed"}), encoding="utf-8")
+    mechanism = {"pinarm": 1, "robot": robot, "base": "fixed", "friction": "none"}
+    (folder / "mechanism.yaml").write_text(json.dumps(mechanism), encoding="utf-8")
     told = {"pinarm": 1, "mechanism": "mechanism.yaml", "problem": problem, "outputs": outputs, **more}
     (folder / "scenario.yaml").write_text(json.dumps(told), encoding="utf-8")
     return pinarm.load(folder / "scenario.yaml")
@@ -33,16 +33,6 @@ def held(robot: str, moving: str) -> tuple[list[str], dict[str, Any]]:
     others = [one for one in mechanism.joints.values() if not one.name.startswith(moving)]
     laws = {one.name: {"law": "constant", "value": f"0.01 {one.unit}"} for one in others if one.v not in mimics}
     return [name for name in mechanism.joints if name.startswith(moving)], laws
-
-
-def torques(folder: Path, robot: str, moving: str) -> Scenario:
-    joints, laws = held(robot, moving)
-    problem = {
-        "kind": "inverse",
-        "time": {"end": "2 s", "samples": 401},
-        "motion": {**dict.fromkeys(joints, TURNS), **laws},
-    }
-    return scenario(folder, robot, problem, [f"joint.{name}.effort" for name in joints])
 
 
 def falling(folder: Path, robot: str, moving: str, **accuracy: Any) -> Scenario:
@@ -68,9 +58,7 @@ def times(asked: Scenario) -> tuple[int, float, float]:
 def main() -> None:
     print(f"{'':45s} {'removed':>8s} {'part [ms]':>10s} {'whole [ms]':>10s} {'gain':>6s}")
     cases = {
-        "Talos, one arm moving: torques": lambda at: torques(at, "talos", "arm_right"),
         "Talos, one arm falling (stiff)": lambda at: falling(at, "talos", "arm_right", method="stiff", tolerance=1e-5),
-        "Panda, fingers held: torques": lambda at: torques(at, "panda", "panda_joint"),
         "Panda, fingers held: falling": lambda at: falling(at, "panda", "panda_joint"),
     }
     for name, make in cases.items():

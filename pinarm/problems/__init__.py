@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.problems.accuracy import Accuracy
-    from pinarm.problems.simplification import Declaration
 
 
 class ProblemKind(NamedTuple):
@@ -82,10 +81,6 @@ class Problem(Protocol):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row near the start: enough to see which quantities there are, and which are determined."""
-        ...
-
-    def declaration(self) -> Declaration | None:
-        """Return the declaration about coordinates; ``None`` where the mechanism is not to be simplified."""
         ...
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Any:

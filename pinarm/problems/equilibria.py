@@ -96,9 +96,6 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         columns = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, columns=columns, separate=True)
 
-    def declaration(self) -> None:
-        """Return ``None``, so that the mechanism is not simplified: all free joints have a part in its modes."""
-
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         if len(mechanism.joints) < mechanism.model.nv:
             raise InputError("equilibria are found for joints with one coordinate only; this model has others")

@@ -44,7 +44,6 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 from pinarm.problems.laws import laws_of, profile_remarks
 from pinarm.problems.loads import LOADS, Force, bind_loads, schema_row
-from pinarm.problems.simplification import Declaration
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.problems.values import check_levels, check_rates, followers_of, rates_of_coordinates
 from pinarm.records import replace
@@ -118,17 +117,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             return row
         row = driven_by(controls, row)
         return replace(row, columns={**row.columns, **control_schema(controls, row.q, row.v)})
-
-    def declaration(self) -> Declaration:
-        return Declaration(
-            laws=self.motion,
-            watched=[
-                *(event.when for event in self.events.values()),
-                *(name for controller in self.control for name in controller.names),
-            ],
-            loads=self.loads,
-            integrated=True,
-        )
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> HybridSystem:
         mechanism = self._losing(mechanism)

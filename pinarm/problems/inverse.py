@@ -27,7 +27,6 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.drives import Share, drives_of, omitted_drives_remarks
 from pinarm.problems.laws import NearestPosture, grid_of, joint_motion, laws_of, profile_remarks, rough_start
 from pinarm.problems.loads import LOADS, Force, bind_constant_loads, bind_loads, schema_row
-from pinarm.problems.simplification import Declaration, others
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.problems.values import check_levels, coordinates_of
 from pinarm.records import replace
@@ -98,15 +97,6 @@ class Inverse(OverTime, InputStruct, frozen=True, tag_field="kind", tag="inverse
         drives = actuation(mechanism, self.drives, [*self.motion])
         return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
 
-    def declaration(self) -> Declaration | None:
-        """Return the declaration about coordinates.
-
-        ``None`` where drives share, or a posture chooses: each effort, or each joint, depends on all.
-        """
-        if self.share is not None or self.resolve is not None:
-            return None
-        return Declaration(laws=self.motion, drives=self.drives, loads=self.loads)
-
     def _forces(self, mechanism: Mechanism, place: Place) -> Mapping[str, ForceElement]:
         return bind_loads(mechanism, self.loads, place)
 
@@ -148,10 +138,6 @@ class KinematicMotion(OverTime, InputStruct, frozen=True, tag_field="kind", tag=
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         q = generic_near(mechanism, self.start)
         return replace(Trajectory.schema_row(mechanism, q, "t", unit("s")), no_efforts=KINEMATIC)
-
-    def declaration(self) -> Declaration | None:
-        """Return the declaration about coordinates; ``None`` where a posture chooses: joints depend on all."""
-        return None if self.resolve is not None else Declaration(laws=self.motion)
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedTable | None = None
@@ -207,14 +193,6 @@ class StateByState:
         row = schema_row(mechanism, start, self.loads, *self._parameter(mechanism), drives)
         return with_friction_columns(replace(row, separate=True), drives)
 
-    def declaration(self) -> Declaration | None:
-        """Return the declaration about coordinates; ``None`` where drives share: each effort depends on all."""
-        if self.share is not None:
-            return None
-        moving = [name for name in self.hold if any(rates.get(name) for rates in self.rates.values())]
-        held = others(self.hold, moving)
-        return Declaration(held=held, moved=[*self.over, *moving], drives=self.drives, loads=self.loads)
-
     def _parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
         for swept in self.over:
             return swept, mechanism.coordinate(swept).unit
@@ -226,7 +204,7 @@ class StateByState:
             motion = DeterminedMotion(mechanism, determining(mechanism, laws))
         names, rates, grid = self._prescribed, np.zeros((2, len(self._prescribed))), Grid.cover(np.zeros(1), [])
         for order, (key, values) in enumerate(self.rates.items()):
-            for name in others(values, names):
+            for name in values.keys() - {*names}:
                 with place(key, Key(name)):
                     expected, hint = choices(name, names)
                     raise InputError(f"the position does not say '{name}'", expected=expected, hint=hint)

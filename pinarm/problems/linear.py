@@ -173,9 +173,6 @@ class Linear(InputStruct, frozen=True, tag_field="kind", tag="linear"):
     def _driven(self) -> list[str]:
         return [*self.about.hold, *self.about.steady]
 
-    def declaration(self) -> None:
-        """Return ``None``, so that the mechanism is not simplified: all free joints have a part in its modes."""
-
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         check_levels(mechanism, self.about.equilibrium, place, "about", "equilibrium")
         for order, (key, values) in enumerate((("hold", self.about.hold), ("steady", self.about.steady))):

@@ -99,9 +99,6 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
             row = with_friction_columns(row, drives)
         return replace(row, sampled=not known or rows.tau is not None)
 
-    def declaration(self) -> None:
-        """Return nothing: the whole mechanism is given."""
-
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         with place("file" if self.file else "columns"):
             rows, unread = self.rows(mechanism)

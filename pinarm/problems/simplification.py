@@ -1,38 +1,33 @@
-"""A problem solved with the joints locked that it holds still, and the outcome put back into the whole mechanism.
+"""A free motion solved with the joints locked that it holds still, and the outcome put back into the whole mechanism.
 
-A joint at rest, by a law, by a value of ``hold`` or through a coupling, is locked, unless it is part of a loop or a sum
-of coordinates, or a force is asked at it: with what it carries it becomes one body with its parent. No joint is locked
-where named drives act along other coordinates than those that follow laws. Joints are named by their index in v.
+A joint that follows a constant law is locked: with what it carries it becomes one body with its parent. One stays that
+is part of a coupling or a sum of coordinates, or that is watched; of mechanisms with other constraints all stay.
+Joints are named by their index in v.
 
 Back in the whole, locked joints have the efforts that inverse dynamics of the whole gives them.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import pinocchio as pin
-from msgspec import field
 from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.constraint_rows import joint_ties
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, RelayedMotion, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
-from pinarm.engine.statics.actuation import followers_of
 from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place, listed
-from pinarm.input.formulas.expressions import Expression
 from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling, JointRelation
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.geometry.kinematics import Kinematics, new_data
+from pinarm.mechanics.geometry.kinematics import new_data
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import Grid
@@ -42,100 +37,20 @@ from pinarm.problems.loads import Force, bind_loads
 from pinarm.records import Record, ValueRecord, replace
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.laws import Motion
-
-ValueT = TypeVar("ValueT")
+    from pinarm.problems.forward import Forward
 
 
-class Declaration(ValueRecord, frozen=True):
-    """Declaration of the coordinates that a problem holds, moves, drives and watches.
+def without(problem: Forward, names: Collection[str]) -> Forward:
+    """Return a problem on a mechanism that lacks some coordinates, which follow laws and are not watched.
 
-    Attributes:
-        held: Coordinate -> its constant value.
-        laws: Coordinate -> the law that it follows.
-        watched: Coordinates that the problem looks at, so that they are kept.
-        drives: Coordinates along which the drives act; empty for those that the kind of problem chooses.
+    Its loads, which are forces of that mechanism, are left out.
     """
-
-    held: Mapping[str, float] = field(default_factory=dict)
-    moved: Collection[str] = ()
-    laws: Mapping[str, Motion] = field(default_factory=dict)
-    watched: Collection[str] = ()
-    drives: Sequence[str] = ()
-    loads: Mapping[str, Force] = field(default_factory=dict)
-    integrated: bool = False
-
-    @property
-    def prescribed(self) -> list[str]:
-        return [*self.held, *self.moved, *self.laws]
-
-    def differs_by_numbers(self, other: Declaration) -> bool:
-        """Tell whether another problem says the same of the same coordinates but for numbers.
-
-        Then the same joints can be left out: that depends on what stands still, moves, and is looked at.
-        """
-        mine, its = (
-            [*map(list, (d.held, d.moved, d.watched, d.drives, d.loads))]
-            + [(name, type(law), getattr(law, "of", "")) for name, law in d.laws.items()]
-            for d in (self, other)
-        )
-        return mine == its
+    left = {key: {name: x for name, x in getattr(problem, key).items() if name not in names} for key in LEFT_OUT}
+    return replace_fields(problem, **left, loads={})
 
 
-def others(values: Mapping[str, ValueT], names: Collection[str]) -> dict[str, ValueT]:
-    """Return the values of the coordinates that are not among some names."""
-    return {name: value for name, value in values.items() if name not in names}
-
-
-BY_NAME = ("hold", "velocity", "acceleration", "motion", "start")
-"""Fields of problems with values of coordinates by name."""
-
-
-def without(problem: Problem, names: Collection[str]) -> Problem:
-    """Return a problem on a mechanism that lacks some coordinates.
-
-    What it says about them is left out, and so are its loads, which are forces of that mechanism.
-    """
-    fields: Any = problem
-    changes: dict[str, Any] = {key: others(getattr(fields, key), names) for key in BY_NAME if hasattr(fields, key)}
-    if hasattr(fields, "drives"):
-        changes["drives"] = [name for name in fields.drives if name not in names]
-    if "loads" in fields.__struct_fields__:
-        changes["loads"] = {}
-    return cast("Problem", replace_fields(fields, **changes))
-
-
-ABSENT = 1e-12
-"""Entry of a row, relative to the largest, that is 0 but for rounding: the joint has no part in it."""
-
-WORD = re.compile(r"[^\W\d][\w.]*")
-JOINT, DRIVE, POINT = re.compile(r"\b(?:joint|coordinate)\."), re.compile(r"\bdrive\."), re.compile(r"\.")
-
-MOTION = re.compile(r"(?:position|velocity|acceleration)\b")
-"""Quantities of a joint that are no forces."""
-
-
-def requested_joints(texts: Iterable[str], symbols: Mapping[str, Expression], mechanism: Mechanism) -> set[str]:
-    """Return the names of the joints whose effort, power or reaction is requested, or the torque of whose drive."""
-    left, seen = list(texts), set[str]()
-    while left:
-        text = left.pop()
-        if text in seen:
-            continue
-        seen.add(text)
-        for word in WORD.findall(text):
-            left += [known[word].text for known in (symbols, mechanism.symbols) if word in known]
-    asked = (pair for text in seen for pair in _asked(text, JOINT))
-    joints = {name for name, rest in asked if name in mechanism.joints and not MOTION.match(rest)}
-    drives = {name for text in seen for name, _ in _asked(text, DRIVE)}
-    return joints | {drive.coordinate for name, drive in mechanism.drives.items() if name in drives}
-
-
-def _asked(text: str, family: re.Pattern[str]) -> Iterator[tuple[str, str]]:
-    """Yield possible names behind the word of a family, each with the text behind its point: names may hold points."""
-    for word in family.finditer(text):
-        for point in POINT.finditer(text, word.end()):
-            yield text[word.end() : point.start()], text[point.end() :]
+LEFT_OUT = ("motion", "start")
+"""What a problem says of coordinates that follow laws."""
 
 
 class Locking(Record, frozen=True):
@@ -143,143 +58,64 @@ class Locking(Record, frozen=True):
 
     Attributes:
         positions: Joint -> where it stands [rad or m].
-        answered: Joints whose effort carries what the motion of the whole asks at them, and nothing else.
+        laws: Those of the joints that follow a law of their own.
+        couplings: Those that hold the others, one each.
+        drives: Coordinates that follow laws, those of locked joints too.
     """
 
     positions: Mapping[int, float]
-    couplings: Collection[str]
-    answered: Indices
+    laws: Sequence[int]
+    couplings: Mapping[str, Coupling]
+    drives: Sequence[str]
 
 
-def locking(declared: Declaration, mechanism: Mechanism, requested: Collection[str]) -> Locking | None:
-    """Return the joints that a problem may lock, with forces asked at some joints by name; ``None`` without any."""
-    known = _KnownMotion(declared, mechanism)
-    if not known.still or not known.reducible:
-        return None
-    stay = known.kept_joints(requested)
-    positions = {v: position for v, position in known.still.items() if v not in stay}
-    settled = [name for name, joints in known.still_couplings.items() if not joints & stay]
-    left = [coordinate for coordinate in known.prescribed.values() if _own_joint(coordinate) not in positions]
-    if not (stay and positions and (left or declared.integrated) and known.has_same_drives(settled)):
-        return None
-    geared = set().union(*(joints for name, joints in known.still_couplings.items() if name not in settled))
-    answered = np.array(sorted(known.driven - known.shared_efforts - geared), dtype=np.intp)
-    return Locking(positions, settled, answered)
+def locking(problem: Forward, mechanism: Mechanism) -> Locking | None:
+    """Return the joints that a problem may lock; ``None`` without any."""
+    coordinates, closure = mechanism.coordinates, mechanism.closure
+    prescribed = {name: coordinates[name] for name in problem.motion}
+    couplings = {tie.name: tie for tie in mechanism.constraints if isinstance(tie, Coupling)}
+    sums = all(isinstance(coordinate, LinearCoordinate) for coordinate in prescribed.values())
+    if not sums or closure.redundant or len(couplings) < len(mechanism.constraints):
+        return None  # with loops the error of a step is measured over all coordinates: fewer of them take other steps
+    own = {name: v for name, coordinate in prescribed.items() if (v := _own_joint(coordinate)) is not None}
+    constants = ((v, problem.motion[name]) for name, v in own.items())
+    positions = {v: float(law.value) for v, law in constants if isinstance(law, Constant)}
+    settled = _settled(couplings, positions, own.values())
+    moving: list[Coordinate] = [tie.coordinate for name, tie in couplings.items() if name not in settled]
+    moving += [coordinate for name, coordinate in prescribed.items() if name not in own]
+    stay = {v for coordinate in (*moving, *_watched(problem, mechanism)) for v in _joints_in(coordinate)}
+    stay |= set(range(mechanism.model.nv)) - positions.keys()
+    while torn := [name for name, tie in settled.items() if stay & _joints_in(tie.coordinate)]:
+        stay |= {v for name in torn for v in _joints_in(settled.pop(name).coordinate)}
+    positions = {v: position for v, position in positions.items() if v not in stay}
+    laws = sorted(positions.keys() & {*own.values()})
+    return Locking(positions, laws, settled, [*prescribed]) if stay and positions else None
 
 
-class _KnownMotion(Record, frozen=True):
-    """Known motion of a mechanism before anything is solved."""
-
-    declared: Declaration
-    mechanism: Mechanism
-
-    @cached_property
-    def prescribed(self) -> dict[str, Coordinate]:
-        return {name: self.mechanism.coordinates[name] for name in self.declared.prescribed}
-
-    @cached_property
-    def driven(self) -> set[int]:
-        own = {name: _own_joint(self.prescribed[name]) for name in (*self.declared.held, *self.declared.laws)}
-        return {v for v in own.values() if v is not None}
-
-    @cached_property
-    def still(self) -> dict[int, float]:
-        """Joints that stand still, by their own law or because a coupling leaves them nothing else; and where."""
-        laws = {name: law.value for name, law in self.declared.laws.items() if isinstance(law, Constant)}
-        own = {_own_joint(self.prescribed[name]): float(x) for name, x in {**self.declared.held, **laws}.items()}
-        constants = {v: x for v, x in own.items() if v is not None}
-        while True:
-            before = len(constants)
-            for coupling in self._couplings:
-                weights = coupling.coordinate.weights
-                left = [v for v in _joints_in(coupling.coordinate) if v not in constants]
-                if len(left) == 1 and left[0] not in self.driven:
-                    others = sum(weights[v] * position for v, position in constants.items())
-                    constants[left[0]] = float((coupling.constant - others) / weights[left[0]])
-            if len(constants) == before:
-                return constants
-
-    @property
-    def _couplings(self) -> list[Coupling]:
-        return [constraint for constraint in self.mechanism.constraints if isinstance(constraint, Coupling)]
-
-    @cached_property
-    def still_couplings(self) -> dict[str, set[int]]:
-        """Couplings of joints that all stand still, one of them because of it; and their joints."""
-        couplings = {coupling.name: _joints_in(coupling.coordinate) for coupling in self._couplings}
-        still = {name: joints for name, joints in couplings.items() if joints <= set(self.still)}
-        followers = set(self.still) - self.driven
-        return still if len(still) == len(followers & set().union(*still.values())) else {}
-
-    @cached_property
-    def shared_efforts(self) -> set[int]:
-        """Joints whose effort is not simply what the motion asks at them: others share in it.
-
-        They have a part in a constraint, in a sum that follows a law, or in a coordinate of a task along which a drive
-        acts: that loads every joint before the link that it moves.
-        """
-        constraints, coordinates = self.mechanism.constraints, self.mechanism.coordinates
-        joints = {
-            v
-            for coordinate in self.prescribed.values()
-            if _own_joint(coordinate) is None
-            for v in _joints_in(coordinate)
-        }
-        drives = self.declared.drives or ([] if followers_of(constraints) is not None else self.prescribed)
-        rows = [coordinates[name].row(self._state) for name in drives]
-        guides = [row for name, row in zip(drives, rows, strict=True) if not _is_sum(coordinates[name])]
-        for constraint in constraints:
-            if isinstance(constraint, Coupling):
-                joints |= _joints_in(constraint.coordinate) if constraint.name not in self.still_couplings else set()
-            else:
-                guides.append(constraint.rows(self._state))
-        return joints.union(*map(_joints_of, guides))
-
-    def kept_joints(self, requested: Collection[str]) -> set[int]:
-        mechanism, declared = self.mechanism, self.declared
-        stay = self.shared_efforts | (set(range(mechanism.model.nv)) - set(self.still))
-        stay |= {mechanism.joints[name].v for name in requested if name in mechanism.joints}
-        watched = [*declared.moved, *declared.watched]
-        watched += [law.of for law in declared.laws.values() if isinstance(law, Over)]
-        watched += (
-            [name for controller in mechanism.control for name in controller.names] if declared.integrated else []
-        )
-        motors = mechanism.drives
-        for name in watched:
-            stay |= _joints_in(mechanism.coordinates[motors[name].coordinate if name in motors else name])
-        while torn := [joints for joints in self.still_couplings.values() if joints & stay and not joints <= stay]:
-            stay |= set().union(*torn)
-        return stay
-
-    @property
-    def reducible(self) -> bool:
-        constraints, closure = self.mechanism.constraints, self.mechanism.closure
-        if self.declared.drives and {*self.declared.drives} != {*self.prescribed}:
-            return False
-        if any(
-            isinstance(constraint, JointRelation) and not isinstance(constraint, Coupling) for constraint in constraints
-        ):
-            return False  # what a cam leaves of its joints depends on where they are
-        # integrated with loops, the error of a step is measured over all coordinates: fewer of them take other steps
-        straight = all(map(_is_sum, self.prescribed.values())) and len(self._couplings) == len(constraints)
-        return not self.declared.integrated or (straight and not closure.redundant)
-
-    def has_same_drives(self, settled: Collection[str]) -> bool:
-        constraints = self.mechanism.constraints
-        left = [constraint for constraint in constraints if constraint.name not in settled]
-        if self.declared.drives or (followers_of(left) is None) == (followers_of(constraints) is None):
-            return True
-        return all(_own_joint(coordinate) is not None for coordinate in self.prescribed.values())
-
-    @cached_property
-    def _state(self) -> Kinematics:
-        model = self.mechanism.model
-        anywhere = np.sin(np.arange(1.0, model.nv + 1.0))
-        return Kinematics.at(model, pin.integrate(model, pin.neutral(model), anywhere))
+def _settled(
+    couplings: Mapping[str, Coupling], positions: dict[int, float], driven: Collection[int]
+) -> dict[str, Coupling]:
+    """Return couplings that leave one of their joints nothing but to stand still, and add where it stands."""
+    settled, count = dict[str, Coupling](), -1
+    while count < len(settled):
+        count = len(settled)
+        for name, coupling in couplings.items():
+            weights, joints = coupling.coordinate.weights, _joints_in(coupling.coordinate)
+            left = joints - positions.keys()
+            if len(left) == 1 and not left & {*driven}:
+                (v,) = left
+                others = sum(weights[known] * positions[known] for known in joints - left)
+                positions[v], settled[name] = float((coupling.constant - others) / weights[v]), coupling
+    return settled
 
 
-def _is_sum(coordinate: Coordinate) -> bool:
-    return isinstance(coordinate, LinearCoordinate)
+def _watched(problem: Forward, mechanism: Mechanism) -> Iterator[Coordinate]:
+    """Yield the coordinates that events, controllers and profiles look at."""
+    names = [event.when for event in problem.events.values()]
+    names += [name for controller in (*problem.control, *mechanism.control) for name in controller.names]
+    names += [law.of for law in problem.motion.values() if isinstance(law, Over)]
+    for name in names:
+        yield mechanism.coordinates[mechanism.drives[name].coordinate if name in mechanism.drives else name]
 
 
 def _own_joint(coordinate: Coordinate) -> int | None:
@@ -290,12 +126,6 @@ def _own_joint(coordinate: Coordinate) -> int | None:
 def _joints_in(coordinate: Coordinate) -> set[int]:
     """Return the joints in a sum: its weights are numbers of the input, however small; none of another coordinate."""
     return set(np.flatnonzero(coordinate.weights).tolist()) if isinstance(coordinate, LinearCoordinate) else set()
-
-
-def _joints_of(rows: Array) -> set[int]:
-    """Return the joints that have a part in computed rows, shape (nv,) or (m, nv)."""
-    size = np.abs(np.atleast_2d(rows))
-    return set(np.flatnonzero((size > ABSENT * size.max(initial=0.0)).any(axis=0)).tolist())
 
 
 class LockedMechanism(Record, frozen=True):
@@ -341,55 +171,33 @@ class LockedMechanism(Record, frozen=True):
         return replace(event, q=q, v=v)
 
     def restored_rows(self, run: Trajectory) -> Trajectory:
-        own, kept, n = self.locking, self.kept_v, len(run)
+        own, nv = self.locking, self.whole.model.nv
         (q, v), (_, a), (_, tau) = (self.spread(run.q, x) for x in (run.v, run.a, run.tau))
         names = [constraint.name for constraint in run.closure.constraints[len(run.mechanism.constraints) :]]
-        closure = self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names])
-        driven, directions = run.driven, run.directions
-        if driven is not None:
-            driven = np.isin(np.arange(len(v[0])), [*kept[driven], *own.answered])
-        if directions is not None:
-            directions = self.spread(run.q, directions)[1]
+        driven = np.isin(np.arange(nv), [*self.kept_v[run.driven], *own.laws])
         back = replace(
-            run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
-            dynamics=Dynamics.of(self.whole.model, self.forces), driven=driven, directions=directions,
+            run, mechanism=self.whole, q=q, v=v, a=a, dynamics=Dynamics.of(self.whole.model, self.forces),
+            closure=self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names]),
+            driven=driven, drives=(*dict.fromkeys((*own.drives, *run.drives)),),
         )  # fmt: skip
-        if run.no_efforts:
-            return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(own.couplings)))))
-        return self._with_efforts(back)
+        return self._with_efforts(back, tau)
 
-    def _with_efforts(self, run: Trajectory) -> Trajectory:
-        """Return a run of the whole with the efforts of the joints that are locked, or that carry such.
+    def _with_efforts(self, run: Trajectory, tau: Array) -> Trajectory:
+        """Return a run of the whole with the efforts of the joints that are locked; ``tau`` has the others.
 
-        Where couplings W are removed, ``tau + W^T lam`` is what the motion asks at their joints.
+        With the couplings W that are removed ``tau + W^T lam`` is what the motion asks at locked joints.
         """
-        answered, names = self.locking.answered, self.locking.couplings
+        laws, couplings, locked = self.locking.laws, self.locking.couplings, sorted(self.locking.positions)
         demand = run.gather(lambda part, rows: part.inverse(run.grid.t[rows], run.q[rows], run.v[rows], run.a[rows]))
-        tau = run.tau.copy()
-        tau[:, answered] = demand[:, answered]
-        if not names:
-            return replace(run, tau=tau)
-        couplings = (
-            constraint
-            for constraint in self.whole.constraints
-            if isinstance(constraint, Coupling) and constraint.name in names
-        )
-        geared = np.array([coupling.coordinate.weights for coupling in couplings])
-        tied = np.flatnonzero(geared.any(axis=0))
-        driven = answered[geared[:, answered].any(axis=0)]
-        ways = np.vstack([np.eye(self.whole.model.nv)[driven], geared])[:, tied]
-        efforts = np.asarray(np.linalg.solve(ways.T, demand[:, tied].T).T, dtype=np.float64)
-        tau[:, driven] = efforts[:, : len(driven)]
-        return replace(run, tau=tau, lam=self._multipliers(run.lam, efforts[:, len(driven) :]))
-
-    def _multipliers(self, lam: Array, geared: Array) -> Array:
-        """Return the multipliers of the whole from those of the part and of the couplings removed, shape (n, k)."""
-        gone = np.zeros(lam.shape[1] + geared.shape[1], dtype=bool)
-        for name in self.locking.couplings:
-            gone[self.whole.closure.slices[name]] = True
-        multipliers = np.empty((len(lam), len(gone)))
-        multipliers[:, gone], multipliers[:, ~gone] = geared, lam
-        return multipliers
+        weights = [coupling.coordinate.weights for coupling in couplings.values()]
+        ways = np.array([*np.eye(self.whole.model.nv)[laws], *weights])[:, locked]
+        efforts = np.linalg.solve(ways.T, demand[:, locked].T).T
+        tau[:, laws] = efforts[:, : len(laws)]
+        gone = np.zeros(run.lam.shape[1] + len(couplings), dtype=bool)
+        gone[[self.whole.closure.slices[name].start for name in couplings]] = True
+        lam = np.empty((len(run), len(gone)))
+        lam[:, gone], lam[:, ~gone] = efforts[:, len(laws) :], run.lam
+        return replace(run, tau=tau, lam=lam)
 
     @cached_property
     def configuration(self) -> Array:
@@ -419,9 +227,7 @@ class LockedMechanism(Record, frozen=True):
         whole, model = self.whole, self.model
         joints = joints_of(model)
         left = (constraint for constraint in whole.constraints if constraint.name not in self.locking.couplings)
-        constraints = tuple(
-            self._coupling(left_name) if isinstance(left_name, Coupling) else left_name for left_name in left
-        )
+        constraints = tuple(self._coupling(tie) for tie in left if isinstance(tie, Coupling))
         drives = {name: drive for name, drive in whole.drives.items() if drive.joint in joints}
         return replace(
             whole, model=model, joints=joints, balls=balls_of(model), coordinates=self._coordinates(),
@@ -479,7 +285,7 @@ class LockedMechanism(Record, frozen=True):
         """Return the coordinates that no locked joint has a part in, but for those of frames, which all stay."""
         gone, balls = list(self.locking.positions), balls_of(self.model)
         coordinates = {
-            name: self._sum(known) if isinstance(known, LinearCoordinate) else self._counting(known)
+            name: self._sum(known) if isinstance(known, LinearCoordinate) else known
             for name, known in self.whole.coordinates.items()
             if not (isinstance(known, LinearCoordinate) and known.weights[gone].any())
         }
@@ -489,17 +295,6 @@ class LockedMechanism(Record, frozen=True):
         """Return a coupling of the part, its forces as efforts: reactions are asked of the whole."""
         follower = None if coupling.follower is None else int(np.searchsorted(self.kept_v, coupling.follower))
         return replace(coupling, coordinate=self._sum(coupling.coordinate), follower=follower, transmission=None)
-
-    def _counting(self, coordinate: Coordinate) -> Coordinate:
-        """Return a coordinate of frames; of an angle at a loop joint, joints that are locked count as they stand."""
-        from pinarm.mechanics.loops.lower_pairs import TurnedAbout  # most have none
-
-        turns = coordinate.turns if isinstance(coordinate, TurnedAbout) else None
-        if not isinstance(coordinate, TurnedAbout) or turns is None:
-            return coordinate
-        gone = list(self.locking.positions)
-        held = float(turns.weights[gone] @ self.configuration[turns.places[gone]])
-        return replace(coordinate, turns=self._sum(turns), offset=coordinate.offset + held)
 
     def _sum(self, coordinate: LinearCoordinate) -> LinearCoordinate:
         places = np.zeros(self.model.nv, dtype=np.intp)
@@ -556,27 +351,25 @@ class Simplification(Record, frozen=True):
         return cls(problem, mechanism, accuracy, place, problem)
 
     @classmethod
-    def required(
-        cls, problem: Problem, mechanism: Mechanism, accuracy: Accuracy, place: Place, requested: Collection[str]
-    ) -> Simplification:
+    def required(cls, problem: Problem, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Simplification:
         """Return the simplification of a problem; its part is ``None`` where nothing can be locked."""
-        declared, whole = problem.declaration(), cls.whole(problem, mechanism, accuracy, place)
-        tied = joint_ties(mechanism.constraints) or any(drive.turns_rotor for drive in mechanism.drives.values())
-        if declared is None or tied or mechanism.frictions:  # these move, or stick and slip, with several joints
-            return whole
+        whole = cls.whole(problem, mechanism, accuracy, place)
+        rotors = any(drive.turns_rotor for drive in mechanism.drives.values())
+        if problem.kind != "forward" or rotors or mechanism.frictions:
+            return whole  # rotors of their own, and friction that sticks, move with several joints
+        free = cast("Forward", problem)
         try:
-            lock = locking(declared, mechanism, requested)
+            lock = locking(free, mechanism)
         except KeyError:  # a name that does not exist: the question tells of it when it is solved
             lock = None
         if lock is None:
             return whole
-        forces = bind_loads(mechanism, declared.loads, place)
-        part = LockedMechanism.of(mechanism, forces, declared.loads, lock)
+        part = LockedMechanism.of(mechanism, bind_loads(mechanism, free.loads, place), free.loads, lock)
         if part is None:
             return whole
         problem.prepare(mechanism, accuracy, place)
         removed = mechanism.coordinates.keys() - part.mechanism.coordinates.keys()
-        return cls(problem, mechanism, accuracy, place, without(problem, removed), part)
+        return cls(problem, mechanism, accuracy, place, without(free, removed), part)
 
     def solve(self) -> tuple[Outcome, Outcome]:
         """Return the outcome of the mechanism that was solved, and that of the whole mechanism.

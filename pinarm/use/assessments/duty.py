@@ -21,7 +21,7 @@ mechanism it is ``2 T / w²``, with the kinetic energy T at the speed w.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -53,7 +53,7 @@ Known = tuple[float, float]
 """A number and its error."""
 
 
-def load_inertia(run: Trajectory, coordinate: str, held: Iterable[str] = ()) -> Array:
+def load_inertia(run: Trajectory, coordinate: str) -> Array:
     """Return the inertia that the drive of a coordinate feels in every row, rotors included, shape (n,).
 
     It is in kg*m^2 or kg, and infinite where the coordinate cannot move while the other drives are held.
@@ -61,10 +61,9 @@ def load_inertia(run: Trajectory, coordinate: str, held: Iterable[str] = ()) -> 
     Args:
         run: The rows.
         coordinate: Name of the driven coordinate.
-        held: Names of joints that follow laws beside those of ``run.drives``, as where simplification holds them.
     """
     mechanism = run.mechanism
-    names = [coordinate, *(name for name in dict.fromkeys((*run.drives, *held)) if name != coordinate)]
+    names = [coordinate, *(name for name in run.drives if name != coordinate)]
     rows = rows_of(mechanism.model, [mechanism.coordinate(name) for name in names], run.q)
     free = mechanism.closure.split_at(run.q).free
     reduced = free.swapaxes(1, 2) @ run.dynamics.mass_matrices(run.q) @ free
@@ -212,9 +211,7 @@ def _recursion(factors: Array, terms: Array) -> Array:
     return np.array(values)
 
 
-def duty_of(
-    run: Lookup, coordinate: str, armature: float, efficiency: float, rest: float, held: Collection[str] = ()
-) -> Duty:
+def duty_of(run: Lookup, coordinate: str, armature: float, efficiency: float, rest: float) -> Duty:
     """Return the cycle of what a motor drives in a run.
 
     Args:
@@ -223,7 +220,6 @@ def duty_of(
         armature: What its effort in the run counts of the rotor of its own drive [kg*m^2 or kg].
         efficiency: Of the gear.
         rest: How long the joint is held by a brake after the motion [s].
-        held: Joints that simplification holds on their laws; see ``load_inertia``.
     """
     names = [f"coordinate.{coordinate}.{part}" for part in ("velocity", "acceleration", "effort")]
     rates = [run.quantities.determined(name).values for name in names][:2]
@@ -254,7 +250,7 @@ def duty_of(
     )
     speed = float(size(0, fastest[0])[0]), fastest[1]
     instants = _evenly(run, columns)
-    felt, error = _mean_inertia(run, names[0], lambda rows: load_inertia(rows, coordinate, held))
+    felt, error = _mean_inertia(run, names[0], lambda rows: load_inertia(rows, coordinate))
     inertia = felt - armature, error + ROUNDING * armature
     return Duty(run, columns, *instants, inertia, speed, moments, rest)
 

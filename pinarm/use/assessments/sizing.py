@@ -251,8 +251,7 @@ class Sizing(InputStruct, frozen=True):
         self.check_names(result.quantities, result.scenario)
         drive = run.mechanism.drives[self.drive]
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency
-        held = [removal.joint for removal in result.scenario.simplification.removals]
-        duty = duty_of(result.lookup, drive.coordinate, drive.armature, efficiency, float(self.rest), held)
+        duty = duty_of(result.lookup, drive.coordinate, drive.armature, efficiency, float(self.rest))
         candidates = [
             self._candidate(duty, motor, ratio)
             for motor in read_catalogue(Path(self.catalogue))

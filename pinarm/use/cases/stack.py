@@ -334,7 +334,7 @@ class Stack:
         for variant in variants:
             with suppress(PinarmError):
                 document = varied(scenario.document, {path: cases[variant - 1][path] for path in moving})
-                table = scenario.with_document(document).prescribed_table(scenario)
+                table = scenario.with_document(document).prescribed_table()
                 if table is not None and follows_alike(table, self._table):
                     tables[variant] = table
         return tables

@@ -130,11 +130,6 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
         with within("subject_to"):
             return read_conditions(self.subject_to)
 
-    def requested(self) -> list[str]:
-        """Return the quantities and numbers that it needs, so that the joints in them are solved for."""
-        optimum = [self.objective.label] if self.objective else []
-        return [*(self.wanted or ()), *optimum, *self.subject_to]
-
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         """Return the units of the numbers in its section, the objective's left open: see ``Numbered``."""
         units = {path: unknown.unit.si if unknown.unit else None for path, unknown in self.unknown.items()}

@@ -32,7 +32,7 @@ from pinarm.input.yaml.schema import Measured
 from pinarm.mechanics.geometry.kinematics import one_run
 from pinarm.mechanics.perturbation import perturbed_numbers
 from pinarm.problems import KINDS, Problem, problem_class
-from pinarm.problems.simplification import Simplification, requested_joints
+from pinarm.problems.simplification import Simplification
 from pinarm.problems.time_grid import require_memory
 from pinarm.records import Record, replace
 from pinarm.use.result.failures import failures_in_words, is_too_large, overflow
@@ -304,14 +304,7 @@ class Scenario(Record, frozen=True):
         self.require_memory()
         if self.content.modelled == "whole":
             return Simplification.whole(self._question, self.mechanism, self.content.accuracy, self.place)
-        expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
-        wanted = self.content.find.requested() if self.content.find else ()
-        texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
-        for key, assessment in self.content.assessments.items():
-            with self.document.locating(key):
-                texts += assessment.requested(self.mechanism)
-        requested = requested_joints(texts, self.symbols, self.mechanism)
-        return Simplification.required(self._question, self.mechanism, self.content.accuracy, self.place, requested)
+        return Simplification.required(self._question, self.mechanism, self.content.accuracy, self.place)
 
     def run(self) -> Result:
         raise NotImplementedError
@@ -319,18 +312,11 @@ class Scenario(Record, frozen=True):
     def solve(self) -> Result:
         raise NotImplementedError
 
-    def prescribed_table(self, like: Scenario) -> PrescribedTable | None:
-        """Return the prescribed motion and its rows, with nothing solved.
-
-        ``None`` where laws do not determine the motion, or it is solved on a part of the mechanism. ``like`` is the
-        scenario itself, or one that may differ from it by numbers of the problem only.
-        """
+    def prescribed_table(self) -> PrescribedTable | None:
+        """Return the prescribed motion and its rows, with nothing solved; ``None`` where laws do not determine it."""
         if not KINDS[self.problem.kind].prescribing:
             return None
-        declared, known = self.problem.declaration(), like.problem.declaration()
-        alike = declared is not None and known is not None and declared.differs_by_numbers(known)
-        if (like if alike else self).simplification.part is not None:
-            return None
+        self.require_memory()
         return cast("PrescribedTable", self.problem.prepare(self.mechanism, self.content.accuracy, self.place))
 
     def solve_once(self) -> Result:

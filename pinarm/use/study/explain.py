@@ -343,8 +343,7 @@ def _modes(scenario: Scenario) -> list[str]:
 
 def _positions(scenario: Scenario) -> list[Array]:
     """Return where a scenario begins, and further closed configurations: beside it, of an integrated motion."""
-    declaration = scenario.problem.declaration()
-    if declaration is not None and declaration.integrated and not scenario.content.find:
+    if scenario.problem.kind == "forward" and not scenario.content.find:
         return beside(scenario.mechanism, _start(scenario))
     q = run(scenario).trajectory.q
     return [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
