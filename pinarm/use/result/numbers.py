@@ -55,10 +55,6 @@ class Number(ValueRecord, frozen=True):
         return all(isinstance(part, RunNumber) for part in self.parts)
 
     @property
-    def figure(self) -> str:
-        return ""
-
-    @property
     def amount(self) -> Self:
         """The number as bounds and searches compare it."""
         return self
@@ -205,10 +201,6 @@ class SectionNumber(Number, frozen=True):
     @property
     def label(self) -> str:
         return f"{self.key}.{self.name}"
-
-    @property
-    def figure(self) -> str:
-        return self.name.rpartition(".")[2]
 
     def described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
         """Return its name and unit as a series without values; see ``RunNumber.described``.
@@ -493,10 +485,11 @@ class Condition(Record, frozen=True):
             raise InputError(f"'{text[:80]}' is no condition", expected="'< 0.52 m', '> 0.52 m' or '= 0.52 m'")
         value = text[1:].removeprefix("=").strip()
         condition = cls(read_number(number), relations[text[0]], AnyQuantity.read(value, bare=False))
-        if condition.compared.figure == "peak" and isinstance(condition.compared, RunNumber) and condition.bound < 0.0:
+        asked = condition.compared
+        if isinstance(asked, RunNumber) and asked.figure == "peak" and condition.bound < 0.0:
             raise InputError(
                 f"'{number}' is a size, which is never below {condition.bound_text}",
-                expected=f"a bound from 0 on, or {condition.compared.quantity} @ min, @ max",
+                expected=f"a bound from 0 on, or {asked.quantity} @ min, @ max",
             )
         return condition
 

@@ -55,43 +55,31 @@ class SectionTable(Record, frozen=True):
         Args:
             units: The unit that numbers are in, as text -> the unit to show them in.
         """
-        columns = [units.get(str(unit), unit) if unit is not None else None for unit in self.units]
-        factors = [
-            old.factor / new.factor if old is not None and new is not None else 1.0
-            for old, new in zip(self.units, columns, strict=True)
-        ]
-        return replace(self, units=columns, rows=[self._row_shown(row, factors, units) for row in self.rows])
+        heads = [None if own is None else units.get(str(own), own) for own in self.units]
+        return replace(self, units=heads, rows=[self._row_shown(row, heads, units) for row in self.rows])
 
-    def _row_shown(self, row: Sequence[Cell], factors: Sequence[float], units: Mapping[str, Unit]) -> list[Cell]:
-        said = "" if self.row_unit is None else str(row[self.row_unit])
-        of_row = 1.0 / units[said].factor if said in units else 1.0
-        scales = [of_row if unit is None else factor for unit, factor in zip(self.units, factors, strict=True)]
-        shown: list[Cell] = [
-            cell if isinstance(cell, str) or scale == 1.0 else cell * scale
-            for cell, scale in zip(row, scales, strict=True)
+    def _row_shown(
+        self, row: Sequence[Cell], heads: Sequence[Unit | None], units: Mapping[str, Unit]
+    ) -> Sequence[Cell]:
+        of_row = None if self.row_unit is None else units.get(str(row[self.row_unit]))
+        per_row = 1.0 / of_row.factor if of_row else 1.0
+        scales = [
+            own.factor / new.factor if own and new else per_row for own, new in zip(self.units, heads, strict=True)
         ]
-        if self.row_unit is not None and said in units:
-            shown[self.row_unit] = str(units[said])
-        return shown
+        shown = [x if isinstance(x, str) or scale == 1.0 else x * scale for x, scale in zip(row, scales, strict=True)]
+        return [str(of_row) if of_row and k == self.row_unit else cell for k, cell in enumerate(shown)]
 
     def cleared(self) -> SectionTable:
         """Return the table with 0 for numbers that are rounding beside the largest of their column.
 
         Only columns with a unit hold numbers of one kind. Those of errors are left: these are small by right.
         """
-
-        def level(column: int) -> float:
-            if self.units[column] is None or "error" in self.columns[column]:
-                return 0.0
-            cells = [row[column] for row in self.rows]
-            return SOLVED * max((abs(x) for x in cells if not isinstance(x, str) and isfinite(x)), default=0.0)
-
-        levels = [level(column) for column in range(len(self.columns))]
+        levels = list[float]()
+        for unit, name, *cells in zip(self.units, self.columns, *self.rows, strict=True):
+            sizes = [abs(x) for x in cells if not isinstance(x, str) and isfinite(x)]
+            levels.append(0.0 if unit is None or "error" in name else SOLVED * max(sizes, default=0.0))
         rows = [
-            [
-                0.0 if not isinstance(cell, str) and abs(cell) < least else cell
-                for cell, least in zip(row, levels, strict=True)
-            ]
+            [0.0 if not isinstance(x, str) and abs(x) < least else x for x, least in zip(row, levels, strict=True)]
             for row in self.rows
         ]
         return replace(self, rows=rows)
