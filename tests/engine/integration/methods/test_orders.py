@@ -125,7 +125,7 @@ def test_on_loops_with_projection(method, model):
     hybrid = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(
         mechanism, Accuracy(), lambda *path: nullcontext()
     )
-    system, (q, v) = hybrid.system(), hybrid.begin(hybrid.initial)
+    system, (q, v) = hybrid.closed_system, hybrid.begin()
     reference = integrate([system.interval(hybrid.dynamics, 0.0, end)], system.manifold, q, v, Adaptive(1e-13))
     last = np.hstack(reference.states(np.array([end])))[0]
 
