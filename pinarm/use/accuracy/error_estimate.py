@@ -63,63 +63,75 @@ OF_NUMBERS = ("limits", "sensitivity")
 """Assessments of other numbers of the run, which they request."""
 
 
-def estimate_errors(scenario: Scenario, result: Result) -> Result:
+UNCOMPARED = "no other solution gets to the end"
+"""Why there is no bound where there is nothing to compare with."""
+
+
+def estimate_errors(scenario: Scenario, result: Result, others: dict[str, Result | None] | None = None) -> Result:
     """Return a result with a bound of every output's error that holds in 99 of 100 cases, and what it rests on.
 
     Bounds are relative to the outputs' scales, and infinite where there is none; ``setting`` names both settings.
+
+    Args:
+        scenario: Its scenario, with its setting.
+        result: The result.
+        others: Setting in words -> solution with other last digits, ``None`` where it failed; those that it lacks are
+            solved and added.
     """
-    accuracy = scenario.content.accuracy
+    known, accuracy = {} if others is None else others, scenario.content.accuracy
     if result.kind == "linear":
         from pinarm.use.accuracy.small_motion import checked_by_motion
 
         result = checked_by_motion(result)
     if "evaluations" not in result.figures:
-        other = _other(scenario, accuracy.setting_keys, accuracy.max_steps)
+        other = _other(scenario, accuracy.setting_keys, accuracy.max_steps, known)
         return with_errors(result, other, "against other last digits")
     used, steps = format_setting(accuracy.setting_keys), step_limit(result, accuracy.max_steps)
     setting: Mapping[str, Any]
     for setting in comparison_settings(accuracy):
-        if other := _other(scenario, setting, steps):
-            other, setting = _with_other_steps(scenario, result, other, setting, steps)
-            return with_errors(result, other, f"{used}, against {format_setting(setting)} and other last digits")
-    return with_errors(result, None, used)
-
-
-def _with_other_steps(
-    scenario: Scenario, result: Result, other: Result, setting: Mapping[str, Any], most: int
-) -> tuple[Result, Mapping[str, Any]]:
-    """Return a solution whose steps are others than those of a result, and its setting: as fine as need be, or can be.
-
-    Where steps of no setting are others, it is one by another method, whose errors are.
-    """
-    method = scenario.content.accuracy.method
-    while not takes_other_steps(result, other) and setting["method"] == method:
-        finer = finer_setting(setting, other) or other_method(method)
-        solved = _other(scenario, finer, most)
-        if solved is None:
+        if other := _other(scenario, setting, steps, known):
+            break
+    else:
+        return with_errors(result, None, used)
+    while not takes_other_steps(result, other) and setting["method"] == accuracy.method:
+        finer = finer_setting(setting, other) or other_method(accuracy.method)
+        if (solved := _other(scenario, finer, steps, known)) is None:
             break
         other, setting = solved, finer
-    return other, setting
+    return with_errors(result, other, f"{used}, against {format_setting(setting)} and other last digits")
 
 
-def _other(scenario: Scenario, setting: Mapping[str, Any], max_steps: int) -> Result | None:
-    try:
-        return with_setting(scenario, setting, max_steps, seed=1).solve()
-    except NumericsError:
-        return None
+def _other(
+    scenario: Scenario, setting: Mapping[str, Any], max_steps: int, known: dict[str, Result | None]
+) -> Result | None:
+    if (name := format_setting(setting)) not in known:
+        try:
+            known[name] = with_setting(scenario, setting, max_steps, seed=1).solve()
+        except NumericsError:
+            known[name] = None
+    return known[name]
 
 
 def with_errors(result: Result, other: Result | None, setting: str) -> Result:
     """Return a result with the bounds of its errors by another solution, finer or at rounding; infinite without one."""
-    why, errors = reason_for_no_bound(result, other), error_bounds(result, other)
     result = _with_margins(result, other)
-    if other is None or not np.isfinite([*errors.values()]).any():
-        return _with_number_bounds(replace(result, errors=errors, setting=setting, no_bound=why), None)
-    zeros = ", ".join(rounded_to_zero(result))
-    setting += f"; 0 but for rounding: {zeros}" if zeros else ""
-    rounding = _rounding(result, other)
-    setting += f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion" if rounding else ""
-    return _with_number_bounds(replace(result, errors=errors, setting=setting, no_bound=why), other)
+    against = contradiction(result, other)
+    errors = dict.fromkeys(result.content.outputs, np.inf)
+    if other is not None and not against:
+        errors = error_bounds(result, other)
+        if np.isfinite([*errors.values()]).any():
+            zeros, rounding = ", ".join(rounded_to_zero(result)), _rounding(result, other)
+            setting += f"; 0 but for rounding: {zeros}" if zeros else ""
+            adds = f"; rounding lets errors of steps add up to {rounding:.1e} of so small a motion"
+            setting += adds if rounding else ""
+        else:
+            other = None
+    why = against or "; ".join(open_notes(result.outcome.decisions))
+    result = replace(result, errors=errors, setting=setting, no_bound=why)
+    if not (result.content.numbers or result.numbered):
+        return result
+    bounds = number_bounds(result, None if against else other)
+    return replace(result, number_errors=bounds, known={**result.known, **bounded_sections(result, bounds)})
 
 
 def contradiction(result: Result, other: Result | None) -> str:
@@ -129,22 +141,15 @@ def contradiction(result: Result, other: Result | None) -> str:
     of a contact, that both solutions may have missed do not show in their difference.
     """
     if other is None:
-        return "no other solution gets to the end"
+        return UNCOMPARED
     if course := different_course(result, other):
         return f"two solutions take different courses: {course}"
     if missed := [note for note in other.outcome.notes if PASSED_LOADS in note or UNSEEN in note]:
         return f"of two solutions the other may have missed something, too: {missed[0]}"
     left = {name: (size, other.figures.get(name, 0.0)) for name, size in unexplained(result.figures).items()}
-    kept = [
-        f"'{name}' {first:.2g} and {second:.2g}"
-        for name, (first, second) in left.items()
-        if BOUND * abs(first - second) < first
-    ]
-    return (
-        f"two solutions have the same residual, {', '.join(kept)}: neither is the motion of the mechanism"
-        if kept
-        else ""
-    )
+    same = {name: sizes for name, sizes in left.items() if BOUND * abs(sizes[0] - sizes[1]) < sizes[0]}
+    kept = ", ".join(f"'{name}' {first:.2g} and {second:.2g}" for name, (first, second) in same.items())
+    return f"two solutions have the same residual, {kept}: neither is the motion of the mechanism" if kept else ""
 
 
 def reason_for_no_bound(result: Result, other: Result | None) -> str:
@@ -157,9 +162,8 @@ def _with_margins(result: Result, other: Result | None) -> Result:
 
     Decisions that this has in another interval between events, or not at all, keep their own estimates.
     """
-    margins = (
-        {(known.what, _interval(other, known)): known.margin for known in other.outcome.decisions} if other else {}
-    )
+    known = other.outcome.decisions if other else ()
+    margins = {(each.what, _interval(other, each)): each.margin for each in known if other}
     decisions = []
     for decision in result.outcome.decisions:
         margin = margins.get((decision.what, _interval(result, decision)))
@@ -173,36 +177,22 @@ def _interval(result: Result, decision: Decision) -> int:
     return int(np.searchsorted(result.trajectory.grid.cuts, decision.t))
 
 
-def _with_number_bounds(result: Result, other: Result | None) -> Result:
-    if not (result.content.numbers or result.numbered):
-        return result
-    bounds = number_bounds(result, other)
-    return replace(result, number_errors=bounds, known={**result.known, **bounded_sections(result, bounds)})
-
-
-def error_bounds(result: Result, other: Result | None) -> dict[str, float]:
-    """Return the bound of every output's error, relative to its scale, by another solution.
+def error_bounds(result: Result, other: Result) -> dict[str, float]:
+    """Return the bound of every output's error, relative to its scale, by another solution that contradicts nothing.
 
     ``BOUND`` times the difference, and where rounding has decided the steps of either, so that it is no finer, their
     own error: as much of what the output varies by as they may be wrong by of the motion. What is 0 but for rounding is
     wrong by all of it. No bound is below a residual that rounding does not explain, such as energy that is lost, and
-    none is finite where the solutions contradict each other, or a decision that is open touches the output.
+    none is finite where a decision that is open touches the output.
     """
-    if other is None or contradiction(result, other):
-        return dict.fromkeys(result.content.outputs, np.inf)
-    undecided = [decision for decision in _with_margins(result, other).outcome.decisions if decision.is_open]
     rounding, differences = _rounding(result, other), output_differences(result, other)
     zeros, least = rounded_to_zero(result), max(unexplained(result.figures).values(), default=0.0)
-    return {
-        name: np.inf
-        if any(decision.touches(name) for decision in undecided)
-        else max(
-            BOUND * differences[name] + rounding * float(np.ptp(result[name].values)) / scale,
-            zeros.get(name, 0.0),
-            least,
-        )
-        for name, scale in output_scales(result).items()
-    }
+    bounds = dict[str, float]()
+    for name, scale in output_scales(result).items():
+        bound = BOUND * differences[name] + rounding * float(np.ptp(result[name].values)) / scale
+        is_open = any(decision.is_open and decision.touches(name) for decision in result.outcome.decisions)
+        bounds[name] = np.inf if is_open else max(bound, zeros.get(name, 0.0), least)
+    return bounds
 
 
 def _rounding(*results: Result) -> float:
@@ -249,8 +239,7 @@ def number_bounds(result: Result, other: Result | None) -> dict[str, float]:
         if np.isfinite(value):
             known = other and not any(decision.touches(label) for decision in undecided)
             difference = abs(_value(other, number)[0] - value) if other and known else np.inf
-            least = worst * abs(value)
-            bounds[label] = max(BOUND * difference, least) + left if np.isfinite(difference) else np.inf
+            bounds[label] = max(BOUND * difference, worst * abs(value)) + left if np.isfinite(difference) else np.inf
     return bounds
 
 

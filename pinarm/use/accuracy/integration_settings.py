@@ -69,6 +69,10 @@ def takes_other_steps(first: Result, second: Result) -> bool:
     return more >= GROWN * (fewer + 1.0)
 
 
+COARSEST = 2
+"""The coarsest rung of a ladder."""
+
+
 @dataclass(frozen=True)
 class Ladder:
     """Settings of one method: decades of the tolerance, or halves of the step.
@@ -91,13 +95,8 @@ class Ladder:
         """The rung below which rounding decides."""
         return 12 if self.halving else 14
 
-    @property
-    def finer(self) -> int:
-        """Number of rungs down to the finer solution of a comparison."""
-        return 1 if self.halving else 2
-
     def setting(self, rung: int) -> dict[str, Any]:
-        """Return the setting of a rung, the coarsest being 2: ``10^-rung``, or the span by ``16 2^rung``."""
+        """Return the setting of a rung: ``10^-rung``, or the span by ``16 2^rung``."""
         step = float(f"{self.span / (16.0 * 2.0**rung):.3g}")
         return setting_keys(self.method, step if self.halving else float(f"1e-{rung}"))
 
@@ -136,6 +135,6 @@ def settings_by_method(result: Result) -> dict[str, list[dict[str, Any]]]:
     """Return the settings that are worth trying on a motion, by method, the coarsest first."""
     t = result.trajectory.grid.t
     return {
-        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(2, entry.finest + 1)]
+        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(COARSEST, entry.finest + 1)]
         for method, entry in METHODS.items()
     }

@@ -48,10 +48,10 @@ def swing_file(tmp_path):
 def parted(monkeypatch):
     """Solutions to compare with pass the event, as they would by an error that is larger than they know."""
 
-    def other(scenario, setting, max_steps):
-        return with_setting(scenario.varied({"problem.events.low.reaches": BELOW}), setting, max_steps).solve()
+    def other(scenario, setting, max_steps, **seed):
+        return with_setting(scenario.varied({"problem.events.low.reaches": BELOW}), setting, max_steps)
 
-    monkeypatch.setattr(error_estimate, "_other", other)
+    monkeypatch.setattr(error_estimate, "with_setting", other)
 
 
 @pytest.fixture
