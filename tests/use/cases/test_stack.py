@@ -10,7 +10,7 @@ import pinarm
 from pinarm import PinarmError
 from pinarm.records import replace
 from pinarm.use.cases.case import WORTH, Task, Value, Wanted, solve_case
-from pinarm.use.cases.stack import Stack
+from pinarm.use.cases.solving import Stack
 from tests.use.cases.conftest import Chunk
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"

@@ -8,8 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.use.cases.case import Row, Task, Value, Wanted, solve_case
-from pinarm.use.cases.solving import CaseSolver
-from pinarm.use.cases.stack import Stack
+from pinarm.use.cases.solving import CaseSolver, Stack
 from pinarm.use.workers.runners import in_order
 
 BRANCHES = """\

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.cases.stack import VariantNumbers
+from pinarm.use.cases.solving import VariantNumbers
 from pinarm.use.result.number_accuracy import global_error
 from pinarm.use.result.numbers import CombinedNumber, read_number
 
