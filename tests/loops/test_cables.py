@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from motions import anywhere, driven, freely
 
-from pinarm.engine.checks.limits import excesses
+from pinarm.engine.checks.residuals import excesses
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import ConstantAcceleration

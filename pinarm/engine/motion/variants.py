@@ -1,19 +1,33 @@
-"""Prescribed motions of variants of a mechanism: states with an axis of variants after the rows."""
+"""Prescribed motions of variants of a mechanism: positions, velocities and accelerations of all rows at once.
+
+From configurations near the rows of every variant Newton's method leads to these: from row i of the first variant, or
+where laws vary from a coarse continuation. The rows are one motion each, on the branch that the start chooses, if
+
+- the first row is one step of a continuation away from the closed drawing, within the limits of joints;
+- every row is near the one that velocity and acceleration predict from the row before, and moves as that predicts;
+- the determinant of J keeps its sign, and its inverse about its size.
+
+A variant of which one of these is not so is solved alone. Arrays have the shape (n, k, ..), rows and variants.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import VariantClosure
+from pinarm.engine.constraints.nullspace import RANK, VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.continuation import NEAR, BatchClosing, Rates
 from pinarm.engine.kinematics.joint_motion import DeterminedMotion
-from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
+from pinarm.engine.kinematics.newton import ITERATIONS, NewtonSolver
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.kinematics.singular import on_branch
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion, PrescribedTable, Prescription
 from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
@@ -21,7 +35,7 @@ from pinarm.engine.statics.actuation import WEAK, Actuation, DriveAtEveryJoint, 
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.records import replace
+from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -170,3 +184,174 @@ class DrivesOfVariants(SelectedDrives, frozen=True):
         good &= ways.shape[2] <= ways.shape[1]
         tau = (np.where(good[:, None], effort, np.nan) @ weights).reshape(demand.shape)
         return tau, split.multipliers(demand - tau)
+
+
+STEPS = 12
+"""Most steps from a row of the first variant: from an angle of 0.5 rad five or six."""
+
+UNEVEN = 50.0
+"""Largest ratio of the largest entry of J^-1 in a motion to its least: beyond it singular positions may be near, at
+which rows are interpolated (``motion.singular_passage``)."""
+
+COARSE = 0.25
+"""Change of the first variant's coordinates between rows that are solved one after the other [rad or m]: a prediction
+by velocity and acceleration errs by some hundredths of it, and of twice as fast a variant by a tenth."""
+
+SAME = 1e-6
+"""Difference of configurations of one branch, that were closed from different places [rad or m]: rounding only."""
+
+
+class VariantStates(NamedTuple):
+    """The states of k variants at n rows.
+
+    Attributes:
+        q: Configurations, shape (n, k, nq).
+        v: Velocities, shape (n, k, nv).
+        a: Accelerations, shape (n, k, nv).
+        sound: Which variants are on the branch of their start all along, shape (k,).
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    sound: Flags
+
+
+class VariantMotion(Record, frozen=True):
+    """Motion of variants of a mechanism by prescribed coordinates.
+
+    Attributes:
+        solver: Newton's method on one variant, for the curved rows and the units of all variants.
+        closing: Newton's method on all variants and the prescribed coordinates.
+    """
+
+    solver: NewtonSolver
+    own: VariantClosure
+    closing: BatchClosing
+
+    @classmethod
+    def of(cls, own: VariantClosure, prescribed: PrescribedCoordinates, q: Array) -> VariantMotion:
+        """Return the motion, given a configuration of the first variant, shape (nq,).
+
+        Raises:
+            VariantsDiffer: Something cannot be had of many states, or the first variant is near a singular position.
+        """
+        solver, whole = NewtonSolver(own.first, prescribed), own.with_guides(prescribed.names, prescribed.coordinates)
+        if not solver.sliding.all():
+            raise VariantsDiffer("screws, whose turns are counted")
+        closing = BatchClosing.of(whole, own.size, solver.whole.rows(solver.whole.state(q)))
+        if closing is None:
+            raise VariantsDiffer("a motion that begins near a singular position")
+        return cls(solver, own, closing)
+
+    def follow(self, t: Array, laws: Array, near: Array, start: Array) -> VariantStates:
+        """Return the states.
+
+        Args:
+            t: The parameter at the rows, shape (n,), or (n, k) where it varies.
+            laws: The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d).
+            near: Configurations near those of the rows, shape (n, k or 1, nq).
+            start: Configurations of the drawing, or of the start, shape (k or 1, nq): they choose the branch.
+        """
+        with np.errstate(all="ignore"):  # of variants that are to be solved alone
+            q, rates, sound = self._solved(laws, near)
+            good = sound.all(axis=0) & _is_one_motion(t.reshape(len(t), -1), q, rates)
+            first, begun = self._begun(start, laws)
+            good &= begun & (np.abs(first - q[0]).max(axis=-1) <= SAME)
+        return self._sound(q, rates, good)
+
+    def follow_near(self, laws: Array, near: Array) -> VariantStates:
+        """Return states each of its own, near configurations that are predicted from states of the motion."""
+        with np.errstate(all="ignore"):
+            q, rates, sound = self._solved(laws, near)
+            good = sound & (np.abs(q - near).max(axis=-1) <= NEAR)
+        return self._sound(q, rates, good.all(axis=0))
+
+    def continued(self, t: Array, laws: Array, first: Array, start: Array) -> Array:
+        """Return configurations near those of the rows, shape (n, k, nq), where variants follow laws of their own.
+
+        Some of the rows are solved one after the other; their velocities and accelerations predict the rows between.
+
+        Args:
+            t: The parameter at the rows, shape (n, k or 1).
+            laws: The prescribed coordinates and their two derivatives, shape (3, n, k or 1, d).
+            first: Configurations of the first variant, shape (n, nq).
+            start: See ``follow``.
+        """
+        most = float(np.abs(np.diff(first, axis=0)).max(initial=0.0))
+        step = max(1, int(COARSE / max(most, 1e-300)))
+        near = np.empty((len(first), len(self.own.model), first.shape[1]))
+        with np.errstate(all="ignore"):
+            near[0], _ = self._begun(start, laws)
+            for row in range(0, len(first), step):
+                q, rates, _ = self._solved(laws[:, row : row + 1], near[row : row + 1])
+                h = (t[row + 1 : row + 1 + step] - t[row])[..., None]
+                near[row + 1 : row + 1 + step] = q + h * (rates.v + 0.5 * h * rates.a)
+        return near
+
+    def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+        """Return velocities and accelerations, shape (n, k, nv), at configurations of the motion, shape (n, k, nq)."""
+        targets = (self._spread(np.repeat(x[None], len(q), axis=0)) for x in (dw, ddw))
+        rates = self.closing.rates(self.closing.at(q), *targets)
+        return rates.v, rates.a
+
+    def _spread(self, x: Array) -> Array:
+        return np.ascontiguousarray(np.broadcast_to(x, (len(x), len(self.own.model), x.shape[-1])))
+
+    def _solved(self, laws: Array, near: Array) -> tuple[Array, Rates, Flags]:
+        """Return configurations near given ones, their rates, and where they are closed, shape (n, k)."""
+        (w, dw, ddw), closing = map(self._spread, laws), self.closing
+        q, _, _, done = closing.solve(self._spread(near), w, STEPS)
+        measured = closing.at(q)
+        return q, closing.rates(measured, dw, ddw), done & closing.closed(measured, w)
+
+    def _sound(self, q: Array, rates: Rates, good: Flags) -> VariantStates:
+        """Return states; those of variants that are not good are the first's."""
+        q, v, a = (np.where(good[:, None], x, x[:, :1]) for x in (q, rates.v, rates.a))
+        return VariantStates(q, v, a, good & self.own.alike_in_size)
+
+    def _begun(self, start: Array, laws: Array) -> tuple[Array, Flags]:
+        """Return first positions, shape (k, nv), and where they are one step from closed drawings, within limits."""
+        drawn, good = self._drawn(self._spread(start[None])[0])
+        first, _, reached = self._solved(laws[:, :1], drawn[None])
+        w, states = self._spread(laws[0, :1]), np.concatenate([drawn[None], first])
+        change = self.closing.missing(self.closing.at(drawn[None]), w)[..., self.own.size :].repeat(2, axis=0)
+        rates = self.closing.rates(self.closing.at(states), change, np.zeros_like(change))
+        one_step = _is_one_motion(np.array([[0.0], [1.0]]), states, rates)
+        model, given = self.own.first.model, {getattr(x, "joint", None) for x in self.solver.coordinates}
+        judged = [k for k in range(model.nq) if k not in given]
+        low, high = model.lowerPositionLimit[judged], model.upperPositionLimit[judged]
+        within = ((states[..., judged] >= low) & (states[..., judged] <= high)).all(axis=(0, -1))
+        return first[0], good & one_step & reached[0] & within
+
+    def _drawn(self, q: Array) -> tuple[Array, Flags]:
+        """Return where damped steps close the loops, shape (k, nv), and where every step made gaps smaller, (k,)."""
+        solver, size, m = self.solver, np.full(len(q), np.inf), self.own.size
+        good = np.ones(len(q), dtype=bool)
+        allowed = self.closing.allowed(np.zeros(self.closing.rows.size - m))[:m]
+        for _ in range(ITERATIONS):
+            measured = self.closing.at(q[None])
+            gaps = -measured.gaps[0][:, :m]
+            closed = (np.abs(gaps) <= allowed).all(axis=-1)
+            left = np.linalg.norm(gaps / solver.measure[:m], axis=-1)
+            good &= closed | (left < size)
+            if (closed | ~good).all():
+                break
+            rows = measured.matrices[0][:, :m]
+            counts = np.linalg.norm(rows, axis=2, keepdims=True) > VANISHED * self.closing.rows.reach[:m, None]
+            rows = rows * counts * (solver.scale / solver.measure[:m, None])
+            step = np.matvec(np.linalg.pinv(rows, rcond=RANK), gaps / solver.measure[:m])
+            turning = rows[:, solver.curved[:m]].any(axis=1)
+            most = np.where(turning, np.abs(step), 0.0).max(axis=-1)
+            step *= np.where(closed, 0.0, np.minimum(1.0, 0.5 / np.maximum(most, 1e-300)))[:, None]
+            q, size = q + solver.scale * step, left
+        return q, good & closed
+
+
+def _is_one_motion(t: Array, q: Array, rates: Rates) -> Flags:
+    """Tell in which variants each row follows from the one before, shape (k,), given the parameter, (n, k or 1)."""
+    h, v, a = np.diff(t, axis=0)[..., None], rates.v, rates.a
+    slope = v[:-1] + h * a[:-1]
+    correction = np.abs(q[1:] - q[:-1] - 0.5 * h * (v[:-1] + slope)).max(axis=-1)
+    near = (correction <= NEAR) & on_branch(h * (v[1:] - slope), correction) & (rates.sense[1:] == rates.sense[:-1])
+    return np.asarray(near.all(axis=0) & (rates.size.max(axis=0) <= UNEVEN * rates.size.min(axis=0)))

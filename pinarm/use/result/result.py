@@ -17,7 +17,7 @@ from msgspec import field
 from msgspec.structs import asdict
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.limits import Excess, beyond_points, excesses, highest_row
+from pinarm.engine.checks.residuals import Excess, beyond_points, excesses, highest_row
 from pinarm.engine.motion.outcome import open_notes
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series

@@ -95,7 +95,7 @@ def _write_rows(result: Result, draft: Path) -> None:
 
 def _write_sections(result: Result, draft: Path) -> None:
     if result.sections:
-        from pinarm.use.store.section_files import SECTIONS, sections_text
+        from pinarm.use.store.files import SECTIONS, sections_text
 
         write(draft / SECTIONS, sections_text(result.sections))
     for section in result.written_sections.values():

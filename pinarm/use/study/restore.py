@@ -23,7 +23,7 @@ from pinarm.use.mechanism import Mechanism, with_methods
 from pinarm.use.output import complete_folder, read_manifest
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.stored_rows import AGAIN, result_of
-from pinarm.use.store.section_files import SECTIONS, read_sections
+from pinarm.use.store.files import SECTIONS, read_sections
 from pinarm.use.study.recorded import result as recorded_result
 
 if TYPE_CHECKING:

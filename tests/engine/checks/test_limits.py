@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.checks.limits import excesses
+from pinarm.engine.checks.residuals import excesses
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward

@@ -10,7 +10,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
-from pinarm.use.store.section_files import SECTIONS, read_sections, sections_text
+from pinarm.use.store.files import SECTIONS, read_sections, sections_text
 
 SERIES = Series("force", unit("kN"), np.array([0.1, 1e-300, -0.0]), "least multipliers")
 TABLE = SectionTable("figures", "Peaks", ("", "x"), (None, unit("N*m")), [("a", 1 / 3), ("b", math.inf)])

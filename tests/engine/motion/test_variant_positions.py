@@ -10,8 +10,8 @@ from pinarm.engine.kinematics.assembly import determining
 from pinarm.engine.kinematics.joint_motion import follow
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.kinematics.variant_motion import VariantMotion, VariantStates
 from pinarm.engine.mechanism import mechanism_variants
+from pinarm.engine.motion.variants import VariantMotion, VariantStates
 from pinarm.mechanics.laws.kinds import ConstantSpeed
 from pinarm.mechanics.laws.motion_law import Grid
 
