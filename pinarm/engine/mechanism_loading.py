@@ -33,7 +33,8 @@ from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_
 from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
 from pinarm.mechanics.loading.pinocchio_model import RobotModel
-from pinarm.mechanics.loops.loop_joints import LoopJoint, proposals
+from pinarm.mechanics.loops.closing_frames import proposals
+from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record, replace
 
 if TYPE_CHECKING:
@@ -240,7 +241,7 @@ class _Binding(Record, frozen=True):
                 check_unit(value, measured)
         loops = self.bound("loops", self.robot.tree.loops, lambda loop, name: loop.bind(model, name))
         if self.description.closures:
-            from pinarm.mechanics.loops.loop_joints import closures_of
+            from pinarm.mechanics.loops.closing_frames import closures_of
 
             with self.here("closures"):
                 loops += closures_of(model, self.description.closures, only_joints(loops))

@@ -13,7 +13,7 @@ from pinarm.input.units import Unit, argument_word, unit
 from pinarm.input.yaml.schema import Acceleration, AnyQuantity, Deferred, InputStruct, Level, Measured, Positive
 from pinarm.mechanics.joints import AXES, Direction, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
-from pinarm.mechanics.loops.loop_joints import Closure
+from pinarm.mechanics.loops.closing_frames import Closure
 
 if TYPE_CHECKING:
     from pinarm.mechanics.control.kinds import Control
