@@ -19,7 +19,7 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.nullspace import one_blas_thread
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.families import FAMILIES, family
-from pinarm.engine.quantities.family import Asked, Evaluation, Family, UnknownQuantity
+from pinarm.engine.quantities.family import RATES, Asked, Evaluation, Family, UnknownQuantity
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.engine.series import Series
 from pinarm.errors import ExpressionError, InputError, UnitError, choices, require_name
@@ -281,6 +281,13 @@ class Quantities(Struct, eq=False, dict=True, weakref=True):
     def _several(self) -> set[str]:
         """Names that stand for more than a quantity, besides those that the mechanism gives a meaning."""
         return {self.trajectory.parameter, "g", *CONSTANTS, *self.symbols}
+
+    def is_rate(self, name: str) -> bool:
+        """Tell whether a name is that of a joint's coordinate, or of a rate of it, and stands for nothing else."""
+        mechanism, (word, _, rest) = self.trajectory.mechanism, name.partition(".")
+        joint, _, rate = rest.rpartition(".")
+        own = word == "joint" and rate in RATES and joint in mechanism.joints and rest not in self._dotted
+        return own and name not in self._several and name not in mechanism.worded
 
     def _is_quantity(self, name: str) -> bool:
         word, _, rest = name.partition(".")

@@ -15,7 +15,7 @@ from pinarm.use.result.row_lookup import located
 
 if TYPE_CHECKING:
     from pinarm.engine.series import Series
-    from pinarm.use.result.section import Numbered
+    from pinarm.use.result.run import Numbered
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint", "model_error"]
 ERRATA = ("misprint", "model_error")

@@ -25,9 +25,8 @@ from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_fig
 from pinarm.use.result.row_lookup import located
 
 if TYPE_CHECKING:
-    from pinarm.use.result.result import Result
     from pinarm.use.result.row_lookup import Lookup
-    from pinarm.use.result.section import Numbered
+    from pinarm.use.result.run import Numbered, Run
 
 
 EXAMPLES = (
@@ -140,7 +139,7 @@ class RunNumber(Number, frozen=True):
         unit = figure_unit(quantities, self.quantity, self.at) if isinstance(self.at, str) else series.unit
         return Series(self.label, unit, np.zeros(0))
 
-    def value(self, result: Result) -> tuple[float, float]:
+    def value(self, result: Run) -> tuple[float, float]:
         """Return the number [SI] and its error: of a quadrature, or of the search for a place; else 0.
 
         Raises:
@@ -166,7 +165,7 @@ class RunNumber(Number, frozen=True):
             return run.at_instant(self.at, self.quantity)
         return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
 
-    def _require_determined(self, result: Result, value: float) -> None:
+    def _require_determined(self, result: Run, value: float) -> None:
         """Raise where the number would be another one with other frictions that hold the same motion."""
         place = isinstance(self.at, str)
         ends = [
@@ -215,7 +214,7 @@ class SectionNumber(Number, frozen=True):
             raise self._missing(units)
         return Series(self.label, units[self.name], np.zeros(0))
 
-    def value(self, result: Result) -> tuple[float, float]:
+    def value(self, result: Run) -> tuple[float, float]:
         """Return the number [SI] and the error of its quadrature; see ``RunNumber.value``.
 
         Raises:
@@ -312,7 +311,7 @@ class CombinedNumber(Number, frozen=True):
         units = [part.described(quantities, sections).unit for part in self.parts]
         return Series(self.label, self._in_words(lambda: _unit_of_formula(self._expression, units)), np.zeros(0))
 
-    def value(self, result: Result) -> tuple[float, float]:
+    def value(self, result: Run) -> tuple[float, float]:
         """Return the number [SI] and what the errors of its parts make of it; see ``RunNumber.value``.
 
         Raises:
@@ -423,7 +422,7 @@ def slug(number: AnyNumber) -> str:
     return re.sub(r"\W+", "_", number.label).strip("_")[:LONGEST]
 
 
-def measured(number: AnyNumber, result: Result) -> tuple[Series, float]:
+def measured(number: AnyNumber, result: Run) -> tuple[Series, float]:
     """Return a number of a run as a series of one value, with its unit, and the error of its quadrature.
 
     Raises:

@@ -26,32 +26,28 @@ from pinarm.input.yaml.schema import plain, quantity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.problems.simplification import Removal
-from pinarm.records import Record
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED, unexplained_notes
 from pinarm.use.result.presentation import FOR_PEOPLE
-from pinarm.use.result.row_lookup import PLATEAU, Lookup
+from pinarm.use.result.row_lookup import PLATEAU
+from pinarm.use.result.run import Run
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from pinarm.engine.labelled_array import LabelledArray
     from pinarm.engine.linear.linear_states import Linearisation
-    from pinarm.engine.motion.outcome import Outcome
     from pinarm.engine.quantities.names import Quantities
     from pinarm.input.units import Unit
     from pinarm.use.result.presentation import Presentation
-    from pinarm.use.result.section import Numbered, Section
+    from pinarm.use.result.run import Numbered
+    from pinarm.use.result.section import Section
     from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.scenario.scenario_file import ScenarioFile
 
 
-class Result(Record, frozen=True):
-    """The answer to a scenario: the rows of a run, the motion between them, and what is concluded from it.
+class Result(Run, frozen=True):
+    """The answer to a scenario.
 
     Attributes:
-        name: Name of the scenario.
-        outcome: What came out of the problem, for the whole mechanism.
-        quantities: Everything that can be asked of the run, by name.
         scenario: The question, as it was solved.
         figures: Measured accuracy and cost, by name; accuracy is measured when it is first looked at.
         errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
@@ -65,9 +61,6 @@ class Result(Record, frozen=True):
         source: The scenario file that it came of, where it was read from a folder.
     """
 
-    name: str
-    outcome: Outcome
-    quantities: Quantities
     scenario: Scenario
     figures: Mapping[str, float] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -81,26 +74,6 @@ class Result(Record, frozen=True):
     def __repr__(self) -> str:
         outputs = ", ".join(self.content.outputs)
         return f"<Result of '{self.name}', {self.kind}: {len(self)} rows; {outputs}>"
-
-    def __getitem__(self, name: str) -> Series:
-        """Return a quantity by name, symbol or formula, as an array with its unit."""
-        return self.quantities[name]
-
-    def __len__(self) -> int:
-        return len(self.trajectory)
-
-    @property
-    def trajectory(self) -> Trajectory:
-        return self.outcome.rows
-
-    @property
-    def arrays(self) -> Mapping[str, LabelledArray]:
-        """Results that are no columns over the rows, such as mode shapes, by name."""
-        return self.outcome.arrays
-
-    @cached_property
-    def lookup(self) -> Lookup:
-        return Lookup(self.quantities, self.outcome.motion)
 
     @property
     def kind(self) -> str:
@@ -279,11 +252,14 @@ class Result(Record, frozen=True):
         Raises:
             InputError: The run does not come there, or the unit is another.
         """
-        run = self.trajectory
-        place = float(run.grid.t[0] if t is None else quantity(str(run.unit)).read(t))
-        if not (spots := self.lookup.on_parameter(place)):
-            raise InputError(f"{run.parameter} = {place:g} is not reached in this run")
-        return self.lookup.row(*spots[0])
+        parameter, lookup = quantity(str(self.trajectory.unit)), self.lookup
+        place = float(self.trajectory.grid.t[0] if t is None else parameter.read(t))
+        within = [
+            k for k, (start, end, _) in enumerate(lookup.intervals) if min(start, end) <= place <= max(start, end)
+        ]
+        if not within:
+            raise InputError(f"{self.trajectory.parameter} = {place:g} is not reached in this run")
+        return lookup.quantities_at(within[0], np.array([place]))
 
     def to_dataframe(self) -> DataFrame:
         """Return the outputs as a pandas table, one row per instant, units in the headings; see ``units:``.
@@ -295,6 +271,12 @@ class Result(Record, frozen=True):
         return dataframe(
             {series.label: series.values for series in map(self.presentation.written, self.table_columns())}
         )
+
+    def _modes_instead_of(self, name: str) -> str:
+        """Return the modes of the state where a measure of a missing mode is asked for; empty otherwise."""
+        if self.kind != "linear" or "mode." not in name:
+            return ""
+        return f"modes of the state: {', '.join(self.arrays['eigenvalues'].columns) or 'none'}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         from pinarm.use.result.stored_rows import arrays_of, result_of
@@ -308,12 +290,19 @@ class Result(Record, frozen=True):
         """Return the names of its quantities, for completion in notebooks."""
         return self.quantities.names()
 
+    @cached_property
+    def _states_known(self) -> bool:
+        run = self.trajectory
+        return all(bool(np.isfinite(x).all()) for x in (run.q, run.v, run.a))
+
     def require_finite(self, name: str) -> None:
         """Raise where a quantity is not a number somewhere.
 
         Raises:
             DynamicsError: Says where; ``partial`` holds the result.
         """
+        if self._states_known and self.quantities.is_rate(name):
+            return
         bad = np.flatnonzero(~self[name].known)
         if not len(bad):
             return
@@ -325,9 +314,7 @@ class Result(Record, frozen=True):
             if time.endswith(".time") and time in name and np.isnan(series.values).any()
         ]
         said = [note for note in self.outcome.notes if note.startswith(f"row {row + 1}: ")]
-        modes = self.kind == "linear" and "mode." in name
-        instead = f"modes of the state: {', '.join(self.arrays['eigenvalues'].columns) or 'none'}" if modes else ""
-        hint = "; ".join(never[:1] or said) or instead
+        hint = "; ".join(never[:1] or said) or self._modes_instead_of(name)
         at = format_configuration(run.mechanism.model, run.q[row])
         raise DynamicsError(
             f"{name} is not finite at {run.parameter} = {run.grid.t[row]:.9g} {run.unit}, where {at}{more}"
@@ -408,8 +395,7 @@ class Result(Record, frozen=True):
 
         ``start`` and ``end`` are NaN where the value there depends on how frictions at rest share a load.
         """
-        t, bounds = self.trajectory.grid.t, self.quantities.bounds(series.name)
-        least, greatest = ((bound.to(series.unit) if series.unit else bound).values + 0.0 for bound in bounds)
+        t, least, greatest = self.trajectory.grid.t, *self._bounds(series)
         values = np.where(self.quantities.open_rows(series.name), np.nan, series.values) + 0.0  # -0 becomes 0
         slack = PLATEAU * max(float(np.abs(x[np.isfinite(x)]).max(initial=0.0)) for x in (least, greatest))
         low, high = (
@@ -421,6 +407,12 @@ class Result(Record, frozen=True):
             "at_max": t[high], "start": values[0], "end": values[-1],
             **({"doubt": series.doubt} if series.doubt else {}),
         }  # fmt: skip
+
+    def _bounds(self, series: Series) -> tuple[Array, Array]:
+        """Return the least and greatest values of an output in each row, in its unit."""
+        bounds = self.quantities.bounds(series.name)
+        least, greatest = ((bound.to(series.unit) if series.unit else bound).values + 0.0 for bound in bounds)
+        return least, greatest
 
     def notes(self) -> list[str]:
         """Return notes on simplifications of the files, on outputs that are one choice of many, and on doubts.

@@ -280,12 +280,12 @@ class Lookup(Record, frozen=True):
             InputError: The place does not exist, or it is ambiguous.
         """
         if where == "start":
-            return self.row(0, float(self.run.grid.t[0]))
+            return self._row(0, float(self.run.grid.t[0]))
         if where == "end":
-            return self.row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
+            return self._row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
         if isinstance(where, str):
             return self.extreme(where, name)[0]
-        return self.row(*self._instant(where, name))
+        return self._row(*self._instant(where, name))
 
     def at_instant(self, where: dict[str, str | int | float], name: str) -> tuple[float, float]:
         """Return a quantity where another has a value [SI], and by how much rounding of that may move it.
@@ -298,7 +298,7 @@ class Lookup(Record, frozen=True):
             InputError: See ``at``.
         """
         spot, (along, sought) = self._instant(where, name), located(where, self.quantities)
-        value = float(self.row(*spot)[name].values[0])
+        value = float(self._row(*spot)[name].values[0])
         if along == self.run.parameter:
             return value, 0.0
         series = self.quantities[along]
@@ -312,14 +312,13 @@ class Lookup(Record, frozen=True):
 
     def _instant(self, where: dict[str, str | int | float], name: str) -> Spot:
         along, value = located(where, self.quantities)
-        spots = self.on_parameter(value) if along == self.run.parameter else self._crossings(along, value)
+        spots = self._on_parameter(value) if along == self.run.parameter else self._crossings(along, value)
         return self._choose(spots, where, name, f"{along} = {where[along]}")
 
-    def row(self, interval: int, t: float) -> Quantities:
+    def _row(self, interval: int, t: float) -> Quantities:
         return self.quantities_at(interval, np.array([t]))
 
-    def on_parameter(self, value: float) -> list[Spot]:
-        """Return where the parameter of the run has a value: in two intervals at a cut between them."""
+    def _on_parameter(self, value: float) -> list[Spot]:
         spots = []
         for k, (start, end, _) in enumerate(self.intervals):
             slack = 1e-12 * abs(end - start)
@@ -363,7 +362,7 @@ class Lookup(Record, frozen=True):
         if side not in (None, "left", "right"):
             raise InputError(f"there is no side '{side}'", expected="left or right")
         if side is None and len(chosen) > 1:
-            left, right = (float(self.row(*spot)[name].values[0]) for spot in (chosen[0], chosen[-1]))
+            left, right = (float(self._row(*spot)[name].values[0]) for spot in (chosen[0], chosen[-1]))
             if abs(left - right) > SAME * max(abs(left), abs(right)):
                 raise InputError(
                     f"{name} jumps at {text}: {left:.9g} before, {right:.9g} after",
@@ -421,14 +420,14 @@ class Lookup(Record, frozen=True):
         """
         values, lacks = function(self.quantities), f"{name} has no largest value"
         peak = self.highest_of(self.curve(function), values, (1.0,), lacks, slack)
-        return self.row(peak.interval, peak.place), peak.error
+        return self._row(peak.interval, peak.place), peak.error
 
     def _extreme(self, which: str, name: str, slack: float = 0.0) -> tuple[Peak, Quantities]:
         word, signs = _EXTREMES[which]
         lacks, series = f"{name} has no {word}", self.quantities[name]
         slack = max(slack, PLATEAU * float(np.max(series.terms, initial=0.0)))
         peak = self.highest_of(self.curve_of(name), series.values, signs, lacks, slack)
-        row = self.row(peak.interval, peak.place)
+        row = self._row(peak.interval, peak.place)
         alone = float(_height(row[name].values, signs)[0])
         self._require_reproduced(peak, alone, row[name].unit, lacks)
         return replace(peak, error=peak.error + abs(peak.height - alone)), row

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.control.function import FunctionControl
     from pinarm.mechanics.forces.function_effort import FunctionForce
     from pinarm.problems.accuracy import Accuracy
-    from pinarm.use.result.section import Numbered
+    from pinarm.use.result.run import Numbered
 
 KEYS = ScenarioFile.__struct_encode_fields__
 """Keys of scenario files."""
@@ -424,7 +424,7 @@ class Scenario(Record, frozen=True):
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
-        """Search and assessments of the scenario, by the key of their section; see ``SectionNumber``."""
+        """Search and assessments of the scenario, by the key of their section; see ``section_number``."""
         return {**({"find": self.content.find} if self.content.find else {}), **self.concluded}
 
     @property
