@@ -237,6 +237,14 @@ class Result(results.Result, frozen=True):
             parts.append(lines([said("no replay: {why}", why=error)]))
         return blocks(*parts)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        from pinarm.use.result.stored_rows import arrays_of, result_of
+
+        outcome = {name: getattr(self.outcome, name) for name in ("notes", "decisions")}
+        outcome["figures"] = dict(self.outcome.figures)
+        measured = {name: getattr(self, name) for name in results.MEASURED} | {"figures": dict(self.figures)}
+        return result_of, (self.scenario, self.trajectory.mechanism, arrays_of(self), outcome, measured)
+
 
 class Scenario(scenarios.Scenario, frozen=True):
     """A scenario, read and checked; nothing is computed before ``run``.

@@ -8,17 +8,16 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from msgspec import Struct, field
 
 from pinarm.arrays import Array, Flags, Indices, distinct
-from pinarm.records import Record, ValueRecord, replace
+from pinarm.engine.integration.runge_kutta import Steps
+from pinarm.records import ValueRecord, replace
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
     from pinarm.engine.integration.methods.stiff import Radau
     from pinarm.engine.kernel.library import Flow
@@ -157,36 +156,6 @@ class Count(Struct):
     rejected: int = 0
     floored: int = 0
     stepped_over: int = 0
-
-
-class Steps(Record, frozen=True):
-    """Accepted steps of a motion in order of time, column by column.
-
-    Attributes:
-        t: Starts [s], shape (n,).
-        h: Lengths [s].
-        until: Ends [s]: ``t + h`` to rounding, or earlier where an event ended the step.
-        y: States at the starts, shape (n, nq + nv).
-        slopes: Slopes at the stages of each, shape (n, stages, nq + nv).
-        work: Evaluations, rejected and floored steps up to the end of each, shape (n, 3).
-    """
-
-    t: Array = np.empty(0)
-    h: Array = np.empty(0)
-    until: Array = np.empty(0)
-    y: Array = np.empty((0, 0))
-    slopes: Array = np.empty((0, 0, 0))
-    work: Indices = np.empty((0, 3), np.intp)
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    @property
-    def columns(self) -> list[NDArray[Any]]:
-        return [self.t, self.h, self.until, self.y, self.slopes, self.work]
-
-    def some(self, index: Indices | slice) -> Steps:
-        return Steps(*(column[index] for column in self.columns))
 
 
 class Crossing(ValueRecord, frozen=True):

@@ -8,15 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.records import Record
-
-if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Steps
 
 SAFETY, GAIN, SLOWEST, FASTEST = 0.8, 0.8, 1 / 3, 6.0
 """Safety factor, gain of the step controller, and bounds of the factor by which a step changes.
@@ -138,6 +136,36 @@ def shrinkage(error: float, order: int) -> float:
     After errors above ``HUGE`` or NaN it is ``LOST``.
     """
     return float(max(SLOWEST, SAFETY * max(error, TINY) ** (-1.0 / order))) if error < HUGE else LOST
+
+
+class Steps(Record, frozen=True):
+    """Accepted steps of a motion in order of time, column by column.
+
+    Attributes:
+        t: Starts [s], shape (n,).
+        h: Lengths [s].
+        until: Ends [s]: ``t + h`` to rounding, or earlier where an event ended the step.
+        y: States at the starts, shape (n, nq + nv).
+        slopes: Slopes at the stages of each, shape (n, stages, nq + nv).
+        work: Evaluations, rejected and floored steps up to the end of each, shape (n, 3).
+    """
+
+    t: Array = np.empty(0)
+    h: Array = np.empty(0)
+    until: Array = np.empty(0)
+    y: Array = np.empty((0, 0))
+    slopes: Array = np.empty((0, 0, 0))
+    work: Indices = np.empty((0, 3), np.intp)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def columns(self) -> list[NDArray[Any]]:
+        return [self.t, self.h, self.until, self.y, self.slopes, self.work]
+
+    def some(self, index: Indices | slice) -> Steps:
+        return Steps(*(column[index] for column in self.columns))
 
 
 def first_step(

@@ -278,14 +278,6 @@ class Result(Run, frozen=True):
             return ""
         return f"modes of the state: {', '.join(self.arrays['eigenvalues'].columns) or 'none'}"
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        from pinarm.use.result.stored_rows import arrays_of, result_of
-
-        outcome = {name: getattr(self.outcome, name) for name in ("notes", "decisions")}
-        outcome["figures"] = dict(self.outcome.figures)
-        measured = {name: getattr(self, name) for name in MEASURED} | {"figures": dict(self.figures)}
-        return result_of, (self.scenario, self.trajectory.mechanism, arrays_of(self), outcome, measured)
-
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names of its quantities, for completion in notebooks."""
         return self.quantities.names()

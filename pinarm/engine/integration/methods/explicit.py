@@ -14,7 +14,7 @@ from functools import cache, partial
 import numpy as np
 
 from pinarm.arrays import Array, Flags, distinct
-from pinarm.engine.integration.integrator import Interval, Manifold, Solution, Stepper, Steps, StepsOver, waves
+from pinarm.engine.integration.integrator import Interval, Manifold, Solution, Stepper, StepsOver, waves
 from pinarm.engine.integration.runge_kutta import (
     DOP853,
     DOPRI5,
@@ -29,6 +29,7 @@ from pinarm.engine.integration.runge_kutta import (
     SLOWEST,
     TINY,
     Rates,
+    Steps,
     Tableau,
     dense_terms,
     error_of,

@@ -13,11 +13,11 @@ from numpy.polynomial import legendre
 
 from pinarm.arrays import Array, Complex
 from pinarm.engine.integration.integrator import Stepper, waves
-from pinarm.engine.integration.runge_kutta import first_step
+from pinarm.engine.integration.runge_kutta import Steps, first_step
 from pinarm.records import ValueRecord
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.integrator import Interval, Manifold, Solution, Steps, StepsOver
+    from pinarm.engine.integration.integrator import Interval, Manifold, Solution, StepsOver
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
 """Tolerance above which a number of stages is used. Many stages take long steps: at tight tolerances they save most of

@@ -8,7 +8,8 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Manifold, Solution, Steps
+from pinarm.engine.integration.integrator import Manifold, Solution
+from pinarm.engine.integration.runge_kutta import Steps
 
 PLANE = Manifold(2, 2)
 ECCENTRICITY = 0.1
