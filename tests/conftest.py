@@ -24,7 +24,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: threads of linear al
 
 from pinarm.engine.integration.methods.explicit import CompiledSteps
 from pinarm.engine.kernel import tree as kernel_tree
-from pinarm.engine.motion.systems import compiled_loops
+from pinarm.engine.motion.systems import compiled_motion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
@@ -196,7 +196,7 @@ def forget_loops() -> Callable[[], None]:
     """Return a function that lets no compiled loops of one call serve another."""
 
     def forget() -> None:
-        compiled_loops._loops.cache_clear()
+        compiled_motion._loops.cache_clear()
 
     return forget
 

@@ -18,7 +18,7 @@ from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.library import SkylineStructure, absence, library, pointer
 from pinarm.engine.kernel.tree import links_of
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import compiled_loops
+from pinarm.engine.motion.systems import compiled_motion
 from pinarm.engine.motion.systems.loop_motion import Regularity
 from pinarm.engine.motion.systems.loop_system import LoopSystem
 
@@ -50,8 +50,7 @@ def closed_states(system, count=5):
 def compare(flow, closure, states):
     """Compare accelerations with those of the equation of motion, by singular values of the rows."""
     model, data = closure.model, closure.model.createData()
-    structure, motion = flow.system.structure, flow.motion
-    structure.near, structure.tolerant = 0, flow.judged.tolerant(motion.q, motion.measure.rank)
+    flow.closing.near, flow.closing.tolerant = 0, flow.compiled.tolerant(flow.motion.q, flow.motion.measure.rank)
     for q, v in states:
         state = closure.state(q, v)
         force = -np.array(pin.nonLinearEffects(model, data, q, v))
@@ -99,7 +98,7 @@ def test_accelerations_of_loops_within_loops_are_those_of_the_singular_values(se
     general = LoopSystem.of(closure, dynamics, FREE, pin.neutral(mechanism.model))
     interval = general.interval(dynamics, 0.0, 1.0)
     assert interval.compiled, interval.remark
-    ways = compiled_loops._loops(Regularity.of(closure, ())).ways
+    ways = compiled_motion._loops(Regularity.of(closure, ())).ways
     assert sum(entry < 0 for way in ways for entry in way.passed) > 3
     assert all(len(way.passed) < 8 for way in ways[:3])
     compare(interval.compiled, closure, closed_states(general))

@@ -19,8 +19,7 @@ projects them onto the constraints, ``f = M v`` and ``b = w'``, and gives the ve
 Other routes to the same numbers are faster where they apply, and tested against this one:
 
 - ``Dynamics.forward`` (``aba``) and ``Dynamics.inverse`` (``rnea``) for open chains;
-- ``dynamics.coordinate_partition`` for constraints that are linear in the joint coordinates;
-- ``engine.kernel``, in C, for one state after another of loops and couplings.
+- ``engine.kernel``, in C, for one state after another of trees, loops and couplings.
 
 Source: Udwadia and Kalaba, A new perspective on constrained motion, Proc. R. Soc. Lond. A 439 (1992), 407-410; closed
 loops, Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 8.

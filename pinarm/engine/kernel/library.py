@@ -18,6 +18,8 @@ from pinarm.records import Record
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pinarm.mechanics.forces.force_element import HeldLoad
+
 SWITCH = "PINARM_KERNEL"
 """Environment variable: ``off`` leaves the library out, when pinarm is built and when it runs."""
 
@@ -211,23 +213,40 @@ RATES, SETTLE = ctypes.PYFUNCTYPE(None, *PLACES), ctypes.PYFUNCTYPE(ctypes.c_int
 """Functions ``rates`` and ``settle`` of a flow, by their addresses: system, time, y and its slope."""
 
 
+class HeldEfforts(Record, frozen=True):
+    """Loads that are held between samples, the sum of the steady ones, and efforts as the library reads them, (nv,)."""
+
+    loads: HeldLoad
+    steady: Array
+    efforts: Array
+
+
 class Flow(Record, frozen=True):
-    """Differential equation for the library: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``."""
+    """Differential equation for the library: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``.
+
+    ``system`` is what the structure points to; ``held`` are loads that are held between samples.
+    """
 
     unshown: ClassVar[tuple[str, ...]] = ("system",)
-    changes: ClassVar[bool] = False
-    """Whether its loads may be others in each step; see ``within``."""
 
     structure: FlowStructure
     system: Any
+    held: HeldEfforts | None
 
     @property
     def settles(self) -> bool:
         """Whether accepted states are brought back onto constraints."""
         return bool(self.structure.settle)
 
+    @property
+    def begun(self) -> bool:
+        """Whether the library knows where the motion is, or need not."""
+        return True
+
     def ready(self) -> None:
-        """Bring the system to the present state of the motion."""
+        """Bring the system to the present state of the motion, with the loads in force."""
+        if self.held:
+            np.add(self.held.steady, self.held.loads.present, out=self.held.efforts)
 
     def slope(self, t: float, y: Array) -> Array:
         self.ready()
@@ -254,6 +273,9 @@ class Flow(Record, frozen=True):
 
     def within(self, start: float) -> None:
         """Let rates be those of further stages in the step that begins at an instant [s]."""
+        if self.held:
+            loads = self.held.loads
+            self.held.efforts[:] = self.held.steady + loads.load_of(np.array([loads.piece(start)]))[0]
 
     def advanced(self, ends: Sequence[float]) -> None:
         """Note that steps have been taken to, and settled at, these instants [s]."""

@@ -170,7 +170,8 @@ class CompiledLoops(Record, frozen=True):
         sizes = [len(loop.along) for loop in tied]
         rows, ordered = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1]), [tied[k] for k in order]
         ways = ways_of(model, [(loop.ends(model), loop.moving(model), len(loop.along)) for loop in ordered])
-        return cls(tree, ordered, ways, np.argsort(np.concatenate([rows[k] for k in order])))
+        places = [rows[k] for k in order]
+        return cls(tree, ordered, ways, np.argsort(np.concatenate(places) if places else np.zeros(0, np.intp)))
 
     def loaded(self, loaded: LoadedTree, units: Array, weights: Array) -> LoadedLoops | None:
         """Return the tree under its loads with its loops; ``None`` where a number is none.

@@ -1,13 +1,9 @@
-"""Trees in the compiled library under springs, dampers and efforts, which are steady or follow laws.
-
-Pinocchio judges them: before the first step the accelerations of the two are compared, which share no code.
-"""
+"""Trees in the compiled library under springs, dampers and efforts, which are steady or follow laws."""
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,6 +23,7 @@ from pinarm.engine.kernel.library import (
     SCREW,
     Flow,
     FlowStructure,
+    HeldEfforts,
     TreeStructure,
     address,
     finite,
@@ -34,7 +31,7 @@ from pinarm.engine.kernel.library import (
     pointer,
 )
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws.interpolated import ClampedSpline
 from pinarm.mechanics.laws.motion_law import PowerSeries, Values, Wave
 from pinarm.records import Record
@@ -42,7 +39,6 @@ from pinarm.records import Record
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pinarm.engine.integration.integrator import Acceleration
     from pinarm.mechanics.forces.joint_forces import SpringDamper
     from pinarm.mechanics.forces.points import TwoPointSpring
 
@@ -144,21 +140,12 @@ def _laws(function: Callable[[Array], Values] | None) -> NDArray[np.void] | None
     return laws
 
 
-AGREEMENT = 1e-12
-"""Largest difference to Pinocchio's accelerations, relative to these and to the squares of velocities: a thousand
-times the rounding on usual trees, and below what any tolerance of an integration asks for."""
-
-STATES = 3
-"""Number of states at which they are compared."""
-
 NO_FLOOR = np.zeros(1)
 """The smallest useful step of trees [s]."""
 
 DEGREES, WORLD = 1, 5
 """Places among the arrays of a loaded tree: of the velocities, with what acts along each, and of the links' buffers,
 the world's first."""
-
-DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
 
 
 class LoadedTree(Record, frozen=True):
@@ -183,34 +170,13 @@ class LoadedTree(Record, frozen=True):
         structure.degree_state, structure.tau = map(pointer, unknowns)
         return LoadedTree(structure, (*known, links, *unknowns))
 
-
-class HeldFlow(Flow, frozen=True):
-    """The free motion of a tree under loads that are held between samples: they are written where the library reads.
-
-    Attributes:
-        steady: The sum of the steady loads [N*m or N], shape (nv,).
-        tree: The tree that they act on.
-    """
-
-    unshown = ("system", "steady", "tree")
-    changes = True
-
-    loads: HeldLoad
-    steady: Array
-    tree: LoadedTree
-
-    @cached_property
-    def _efforts(self) -> Array:
-        """Efforts along the velocities, in the array that the library reads, shape (nv,)."""
-        efforts: Array = self.tree.arrays[DEGREES]["effort"]
-        return efforts
-
-    def ready(self) -> None:
-        """Bring in the loads in force."""
-        np.add(self.steady, self.loads.present, out=self._efforts)
-
-    def within(self, start: float) -> None:
-        self._efforts[:] = self.steady + self.loads.load_of(np.array([self.loads.piece(start)]))[0]
+    def flow(self, held: HeldEfforts | None = None) -> Flow:
+        """Return the free motion of the tree under its loads."""
+        compiled = library()
+        assert compiled is not None
+        size, place = self.structure.nq + self.structure.nv, ctypes.addressof(self.structure)
+        structure = FlowStructure(size, address(compiled.tree_rates), None, pointer(NO_FLOOR), place)
+        return Flow(structure, self, held)
 
 
 class CompiledTree(Record, frozen=True):
@@ -232,23 +198,15 @@ class CompiledTree(Record, frozen=True):
         """Return the tree of a model; ``None`` where there is no library, or it does not know a joint of the model."""
         return links_of(model) if library() is not None and model.nv else None
 
-    def flow(self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()) -> Flow | None:
-        """Return the free motion under loads; ``None`` where the library does not know one of them; see ``loaded``."""
-        compiled, known = library(), self.under(steady, changing, guided)
-        if compiled is None or known is None:
-            return None
-        tree, held = known
-        size, rates = tree.structure.nq + tree.structure.nv, address(compiled.tree_rates)
-        structure = FlowStructure(size, rates, None, pointer(NO_FLOOR), ctypes.addressof(tree.structure))
-        return HeldFlow(structure, tree, held[0], steady, tree) if held else Flow(structure, tree)
-
     def under(
         self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
-    ) -> tuple[LoadedTree, list[HeldLoad]] | None:
+    ) -> tuple[LoadedTree, HeldEfforts | None] | None:
         """Return the tree with its loads, and a load that is held between samples, if any; see ``loaded``."""
         held = [load for force in changing if (load := force.held) is not None]
         tree = self.loaded(steady, [force for force in changing if force.held is None], guided)
-        return None if tree is None or len(held) > 1 or (held and tree.structure.laws) else (tree, held)
+        if tree is None or len(held) > 1 or (held and tree.structure.laws):
+            return None
+        return tree, HeldEfforts(held[0], steady, tree.arrays[DEGREES]["effort"]) if held else None
 
     def loaded(
         self, steady: Array, changing: Sequence[ForceElement], guided: Sequence[Followed] = ()
@@ -334,24 +292,3 @@ def links_of(model: pin.Model) -> CompiledTree | None:
     inertias = own.swapaxes(-1, -2) @ bodies[:, SYMMETRIC].reshape(-1, 3, 3) @ own
     links["inertia"] = inertias[:, *np.triu_indices(3)]
     return CompiledTree(model, links, np.array([screw for _, screws, _ in frames for screw in screws], SCREW), axes)
-
-
-def disagreement(
-    model: pin.Model,
-    flow: Flow,
-    acceleration: Acceleration,
-    t: float,
-    onto: Callable[[Array, Array], tuple[Array, Array]] = lambda q, v: (q, v),
-) -> float:
-    """Return the largest difference of a flow's accelerations to those of another route, relative to ``|a| + |v|^2``.
-
-    They are compared in states of no special kind, whose coordinates and velocities are about 1, the same every time.
-    """
-    k, differences = np.arange(model.nv), []
-    for i in range(STATES):
-        q = pin.integrate(model, pin.neutral(model), np.sin(1.0 + 7.1 * i + 1.3 * k))
-        q, v = onto(q, np.cos(2.0 + 3.7 * i + 2.9 * k))
-        expected = acceleration(t, q, v)
-        apart = flow.slope(t, np.concatenate([q, v]))[model.nq :] - expected
-        differences.append(float(np.linalg.norm(apart) / (np.linalg.norm(expected) + v @ v)))
-    return float(np.max(differences))

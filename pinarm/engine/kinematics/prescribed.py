@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from pinarm.mechanics.geometry.kinematics import Kinematics
 
 
+Targets = Callable[[float], tuple[Array, Array, Array]]
+"""``t -> w, w', w''`` of prescribed coordinates, each of shape (k,)."""
+
+
 class Assembly(Record, frozen=True):
     """A configuration in which a run begins.
 
@@ -124,7 +128,7 @@ class PrescribedCoordinates(ValueRecord, frozen=True):
         is_linear = [isinstance(coordinate, LinearCoordinate) for coordinate in self.coordinates]
         return self.picked(sorted(range(len(is_linear)), key=is_linear.__getitem__)), is_linear.count(False)
 
-    def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
+    def on(self, start: float, end: float) -> Targets:
         """Return ``t -> w, w', w''`` of all coordinates on an interval without jumps, each of shape (k,)."""
         targets = self.along(start, end)
 

@@ -15,7 +15,7 @@ from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.runge_kutta import DOPRI5
 from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems.tree_system import TreeSystem
+from pinarm.engine.motion.systems.loop_system import LoopSystem
 from pinarm.errors import IntegrationError
 from pinarm.mechanics.ball_joints import coordinate_at
 from pinarm.mechanics.forces.along_coordinate import EffortAlong
@@ -48,7 +48,9 @@ def regular(names, seed=0, forces=None):
 
 def intervals(dynamics, *bounds):
     """Return the intervals of a free motion, in compiled code and in Python."""
-    system = TreeSystem(dynamics.manifold, Closure.of(dynamics.model), PrescribedCoordinates((), (), ()))
+    system = LoopSystem.of(
+        Closure.of(dynamics.model), dynamics, PrescribedCoordinates((), (), ()), pin.neutral(dynamics.model)
+    )
     compiled = [system.interval(dynamics, *span) for span in pairwise(bounds)]
     assert all(interval.compiled for interval in compiled)
     return compiled, [replace(interval, compiled=None) for interval in compiled]

@@ -15,7 +15,7 @@ from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.runge_kutta import DOPRI5
 from pinarm.engine.kernel.library import library
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems.tree_system import TreeSystem
+from pinarm.engine.motion.systems.loop_system import LoopSystem
 from pinarm.mechanics.forces.joint_forces import SpringDamper
 from pinarm.records import replace
 
@@ -36,7 +36,7 @@ def slide():
     here = np.array([0])
     damper = SpringDamper(here, here, np.array([SLOW * FAST]), np.array([SLOW + FAST]), np.zeros(1))
     dynamics = Dynamics.of(model, {"damper": damper})
-    system = TreeSystem(dynamics.manifold, Closure.of(model), PrescribedCoordinates((), (), ()))
+    system = LoopSystem.of(Closure.of(model), dynamics, PrescribedCoordinates((), (), ()), np.zeros(1))
     return dynamics.manifold, system.interval(dynamics, 0.0, 1.0)
 
 

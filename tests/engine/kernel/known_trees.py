@@ -7,6 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
+from pinarm.engine.kernel.library import Flow
+from pinarm.engine.kernel.tree import CompiledTree
+
 SKEW = np.array([2.0, -1.0, 2.0]) / 3.0
 
 CONTINUOUS = """<robot name="r"><link name="base"/><link name="l"><inertial><mass value="1"/>
@@ -61,3 +64,9 @@ def states(model: pin.Model, count: int, seed: int = 1) -> list[tuple[np.ndarray
         (pin.integrate(model, pin.neutral(model), random.normal(size=model.nv) * 3.0), random.normal(size=model.nv))
         for _ in range(count)
     ]
+
+
+def compiled(model: pin.Model, steady: np.ndarray, changing: tuple = ()) -> Flow:
+    """Return the free motion of a tree under steady and other loads, in compiled code."""
+    tree, held = CompiledTree.of(model).under(steady, changing)
+    return tree.flow(held)

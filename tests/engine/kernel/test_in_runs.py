@@ -37,11 +37,11 @@ def test_a_run_is_the_same_with_the_library_and_without(name, calls, without):
 
 @pytest.fixture
 def heavier(monkeypatch):
-    """The library knows the last link of every tree with 1 % more mass."""
+    """The library knows the last link of every tree with a billionth of its mass more."""
 
     def wrong(model):
         known = links_of(model)
-        known.links["mass"][-1] *= 1.01
+        known.links["mass"][-1] *= 1.0 + 1e-9
         return known
 
     monkeypatch.setattr(kernel_tree, "links_of", wrong)

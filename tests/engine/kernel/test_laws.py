@@ -11,15 +11,14 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import pinarm
-from pinarm.engine.kernel.tree import CompiledTree
-from pinarm.engine.motion.systems.tree_system import TreeSystem
+from pinarm.engine.motion.systems.loop_system import LoopSystem
 from pinarm.mechanics.ball_joints import coordinate_at
 from pinarm.mechanics.forces.along_coordinate import EffortAlong
 from pinarm.mechanics.forces.load_laws import LoadLaw
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Wave
 
-from .known_trees import tree
+from .known_trees import compiled, tree
 
 LAWS = {
     "steps": "{law: steps, points: [[0 s, 2 U], [0.3 s, -1 U]]}",
@@ -83,7 +82,7 @@ def test_a_mass_under_a_wave_and_a_steady_force_moves_as_in_its_textbook():
     m = float(pin.crba(model, model.createData(), np.zeros(1))[0, 0])
     wave = Wave(0.0, 2.0, 0.0, 5.0, 0.4, 0.2)
     effort = EffortAlong(model, coordinate_at(model, 0), LoadLaw(Constant(value=0.0), function=wave))
-    flow = CompiledTree.of(model).flow(np.array([steady]), (effort,))
+    flow = compiled(model, np.array([steady]), (effort,))
     weight = float(pin.rnea(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))[0])
     for t in (0.0, 0.7, 9.0):
         a = (steady + 2.0 * math.sin(5.0 * (t - 0.2) + 0.4) - weight) / m
@@ -109,8 +108,8 @@ def test_a_pendulum_under_a_table_of_torques_is_prepared_once_and_moves_as_its_e
         "  loads: {motor: {kind: joint_effort, joint: theta, effort: {law: table, file: tau.csv}}}}\n"
     )
     prepared = []
-    whole = TreeSystem.interval
-    monkeypatch.setattr(TreeSystem, "interval", lambda *args: prepared.append(args[2:]) or whole(*args))
+    whole = LoopSystem.interval
+    monkeypatch.setattr(LoopSystem, "interval", lambda *args: prepared.append(args[2:]) or whole(*args))
     found = pinarm.run(tmp_path / "s.yaml")
     assert prepared == [(0.0, 2.0)]
     spline = CubicSpline(t, tau, bc_type="clamped")

@@ -40,7 +40,7 @@ import numpy as np
 import pinocchio as pin
 from pinarm.engine.kernel.tree import CompiledTree
 model = pin.buildSampleModelManipulator()
-flow = CompiledTree.of(model).flow(np.zeros(model.nv), ())
+flow = CompiledTree.of(model).loaded(np.zeros(model.nv), ()).flow()
 state, slope = np.zeros(model.nq + model.nv), np.zeros(model.nq + model.nv - 1)
 addresses = [ctypes.c_void_p(x.ctypes.data) for x in (state, slope)]
 library.library().tree_rates(ctypes.c_void_p(flow.structure.system), ctypes.c_double(0.0), *addresses)

@@ -257,8 +257,7 @@ class ExplicitStepper(Stepper):
     def begin(self, interval: Interval, y: Array) -> None:
         self.interval, self._rates = interval, partial(interval.slope, self.manifold)
         self.y[:] = y
-        compiled = interval.compiled
-        usable = compiled is not None and not compiled.settles
+        usable = interval.compiled is not None and interval.compiled.begun
         self.slopes[:] = self._trial(interval.start, self.y) if usable else self._rates(interval.start, self.y)
         self.count.evaluations += 1
 

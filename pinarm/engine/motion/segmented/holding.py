@@ -27,6 +27,7 @@ from pinarm.engine.constraints.nullspace import ACTS, Decomposition
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.segmented.end_stops import Bound
 from pinarm.engine.motion.systems import CompletedStates
+from pinarm.engine.motion.systems.loop_system import LoopSystem
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.records import Record, replace
 
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.segmented.end_stops import Held, Stop
     from pinarm.engine.motion.segmented.hybrid_system import HybridSystem
     from pinarm.engine.motion.systems import Initial
-    from pinarm.engine.motion.systems.loop_system import LoopSystem
-    from pinarm.engine.motion.systems.tree_system import TreeSystem
     from pinarm.mechanics.friction.contact import FrictionContact
 
 SLIGHT = 1e-9
@@ -99,18 +98,15 @@ class Holding(Record, frozen=True):
         return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
 
     @cached_property
-    def system(self) -> TreeSystem | LoopSystem:
+    def system(self) -> LoopSystem:
         """The equations of motion without friction."""
-        return self.following(self.prescribed, self.hybrid.initial)
+        system = self.following(self.prescribed, self.hybrid.initial)
+        if not self.stops and self.prescribed.linear_in(self.closure):  # rows are the same everywhere
+            system.require_independent(system.near)
+        return system
 
-    def following(self, prescribed: PrescribedCoordinates, initial: Initial) -> TreeSystem | LoopSystem:
+    def following(self, prescribed: PrescribedCoordinates, initial: Initial) -> LoopSystem:
         """Return the equations to integrate while prescribed coordinates follow their laws."""
-        if not self.stops and prescribed.linear_in(self.closure):
-            from pinarm.engine.motion.systems.tree_system import TreeSystem
-
-            return TreeSystem.of(self.closure, self.hybrid.dynamics.manifold, prescribed, initial)
-        from pinarm.engine.motion.systems.loop_system import LoopSystem
-
         return LoopSystem.of(self.closure, self.hybrid.dynamics, prescribed, initial.q)
 
     @property

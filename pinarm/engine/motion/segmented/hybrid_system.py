@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Method
     from pinarm.engine.motion.systems import CompletedStates
     from pinarm.engine.motion.systems.loop_system import LoopSystem
-    from pinarm.engine.motion.systems.tree_system import TreeSystem
     from pinarm.mechanics.friction.contact import FrictionContact
 
 
@@ -106,7 +105,7 @@ class HybridSystem(Record, frozen=True):
         return self._holding[held]
 
     @property
-    def closed_system(self) -> TreeSystem | LoopSystem:
+    def closed_system(self) -> LoopSystem:
         return self.holding(self.separations).system
 
     def friction(self, held: Held, t: float, slip: Slip = Slip()) -> JointFriction:  # noqa: B008  is frozen

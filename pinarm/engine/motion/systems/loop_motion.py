@@ -16,10 +16,10 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RANK, VANISHED, Decomposition
-from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.kinematics.prescribed import Targets
 from pinarm.errors import DynamicsError, NumericsError
 from pinarm.records import Record, replace
 
@@ -161,12 +161,6 @@ class Place(NamedTuple):
     mass: Array
     gap: Array
 
-    @classmethod
-    def at(cls, closure: Closure, q: Array) -> Place:
-        state = closure.state(q)
-        rows = closure.rows(state)
-        return cls(q, rows, closure.split(rows), mass_matrix(closure.model, q), closure.gap(state))
-
     def step(self, right: Array) -> Array:
         """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
         return solve(self.split, self.mass, np.zeros(self.rows.shape[1]), right)
@@ -189,12 +183,24 @@ class LoopMotion:
         """Instant of an accepted state whose acceleration is still to be looked at, when it is first asked for [s]."""
         self.q = np.zeros(0)
         """The position last looked at, shape (nq,)."""
+        self._apart: tuple[Array, Decomposition] | None = None
+
+    def split(self, rows: Array) -> Decomposition:
+        """Return G taken apart: that of couplings, and of laws of joints, is the same in all positions."""
+        if self._apart is None or not np.array_equal(rows, self._apart[0]):
+            self._apart = rows, self.rows.split(rows)
+        return self._apart[1]
+
+    def place(self, q: Array) -> Place:
+        state = self.rows.state(q)
+        rows = self.rows.rows(state)
+        return Place(q, rows, self.split(rows), mass_matrix(self.rows.model, q), self.rows.gap(state))
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
         if self.near or self.rank < self.measure.rank:
             w, dw, _ = self.targets(t)
-            place = Place.at(self.rows, q)
+            place = self.place(q)
             if not self.looked:
                 self.begin(t, self.closed(place, w), v)
             if v.any() and self.blind(self._regularity(place)):
@@ -215,7 +221,7 @@ class LoopMotion:
         state = closure.state(q, v)
         rows, right = closure.rows(state), self._right(self.targets(t)[2]) - closure.drift(state)
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
-        return solve(closure.split(rows), mass_matrix(dynamics.model, q), force, right), rows, right
+        return solve(self.split(rows), mass_matrix(dynamics.model, q), force, right), rows, right
 
     def _right(self, targets: Array) -> Array:
         """Return 0 for the constraints, then what the laws ask, shape (m,)."""
@@ -247,14 +253,14 @@ class LoopMotion:
         pairs = [self._beside(t, q, v, k) for k in (-4, -3, -2, -1, 1, 2, 3, 4)]
         accelerations = [self.solved(t, closed.q, self.tangent(closed, v, dw))[0] for _, closed in pairs]
         changes = [pin.difference(closure.model, moved.q, closed.q) for moved, closed in pairs]
-        between = Place.at(closure, pin.integrate(closure.model, q, ACROSS @ np.array(changes)))
+        between = self.place(pin.integrate(closure.model, q, ACROSS @ np.array(changes)))
         self.open = self._size(between.gap[: closure.size - len(dw)])
         return np.asarray(ACROSS @ np.array(accelerations))
 
     def _beside(self, t: float, q: Array, v: Array, k: int) -> tuple[Place, Place]:
         """Return the position k times ``ASIDE`` along a velocity, and the closed one nearest to it."""
         closure, aside = self.rows, (k * ASIDE / float(np.abs(v / self.scale).max())) * v
-        moved = Place.at(closure, pin.integrate(closure.model, q, aside))
+        moved = self.place(pin.integrate(closure.model, q, aside))
         return moved, self.closed(moved, moved.gap[closure.size - len(self.targets(t)[1]) :])
 
     def _size(self, gap: Array) -> float:
@@ -268,7 +274,7 @@ class LoopMotion:
     def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state, and choose by it how to go on."""
         w, dw, _ = self.targets(t)
-        place = self.closed(Place.at(self.rows, q), w)
+        place = self.closed(self.place(q), w)
         self.look(place)
         if not self.blind(self.regular):
             q, v = place.q, self.tangent(place, v, dw)
@@ -334,7 +340,7 @@ class LoopMotion:
             if size <= ROUNDED * self.coarse or (size < STALLED * self.coarse and size > 0.5 * before):
                 break
             q, before = pin.integrate(self.rows.model, place.q, place.step(gap)), size
-            place = Place.at(self.rows, q)
+            place = self.place(q)
         return place
 
     def tangent(self, place: Place, v: Array, dw: Array) -> Array:

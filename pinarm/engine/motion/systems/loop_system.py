@@ -30,7 +30,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import Record
 
 if TYPE_CHECKING:
-    from pinarm.engine.motion.systems.compiled_loops import JudgedLoops
+    from pinarm.engine.motion.systems.compiled_motion import CompiledMotion
 
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
@@ -81,10 +81,12 @@ class LoopSystem(Record, frozen=True):
 
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
         """Return the closed state nearest to the initial one that has what is given of it."""
+        if not self.rows.size:
+            return initial.q, initial.v
         w, dw, ddw = self.prescribed.on(start, end)(start)
         everything, values = initial.known(self.prescribed, self.rows)
         q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
-        self._check_independent(self.rows.rows(self.rows.state(q)))
+        self.require_independent(q)
         require_masses(self.rows, q[None], start)
         v = self._velocity(q, initial, dw)
         self._check_lasting(q, v, ddw)
@@ -125,13 +127,19 @@ class LoopSystem(Record, frozen=True):
                 hint="start beside the position, or at rest",
             )
 
-    def _check_independent(self, rows: Array) -> None:
-        k = len(self.prescribed.names)
-        if k and self.rows.split(rows).rank < self.own.split(rows[: self.own.size]).rank + k:
-            raise InputError(
-                f"the laws of {', '.join(self.prescribed.names)} and the loops determine the same motion twice",
-                expected="laws that leave the loops their freedom",
-            )
+    def require_independent(self, q: Array) -> None:
+        """Raise where the motion of a coordinate that follows a law is determined by other laws and the loops."""
+        names, own, rows = self.prescribed.names, self.own.size, self.rows.rows(self.rows.state(q))
+        ranks = [self.rows.split(rows).rank] if names else []
+        if not names or ranks[0] == self.own.split(rows[:own]).rank + len(names):
+            return
+        ranks = [Decomposition.of(rows[: own + k], self.rows.reach[: own + k]).rank for k in range(len(names) + 1)]
+        k = int(np.flatnonzero(np.diff(ranks) == 0)[0])
+        others = [*names[:k], *["the loops"] * bool(self.own.size)]
+        raise InputError(
+            f"the coordinate '{names[k]}' is already determined by {', '.join(others)}",
+            expected="coordinates that can be prescribed independently",
+        )
 
     def _velocity(self, q: Array, initial: Initial, dw: Array) -> Array:
         """Return the velocity of least kinetic energy that the constraints allow and that has what is given."""
@@ -155,14 +163,16 @@ class LoopSystem(Record, frozen=True):
         return np.concatenate([nothing, targets], axis=-1)
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
+        compiled, remark = self._compiled(dynamics, start, end) if self._driven is not None else (None, "")
         motion = self._motion(dynamics, start, end)
-        loops, remark = self._judged(dynamics, start, end) if self._driven is not None else (None, "")
-        flow = loops.flow(motion) if loops else None
-        if flow and not flow.judged.alone:
-            from pinarm.engine.motion.systems.compiled_loops import LoadedMotion
+        if not self.rows.size:
+            flow = compiled.flow(motion) if compiled else None
+            return Interval(start, end, motion.dynamics.acceleration(), compiled=flow, remark=remark)
+        if compiled and not compiled.alone:
+            from pinarm.engine.motion.systems.compiled_motion import LoadedMotion
 
-            return LoadedMotion(flow).interval(start, end)
-        closed = lambda _: motion.closed_acceleration  # noqa: E731
+            return LoadedMotion(compiled, motion).interval(start, end)
+        flow, closed = compiled.flow(motion) if compiled else None, lambda _: motion.closed_acceleration
         routes = motion.acceleration, motion.settle, motion.floor, closed
         return Interval(start, end, *routes, compiled=flow, remark=remark)
 
@@ -178,18 +188,20 @@ class LoopSystem(Record, frozen=True):
         return joints if len(joints) == len(self.prescribed.names) else None
 
     @cached_property
-    def _judged(self) -> Callable[[Dynamics, float, float], tuple[JudgedLoops | None, str]]:
-        """Pinocchio's judgement of the loops in compiled code, kept for the next run: no run changes it."""
-        from pinarm.engine.motion.systems.compiled_loops import judged_loops
+    def _compiled(self) -> Callable[[Dynamics, float, float], tuple[CompiledMotion | None, str]]:
+        """The motion in compiled code, as Pinocchio has judged it, kept for the next run: no run changes it."""
+        from pinarm.engine.motion.systems.compiled_motion import compiled_motion
 
-        def judged(dynamics: Dynamics, start: float, end: float) -> tuple[JudgedLoops | None, str]:
+        def compiled(dynamics: Dynamics, start: float, end: float) -> tuple[CompiledMotion | None, str]:
             motion = self._motion(dynamics, start, end)
-            return judged_loops(motion, self.settled, self.near, self.prescribed.joint_laws, (start, end))
+            return compiled_motion(motion, self.settled, self.near, self.prescribed.joint_laws, (start, end))
 
-        return lru_cache(maxsize=KEPT)(judged)
+        return lru_cache(maxsize=KEPT)(compiled)
 
     def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, Decomposition]:
         """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart."""
+        if not self.rows.size:
+            return q, v, self.rows.split(np.zeros((len(q), 0, v.shape[1])))
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
         mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
@@ -233,6 +245,9 @@ class LoopSystem(Record, frozen=True):
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
+        if not self.rows.size:
+            a = np.concatenate([part.forward(grid.t[rows], q[rows], v[rows]) for rows, part in parts(dynamics, grid)])
+            return CompletedStates(q, v, a, np.zeros_like(v), np.zeros((len(q), 0)))
         k, most = len(self.prescribed.names), max(1, min(BLOCK, LARGE // max(1, self.rows.size * self.rows.model.nv)))
         w = np.array([grid.evaluate(law) for law in self.prescribed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
         lam = np.empty((len(q), self.rows.size))

@@ -8,8 +8,7 @@ from scipy.integrate import solve_ivp
 import pinarm
 from pinarm.engine.kernel.library import absence, library
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.engine.motion.systems import Initial
-from pinarm.engine.motion.systems.tree_system import TreeSystem
+from pinarm.engine.motion.systems.loop_system import LoopSystem
 
 CART = """<robot name="cart"><link name="ground"/>
 <link name="cart"><inertial><mass value="2"/>
@@ -94,25 +93,20 @@ def test_a_geared_oscillator_has_its_frequency(wheels):
     assert result.figures["energy"] < 1e-9
 
 
-def panda():
-    """The Panda and what is integrated of it."""
-    mechanism = pinarm.Mechanism.load("panda")
-    initial = Initial(np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv))
-    prescribed = PrescribedCoordinates((), (), ())
-    return mechanism, TreeSystem.of(mechanism.closure, mechanism.dynamics.manifold, prescribed, initial)
-
-
 def test_accelerations_of_the_kernel_satisfy_the_equation_of_motion():
     """``M a + nle = W^T lam`` by Pinocchio and ``W a = 0``, in states that are on the couplings."""
     if library() is None:
         pytest.skip("no compiled library")
-    mechanism, system = panda()
-    flow, model = system.interval(mechanism.dynamics, 0.0, 1.0).compiled, mechanism.model
+    mechanism, none = pinarm.Mechanism.load("panda"), PrescribedCoordinates((), (), ())
+    model, closure = mechanism.model, mechanism.closure
+    system = LoopSystem.of(closure, mechanism.dynamics, none, np.zeros(model.nq))
+    flow = system.interval(mechanism.dynamics, 0.0, 1.0).compiled
     random = np.random.default_rng(5)
     assert flow is not None
-    weights = system.reduction.rows
+    weights, nothing = closure.rows(closure.state(np.zeros(model.nq))), np.zeros((1, 0))
     for _ in range(10):
-        q, v = system.whole(np.zeros(1), random.normal(size=(1, model.nq)), random.normal(size=(1, model.nv)))
+        q, v = random.normal(size=(1, model.nq)), random.normal(size=(1, model.nv))
+        q, v, _ = system.settled(q, v, nothing, nothing, np.zeros(1))
         a = flow.slope(0.0, np.concatenate([q[0], v[0]]))[model.nq :]
         left = pin.rnea(model, mechanism.dynamics.data, q[0], v[0], a) - mechanism.dynamics.loads(0.0, q[0], v[0])
         lam = np.linalg.lstsq(weights.T, left)[0]

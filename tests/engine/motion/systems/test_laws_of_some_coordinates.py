@@ -1,24 +1,20 @@
-"""Prescribed coordinates while others are free: against a Lagrangian by hand, and against multipliers (KKT)."""
+"""Prescribed coordinates while others are free: against a Lagrangian by hand, and closed forms."""
 
 from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
-from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.along_coordinate import JointSpring
 from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
 from pinarm.use.mechanism import Mechanism
 
-MODELS = Path(__file__).parents[3] / "models"
+MODELS = Path(__file__).parents[4] / "models"
 FINE = Accuracy(tolerance=1e-13)
 L1 = L2 = 0.25
 TOTAL, FIRST, SECOND, G = 0.5 + 1.0 + 0.1, (0.5 + 0.1) * L2, (1.0 / 3 + 0.1) * L2**2, 9.81
@@ -29,11 +25,6 @@ THREE = ({"name": "first"}, {"name": "second", "at": "1 0 0"}, {"name": "third",
 @pytest.fixture(scope="module")
 def arm():
     return Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml")
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return Mechanism.load("panda")
 
 
 def solve(mechanism, motion, *, end=1.0, samples=41, position=None, velocity=None, loads=None):
@@ -97,48 +88,6 @@ def test_each_side_of_a_jump_has_its_own_effort(arm):
         assert run.a[row, 1] == pytest.approx(after, abs=1e-13)
         assert run.q[row - 1] == pytest.approx(run.q[row], abs=1e-12)
         assert run.v[row - 1] == pytest.approx(run.v[row], abs=1e-12)
-
-
-def multipliers(model, data, rows, q, v, ddw, loads):
-    """Return the acceleration under ``W a = ddw`` from the dense system with Lagrange multipliers."""
-    upper = np.triu(pin.crba(model, data, q))
-    mass = upper + np.triu(upper, 1).T
-    k = len(rows)
-    system = np.block([[mass, rows.T], [rows, np.zeros((k, k))]])
-    right = np.concatenate([loads - pin.nonLinearEffects(model, data, q, v), ddw])
-    return np.linalg.solve(system, right)[: model.nv]
-
-
-def selections(nv):
-    """Rows W: every single joint but one, two joints, two sums, and weights that are all different."""
-    one = np.eye(nv)
-    yield from (np.delete(one, k, axis=0) for k in (0, nv - 1))
-    yield one[[2, 5]]
-    yield np.array([one[0] + one[1] + one[3], one[3] + one[4]])
-    rng = np.random.default_rng(8)
-    yield from (rng.normal(size=(k, nv)) for k in (1, 4, nv - 1))
-
-
-@pytest.mark.parametrize("rows", list(selections(9)), ids=range(7))
-def test_accelerations_are_those_of_multipliers(panda, rows):
-    spring = JointSpring(joint=next(iter(panda.joints)), stiffness=50.0, damping=3.0, rest=0.2)
-    dynamics = Dynamics.of(panda.model, {"spring": spring.bind(panda.model, panda.joints)})
-    reduction, data = (
-        CoordinatePartition.of(panda.model, rows, [f"w{k}" for k in range(len(rows))]),
-        panda.model.createData(),
-    )
-    rng = np.random.default_rng(3)
-    for _ in range(5):
-        q, v, ddw = rng.uniform(-2, 2, 9), rng.normal(size=9), 3 * rng.normal(size=len(rows))
-        w, dw = rows @ q, rows @ v
-        assert reduction.configuration(q[reduction.free_q], w) == pytest.approx(q, abs=1e-12)
-        assert reduction.velocity(v[reduction.free_v], dw) == pytest.approx(v, abs=1e-12)
-        target = w[None], dw[None], ddw[None]
-        rates = reduction.accelerations(dynamics, lambda t, target=target: target)
-        found = rates(np.zeros(1), q[None], v[None])[0]
-        expected = multipliers(panda.model, data, rows, q, v, ddw, dynamics.loads(0.0, q, v))
-        # fingers of 15 g on an arm of 16 kg
-        assert found == pytest.approx(expected, rel=1e-10, abs=1e-10 * np.abs(expected).max())
 
 
 class TestQuaternions:

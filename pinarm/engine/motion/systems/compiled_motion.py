@@ -1,4 +1,4 @@
-"""Motions along loops and couplings in compiled code: states are closed, and singular positions passed, there.
+"""Motions in compiled code: of trees, and along loops and couplings, where states are closed and singular ones passed.
 
 When a motion begins, what the library says of closed states has to satisfy Pinocchio's equations.
 """
@@ -8,15 +8,12 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RANK, Decomposition
-from pinarm.engine.dynamics.coordinate_partition import heavy, scalar_places
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.integration.integrator import Interval
@@ -25,6 +22,7 @@ from pinarm.engine.kernel.library import (
     ClosingStructure,
     Flow,
     FlowStructure,
+    HeldEfforts,
     LimitsStructure,
     ProximalStructure,
     address,
@@ -32,13 +30,12 @@ from pinarm.engine.kernel.library import (
     pointer,
 )
 from pinarm.engine.kernel.loops import LOWER, ROD, UNIVERSAL, CompiledLoops, LoadedLoops, Tied
-from pinarm.engine.kernel.tree import AGREEMENT, DEGREES, DISAGREES, CompiledTree, Followed, HeldFlow, LoadedTree
+from pinarm.engine.kernel.tree import DEGREES, CompiledTree, Followed, LoadedTree
 from pinarm.engine.motion.systems import loop_motion
 from pinarm.engine.motion.systems.loop_motion import LEAST, MET, LoopMotion, Regularity, places
 from pinarm.errors import PinarmError
 from pinarm.mechanics.coordinates import Constraint
 from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.pairs import LowerPair, Tie
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.mechanics.loops.kinds import ORIGINS, Cross
@@ -74,23 +71,35 @@ TRUSTED = 1e-10
 ALIKE = 1e-4
 """Relative accuracy of squares of singular values: the limits of the regularity have two digits."""
 
+AGREEMENT = 1e-12
+"""Largest residual of Pinocchio's equations: a thousand times the rounding on usual mechanisms, and below what any
+tolerance of an integration asks for."""
+
+DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
+
+IMMOVABLE = 1e20
+"""Armature of a driven joint, relative to the largest inertia of the tree: what else acts there is below rounding."""
+
 AWAY, STATES = (0.1, 0.01, 0.0), 2
 """Distances from the initial position at which test states of the library start, in the unit of every velocity: the
 first that closes is used; and the number of these states."""
 
 
-class JudgedLoops(Record, frozen=True):
-    """Loops in compiled code under their loads, and how their multipliers are solved for.
+class CompiledMotion(Record, frozen=True):
+    """A mechanism in compiled code under its loads, and how its multipliers are solved for.
 
     Attributes:
+        loops: Loops and couplings; ``None`` for a tree that has none.
         term: Proximal term for accelerations of closed states, and for projections [1/kg].
         tree: The tree with its loads; ``alone`` where these are all loads.
+        held: The loads that are held between samples, where the library reads them.
     """
 
-    loops: LoadedLoops
+    loops: LoadedLoops | None
     measure: Regularity
     term: float
     tree: LoadedTree
+    held: HeldEfforts | None
     alone: bool
 
     @property
@@ -107,11 +116,12 @@ class JudgedLoops(Record, frozen=True):
             return ProximalStructure()
         return ProximalStructure(TOLERANT * float(np.linalg.eigvalsh(delassus)[-rank]), SOLVED, REPEATS)
 
-    def flow(self, motion: LoopMotion) -> LoopFlow | None:
+    def flow(self, motion: LoopMotion) -> Flow:
         """Return the motion, with the numbers by which that in Python solves, closes and looks."""
+        if self.loops is None:
+            return self.tree.flow(self.held)
         compiled, coarse = library(), motion.coarse
-        if compiled is None:
-            return None
+        assert compiled is not None
         of_motion = (getattr(loop_motion, name) for name in ("NEAR", "AHEAD", "BLIND"))
         limits = LimitsStructure(
             self.measure.usual, *of_motion, RANK**2, ALIKE, loop_motion.ASIDE, tuple(loop_motion.ACROSS),
@@ -119,29 +129,13 @@ class JudgedLoops(Record, frozen=True):
         )  # fmt: skip
         gaps = loop_motion.ROUNDED * coarse, loop_motion.STALLED * coarse
         settings = self.exact, self.exact, self.term, *gaps, MET * LEAST, loop_motion.ITERATIONS, limits
-        system = ClosingSystem.of(self.loops, motion.scale, motion.rows.model.nq, *settings)
-        return LoopFlow(system.flow(compiled.closing_rates, compiled.closing_settle), system, motion, self)
-
-
-class ClosingSystem(Record, frozen=True):
-    """A motion along loops for the library: the C structure, the loops, and what else it points to."""
-
-    structure: ClosingStructure
-    loops: LoadedLoops
-    kept: tuple[Array, ...]
-
-    @classmethod
-    def of(cls, loops: LoadedLoops, scale: Array, nq: int, *settings: Any) -> ClosingSystem:
-        """Return the motion; ``settings`` are the fields of the structure from ``exact`` to ``limits``."""
-        nv = len(scale)
-        kept = scale.copy(), *(np.zeros(nv) for _ in range(3)), *(np.zeros(nq + nv) for _ in range(2))
-        places = dict(zip(("scale", "sum", "part", "aside", "state", "saved"), map(pointer, kept), strict=True))
-        return cls(ClosingStructure(loops.structure, *settings, **places, t=-np.inf), loops, kept)
-
-    def flow(self, *functions: Any) -> FlowStructure:
-        """Return the integrated system, with the functions of the library for rates and for accepted states."""
-        place = ctypes.addressof(self.structure)
-        return FlowStructure(len(self.kept[-1]), *map(address, functions), place + ClosingStructure.floor.offset, place)
+        nv, nq = len(motion.scale), motion.rows.model.nq
+        buffers = motion.scale.copy(), *(np.zeros(nv) for _ in range(3)), *(np.zeros(nq + nv) for _ in range(2))
+        places = dict(zip(("scale", "sum", "part", "aside", "state", "saved"), map(pointer, buffers), strict=True))
+        closing = ClosingStructure(self.loops.structure, *settings, **places, t=-np.inf)
+        place, functions = ctypes.addressof(closing), map(address, (compiled.closing_rates, compiled.closing_settle))
+        structure = FlowStructure(nq + nv, *functions, place + ClosingStructure.floor.offset, place)
+        return LoopFlow(structure, (closing, buffers, self.loops), self.held, closing, motion, self)
 
 
 class LoopFlow(Flow, frozen=True):
@@ -151,21 +145,28 @@ class LoopFlow(Flow, frozen=True):
     accelerations leave the constraints.
     """
 
+    closing: ClosingStructure
     motion: LoopMotion
-    judged: JudgedLoops
+    compiled: CompiledMotion
+
+    @property
+    def begun(self) -> bool:
+        return self.motion.looked
 
     def ready(self) -> None:
-        """Bring the system to the present state of the motion."""
-        structure, motion = self.system.structure, self.motion
-        structure.near, structure.tolerant = motion.near, self.judged.tolerant(motion.q, motion.rank)
+        """Bring the system to the present state of the motion, with the loads in force."""
+        super().ready()
+        structure, motion = self.closing, self.motion
+        structure.near, structure.tolerant = motion.near, self.compiled.tolerant(motion.q, motion.rank)
         structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
         structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
 
     def within(self, start: float) -> None:
-        self.system.structure.near = True
+        super().within(start)
+        self.closing.near = True
 
     def advanced(self, ends: Sequence[float]) -> None:
-        structure, motion = self.system.structure, self.motion
+        structure, motion = self.closing, self.motion
         motion.near, motion.regular = bool(structure.near), structure.regular
         motion.singular, motion.open = motion.regular < loop_motion.NEAR, structure.open
         motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
@@ -173,19 +174,22 @@ class LoopFlow(Flow, frozen=True):
 
 
 class LoadedMotion:
-    """The motion of loops by the library under loads and laws that Python computes: Python takes the steps."""
+    """The motion by the library under loads and laws that Python computes: Python takes the steps."""
 
-    def __init__(self, flow: LoopFlow) -> None:
-        self.flow, self.motion, self.load = flow, flow.motion, flow.motion.dynamics.load()
-        self.driven = np.array(flow.judged.measure.driven, dtype=np.intp)
-        degrees, self.places = flow.judged.tree.arrays[DEGREES], scalar_places(flow.motion.rows.model)[self.driven]
+    def __init__(self, compiled: CompiledMotion, motion: LoopMotion) -> None:
+        self.flow, self.motion, self.load = compiled.flow(motion), motion, motion.dynamics.load()
+        self.driven = np.array(compiled.measure.driven, dtype=np.intp)
+        degrees, self.places = compiled.tree.arrays[DEGREES], scalar_places(motion.rows.model)[self.driven]
         self.efforts: Array = degrees["effort"]
         self.inertia = degrees["armature"][self.driven]
-        self.closes = SETTLE(flow.structure.settle)
+        self.closes = SETTLE(self.flow.structure.settle) if self.flow.settles else None
 
     def interval(self, start: float, end: float) -> Interval:
-        floor = lambda: float(self.flow.system.structure.floor)  # noqa: E731
+        floor = self.floor if self.closes else float
         return Interval(start, end, self.acceleration, self.settle, floor, lambda _: self.closed_acceleration)
+
+    def floor(self) -> float:
+        return float(ctypes.c_double.from_address(self.flow.structure.floor).value)
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration; of the first state, and of those that Python has settled, that of Python."""
@@ -208,6 +212,8 @@ class LoadedMotion:
         """Return the closed state, by Python where the library hands it back, and choose by it how to go on."""
         if len(self.driven):
             q[self.places], v[self.driven], _ = self.motion.targets(t)
+        if self.closes is None:
+            return q, v
         self._load(t, q, v)
         y, slope = np.concatenate([q, v]), np.empty(len(q) + len(v))
         if not self.closes(self.flow.structure.system, t, pointer(y), pointer(slope)):
@@ -223,51 +229,68 @@ class LoadedMotion:
         return a
 
 
-def judged_loops(
+def compiled_motion(
     motion: LoopMotion, settled: Settled, near: Array, laws: Mapping[int, MotionLaw], interval: tuple[float, float]
-) -> tuple[JudgedLoops | None, str]:
-    """Return the loops in compiled code where Pinocchio agrees, and what is to be said where it does not.
+) -> tuple[CompiledMotion | None, str]:
+    """Return a motion in compiled code where Pinocchio agrees, and what is to be said where it does not.
 
     ``motion`` is that in Python on an interval [s], ``settled`` closes states, ``near`` is a configuration near
-    closed ones, shape (nq,); ``laws`` are those of joints that are driven, by index in v.
+    closed ones, shape (nq,); ``laws`` are those of joints that are driven, by index in v. Where the library does not
+    know all loads, the motion has none of them.
     """
     measure, dynamics, compiled = motion.measure, motion.dynamics, _loops(motion.measure)
     if compiled is None:
         return None, ""
     places = scalar_places(compiled.tree.model)
     guided = [Followed(v, int(places[v]), law.on(*interval)) for v, law in laws.items()]
-    tree = compiled.tree.loaded(dynamics.steady, dynamics.changing, guided)
-    if tree is not None:
-        return _judged(compiled, tree, motion, closed_states(motion, settled, near, interval[0]), near, interval[0])
+    if loaded := compiled.tree.under(dynamics.steady, dynamics.changing, guided):
+        return _judged(compiled, *loaded, motion, closed_states(motion, settled, near, interval[0]), near, interval[0])
+    if not motion.rows.size:
+        return None, ""
     if not measure.bare and (bare := compiled.tree.loaded(np.zeros(len(motion.scale)), ())):
         states = closed_states(motion, settled, near, interval[0])
-        measure.bare.append(_judged(compiled, bare, motion, states, near, interval[0], alone=False))
+        measure.bare.append(_judged(compiled, bare, None, motion, states, near, interval[0], alone=False))
     return measure.bare[0] if measure.bare else (None, "")
 
 
 def _judged(
     compiled: CompiledLoops,
     tree: LoadedTree,
+    held: HeldEfforts | None,
     motion: LoopMotion,
     states: Sequence[State],
     near: Array,
     t: float,
     *,
     alone: bool = True,
-) -> tuple[JudgedLoops | None, str]:
-    """Return loops of a tree with loads, or without any where these are not known, and what is to be said."""
-    measure, dynamics = motion.measure, motion.dynamics
-    units = measure.closure.scale.copy()
-    units[list(measure.driven)] = 0.0
-    loops = compiled.loaded(tree, units**2, 1.0 / measure.closure.measure[measure.kept])
-    term = _term(measure, near)
-    judged = JudgedLoops(loops, measure, term, tree, alone) if loops and term else None
-    flow = judged.flow(motion) if judged else None
-    if flow is None or not states:
+) -> tuple[CompiledMotion | None, str]:
+    """Return a tree with loads, or without any where these are not known, and its loops; and what is to be said."""
+    measure, dynamics, loops, term = motion.measure, motion.dynamics, None, 0.0
+    if compiled.tied:
+        units = measure.closure.scale.copy()
+        units[list(measure.driven)] = 0.0
+        loops = compiled.loaded(tree, units**2, 1.0 / measure.closure.measure[measure.kept])
+        term = _term(measure, near)
+    if not states or (compiled.tied and not (loops and term)):
         return None, ""
-    flow.system.structure.near, flow.system.structure.tolerant = 0, flow.judged.exact
-    apart = disagreement(flow, dynamics if alone else Dynamics.of(dynamics.model), states, t)
-    return (judged, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+    known = CompiledMotion(loops, measure, term, tree, held, alone)
+    apart = disagreement(known, motion, dynamics if alone else Dynamics.of(dynamics.model), states, t)
+    return (known, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+
+
+def heavy(model: pin.Model, driven: Sequence[int]) -> pin.Model:
+    """Return a model with armatures that outweigh the tree at driven joints, by their indices in v."""
+    copy = pin.Model(model)
+    copy.armature[list(driven)] += IMMOVABLE * float(np.diag(mass_matrix(model, pin.neutral(model))).max(initial=0.0))
+    return copy
+
+
+def scalar_places(model: pin.Model) -> Indices:
+    """Return the first place in q of the joint of every velocity, shape (nv,)."""
+    places = np.zeros(model.nv, dtype=np.intp)
+    for joint in model.joints.tolist()[1:]:
+        places[joint.idx_v : joint.idx_v + joint.nv] = joint.idx_q
+    return places
 
 
 @lru_cache(maxsize=16)  # the same for all runs of a mechanism
@@ -280,7 +303,7 @@ def _loops(measure: Regularity) -> CompiledLoops | None:
         if (record := _tied(closure.model, constraint, measure.kept, part)) is None or len(record.along)
     ]
     known = [loop for loop in tied if loop is not None]
-    if not known or len(known) < len(tied) or not measure.exact:
+    if len(known) < len(tied) or not measure.exact:
         return None
     tree = CompiledTree.of(heavy(closure.model, measure.driven))
     return CompiledLoops.of(tree, known) if tree else None
@@ -349,7 +372,9 @@ def closed_states(motion: LoopMotion, settled: Settled, near: Array, t: float) -
     return states
 
 
-def disagreement(flow: LoopFlow, dynamics: Dynamics, states: Sequence[State], t: float) -> float:
+def disagreement(
+    compiled: CompiledMotion, motion: LoopMotion, dynamics: Dynamics, states: Sequence[State], t: float
+) -> float:
     """Return the residual of Pinocchio's equations for the library's a and lam, the largest over some states.
 
     ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors. The motion of the free
@@ -357,45 +382,30 @@ def disagreement(flow: LoopFlow, dynamics: Dynamics, states: Sequence[State], t:
     which grows without bound near singular positions, does not enter; nor do efforts of joints that follow laws, which
     have to have the accelerations of these.
     """
-    measure, model, data, worst = flow.judged.measure, dynamics.model, dynamics.data, [0.0]
+    flow, measure, model, data, worst = compiled.flow(motion), compiled.measure, dynamics.model, dynamics.data, [0.0]
+    flow.ready()
+    if isinstance(flow, LoopFlow):
+        flow.closing.near, flow.closing.tolerant = 0, compiled.exact
     closure, driven = measure.closure, list(measure.driven)
     free, still = np.delete(np.arange(model.nv), driven), np.zeros(model.nv)
     for q, v in states:
-        a, lam = flow.rates(t, np.concatenate([q, v]))[model.nq :], flow.system.loops.multipliers
+        a = flow.rates(t, np.concatenate([q, v]))[model.nq :]
+        lam = compiled.loops.multipliers if compiled.loops else np.zeros(0)
         load = dynamics.load()(t, q, v)
         nle = np.array(pin.nonLinearEffects(model, data, q, v))
         inertial, state = np.array(pin.rnea(model, data, q, v, a)) - nle, closure.state(q, v)
         matrix, drift = closure.rows(state)[measure.kept], closure.drift(state)[measure.kept]
         held, largest = matrix.T @ lam, _size(matrix)
         moved = np.array(pin.aba(model, data, q, still, held)) - pin.aba(model, data, q, still, still)
+        moving = _size(a) + _size(moved) + _size(np.array(pin.aba(model, data, q, v, load)))
         sizes = _size(inertial[free]) + largest * _size(lam) + _size(nle - load)
         worst.append(_size((inertial + nle - load - held)[free]) / max(sizes, np.finfo(float).tiny))
-        sizes = largest * _size(moved) + largest * _size(a) + _size(drift)
+        sizes = largest * moving + _size(drift)
         worst.append(_size(matrix @ a + drift) / max(sizes, np.finfo(float).tiny))
-        if driven and flow.judged.alone:
-            worst.append(_size(a[driven] - flow.motion.targets(t)[2]) / (_size(a) + _size(moved)))
+        if driven and compiled.alone:
+            worst.append(_size(a[driven] - motion.targets(t)[2]) / max(moving, np.finfo(float).tiny))
     return float(np.max(worst))  # NaN included
 
 
 def _size(x: Array) -> float:
     return float(np.abs(x).max(initial=0.0))
-
-
-def coupled_flow(closure: Closure, steady: Array, changing: Sequence[ForceElement]) -> Flow | None:
-    """Return the motion of a tree with couplings, whose sums steps keep; ``None`` where the library does not know it.
-
-    For ``steady`` and ``changing`` loads see ``CompiledTree.flow``.
-    """
-    compiled, measure, q = library(), Regularity.of(closure, ()), places(closure)[0]
-    loops = _loops(measure)
-    known, delassus = loops.tree.under(steady, changing) if loops else None, _delassus(measure, q)
-    if compiled is None or loops is None or known is None or delassus is None:
-        return None
-    tree, held = known
-    tied = loops.loaded(tree, closure.scale**2, np.ones(len(measure.kept)))
-    if tied is None:
-        return None
-    exact = ProximalStructure(INDEPENDENT * float(np.diag(delassus).min()), 0.0, 1)
-    system = ClosingSystem.of(tied, closure.scale, closure.model.nq, exact, exact)
-    structure = system.flow(compiled.closing_rates, None)
-    return HeldFlow(structure, system, held[0], steady, tree) if held else Flow(structure, system)
