@@ -19,8 +19,9 @@ from pinarm.use.study.restore import restore
 ROOT = Path(pinarm.__file__).parents[1]
 FILES = [file for file in sorted((ROOT / "scenarios").glob("*.yaml")) if "kind: forward" in file.read_text("utf-8")]
 
-ROUNDING = 1e-12
-"""Relative to the largest terms of the run: the part sums the same numbers as the whole, in another order."""
+ROUNDING = 1e-11
+"""Relative to the largest terms of the run: the part sums the same numbers as the whole, in another order, and rows of
+prescribed joints are closed to 1e-12."""
 
 LOCKABLE = {
     "brick_thrown": {"root.x", "root.y", "root.z"},
@@ -44,26 +45,26 @@ def terms(run):
     return {"q": 1.0, "v": 1.0, "a": a, "tau": bias + mass * a, "lam": bias + mass * a}
 
 
-def assert_same(found, wanted):
+def assert_same(found, wanted, within=ROUNDING):
     one, two = found.trajectory, wanted.trajectory
     sizes = terms(two)
     for name in ("q", "v", "a", "tau", "lam"):
         x, y = (np.asarray(getattr(run, name)) for run in (one, two))
         scale = max(np.abs(y).max(initial=0.0), sizes[name])
-        np.testing.assert_allclose(x, y, rtol=0, atol=ROUNDING * scale, err_msg=name)
+        np.testing.assert_allclose(x, y, rtol=0, atol=within * scale, err_msg=name)
     np.testing.assert_allclose(one.grid.t, two.grid.t, rtol=1e-15, atol=1e-15)  # impacts are found to rounding
     np.testing.assert_allclose(one.grid.cuts, two.grid.cuts, rtol=1e-15, atol=1e-15)
     assert one.grid.rows == two.grid.rows
     for name, scale in output_scales(wanted).items():
-        np.testing.assert_allclose(found[name], wanted[name], rtol=0, atol=ROUNDING * scale, err_msg=name)
+        np.testing.assert_allclose(found[name], wanted[name], rtol=0, atol=within * scale, err_msg=name)
     limits = [[(x.joint, x.of, x.rows) for x in result.excesses()] for result in (found, wanted)]
     assert limits[0] == limits[1]
 
 
-def assert_unchanged(scenario):
+def assert_unchanged(scenario, within=ROUNDING):
     """Compare with the whole mechanism; return the joints that were removed, and how."""
     result = scenario.run()
-    assert_same(result, scenario.varied({"modelled": "whole"}).run())
+    assert_same(result, scenario.varied({"modelled": "whole"}).run(), within)
     return {one.joint: one.how for one in result.removals}
 
 
@@ -214,10 +215,14 @@ GEARED = {"couplings": {"gear": {"kind": "gear", "joints": ["elbow_a", "elbow_b"
 
 
 def test_gears_of_joints_held_still_are_locked_with_them(scene):
-    """The multiplier of the gear and the efforts of its joints come back."""
+    """The multiplier of the gear and the efforts of its joints come back.
+
+    Steps of the whole keep the row of the gear at their ends, and err within them as ``h^4``, which the part does not.
+    """
     motion = {"shoulder_a": MOVES, "shoulder_b": MOVES, "elbow_a": HELD}
-    asked = scene(falling(motion=motion), "joint.shoulder_a.effort", accuracy=RK4, **GEARED)
-    found = assert_unchanged(asked)
+    accuracy = {"method": "rk4", "step": "4 ms"}
+    asked = scene(falling(motion=motion), "joint.shoulder_a.effort", accuracy=accuracy, **GEARED)
+    found = assert_unchanged(asked, 1e-8)
     assert {"elbow_a", "elbow_b"} == {name for name, how in found.items() if how == "locked"}
     run = asked.run().trajectory
     assert np.abs(run.lam).min() > 0.0
