@@ -90,7 +90,7 @@ def pairs_of(texts: Sequence[str], expected: str) -> dict[str, str]:
 def each_file(
     options: Namespace, paths: Iterable[Path], read: Callable[[Path], T]
 ) -> tuple[list[tuple[Path, T]], list[tuple[Path, PinarmError]]]:
-    """Return what is read of each file, and the mistakes in the others."""
+    """Return the content of each file that is read, and the mistakes in the others."""
     known, mistakes = list[tuple[Path, T]](), list[tuple[Path, PinarmError]]()
     for path in paths:
         progress(f"check {path}")

@@ -382,7 +382,7 @@ class _Binding(Record, frozen=True):
 
 
 def _counter(angle: str, coordinate: Coordinate, parts: NamedParts) -> Constraint:
-    """Return what ties the joint that counts the turns of an angle."""
+    """Return the tie of the joint that counts the turns of an angle."""
     from pinarm.mechanics.rotors import counter_name, tied_joint
 
     return tied_joint(f"turns of {angle}", coordinate, parts.joints[counter_name(angle)], parts.coordinates)

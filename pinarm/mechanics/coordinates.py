@@ -125,7 +125,7 @@ class FrameCoordinate(AbstractRecord, frozen=True):
 
     @property
     def turning(self) -> FrameCoordinate | None:
-        """What counts whole turns that a configuration does not tell; ``None`` where there are none."""
+        """The counter of whole turns that a configuration does not tell; ``None`` where there are none."""
         return None
 
     def missing_turns(self, angle: Array, q: Array) -> Array:
@@ -250,7 +250,7 @@ class Constraint(ABC):
 
     @property
     def turning(self) -> FrameCoordinate | Constraint | None:
-        """What counts whole turns in its gap; ``None`` where there are none."""
+        """The counter of whole turns in its gap; ``None`` where there are none."""
         return None
 
     def helical(self, row: int) -> bool:

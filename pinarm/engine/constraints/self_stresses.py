@@ -93,7 +93,7 @@ class SelfStresses(Record, frozen=True):
         return beyond
 
     def _pushes(self, closure: Closure, rows: slice = slice(None)) -> tuple[Array, Array]:
-        """Return what some constraints do to links per unit of large self-stresses, and of opposite ones.
+        """Return the wrenches of some constraints on links per unit of large self-stresses, and of opposite ones.
 
         Teeth push apart and strands pull together both ways. Shape (s, n, .., njoints, 6) each.
         """

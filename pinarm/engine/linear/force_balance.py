@@ -81,7 +81,7 @@ class Driven(Record, frozen=True):
 
     @cached_property
     def held(self) -> PrescribedCoordinates:
-        """Those that keep their values."""
+        """The coordinates that keep their values."""
         h, laws = len(self.values), tuple(Constant(value=value) for value in self.values.tolist())
         return PrescribedCoordinates((*self.names[:h],), (*self.coordinates[:h],), laws)
 

@@ -154,7 +154,7 @@ class Evaluator:
         return result
 
     def named(self, scope: Scope, name: str) -> Any:
-        """Return what a name in an expression stands for; ``None`` for nothing.
+        """Return the value of a name in an expression; ``None`` for nothing.
 
         ``a.b`` is property ``b`` of namespace ``a``, or what a map ``a`` has under ``b``.
         """

@@ -286,7 +286,7 @@ def _parts(path: str, place: Location) -> list[tuple[str, bool]]:
 
 
 def _length(parts: list[tuple[str, bool]], data: dict[str, Any], before: list[str | int], place: Location) -> int:
-    """Return how many parts of a path are its next key in a map."""
+    """Return the number of parts of a path that are its next key in a map."""
     (first, quoted), *rest = parts
     if quoted or first in data:
         return 1

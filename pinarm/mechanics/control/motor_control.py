@@ -36,7 +36,7 @@ class MotorController(Controller, frozen=True):
 
     @abstractmethod
     def figures(self, given: Given) -> dict[str, Array]:
-        """Return what is known of the motor beside its effort, by name, shape (...) each."""
+        """Return the quantities of the motor beside its effort, by name, shape (...) each."""
 
     def commanded(self, given: Given) -> Array:
         """Return the voltage [V] or the torque [N*m] that is commanded, shape (...)."""

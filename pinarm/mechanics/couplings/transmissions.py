@@ -50,7 +50,7 @@ class Part(NamedTuple):
 
 
 class Transmission(AbstractRecord, frozen=True):
-    """What two members on one carrier do to each other.
+    """Action of two members on one carrier on each other.
 
     Attributes:
         carrier: Index of the joint that moves the carrier; 0 for the ground.

@@ -81,7 +81,7 @@ class AppliedWrench(AbstractRecord, ForceElement, frozen=True):
 
 
 class PathElement(AlongCoordinate, frozen=True):
-    """What pulls along a path through the origins of links."""
+    """A pull along a path through the origins of links."""
 
     @property
     def path(self) -> PathLength:

@@ -104,7 +104,7 @@ class Bearing(Record, frozen=True):
 
     @classmethod
     def thread(cls, axis: Array, lever: float) -> Bearing:
-        """Return what is loaded by the force along an axis, times a lever."""
+        """Return a bearing loaded by the force along an axis, times a lever."""
         return cls(_component(axis, lever)[None])
 
     @classmethod

@@ -114,7 +114,7 @@ class Band(Record, frozen=True):
 
     @cached_property
     def doubts(self) -> Array:
-        """What errors of derivatives make of a band [SI], shape (k,)."""
+        """Errors of a band by those of derivatives [SI], shape (k,)."""
         return np.array([slope.error * of.tolerance for of, slope in zip(self.inputs, self.slopes, strict=True)])
 
     @property

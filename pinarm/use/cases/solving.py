@@ -446,7 +446,7 @@ class CaseSolver:
 
     @cached_property
     def _begun(self) -> Callable[[Kind], _Known]:
-        """Return what is known of a kind, whose base is solved first; the kinds that were used last are kept."""
+        """Return the function that begins the stack of a kind, its base first; a few kinds are kept."""
         return lru_cache(KINDS)(lambda kind: _Known(Stack.begin(self.task, dict(kind or ()))))
 
 

@@ -72,7 +72,7 @@ the motion makes the steps after it useless, and memory is taken for all of them
 
 
 class _Explicit:
-    """What follows from the coefficients of a method."""
+    """Stepping functions and limits that follow from the coefficients of a method."""
 
     tableau: Tableau
     subdivisions = 4
@@ -147,7 +147,7 @@ class Adaptive(_Explicit, ValueRecord, frozen=True):
         ]
 
     def _limited(self, steps: Steps) -> Flags:
-        """Return which steps the stability limits.
+        """Return the steps that the stability limits.
 
         The last stage and the end of the step share their time, so ``|k_s - k_(s-1)| / |y_new - Y_(s-1)|`` estimates
         the dominant eigenvalue: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2, eq. (2.26).

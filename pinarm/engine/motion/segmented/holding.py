@@ -45,7 +45,7 @@ Ends = tuple[Array, Flags]
 
 
 class Holding(Record, frozen=True):
-    """What holds of a mechanism while some stops are rested on and some one-sided constraints are closed."""
+    """Equations of a mechanism while some stops are rested on and some one-sided constraints are closed."""
 
     hybrid: HybridSystem
     held: Held

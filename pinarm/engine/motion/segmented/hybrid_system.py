@@ -99,7 +99,7 @@ class HybridSystem(Record, frozen=True):
         return frozenset(k for k, bound in enumerate(self.bounds) if isinstance(bound, Separation))
 
     def holding(self, held: Held) -> Holding:
-        """Return what holds while some stops are rested on; kept for all motions of the mechanism."""
+        """Return the equations while some stops are rested on; kept for all motions of the mechanism."""
         if held not in self._holding:
             self._holding[held] = Holding(self, held)
         return self._holding[held]
@@ -230,7 +230,7 @@ class HybridSystem(Record, frozen=True):
 
     @property
     def _at_start(self) -> Holding:
-        """What holds in the initial state: the one-sided constraints that given values do not open."""
+        """Equations in the initial state: with the one-sided constraints that given values do not open."""
         initial, held = self.initial, set(self.separations)
         for k in self.separations:
             row = self.bounds[k].row(initial.q)
