@@ -143,7 +143,7 @@ class Optimum:
         """Tell whether the objective is the same in all runs but for rounding [SI]."""
         return float(np.ptp(self.objectives)) <= max(SAME * self.size, rounding)
 
-    def found(self, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
+    def solved(self, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
         """Return the optimum with its descents.
 
         Args:
@@ -158,14 +158,14 @@ class Optimum:
         scaled = replace(self, size=float(np.median(np.abs(self.objectives or 0.0))) or 1.0)
         if everywhere:
             points = [scaled._evolved(points[0], seed)]
-        found = replace(scaled, descents=[scaled._descent(x, "SLSQP", maxiter=50, ftol=1e-10) for x in points])
-        if not found.run(found.best).refusal:
-            further = found._descent(found.best, "COBYQA", maxfev=POLISH_RUNS * len(self.low), **POLISH)
-            if found.rank(further.end) < found.rank(found.best):
-                found = replace(found, descents=[*found.descents, further._replace(status=FURTHER)])
-        if not found.is_valid(found.best):
-            raise found._nowhere(len(points))
-        return found
+        optimum = replace(scaled, descents=[scaled._descent(x, "SLSQP", maxiter=50, ftol=1e-10) for x in points])
+        if not optimum.run(optimum.best).refusal:
+            further = optimum._descent(optimum.best, "COBYQA", maxfev=POLISH_RUNS * len(self.low), **POLISH)
+            if optimum.rank(further.end) < optimum.rank(optimum.best):
+                optimum = replace(optimum, descents=[*optimum.descents, further._replace(status=FURTHER)])
+        if not optimum.is_valid(optimum.best):
+            raise optimum._nowhere(len(points))
+        return optimum
 
     def _descent(self, start: Array, method: str, **options: Any) -> Descent:
         """Return the best point that a method comes to from a start, among all that it has run."""

@@ -48,12 +48,12 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     with scenario.document.locating("find"):
         if search.objective is None:
             return _balanced(bare, search)
-        found = _best(bare, search)
-    values = found.values(found.best)
+        optimum = _best(bare, search)
+    values = optimum.values(optimum.best)
     result = bare.varied(search.case(values)).run()
     objective = search.objective.described(result.quantities, bare.concluded)
     error, (rounded,) = search.objective.value(result)[1], rounding(result, [objective.unit])
-    section = optimum_section(search, found, objective, error, float(rounded))
+    section = optimum_section(search, optimum, objective, error, float(rounded))
     return replace(result, figures={**result.figures, **search.figures(values)}, known={"find": section})
 
 
@@ -113,7 +113,7 @@ def _best(bare: Scenario, search: Find) -> Optimum:
         first = scaled.run((search.start - low) / (high - low))
         least = np.zeros(len(conditions)) if first.refusal else first.numbers[1:]
         sizes = [abs(float(each.bound)) or abs(margin) or 1.0 for each, margin in zip(conditions, least, strict=True)]
-        return replace(scaled, sizes=sizes).found(search.starts, search.seed, everywhere=search.search == "global")
+        return replace(scaled, sizes=sizes).solved(search.starts, search.seed, everywhere=search.search == "global")
 
 
 @contextmanager
@@ -147,41 +147,41 @@ def refusal(figures: Mapping[str, float]) -> str:
     return ""
 
 
-def optimum_section(search: Find, found: Optimum, objective: Series, error: float, rounded: float = 0.0) -> Section:
+def optimum_section(search: Find, optimum: Optimum, objective: Series, error: float, rounded: float = 0.0) -> Section:
     """Return the section of a search.
 
     Args:
         search: What was asked.
-        found: What came out.
+        optimum: The best unknowns, and how they were found.
         objective: Name and unit of the objective, without values.
         error: What its quadrature leaves of the objective at the best values [SI].
         rounded: Size up to which the objective is rounding [SI].
     """
-    value = search.sign * found.run(found.best).numbers[0]
+    value = search.sign * optimum.run(optimum.best).numbers[0]
     numbers = {
         path: Series(path, unknown.unit.si if unknown.unit else DIMENSIONLESS, np.array([end]))
-        for (path, unknown), end in zip(search.unknown.items(), found.values(found.best), strict=True)
+        for (path, unknown), end in zip(search.unknown.items(), optimum.values(optimum.best), strict=True)
     }
     numbers["objective"] = Series(objective.name, objective.unit, np.array([value]))
-    remarks = _remarks(search, found, objective, value, rounded)
+    remarks = _remarks(search, optimum, objective, value, rounded)
     if error:
         left = f"{error:.1e} {objective.unit or DIMENSIONLESS}"
         remarks.append(f"at these values the objective is known to {left}, beside the error of the motion")
     title = f"{'Least' if search.sign > 0 else 'Largest'} {objective.name}"
-    tables = _tables(search, found, str(objective.unit or "1"))
+    tables = _tables(search, optimum, str(objective.unit or "1"))
     return Section("find", title, tables, numbers, remarks, errors={"objective": error})
 
 
-def _tables(search: Find, found: Optimum, unit: str) -> list[SectionTable]:
+def _tables(search: Find, optimum: Optimum, unit: str) -> list[SectionTable]:
     """Return the best values, where every start has led in the units of the file, and the margins of conditions."""
     unknowns, factors = search.unknown.items(), np.array([unknown.factor for unknown in search.unknown.values()])
     units = [str(unknown.unit or "1") for unknown in search.unknown.values()]
-    ends = (found.values(found.best) / factors, found.low / factors, found.high / factors)
+    ends = (optimum.values(optimum.best) / factors, optimum.low / factors, optimum.high / factors)
     values: list[tuple[Cell, ...]] = [*zip(search.unknown, units, *(end.tolist() for end in ends), strict=True)]
     starts: list[tuple[Cell, ...]] = []
-    for k, (start, end, runs, status) in enumerate(found.descents, start=1):
-        run, points = found.run(end), [(found.values(x) / factors).tolist() for x in (start, end)]
-        reached: list[Cell] = ["", ""] if run.refusal else [float(search.sign * run.numbers[0]), found.violation(end)]
+    for k, (start, end, runs, status) in enumerate(optimum.descents, start=1):
+        run, points = optimum.run(end), [(optimum.values(x) / factors).tolist() for x in (start, end)]
+        reached: list[Cell] = ["", ""] if run.refusal else [float(search.sign * run.numbers[0]), optimum.violation(end)]
         starts.append((str(k), *points[0], *points[1], *reached, float(runs), status))
     texts = [f"{path} {end} [{unknown.unit or 1}]" for end in ("at start", "at end") for path, unknown in unknowns]
     tables = [
@@ -189,8 +189,8 @@ def _tables(search: Find, found: Optimum, unit: str) -> list[SectionTable]:
         _table("starts", "All starts, and where each has led",
                ["start", *texts, f"objective [{unit}]", "violation", "runs", "end"], starts),
     ]  # fmt: skip
-    pairs = zip(search.conditions, found.run(found.best).numbers[1:].tolist(), strict=True)
-    rows = [(str(condition), margin, "active" * (k in found.active)) for k, (condition, margin) in enumerate(pairs)]
+    pairs = zip(search.conditions, optimum.run(optimum.best).numbers[1:].tolist(), strict=True)
+    rows = [(str(condition), margin, "active" * (k in optimum.active)) for k, (condition, margin) in enumerate(pairs)]
     kept = _table("conditions", "Conditions and their margins in SI", ["", "margin", "active"], rows)
     return [*tables, kept] if rows else tables
 
@@ -199,24 +199,24 @@ def _table(key: str, title: str, names: Sequence[str], rows: Sequence[tuple[Cell
     return SectionTable(key, title, tuple(names), (None,) * len(names), rows)
 
 
-def _remarks(search: Find, found: Optimum, objective: Series, value: float, rounded: float) -> list[str]:
+def _remarks(search: Find, optimum: Optimum, objective: Series, value: float, rounded: float) -> list[str]:
     """Return remarks on the optimum: conditions and bounds that hold it, starts that led there, refused runs."""
-    held = [str(search.conditions[k]) for k in found.active]
-    for (path, unknown), end in zip(search.unknown.items(), found.values(found.best), strict=True):
+    held = [str(search.conditions[k]) for k in optimum.active]
+    for (path, unknown), end in zip(search.unknown.items(), optimum.values(optimum.best), strict=True):
         for bound, name in ((unknown.low, "lower"), (unknown.high, "upper")):
             if abs(end - bound) <= 1e-6 * (unknown.high - unknown.low):
                 held.append(f"{path} at its {name} bound {unknown.written(bound)}")
-    held += [f"refused runs beside this value of {[*search.unknown][k]}" for k in found.beside_refused]
-    ends = [descent.end for descent in found.descents if descent.status != FURTHER]
-    gap, best = max(AGREED[0] * abs(value), AGREED[1] * found.size), found.run(found.best).numbers[0]
-    same = sum(found.is_valid(end) and abs(found.run(end).numbers[0] - best) <= gap for end in ends)
-    refused = sum(bool(found.run(end).refusal) for end in ends)
+    held += [f"refused runs beside this value of {[*search.unknown][k]}" for k in optimum.beside_refused]
+    ends = [descent.end for descent in optimum.descents if descent.status != FURTHER]
+    gap, best = max(AGREED[0] * abs(value), AGREED[1] * optimum.size), optimum.run(optimum.best).numbers[0]
+    same = sum(optimum.is_valid(end) and abs(optimum.run(end).numbers[0] - best) <= gap for end in ends)
+    refused = sum(bool(optimum.run(end).refusal) for end in ends)
     remarks = [
-        f"{objective.name} = {value:.7g} {objective.unit or DIMENSIONLESS} after {len(found.runs.known)} runs; {same} "
-        f"of {len(ends)} starts led to that value" + (f", {refused} could not be run" if refused else ""),
+        f"{objective.name} = {value:.7g} {objective.unit or DIMENSIONLESS} after {len(optimum.runs.known)} runs; "
+        f"{same} of {len(ends)} starts led to that value" + (f", {refused} could not be run" if refused else ""),
         f"held by {'; '.join(held)}" if held else "no condition and no bound holds it",
     ]
-    if found.is_flat(rounded):
+    if optimum.is_flat(rounded):
         remarks.append(
             "the same in all runs, but for rounding: no unknown changes it between its bounds, as far as they show"
         )

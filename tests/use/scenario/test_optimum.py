@@ -37,7 +37,7 @@ def asked(function, low, high, start, conditions=()) -> Optimum:
 def test_a_smooth_valley_is_followed_to_its_lowest_point():
     """Rosenbrock's function: (1, 1)."""
     valley = lambda x: [100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2]  # noqa: E731
-    found = asked(valley, [-2, -2], [2, 2], [-1.2, 1.0]).found(starts=2, seed=0)
+    found = asked(valley, [-2, -2], [2, 2], [-1.2, 1.0]).solved(starts=2, seed=0)
     assert found.values(found.best) == pytest.approx([1.0, 1.0], abs=1e-4)
     assert len(found.descents) in (2, 3)
 
@@ -45,18 +45,18 @@ def test_a_smooth_valley_is_followed_to_its_lowest_point():
 def test_a_kink_is_met_though_it_has_no_slope():
     """|x - 1| + |y + 1/2| is least at (1, -1/2)."""
     function = lambda x: [1.0 + abs(x[0] - 1.0) + 3.0 * abs(x[1] + 0.5)]  # noqa: E731
-    found = asked(function, [-3, -3], [2.5, 4], [0, 0]).found(starts=2, seed=0)
+    found = asked(function, [-3, -3], [2.5, 4], [0, 0]).solved(starts=2, seed=0)
     assert found.values(found.best) == pytest.approx([1.0, -0.5], abs=1e-5)
 
 
 def test_a_condition_holds_the_optimum_and_is_named():
     """Least x² + y² with x + y > 1: (1/2, 1/2); with y = 2 x as well: (1/3, 2/3)."""
     function = lambda x: [x @ x, x[0] + x[1] - 1.0]  # noqa: E731
-    found = asked(function, [-2, -2], [2, 2], [1, 1], [ABOVE]).found(3, 0)
+    found = asked(function, [-2, -2], [2, 2], [1, 1], [ABOVE]).solved(3, 0)
     assert found.values(found.best) == pytest.approx([0.5, 0.5], abs=1e-5)
     assert found.active == [0]
     both = lambda x: [x @ x, x[0] + x[1] - 1.0, x[1] - 2.0 * x[0]]  # noqa: E731
-    found = asked(both, [-2, -2], [2, 2], [1, 1], [ABOVE, EQUAL]).found(3, 0)
+    found = asked(both, [-2, -2], [2, 2], [1, 1], [ABOVE, EQUAL]).solved(3, 0)
     assert found.values(found.best) == pytest.approx([1.0 / 3.0, 2.0 / 3.0], abs=1e-5)
     assert found.active == [0, 1]
 
@@ -64,36 +64,36 @@ def test_a_condition_holds_the_optimum_and_is_named():
 def test_runs_that_are_refused_are_no_optimum():
     """x falls to the left, where runs do not count below 0.3."""
     refused = lambda x: None if x[0] < 0.3 else [1.0 + x[0]]  # noqa: E731
-    found = asked(refused, [0], [1], [0.9]).found(1, 0)
+    found = asked(refused, [0], [1], [0.9]).solved(1, 0)
     assert 0.3 <= found.values(found.best)[0] < 0.3 + 1e-4
     search = Find({"x": Unknown.read(["0 m", "1 m"])}, minimise="y @ end")
     remarks = optimum_section(search, found, Series("y @ end", unit("m"), np.zeros(1)), 0.0).remarks
     [held] = (remark for remark in remarks if remark.startswith("held by"))
     assert held == "held by refused runs beside this value of x"
     with pytest.raises(IntegrationError, match=r"none of the 2 starts can be run: loop does not close"):
-        asked(lambda x: None, [0], [1], [0.9]).found(2, 0)
+        asked(lambda x: None, [0], [1], [0.9]).solved(2, 0)
 
 
 def test_conditions_that_cannot_hold_are_said():
     said = r"none of the 2 starts leads to where all conditions hold: .* violates 'a @ end > 0 mm' by 1000 mm"
     with pytest.raises(IntegrationError, match=said):
-        asked(lambda x: [x[0], -1.0 - x[0]], [0], [1], [0.9], [ABOVE]).found(2, 0)
+        asked(lambda x: [x[0], -1.0 - x[0]], [0], [1], [0.9], [ABOVE]).solved(2, 0)
 
 
 @pytest.mark.parametrize("everywhere", [False, True])
 def test_what_does_not_depend_on_the_unknowns_is_said_to_be_flat(everywhere):
     rounded = lambda x: [0.3 + 1e-16 * math.sin(1e3 * x[0])]  # noqa: E731
-    assert asked(rounded, [0], [1], [0.9]).found(2, 0, everywhere=everywhere).is_flat()
-    assert not asked(lambda x: [0.3 + x[0]], [0], [1], [0.9]).found(2, 0, everywhere=everywhere).is_flat()
+    assert asked(rounded, [0], [1], [0.9]).solved(2, 0, everywhere=everywhere).is_flat()
+    assert not asked(lambda x: [0.3 + x[0]], [0], [1], [0.9]).solved(2, 0, everywhere=everywhere).is_flat()
 
 
 def test_a_global_search_leaves_the_nearest_valley():
     """Of x/10 - cos(2 pi x) on [-2.5, 2.5] the valley near -2 is the lowest: a start at 2 leads to another."""
     function = lambda x: [0.1 * x[0] - math.cos(2.0 * math.pi * x[0])]  # noqa: E731
     near = -math.asin(0.1 / (2.0 * math.pi)) / (2.0 * math.pi)
-    one = asked(function, [-2.5], [2.5], [2.0]).found(1, 0)
+    one = asked(function, [-2.5], [2.5], [2.0]).solved(1, 0)
     assert one.values(one.best)[0] > -1.5
-    whole = asked(function, [-2.5], [2.5], [2.0]).found(1, 0, everywhere=True)
+    whole = asked(function, [-2.5], [2.5], [2.0]).solved(1, 0, everywhere=True)
     assert whole.values(whole.best)[0] == pytest.approx(-2.0 + near, abs=1e-5)
 
 
