@@ -499,14 +499,13 @@ class ControlledSystem(Record, frozen=True):
 
         def acceleration(t: float, q: Array, v: Array) -> Array:
             self.controls.integral = v[nv:].copy()
-            (at,), (moving,) = self.inner.whole(np.array([t]), q[None], v[None, :nv])
-            return np.concatenate([inner(t, q, v[:nv]), efforts.integral_rates(t, at, moving)])
+            return np.concatenate([inner(t, q, v[:nv]), efforts.integral_rates(t, q, v[:nv])])
 
         return acceleration
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         self.controls.integral, self.controls.instants = self.integrals(v).copy(), t
-        return self.inner.whole(t, q, v[..., : self.inner.manifold.nv])
+        return q, v[..., : self.inner.manifold.nv]
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         return self.inner.complete(dynamics, grid, q, v[:, : self.inner.manifold.nv])

@@ -173,18 +173,12 @@ class HybridSystem(Record, frozen=True):
         return q, v
 
     def begin(self) -> tuple[Array, Array]:
-        initial, start = replace(self.initial, q=self.assembly.q, drawn=None), np.array(self.cuts[:1])
-        here = self._at_start
-
-        def whole(initial: Initial) -> tuple[Array, Array]:
-            states = (x[None] for x in here.system.begin(initial, *self.cuts[:2]))
-            (q,), (v,) = here.system.whole(start, *states)
-            return q, v
-
-        q, v = whole(initial)
+        initial, here = replace(self.initial, q=self.assembly.q, drawn=None), self._at_start
+        q, v = here.system.begin(initial, *self.cuts[:2])
         if initial.rates:
             v = self._velocity_with_rates(initial, here.closure, q)
-            q, v = whole(replace(initial, q=q, v=v, velocities=tuple(range(len(v)))))
+            initial = replace(initial, q=q, v=v, velocities=tuple(range(len(v))))
+            q, v = here.system.begin(initial, *self.cuts[:2])
         for follower in initial.followers:
             rotor, coordinate, state = follower.rotor, follower.coordinate, self.closure.state(q)
             q[rotor.q] = coordinate.value(state) if follower.position else q[rotor.q]

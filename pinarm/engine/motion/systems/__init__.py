@@ -155,11 +155,14 @@ class System(Protocol):
         ...
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the mechanism's states, shapes (..., n, nq) and (..., n, nv), from integrated ones at n times t."""
+        """Return the mechanism's states, shapes (..., n, nq) and (..., n, nv), from integrated ones at n times t.
+
+        Integrated ones may have integrals of controllers behind the velocities.
+        """
         ...
 
     def acting(self, dynamics: Dynamics) -> Dynamics:
-        """Return an equation of motion with the friction of joints that slip."""
+        """Return the equation of motion, with the friction of joints that slip."""
         ...
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:

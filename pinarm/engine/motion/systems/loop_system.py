@@ -1,4 +1,4 @@
-"""Mechanisms with loops, or with task coordinates that follow laws: all coordinates are integrated and kept closed.
+"""Free motion of trees, and along loops, couplings and laws: all coordinates are integrated, and rows kept closed.
 
 The acceleration is that of Gauss's principle, ``min (a - a0)^T M (a - a0)`` with ``G a = -G' v``, a0 being that of the
 tree without its constraints. After every accepted step the state is brought back onto the constraints by the least
@@ -49,11 +49,12 @@ LARGE = 10**7
 
 
 class LoopSystem(Record, frozen=True):
-    """The whole state of a mechanism under its constraints.
+    """The whole state of a mechanism under its constraints; a tree without any has no rows.
 
     Attributes:
-        rows: The same, then one row for each prescribed coordinate.
-        closure: The same without joint coordinates that follow laws, whose multipliers are efforts at joints.
+        own: Loops and couplings of the mechanism.
+        rows: These, then one row for each prescribed coordinate.
+        closure: ``rows`` without joint coordinates that follow laws, whose multipliers are efforts at joints.
         near: A configuration near closed ones, shape (nq,).
     """
 
@@ -82,7 +83,7 @@ class LoopSystem(Record, frozen=True):
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
         """Return the closed state nearest to the initial one that has what is given of it."""
         if not self.rows.size:
-            return initial.q, initial.v
+            return initial.q.copy(), initial.v.copy()
         w, dw, ddw = self.prescribed.on(start, end)(start)
         everything, values = initial.known(self.prescribed, self.rows)
         q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)

@@ -113,3 +113,14 @@ def test_accelerations_of_the_kernel_satisfy_the_equation_of_motion():
         size = np.abs(a).max() * np.diag(pin.crba(model, mechanism.dynamics.data, q[0])).max()
         assert np.abs(left - weights.T @ lam).max() < 1e-12 * size
         assert np.abs(weights @ a).max() < 1e-13 * np.abs(a).max()
+
+
+def test_a_rotor_that_begins_with_its_load_leaves_the_given_velocities_as_they_are():
+    """Through a ratio of 10 the rotor of an elastic gear turns with the load; only the load's velocity is given."""
+    given = {"problem.initial": {"velocity": {"x": "0.3 rad/s"}}}
+    scenario = pinarm.load("scenarios/servo_backlash.yaml", given)
+    hybrid = scenario.problem.prepare(scenario.mechanism, scenario.content.accuracy, scenario.place)
+    before = hybrid.initial.v.copy()
+    moving = hybrid.begin()[1]
+    assert np.count_nonzero(moving) == 2
+    np.testing.assert_array_equal(hybrid.initial.v, before)
