@@ -242,6 +242,16 @@ class Closure(Record, frozen=True):
         states = map(self.state, q, v) if self.size else ()
         return np.array([*map(self.drift, states)]).reshape(len(q), self.size)
 
+    def terms(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return the gaps, G and G' v in states, as ``at`` and ``drifts`` do."""
+        if len(q) * len(self.constraints) >= SEVERAL:
+            rows = self.constraint_rows.at(q)
+            return rows.gaps, rows.matrices, rows.drifts(v)
+        states = [*map(self.state, q, v)]
+        gaps, matrices, drifts = ([*map(part, states)] for part in (self.gap, self.rows, self.drift))
+        shape = len(q), self.size
+        return np.reshape(gaps, shape), np.reshape(matrices, (*shape, self.model.nv)), np.reshape(drifts, shape)
+
     def multipliers(self, q: Array, held: Array, along: Array | None = None) -> Array:
         """Return the least multipliers that hold what drives do not, and these drives' efforts, shape (n, m).
 

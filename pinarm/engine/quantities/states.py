@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.closure import BLOCK, Closure
 from pinarm.engine.constraints.constraint_rows import one_sided
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
@@ -249,18 +249,26 @@ def check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: 
     Accelerations that have been ``found`` of efforts do so at singular positions only, where velocities are not along
     one of the motions that meet there, and next to them.
     """
-    for i in range(len(q) if closure.size else 0):
-        state = closure.state(q[i], v[i])
-        rows, gap, drift = closure.rows(state), closure.gap(state), closure.drift(state)
-        sizes = np.abs(rows)
-        left = np.array([gap, rows @ v[i], rows @ a[i] + drift])
-        terms = np.array([0.0 * gap, sizes @ np.abs(v[i]), sizes @ np.abs(a[i]) + np.abs(drift)])
-        excess = np.abs(left) - CLOSED * (1.0 + terms)
-        for part in np.flatnonzero((excess > 0.0).any(axis=1)).tolist():
-            worst, what = int(excess[part].argmax()), [*RATES][part]
-            constraint, row = closure.owners()[worst]
-            torn = f"tear '{constraint.name}' by {abs(left[part, worst]):.3g} {constraint.unit(row)}{RATES[what]}"
-            said = f"{leading.place(i)}: the {what} {torn}"
-            if found and what == "accelerations":
-                raise InputError(said + SINGULAR, expected="velocities along one of the motions that meet there")
-            raise InputError(said, expected="states that the loops and couplings allow", hint=CLOSING)
+    for start in range(0, len(q) if closure.size else 0, BLOCK):
+        _check_closed(closure, leading, start, *(x[start : start + BLOCK] for x in (q, v, a)), found=found)
+
+
+def _check_closed(
+    closure: Closure, leading: LeadingAxes, start: int, q: Array, v: Array, a: Array, *, found: bool
+) -> None:
+    gap, rows, drift = closure.terms(q, v)
+    sizes = np.abs(rows)
+    left = np.abs([gap, np.matvec(rows, v), np.matvec(rows, a) + drift])
+    terms = np.array([0.0 * gap, np.matvec(sizes, np.abs(v)), np.matvec(sizes, np.abs(a)) + np.abs(drift)])
+    excess = left - CLOSED * (1.0 + terms)
+    if not (excess > 0.0).any():
+        return
+    i = int((excess > 0.0).any(axis=(0, 2)).argmax())
+    part = int((excess[:, i] > 0.0).any(axis=1).argmax())
+    worst, what = int(excess[part, i].argmax()), [*RATES][part]
+    constraint, row = closure.owners()[worst]
+    torn = f"tear '{constraint.name}' by {left[part, i, worst]:.3g} {constraint.unit(row)}{RATES[what]}"
+    said = f"{leading.place(start + i)}: the {what} {torn}"
+    if found and what == "accelerations":
+        raise InputError(said + SINGULAR, expected="velocities along one of the motions that meet there")
+    raise InputError(said, expected="states that the loops and couplings allow", hint=CLOSING)

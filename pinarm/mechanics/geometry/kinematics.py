@@ -16,16 +16,18 @@ from __future__ import annotations
 import os
 import weakref
 from collections.abc import Callable, Sequence
-from functools import cache, update_wrapper
+from functools import cache, cached_property, update_wrapper
 from threading import RLock
 from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
-from msgspec import Struct
+from msgspec import Struct, field
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.errors import ModelError
+from pinarm.mechanics.geometry.vectors import cross
+from pinarm.records import Record
 
 T = TypeVar("T")
 
@@ -34,6 +36,8 @@ WIDE = 64
 
 MOTIONS, FORCES, PLACEMENTS = ("a", "a_gf", "v", "ov"), ("f", "h", "oh"), ("oMi", "liMi", "iMf")
 VECTORS, COLUMNS = ("tau", "nle", "g", "ddq"), ("J", "dJ", "Ag")
+
+LOCAL = pin.ReferenceFrame.LOCAL
 
 KEPT = 4
 """Number of unused buffers of a model that are kept: more at once are rare, and buffers may be large."""
@@ -167,6 +171,70 @@ def give_back(model: pin.Model, data: pin.Data) -> None:
         unused.append(data)
 
 
+@cached_by_model
+def moved_by(model: pin.Model) -> Flags:
+    """Mask of velocities that move each link, shape (njoints, nv): row j is true for joints on the path to j."""
+    moves = np.zeros((model.njoints, model.nv), dtype=bool)
+    for joint, (carrier, own) in enumerate(zip(model.parents.tolist(), model.joints, strict=True)):
+        if joint:
+            moves[joint] = moves[carrier]
+            moves[joint, own.idx_v : own.idx_v + own.nv] = True
+    return moves
+
+
+class RelativeState(Record, frozen=True):
+    """Frame 2 of a model seen from frame 1, in the axes of this, in one state.
+
+    Attributes:
+        data: Pinocchio's buffers of the state.
+    """
+
+    model: pin.Model
+    data: pin.Data
+    first: int
+    second: int
+
+    @cached_property
+    def placed(self) -> tuple[Array, Array]:
+        """The place p of frame 2's origin [m], shape (3,), and its axes, rows, shape (3, 3)."""
+        between = self.data.oMf[self.first].actInv(self.data.oMf[self.second])
+        return between.translation, np.asarray(between.rotation.T)
+
+    @cached_property
+    def columns(self) -> tuple[Array, Array]:
+        """Velocities of this origin, and angular velocities, for unit velocities, shape (3, nv) each.
+
+        What moves both links alike is exactly 0: the difference of their Jacobians leaves rounding there, which would
+        fill the rows of a deep tree.
+        """
+        model, (p, axes), moves = self.model, self.placed, moved_by(self.model)
+        first, second = (
+            pin.getFrameJacobian(model, self.data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
+        )
+        one, other = (moves[model.frames[frame].parentJoint] for frame in (self.first, self.second))
+        apart = one != other
+        linear = axes.T @ second[:3] - first[:3] + pin.skew(p) @ first[3:]
+        return linear * apart, (axes.T @ second[3:] - first[3:]) * apart
+
+    @cached_property
+    def rates(self) -> tuple[Array, Array, Array, Array]:
+        """``p'`` and ``omega``, and ``p''`` and ``omega'`` for a = 0, shape (3,) each."""
+        p, axes = self.placed
+        first, second = (
+            pin.getFrameVelocity(self.model, self.data, frame, LOCAL) for frame in (self.first, self.second)
+        )
+        own, other = (
+            pin.getFrameClassicalAcceleration(self.model, self.data, frame, LOCAL)
+            for frame in (self.first, self.second)
+        )
+        carried = first.angular
+        omega = axes.T @ second.angular - carried
+        dp = axes.T @ second.linear - first.linear - cross(carried, p)
+        swung = cross(own.angular, p) + cross(carried, cross(carried, p) + 2.0 * dp)
+        ddp = axes.T @ other.linear - own.linear - swung
+        return dp, omega, ddp, axes.T @ other.angular - own.angular - cross(carried, omega)
+
+
 class Kinematics(Struct, eq=False):
     """A state (q, v) of a tree of links, evaluated by forward kinematics; accelerations are those for ``a = 0``.
 
@@ -183,6 +251,7 @@ class Kinematics(Struct, eq=False):
     q: Array
     v: Array
     data: pin.Data
+    _relative: dict[tuple[int, int], RelativeState] = field(default_factory=dict)
 
     @classmethod
     def at(cls, model: pin.Model, q: Array, v: Array | None = None) -> Kinematics:
@@ -198,6 +267,13 @@ class Kinematics(Struct, eq=False):
         pin.forwardKinematics(model, data, q, velocity, at_rest)
         pin.updateFramePlacements(model, data)
         return cls(model, q, velocity, data)
+
+    def between(self, first: int, second: int) -> RelativeState:
+        """Return a frame seen from another one; it is kept, as several coordinates may measure them."""
+        relative = self._relative.get((first, second))
+        if relative is None:
+            relative = self._relative[first, second] = RelativeState(self.model, self.data, first, second)
+        return relative
 
     def __del__(self) -> None:
         """Let another state have the buffers."""

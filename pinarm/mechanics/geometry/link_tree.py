@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Indices
 from pinarm.mechanics.geometry.kinematics import cached_by_model
 from pinarm.mechanics.geometry.model_variants import Model, bodies_of, placements_of
 from pinarm.mechanics.geometry.vectors import crossed
@@ -67,15 +67,6 @@ class LinkTree(Record, frozen=True):
     @classmethod
     def of(cls, model: Model) -> LinkTree:
         return _tree(model)
-
-    @cached_property
-    def supports(self) -> Flags:
-        """Mask of velocities that move each link, shape (njoints, nv): row j is true for joints on the path to j."""
-        moves = np.zeros((len(self.parents), len(self.moved)), dtype=bool)
-        moves[self.moved, np.arange(len(self.moved))] = True
-        for jump in self.jumps:
-            moves |= moves[jump]
-        return moves
 
     @cached_property
     def mass(self) -> Array:

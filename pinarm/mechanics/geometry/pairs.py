@@ -16,12 +16,11 @@ from functools import cached_property
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, vecmat
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, opposed
-from pinarm.mechanics.geometry.link_tree import LinkTree, states_first
+from pinarm.mechanics.geometry.link_tree import states_first
 from pinarm.mechanics.geometry.vectors import (
     MEETING,
     Axes,
@@ -36,8 +35,6 @@ from pinarm.mechanics.geometry.vectors import (
     rotation_vector,
 )
 from pinarm.records import AbstractRecord, Record
-
-LOCAL = pin.ReferenceFrame.LOCAL
 
 NOTHING, ALL = np.zeros((0, 3)), np.eye(3)
 """No directions, and all three."""
@@ -166,46 +163,19 @@ class TiedFrames(AbstractRecord, frozen=True):
         return len(self.pair.kinds)
 
     def gap(self, state: Kinematics) -> Array:
-        return np.array(self.pair.gap(*self._placed(state)))
+        return np.array(self.pair.gap(*state.between(self.first, self.second).placed))
 
     def rows(self, state: Kinematics) -> Array:
-        """Return G, shape (m, nv).
-
-        What moves both links alike is exactly 0: the difference of their Jacobians leaves rounding there, which would
-        fill the rows of a deep tree.
-        """
-        p, axes = self._placed(state)
-        model, moves = state.model, LinkTree.of(state.model).supports
-        first, second = (
-            pin.getFrameJacobian(model, state.data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
-        )
-        e, w = self.pair.directions(p, axes)
-        rows = e @ (axes.T @ second[:3] - first[:3] + pin.skew(p) @ first[3:])
-        if "w" in self.pair.kinds or "h" in self.pair.kinds:
-            rows = rows + w @ (axes.T @ second[3:] - first[3:])
-        one, other = (moves[model.frames[frame].parentJoint] for frame in (self.first, self.second))
-        return np.asarray(rows * (one != other))
+        """Return G, shape (m, nv)."""
+        relative = state.between(self.first, self.second)
+        (e, w), (linear, angular) = self.pair.directions(*relative.placed), relative.columns
+        return np.asarray(e @ linear + w @ angular)
 
     def drift(self, state: Kinematics) -> Array:
         """Return ``G' v``, shape (m,): ``e . p'' + w . omega'`` for a = 0, seen from frame 1, and the bend."""
-        model, data, (p, axes) = state.model, state.data, self._placed(state)
-        first, second = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (self.first, self.second))
-        own, other = (
-            pin.getFrameClassicalAcceleration(model, data, frame, LOCAL) for frame in (self.first, self.second)
-        )
-        carried = first.angular
-        omega = axes.T @ second.angular - carried
-        dp = axes.T @ second.linear - first.linear - cross(carried, p)
-        swung = cross(own.angular, p) + cross(carried, cross(carried, p) + 2.0 * dp)
-        ddp = axes.T @ other.linear - own.linear - swung
-        domega = axes.T @ other.angular - own.angular - cross(carried, omega)
-        e, w = self.pair.directions(p, axes)
-        return np.asarray(e @ ddp + w @ domega + self.pair.bend(p, axes, dp, omega))
-
-    def _placed(self, state: Kinematics) -> tuple[Array, Array]:
-        """Return p, shape (3,), and the axes of frame 2 in frame 1, shape (3, 3)."""
-        between = state.data.oMf[self.first].actInv(state.data.oMf[self.second])
-        return between.translation, np.asarray(between.rotation.T)
+        relative = state.between(self.first, self.second)
+        (e, w), (dp, omega, ddp, domega) = self.pair.directions(*relative.placed), relative.rates
+        return np.asarray(e @ ddp + w @ domega + self.pair.bend(*relative.placed, dp, omega))
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return the wrenches of multipliers, shape (.., m): joint index -> [f; m] at the world's origin, (.., 6)."""

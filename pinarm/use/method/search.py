@@ -24,8 +24,8 @@ from pinarm.engine.kinematics.assembly import GOLDEN, beside
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.reactions import loop_axis, tree_axis
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.geometry.kinematics import moved_by
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
-from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.records import Record
@@ -148,7 +148,7 @@ def motion_of_whole(
     """
     closure, model = mechanism.closure, mechanism.model
     still = np.zeros((len(q), model.nv))
-    columns, supports = moving(model, q, still, still)[3], LinkTree.of(model).supports
+    columns, supports = moving(model, q, still, still)[3], moved_by(model)
     rows = {name: rows_along(mechanism, along, q) for name, along in efforts.items()}
     motions, alone = [], True
     for k, x in enumerate(q):
