@@ -64,8 +64,8 @@ class Optimum:
         start: The first start, in SI, shape (k,).
         runs: Runs at scaled points: the objective, which is to be least, and the margin of each condition, negative
             where it is violated, of an equation the difference.
-        sizes: What margins are relative to, one for every condition.
-        size: Median size of the objective at the starts.
+        sizes: Sizes of the objective and of each margin, which scale them: the median of the objective at the starts;
+            the bound of a condition, or where it is 0 its margin at the first start.
         descents: All starts and where they led; last, where it led further, the search from the best end.
     """
 
@@ -75,7 +75,6 @@ class Optimum:
     runs: Runs
     conditions: Sequence[Condition] = ()
     sizes: Sequence[float] = ()
-    size: float = 1.0
     descents: Sequence[Descent] = ()
 
     @property
@@ -92,9 +91,9 @@ class Optimum:
     def levels(self, run: Run) -> Array:
         """Return the objective and the margins of a run, scaled; of a refused one above all others, and -1."""
         if not run.refusal:
-            return np.asarray(run.numbers / np.array([self.size, *self.sizes]))
-        worst = REFUSED * max(map(abs, self.objectives), default=1.0) / self.size
-        return np.array([worst, *-np.ones(len(self.sizes))])
+            return np.asarray(run.numbers / np.array(self.sizes))
+        worst = REFUSED * max(map(abs, self.objectives), default=1.0) / self.sizes[0]
+        return np.array([worst, *-np.ones(len(self.conditions))])
 
     def slopes(self, x: Array) -> Array:
         """Return the gradients of objective and margins, shape (1 + conditions, k)."""
@@ -141,7 +140,7 @@ class Optimum:
 
     def is_flat(self, rounding: float = 0.0) -> bool:
         """Tell whether the objective is the same in all runs but for rounding [SI]."""
-        return float(np.ptp(self.objectives)) <= max(SAME * self.size, rounding)
+        return float(np.ptp(self.objectives)) <= max(SAME * self.sizes[0], rounding)
 
     def solved(self, starts: int, seed: int, *, everywhere: bool = False) -> Optimum:
         """Return the optimum with its descents.
@@ -154,8 +153,11 @@ class Optimum:
         rng = np.random.default_rng(seed)
         points = [*np.array([(rng.permutation(starts) + 0.5) / starts for _ in self.low]).T]
         points[0] = (self.start - self.low) / (self.high - self.low)
-        self.runs.at(points)
-        scaled = replace(self, size=float(np.median(np.abs(self.objectives or 0.0))) or 1.0)
+        first, *_ = self.runs.at(points)
+        least = np.zeros(len(self.conditions)) if first.refusal else first.numbers[1:]
+        bounds = zip(self.conditions, least.tolist(), strict=True)
+        sizes = [float(np.median(np.abs(self.objectives or 0.0))), *(float(x.bound) or margin for x, margin in bounds)]
+        scaled = replace(self, sizes=[abs(size) or 1.0 for size in sizes])
         if everywhere:
             points = [scaled._evolved(points[0], seed)]
         optimum = replace(scaled, descents=[scaled._descent(x, "SLSQP", maxiter=50, ftol=1e-10) for x in points])

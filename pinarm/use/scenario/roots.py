@@ -2,16 +2,13 @@
 
 With x the unknown numbers and r(x) the wanted quantities less their targets over all rows of the run, x minimises
 ``|r(x)|^2`` by Levenberg-Marquardt steps (MINPACK; More, Garbow and Hillstrom, ANL-80-74, 1980) with slopes by central
-differences whose widths follow the numbers.
-
-Angles may be reported between -180 and 180 degrees, and jump there. A first search takes differences of angles without
-whole turns; where whole turns are left of it, a second one takes them as they are reported.
+differences whose widths follow the numbers. Quantities are taken as they are reported: an angle that jumps from 180 to
+-180 degrees is found on that side of the jump from which the search comes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -103,71 +100,41 @@ class FoundValues:
         values: Values in SI, shape (k,).
         residuals: Quantity -> largest remainder over the rows, in SI.
         before: The same at the start.
-        missed: Quantities that are not met.
-        turned: Angles that are met but for whole turns.
     """
 
     values: Array
     residuals: Mapping[str, float]
     before: Mapping[str, float]
-    missed: Sequence[str] = ()
-    turned: Sequence[str] = ()
 
-    def left(self) -> dict[str, float]:
-        """Return the remainder of every wanted quantity, by a text with its name and its remainder at the start."""
-        return {f"left of {name} (started with {self.before[name]:.3g})": x for name, x in self.residuals.items()}
-
-    def remarks(self, noise: Mapping[str, float]) -> list[str]:
-        """Return a remark where quantities are missed by more than noise, or met but for whole turns.
-
-        Args:
-            noise: Quantity -> remainder that rounding and the tolerance of runs explain, in SI.
-        """
-        missed = {name: self.residuals[name] for name in self.missed}
-        left = ", ".join(f"{name} by {x:.3g}" for name, x in missed.items() if x > noise.get(name, 0.0))
-        if left:
-            return [f"so_that is not met: the closest values that were found miss {left}, in SI"]
-        return [f"so_that is met but for whole turns of {name}" for name in self.turned]
+    @property
+    def missed(self) -> list[str]:
+        """Quantities that are not met."""
+        return [name for name, left in self.residuals.items() if left > MET * self.before[name]]
 
 
-def find_root(search: Find, runs: Runs, angles: Collection[str] = ()) -> FoundValues:
-    """Return the values that a search finds.
+def find_root(search: Find, runs: Runs) -> FoundValues:
+    """Return the values that a search finds from its start.
 
     Args:
         search: Unknown numbers and wanted quantities.
         runs: Remainders of the wanted quantities, each with the name of its quantity.
-        angles: Wanted quantities that are angles.
     """
-    end = _solved(search, runs, angles)
-    if angles and (end.missed or end.turned):
-        with suppress(PinarmError):
-            return min(_solved(search, runs, ()), end, key=lambda ended: bool(ended.missed))
-    return end
-
-
-def _solved(search: Find, runs: Runs, turning: Collection[str]) -> FoundValues:
-    """Return the end of a search from the start for which whole turns of some angles do not count."""
     from scipy.optimize import least_squares
 
     start, tried = search.start, len(runs.known)
     (begin,) = runs.at([start])
     if begin.error:
         raise begin.error()
-    turns = np.isin(begin.names, [*turning])
-
-    def left(run: Run) -> Array:
-        _require_rows(run, begin)
-        return np.where(turns, np.remainder(run.numbers + np.pi, 2.0 * np.pi) - np.pi, run.numbers)
+    first = begin.numbers
+    barrier = BARRIER * np.maximum(np.abs(first), np.linalg.norm(first) or 1.0)
 
     def residuals(x: Array) -> Array:
         (run,) = runs.at([x])
-        return barrier if run.error else left(run)
+        return barrier if run.error else _same_rows(run, begin)
 
     def slopes(x: Array) -> Array:
-        return runs.slopes(left, x, WIDTH * _sizes(search, x))
+        return runs.slopes(lambda run: _same_rows(run, begin), x, WIDTH * _sizes(search, x))
 
-    first = left(begin)
-    barrier = BARRIER * np.maximum(np.abs(first), np.linalg.norm(first) or 1.0)
     if len(first) < len(start) or not slopes(start).any():
         raise _stopped(search, runs, tried) or _undetermined([*search.unknown])
     options = {"ftol": 1e-15, "xtol": SETTLED, "gtol": 1e-15, "max_nfev": ITERATIONS}
@@ -182,23 +149,22 @@ def _solved(search: Find, runs: Runs, turning: Collection[str]) -> FoundValues:
     if np.sqrt(2.0 * ended.cost) > BARRED * np.linalg.norm(first) and (error := _stopped(search, runs, tried)):
         raise error
     (end,) = runs.at([ended.x])
-    rows = {name: np.array(begin.names) == name for name in begin.names}
-    lengths = {name: [float(np.linalg.norm(left(run)[own])) for run in (end, begin)] for name, own in rows.items()}
-    missed = [name for name, (left_over, first_left) in lengths.items() if left_over > MET * first_left]
     after, before = (
-        {name: float(np.abs(run.numbers[own]).max()) for name, own in rows.items()} for run in (end, begin)
+        {name: float(np.abs(run.numbers[np.array(begin.names) == name]).max()) for name in begin.names}
+        for run in (end, begin)
     )
-    turned = [name for name in turning if name not in missed and after[name] > np.pi]
-    return FoundValues(ended.x, after, before, missed, turned)
+    return FoundValues(ended.x, after, before)
 
 
-def _require_rows(run: Run, begin: Run) -> None:
+def _same_rows(run: Run, begin: Run) -> Array:
+    """Return the numbers of a run that has as many as that at the start, or raise."""
     if len(run.numbers) != len(begin.numbers):
         raise InputError(
             "so_that compares runs row by row, and they have not as many rows: one ends earlier, or has other impacts",
             expected="runs with the same rows",
             hint="a number of the run, such as 'C_B @ end' or 'C_B @ max'",
         )
+    return run.numbers
 
 
 def _sizes(search: Find, x: Array) -> Array:

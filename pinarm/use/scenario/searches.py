@@ -22,12 +22,12 @@ from pinarm.use.cases.solving import solving
 from pinarm.use.progress import tell
 from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.number_accuracy import noise, rounding
-from pinarm.use.result.numbers import AnyNumber, RunNumber, measured, read_number
+from pinarm.use.result.numbers import measured, read_number
 from pinarm.use.result.result import Result
 from pinarm.use.result.section import Cell, Section, SectionTable
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.optimum import FURTHER, Optimum
-from pinarm.use.scenario.roots import FoundValues, Run, Runs, find_root
+from pinarm.use.scenario.roots import Run, Runs, find_root
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
@@ -58,18 +58,11 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
 
 
 def _balanced(bare: Scenario, search: Find) -> Result:
-    """Return the result whose quantities are what is wanted, with remainders, and a remark where they are missed."""
-    root = _root(bare, search)
-    result = bare.varied(search.case(root.values)).solve()
-    numbers = [search.number(name, result.numbered) or read_number(f"{name} @ start") for name in root.missed]
-    errors = noise(result, numbers, [measured(number, result) for number in numbers]).tolist()
-    notes = *result.outcome.notes, *root.remarks(dict(zip(root.missed, errors, strict=True)))
-    figures = {**result.figures, **search.figures(root.values), **root.left()}
-    return replace(result, figures=figures, outcome=replace(result.outcome, notes=notes))
+    """Return the result whose quantities, at all rows, and numbers of the run are what is wanted.
 
-
-def _root(bare: Scenario, search: Find) -> FoundValues:
-    """Return the values for which quantities, at all rows, and numbers of the run are what is wanted."""
+    Its figures tell the remainders; a remark names quantities that are missed by more than rounding and the tolerance
+    of runs explain.
+    """
     wanted = search.wanted or {}
     numbers = {name: search.number(name, bare.concluded) for name in wanted}
     of_rows = sum(number is None for number in numbers.values())
@@ -81,25 +74,20 @@ def _root(bare: Scenario, search: Find) -> FoundValues:
 
     taken = [Wanted(name, number) if number else RowValues(name) for name, number in numbers.items()]
     with _searching(bare, search, taken, search.case, remainders) as runs:
-        return find_root(search, runs, _angles(search, numbers))
-
-
-def _angles(search: Find, numbers: Mapping[str, AnyNumber | None]) -> list[str]:
-    """Return the wanted quantities, at all rows or at one place, whose wanted values are written as angles."""
-    units = {name: value.unit for name, value in (search.wanted or {}).items()}
-    placed = [name for name, number in numbers.items() if number is None or _is_at_a_place(number)]
-    return [name for name in placed if (unit := units[name]) is not None and str(unit.si) == "rad"]
-
-
-def _is_at_a_place(number: AnyNumber) -> bool:
-    return isinstance(number, RunNumber) and number.figure in ("", "start", "end")
+        root = find_root(search, runs)
+    result = bare.varied(search.case(root.values)).solve()
+    missed = [numbers[name] or read_number(f"{name} @ start") for name in root.missed]
+    errors = noise(result, missed, [measured(number, result) for number in missed]).tolist()
+    pairs = zip(root.missed, errors, strict=True)
+    left = ", ".join(f"{name} by {x:.3g}" for name, error in pairs if (x := root.residuals[name]) > error)
+    notes = [f"so_that is not met: the closest values that were found miss {left}, in SI"] if left else []
+    remainder = {f"left of {name} (started with {root.before[name]:.3g})": x for name, x in root.residuals.items()}
+    figures = {**result.figures, **search.figures(root.values), **remainder}
+    return replace(result, figures=figures, outcome=replace(result.outcome, notes=(*result.outcome.notes, *notes)))
 
 
 def _best(bare: Scenario, search: Find) -> Optimum:
-    low, high = search.bounds
-    for corner in (search.start, low, high):
-        bare.varied(search.case(corner))  # what cannot be read fails here, and not as a run that is refused
-    conditions = search.conditions
+    (low, high), conditions = search.bounds, search.conditions
     numbers = [number for number in (search.objective, *(each.compared for each in conditions)) if number]
 
     def margins(row: Row) -> Run:
@@ -110,10 +98,7 @@ def _best(bare: Scenario, search: Find) -> Optimum:
     taken = [Wanted(number.label, number) for number in numbers]
     with _searching(bare, search, taken, lambda x: search.case(scaled.values(x)), margins) as runs:
         scaled = Optimum(low, high, search.start, runs, conditions)
-        first = scaled.run((search.start - low) / (high - low))
-        least = np.zeros(len(conditions)) if first.refusal else first.numbers[1:]
-        sizes = [abs(float(each.bound)) or abs(margin) or 1.0 for each, margin in zip(conditions, least, strict=True)]
-        return replace(scaled, sizes=sizes).solved(search.starts, search.seed, everywhere=search.search == "global")
+        return scaled.solved(search.starts, search.seed, everywhere=search.search == "global")
 
 
 @contextmanager
@@ -208,7 +193,7 @@ def _remarks(search: Find, optimum: Optimum, objective: Series, value: float, ro
                 held.append(f"{path} at its {name} bound {unknown.written(bound)}")
     held += [f"refused runs beside this value of {[*search.unknown][k]}" for k in optimum.beside_refused]
     ends = [descent.end for descent in optimum.descents if descent.status != FURTHER]
-    gap, best = max(AGREED[0] * abs(value), AGREED[1] * optimum.size), optimum.run(optimum.best).numbers[0]
+    gap, best = max(AGREED[0] * abs(value), AGREED[1] * optimum.sizes[0]), optimum.run(optimum.best).numbers[0]
     same = sum(optimum.is_valid(end) and abs(optimum.run(end).numbers[0] - best) <= gap for end in ends)
     refused = sum(bool(optimum.run(end).refusal) for end in ends)
     remarks = [
@@ -229,26 +214,19 @@ def check_search(scenario: Scenario, search: Find, quantities: Quantities) -> No
     with scenario.document.locating("find"):
         search.check_names(quantities, scenario.concluded, scenario.unit_at)
     for path, unknown in search.unknown.items():
-        values = [value for value in (float(unknown), unknown.low, unknown.high) if np.isfinite(value)]
-        errors = [_failure(scenario, path, unknown.written(value)) for value in values]
-        if None not in errors and (error := errors[0]):
+        try:
+            document = scenario.document.assigned(
+                path, unknown.written(float(unknown)), scenario.document.locate(("find", "for", path))
+            )
+            start = scenario.with_document(document)
+            start.problem.prepare(start.mechanism, start.content.accuracy, start.place)
+        except NumericsError:  # other values may be solved
+            continue
+        except PinarmError as error:
             error.message = f"{path}: {error.message}"
             if near := _near(scenario, path):
                 error.hint = f"a number of the scenario or its mechanism, such as {near}"
-            raise error
-
-
-def _failure(scenario: Scenario, path: str, text: str) -> PinarmError | None:
-    """Return why a scenario cannot be prepared with a value at a path; none where it can, or numerics decide."""
-    try:
-        document = scenario.document.assigned(path, text, scenario.document.locate(("find", "for", path)))
-        other = scenario.with_document(document)
-        other.problem.prepare(other.mechanism, other.content.accuracy, other.place)
-    except NumericsError:
-        return None
-    except PinarmError as error:
-        return error
-    return None
+            raise
 
 
 def _near(scenario: Scenario, path: str) -> str:

@@ -30,8 +30,7 @@ def asked(function, low, high, start, conditions=()) -> Optimum:
         numbers = function(low + x * (high - low))
         return REFUSED if numbers is None else Run(np.array(numbers, float))
 
-    runs, sizes = Runs(lambda points: map(run, points)), [1.0] * len(conditions)
-    return Optimum(low, high, np.array(start, float), runs, conditions, sizes)
+    return Optimum(low, high, np.array(start, float), Runs(lambda points: map(run, points)), conditions)
 
 
 def test_a_smooth_valley_is_followed_to_its_lowest_point():
