@@ -23,11 +23,10 @@ from pinarm.input.yaml.document import Values
 from pinarm.language import document, in_language, said, spoken, told
 from pinarm.mechanics.joints import links_behind, links_of
 from pinarm.mechanics.loading.model_tree import inertia
-from pinarm.use.facade import Scenario, load
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario as ScenarioRecord
+from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.study.answers.check import compare, computed_rows, wanted_rows
 
 NUMBER, FORMULA = 0.01, 1e-6
@@ -344,7 +343,7 @@ def _others(result: Result, quantity: str, right: Array, rows: Rows) -> Iterator
             yield words, result.quantities[other].values, ""
 
 
-def _without(scenario: ScenarioRecord) -> Iterator[tuple[str, str, Callable[[], ScenarioRecord]]]:
+def _without(scenario: Scenario) -> Iterator[tuple[str, str, Callable[[], Scenario]]]:
     """Yield terms, the mistake to forget them, and the scenario in which the model does not have them."""
     mechanism = scenario.mechanism
     if mechanism.gravity:
@@ -356,7 +355,7 @@ def _without(scenario: ScenarioRecord) -> Iterator[tuple[str, str, Callable[[], 
             yield name, said("{name} is forgotten", name=name), partial(scenario.varied, trace)
 
 
-def _of_points(scenario: ScenarioRecord) -> ScenarioRecord:
+def _of_points(scenario: Scenario) -> Scenario:
     model = pin.Model(scenario.mechanism.model)
     for joint in range(1, model.njoints):
         body = model.inertias[joint]
