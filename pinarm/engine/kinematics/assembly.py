@@ -1,20 +1,19 @@
 """The first position of a run: the assembly of the drawing, followed to the first values of the prescribed coordinates.
 
 The loops are closed near the start: all coordinates 0, as drawn, or what ``start`` says. From there the prescribed
-coordinates go in a straight line to their first values, by the steps that follow the rows of a table. Where this way is
-singular, or leaves the limits of joints, other starts are tried: one assembly within the limits is taken, with a note;
-of several none is. Parts of a mechanism that do not depend on one another are assembled one by one.
+coordinates go in a straight line to their first values, by the steps that follow the rows of a table. Joints that the
+drawing has beyond their limits begin in the middle of these, with a note. Parts of a mechanism that do not depend on
+one another are assembled one by one.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
-from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -23,18 +22,16 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure, slides
 from pinarm.engine.kinematics.newton import NewtonSolver, assembled, start_configuration
 from pinarm.engine.kinematics.prescribed import Assembly, PrescribedCoordinates, StateFunction
-from pinarm.engine.kinematics.singular import SINGULAR, named_values
+from pinarm.engine.kinematics.singular import SINGULAR
 from pinarm.errors import LISTED, AssemblyError, InputError, several
 from pinarm.mechanics.coordinates import GuidedCoordinate, LinearCoordinate
+from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.records import replace
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.mechanics.laws.motion_law import MotionLaw
-
-STARTS = 20
-"""Number of other starts that are tried where the way from the drawing does not lead to the first position."""
 
 APART = 1e-4
 """Difference of coordinates from which on two assemblies are not the same one [rad, or units of length]: at a dead
@@ -122,20 +119,6 @@ def _parts(whole: _Part) -> list[_Part]:
     return parts
 
 
-class _Way(NamedTuple):
-    """The way along which an assembly is followed from the drawing.
-
-    Attributes:
-        begun: Whether the loops close near the drawing, within limits and not in a singular position.
-        end: Where it leads, shape (nq,); ``None`` where it does not reach the first position.
-        fault: Why its end is not simply taken; empty where it is.
-    """
-
-    begun: bool
-    end: Array | None
-    fault: str = ""
-
-
 class _Part:
     """A part of a mechanism, to be assembled."""
 
@@ -159,68 +142,66 @@ class _Part:
 
     def assembled(self, drawn: Array, near: Array | None) -> Assembly:
         """Return the first position of the part; see ``first_position``."""
-        direct, error = self._closed(drawn if near is None else self._copied(near, drawn))
-        way = self._way(drawn, direct)
-        if way.end is not None and not way.fault:
-            if direct is not None and not self.solver.sliding.all() and self._apart(way.end, direct) <= APART:
-                return Assembly(direct)  # in the nearest turn of its threads
-            return Assembly(way.end)
-        if error is not None and way.begun:
-            raise error
-        positions = self._found(drawn, [q for q in (way.end, direct) if q is not None])
-        if not positions and error is not None:
-            raise error
-        return self._chosen(positions, drawn, way)
+        begun, moved = self._within_limits(drawn)
+        direct, error = self._closed(begun if near is None else self._copied(near, drawn))
+        way, end = "", None
+        with suppress(AssemblyError, InputError):
+            if (end := self._followed(begun, direct)) is None:
+                error = None  # from a singular position the search for a direct one tells nothing
+        if end is None:
+            if direct is None or near is None:
+                raise error or self._undecided(direct)
+            way = "the way from the start ends at a singular position, and the one nearest to what is given is taken"
+            end = direct
+        if direct is not None and not self.solver.sliding.all() and self._apart(end, direct) <= APART:
+            end = direct  # in the nearest turn of its threads
+        notes = [way] if way else []
+        if moved:
+            notes.append(f"the start has {self._named(moved)} beyond the limits, in the middle of which the way begins")
+        if over := self.beyond(end, drawn):
+            notes.append(f"the first position has {self._named(over)} beyond the limits")
+        said = "; ".join(notes)
+        return Assembly(end, (f"assembly: {said}. start: chooses another",) if said else ())
 
-    def beyond(self, q: Array, start: Array) -> list[str]:
+    def beyond(self, q: Array, start: Array) -> list[int]:
         """Return the joints that are beyond their limits; not those that a given start, other than 0, has there."""
         low, high, joints = self.model.lowerPositionLimit, self.model.upperPositionLimit, []
         for joint, _, place in self._singles:
             slack = ROUNDING * max(1.0, abs(q[place]))
             trusted = start[place] and not low[place] <= start[place] <= high[place]
             if not low[place] - slack <= q[place] <= high[place] + slack and not trusted:
-                joints.append(str(self.model.names[joint]))
+                joints.append(joint)
         return joints
 
-    def _way(self, drawn: Array, direct: Array | None) -> _Way:
-        """Return the way from the drawing."""
-        free = NewtonSolver(self.closure, OPEN, self.moving)
-        try:
-            begun = free.close(drawn, np.zeros(0), self.t) if free.names else drawn
-        except AssemblyError:
-            return _Way(False, None, "the loops do not close near the start")
-        beyond = self.beyond(begun, drawn)
-        fault = f"the start closes with {several(beyond, LISTED)} beyond the limits" if beyond else ""
-        if self.has_values(begun):
-            return _Way(not fault, begun, fault)
-        kept = self._kept(begun, direct)
-        if kept is None:
-            return _Way(False, None, fault or "the start is a singular position")
-        way = self._followed(begun, kept, direct)
-        if way.end is None and kept and direct is not None:
-            way = self._followed(begun, kept, None)
-        return _Way(False, way.end, fault) if fault else way
+    def _within_limits(self, drawn: Array) -> tuple[Array, list[int]]:
+        """Return a start with joints in the middle of their limits if some of them are beyond, and the latter."""
+        q, beyond = drawn.copy(), self.beyond(drawn, drawn)
+        for place in (place for _, _, place in self._singles if beyond and not drawn[place]):
+            ends = float(self.model.lowerPositionLimit[place]), float(self.model.upperPositionLimit[place])
+            q[place] = 0.5 * sum(ends) if np.isfinite(ends).all() else np.clip(0.0, *ends)
+        return q, beyond
 
-    def _followed(self, begun: Array, kept: Sequence[StateFunction], direct: Array | None) -> _Way:
-        """Return the straight way of coordinates to their values, by steps of the continuation.
+    def _followed(self, begun: Array, direct: Array | None) -> Array | None:
+        """Return the end of the straight way of coordinates to their values, by steps of the continuation.
 
-        What is kept goes where it is in the position found directly, or rests where there is none.
+        What they leave free goes where it is in the position found directly, or rests where there is none. ``None``
+        where the start is a singular position.
         """
-        names, q, fault = (*self.prescribed.names, *(f"free motion {k}" for k in range(len(kept)))), begun, ""
+        free = NewtonSolver(self.closure, OPEN, self.moving)
+        q = free.close(begun, np.zeros(0), self.t) if free.names else begun
+        if self.has_values(q):
+            return q
+        if (kept := self._kept(q, direct)) is None:
+            return None
+        names = (*self.prescribed.names, *(f"free motion {k}" for k in range(len(kept))))
         everything = PrescribedCoordinates(names, (*self.prescribed.coordinates, *kept), ())  # type: ignore[arg-type]
-        solver, state = NewtonSolver(self.closure, everything, self.moving), self.closure.state(begun)
+        solver, state = NewtonSolver(self.closure, everything, self.moving), self.closure.state(q)
         there = None if direct is None else self.closure.state(direct)
         first = np.array([coordinate.value(state) for coordinate in everything.coordinates])
         change = np.append(self.w, [coordinate.value(there) if there else 0.0 for coordinate in kept]) - first
         still = np.zeros(len(first))
-        try:
-            rates = solver.rates(begun, change, still, 0.0)
-            for _, q, _, _ in solver.steps(begun, *rates, 0.0, 1.0, lambda s: (first + s * change, change, still)):
-                if not fault and (beyond := self.beyond(q, begun)):
-                    fault = f"the way from the start takes {several(beyond, LISTED)} beyond the limits{self._at(q)}"
-        except (AssemblyError, InputError):
-            return _Way(True, None, f"the way from the start ends at a singular position{self._at(q)}")
-        return _Way(True, q, fault)
+        rates = solver.rates(q, change, still, 0.0)
+        return solver.advance(q, *rates, 0.0, 1.0, lambda s: (first + s * change, change, still))[0]
 
     def _kept(self, begun: Array, direct: Array | None) -> list[StateFunction] | None:
         """Return coordinates that keep what prescribed ones leave free; ``None`` where the start is singular."""
@@ -234,30 +215,6 @@ class _Part:
             return None
         return [_distance(begun, self.solver.spread(way) / self.closure.scale**2) for way in free]
 
-    def _found(self, drawn: Array, known: Sequence[Array]) -> list[Array]:
-        """Return the first positions that are known, and others to which other starts lead, each once."""
-        positions, rough = list[Array](), self._starts(drawn)
-        others = (closed for start in rough if (closed := self._closed(start)[0]) is not None)
-        for q in map(self._turned_back, chain(known, others)):
-            if all(self._apart(q, other) > APART for other in positions):
-                positions.append(q)
-                if not self.beyond(q, drawn) and len(null_space(self.solver.rows(self.closure.state(q)))):
-                    return [q]
-        return positions
-
-    def _starts(self, drawn: Array) -> Iterator[Array]:
-        """Yield other starts: the middle of the limits, then random ones within them, the same every time."""
-        neutral, reach = pin.neutral(self.model), np.where(self.sliding, self.closure.extent, np.pi)
-        middle = pin.difference(self.model, neutral, drawn)
-        low, high = middle - reach, middle + reach
-        for _, v, q in self._singles:
-            ends = float(self.model.lowerPositionLimit[q]), float(self.model.upperPositionLimit[q])
-            if np.isfinite(ends).all():
-                low[v], high[v], middle[v] = *ends, 0.5 * sum(ends)
-        ways = np.random.default_rng(0).uniform(low, high, (STARTS, self.model.nv))
-        for way in (middle, *ways):
-            yield self._copied(pin.integrate(self.model, neutral, way), drawn)
-
     def _closed(self, rough: Array) -> tuple[Array | None, AssemblyError | None]:
         """Return the first position near a rough one, or why there is none."""
         q = rough.copy()
@@ -269,50 +226,18 @@ class _Part:
         except AssemblyError as error:
             return None, error
 
-    def _turned_back(self, q: Array) -> Array:
-        """Return a first position with joints turned back by whole turns towards the middle of their limits."""
-        turned, low, high = q.copy(), self.model.lowerPositionLimit, self.model.upperPositionLimit
-        for place in (q for _, v, q in self._singles if not self.sliding[v]):
-            middle = 0.5 * (low[place] + high[place]) if np.isfinite(high[place] - low[place]) else 0.0
-            turned[place] -= 2.0 * np.pi * np.round((q[place] - middle) / (2.0 * np.pi))
-        return turned if self.has_values(turned) else q
-
-    def _chosen(self, positions: Sequence[Array], drawn: Array, way: _Way) -> Assembly:
-        """Return the only first position within the limits; else the end of the way, or the only one."""
-        within = [q for q in positions if not self.beyond(q, drawn)]
-        chosen = within or (positions if way.end is None else positions[:1])
-        if len(chosen) > 1:
-            raise InputError(
-                f"{len(chosen)} assemblies have the prescribed values, and none is reached from the start: {way.fault}",
-                expected=f"joint coordinates near the one that is meant, such as "
-                f"{' or '.join(map(self._words, chosen[:2]))}",
-                hint="limits of joints in the model, which choose where they leave one",
-            )
-        q = chosen[0]
-        at_end = way.end is not None and self._apart(q, way.end) <= APART
-        if within and at_end:
-            return Assembly(q)
-        limits = "within the limits" if within else "as none is found within the limits"
-        note = (
-            f"assembly: {way.fault}. {'The way leads' if at_end else 'Other starts lead'} to one that is taken, "
-            f"{limits}: {self._words(q)}. Tried were the middle of the limits and {STARTS} random starts only; "
-            "start: chooses another"
+    def _undecided(self, q: Array | None) -> AssemblyError:
+        """Return the error of a first position that no way from the start leads to."""
+        there = "" if q is None else f", such as {format_configuration(self.model, q)}"
+        return AssemblyError(
+            "the way from the start to the first position ends at a singular position, where several assemblies meet",
+            expected=f"joint coordinates near the one that is meant{there}",
+            hint="start: in the problem, or in the mechanism file",
+            t=self.t,
         )
-        return Assembly(q, (note,))
 
-    def _words(self, q: Array) -> str:
-        """Return the joints at a configuration, as a file says them."""
-        values = [
-            f"{self.model.names[joint]}: "
-            + (f"{q[place]:.6g} m" if self.sliding[v] else f"{math.degrees(q[place]):.6g} deg")
-            for joint, v, place in self._singles
-        ]
-        return f"start: {{{several(values, LISTED)}}}"
-
-    def _at(self, q: Array) -> str:
-        """Return the prescribed coordinates at a configuration, in words."""
-        values = named_values(self.prescribed.names, self.prescribed.coordinates, self.closure.state(q))
-        return f" at {several(values, LISTED)}" if values else ""
+    def _named(self, joints: Sequence[int]) -> str:
+        return several([str(self.model.names[joint]) for joint in joints], LISTED)
 
     def _apart(self, q: Array, other: Array) -> float:
         """Return the largest difference of two configurations, without whole turns [rad, or units of length]."""

@@ -98,7 +98,7 @@ class TestFarFromTheDrawing:
                    "motion": {"O": {"law": "constant", "value": f"{angle} rad"}}}  # fmt: skip
         places = [f"point.B.position.{axis}" for axis in "xyz"]
         if any(place is None for place in way):
-            with pytest.raises((AssemblyError, InputError), match=r"out of reach|2 assemblies|singular"):
+            with pytest.raises((AssemblyError, InputError), match=r"out of reach|singular"):
                 run(mechanism, problem, places)
             return
         found = run(mechanism, problem, places)
@@ -140,12 +140,10 @@ class TestOtherStarts:
         reach = CRANK + ROD + x
         return math.acos((CRANK**2 + reach**2 - ROD**2) / (2.0 * CRANK * reach))
 
-    def test_two_assemblies_are_refused_with_both_and_start_chooses(self):
+    def test_a_start_in_a_singular_position_is_refused_and_another_one_chooses(self):
         """At the dead centre that is drawn the piston tells nothing of the side to which the crank turns."""
-        with pytest.raises(InputError, match=r"2 assemblies have the prescribed values.*singular position") as caught:
+        with pytest.raises(AssemblyError, match=r"singular position, where several assemblies meet"):
             run(one(), PRESSED)
-        assert f"O: {math.degrees(self.crank()):.6g} deg" in caught.value.expected
-        assert f"O: -{math.degrees(self.crank()):.6g} deg" in caught.value.expected
         for side in (1.0, -1.0):
             found = run(one(), {**PRESSED, "start": {"O": f"{side * 50} deg", "A": f"{side * -60} deg"}})
             assert found["O"].values == pytest.approx(side * self.crank(), abs=1e-12)
@@ -157,9 +155,8 @@ class TestOtherStarts:
         points, links, sliders = (a | b for a, b in zip(first, second, strict=True))
         both = drawing(points, links, ["O", "O2"], sliders=sliders)
         motion = {**PRESSED["motion"], "O2": {"law": "constant", "value": "170 deg"}}
-        with pytest.raises(InputError, match="2 assemblies") as caught:
+        with pytest.raises(AssemblyError, match="several assemblies"):
             run(both, {**PRESSED, "motion": motion})
-        assert "O2" not in caught.value.expected
         start = {"O": "50 deg", "A": "-60 deg"}
         found = run(both, {**PRESSED, "motion": motion, "start": start}, ["O", "x2"])
         assert found["O"].values == pytest.approx(self.crank(), abs=1e-12)
@@ -176,8 +173,7 @@ class TestOtherStarts:
         found = pinarm.run(written(tmp_path, {"problem": problem, "outputs": ["elbow"]}, mechanism))
         assert found["elbow"].values == pytest.approx(bend, abs=1e-12)
         [note] = assembly_notes(found)
-        assert "within the limits" in note
-        assert "20 random starts" in note
+        assert "the start has elbow beyond the limits" in note
         assert "start: chooses another" in note
 
     def test_limits_choose_the_leg_of_a_walker(self, tmp_path):
